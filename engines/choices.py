@@ -1,0 +1,122 @@
+"""Names and options of shaders, samplers and accelerators: one table, read by every engine, `raybench list` and docs.
+
+A choice is written as a name, as `{name: ..., option: value}`, or as a plugin object (anything with a `name`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from engines.errors import ConfigError, UnknownName
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option's default, what it means, and the check that says what is wanted (None: accepted)."""
+
+    default: Any
+    meaning: str
+    check: Callable[[Any], str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A resolved choice: `name`, every option with its value, and the plugin object where the name is not ours."""
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    plugin: Any = None
+
+    def describe(self) -> dict[str, Any]:
+        """The choice as plain data, the form that configs and results use."""
+        return {"name": self.name, **self.options}
+
+
+def _integer(low: int, high: int) -> Callable[[Any], str | None]:
+    def check(value: Any) -> str | None:
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        return None if whole and low <= value <= high else f"an integer in [{low}, {high}]"
+
+    return check
+
+
+def _number(low: float, high: float) -> Callable[[Any], str | None]:
+    def check(value: Any) -> str | None:
+        real = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return None if real and low <= value <= high else f"a number in [{low:g}, {high:g}]"
+
+    return check
+
+
+def _one_of(*names: Any) -> Callable[[Any], str | None]:
+    def check(value: Any) -> str | None:
+        same = any(value == name and isinstance(value, bool) == isinstance(name, bool) for name in names)
+        return None if same else "one of " + ", ".join(map(str, names))
+
+    return check
+
+
+def _point_or_none(value: Any) -> str | None:
+    number = _number(-1e300, 1e300)
+    good = value is None or (isinstance(value, (list, tuple)) and len(value) == 3 and all(not number(x) for x in value))
+    return None if good else "three numbers, or null for the scene's own bounds"
+
+
+_AMBIENT = Option(0.1, "radiance added to every diffuse hit, times kd", _number(0.0, 1e6))
+
+SHADERS: dict[str, dict[str, Option]] = {
+    "no_shadows": {"ambient": _AMBIENT},
+    "whitted": {
+        "ambient": _AMBIENT,
+        "max_depth": Option(6, "segments followed from the eye", _integer(1, 32)),
+    },
+    "path_tracer": {
+        "max_depth": Option(16, "segments of a path: 1 is emission alone, 2 adds direct light", _integer(1, 100_000)),
+        "rr_depth": Option(5, "segments after which Russian roulette starts", _integer(1, 1_000_000)),
+        "direct": Option("mis", "how direct light is found", _one_of("light", "bsdf", "mis")),
+    },
+    "depth_map": {
+        "max_point": Option(None, "the point 1/1.1 of the way to black; null: far corner of the scene", _point_or_none)
+    },
+    "albedo": {},
+}
+
+SAMPLERS: dict[str, dict[str, Option]] = {
+    "constant": {"value": Option(0.5, "every draw", _number(0.0, 1.0 - 2.0**-24))},
+    "stratified": {"strata": Option(64, "cells a pixel, a power of four", _one_of(4, 16, 64, 256, 1024, 4096))},
+    "halton": {"scramble": Option("rotation", "per-pixel randomisation", _one_of("rotation", "none"))},
+    "random": {},
+    "sobol": {"scramble": Option("owen", "per-pixel randomisation", _one_of("owen", "none"))},
+}
+
+
+def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) -> Choice:
+    """Turns what a user wrote into a `Choice` with every option present.
+
+    Raises `UnknownName` for names and options not in `table`, `ConfigError` for values out of range. A plugin object
+    (not a string or mapping) is taken as it is; its options come from its own `options` mapping, if it has one.
+    """
+    if isinstance(given, Choice):
+        return given if given.plugin is not None else resolve(kind, given.describe(), table)
+    if isinstance(given, str):
+        given = {"name": given}
+    if not isinstance(given, Mapping):
+        if not hasattr(given, "name"):
+            raise ConfigError(f"{kind} = {given!r}: a name, a mapping with a name, or a plugin object is wanted")
+        return Choice(given.name, dict(getattr(given, "options", {})), given)
+    options = dict(given)
+    name = options.pop("name", None)
+    if not isinstance(name, str):
+        raise ConfigError(f"{kind} = {dict(given)!r}: the key 'name' is wanted")
+    if name not in table:
+        raise UnknownName(kind, name, table)
+    known = table[name]
+    for key, value in options.items():
+        if key not in known:
+            raise UnknownName(f"option of {kind} {name!r}", key, known)
+        wanted = known[key].check(value)
+        if wanted:
+            raise ConfigError(f"{kind} {name}.{key} = {value!r}: must be {wanted}")
+    return Choice(name, {key: options.get(key, option.default) for key, option in known.items()})

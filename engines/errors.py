@@ -1,0 +1,37 @@
+"""The errors a user can cause. Each message says where, what was found and what is wanted."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class RaybenchError(Exception):
+    """Base of every error caused by input; the command line prints it without a traceback and exits with 2."""
+
+
+class SceneError(RaybenchError):
+    """A scene, mesh or image file that cannot be used."""
+
+
+class ConfigError(RaybenchError):
+    """An experiment or a command line that cannot be run."""
+
+
+class UnknownName(RaybenchError):
+    """A name or option that does not exist."""
+
+    def __init__(self, kind: str, found: object, known: Iterable[str]) -> None:
+        super().__init__(f"unknown {kind} {found!r}: {suggestion(str(found), known)}")
+
+
+class Unsupported(RaybenchError):
+    """A scene or setting that an engine cannot do; the message is what `Engine.why_not` answers."""
+
+
+def suggestion(found: str, known: Iterable[str]) -> str:
+    """The second half of an unknown-name message: the nearest known name, if any is near, and all of them."""
+    names = sorted(known)
+    near = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
+    guess = f"did you mean {near[0]!r}? " if near else ""
+    return f"{guess}known: {', '.join(names) or 'none'}"

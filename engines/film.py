@@ -1,0 +1,108 @@
+"""The film: per-pixel sums of radiance, from which the mean, its variance and two half-buffers follow.
+
+Everything is float64 and linear RGB; row 0 is the top of the image. Samples of even index also enter the `even` sums,
+so that two halves of the image can be compared. Counts are per pixel: a stopped render may leave them unequal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.tonemap import ToneMapper, tone_mapper
+
+Image = NDArray[np.float64]
+
+
+class Film:
+    """Accumulates samples of a `height` x `width` image."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.width, self.height = width, height
+        self.sums: Image = np.zeros((height, width, 3))
+        self.squares: Image = np.zeros((height, width, 3))
+        self.even_sums: Image = np.zeros((height, width, 3))
+        self.counts: NDArray[np.int64] = np.zeros((height, width), np.int64)
+        self.bad_samples = 0
+        """Samples that were NaN or infinite; they count as black."""
+
+    def clear(self) -> None:
+        """Forgets all samples, keeping the arrays."""
+        for array in (self.sums, self.squares, self.even_sums, self.counts):
+            array[...] = 0
+        self.bad_samples = 0
+
+    @property
+    def spp(self) -> int:
+        """Samples that every pixel has."""
+        return int(self.counts.min(initial=0)) if self.counts.size else 0
+
+    def add(self, samples: Image, pixels: NDArray[np.integer] | None = None) -> None:
+        """Adds one sample to each pixel: `samples` (h, w, 3), or (n, 3) with `pixels` (n,) distinct indices y*width + x."""
+        samples = np.asarray(samples, np.float64).reshape(-1, 3)
+        where = np.arange(self.width * self.height) if pixels is None else np.asarray(pixels)
+        good = np.isfinite(samples).all(axis=1)
+        if not good.all():
+            self.bad_samples += int((~good).sum())
+            samples = np.where(good[:, None], samples, 0.0)
+        counts = self.counts.reshape(-1)
+        even = (counts[where] % 2 == 0)[:, None]
+        self.sums.reshape(-1, 3)[where] += samples
+        self.squares.reshape(-1, 3)[where] += samples * samples
+        self.even_sums.reshape(-1, 3)[where] += np.where(even, samples, 0.0)
+        counts[where] += 1
+
+    def mean(self) -> Image:
+        """(height, width, 3) linear radiance; 0 where a pixel has no sample."""
+        return self.sums / np.maximum(self.counts, 1)[:, :, None]
+
+    def half(self, index: int) -> Image:
+        """The mean of the samples of even (0) or odd (1) index, (height, width, 3)."""
+        if index not in (0, 1):
+            raise ValueError(f"half {index!r}: 0 or 1 is wanted")
+        even_counts = (self.counts + 1) // 2
+        sums = self.even_sums if index == 0 else self.sums - self.even_sums
+        counts = even_counts if index == 0 else self.counts - even_counts
+        return sums / np.maximum(counts, 1)[:, :, None]
+
+    def variance_of_mean(self) -> Image:
+        """(height, width, 3): the sample variance over the count; NaN below two samples.
+
+        It supposes independent samples; for stratified and quasi-random samplers it is an upper estimate.
+        """
+        counts = self.counts[:, :, None].astype(np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = np.maximum(self.squares / counts - (self.sums / counts) ** 2, 0.0)
+            return np.where(counts > 1, spread / (counts - 1), np.nan)
+
+    def to_bitmap(self, tone_mapper: str | ToneMapper = "srgb") -> NDArray[np.uint8]:
+        """(height, width, 3) uint8. A tone mapper takes linear radiance to display values in [0, 1]."""
+        return to_bitmap(self.mean(), tone_mapper)
+
+    def save(self, path: str | PathLike[str], provenance: Mapping[str, Any] | None = None,
+             tone_mapper: str | ToneMapper = "srgb") -> None:  # fmt: skip
+        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header) or `.png` (8 bit)."""
+        from engines.image import write_film
+
+        write_film(path, self, provenance or {}, tone_mapper)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return self.mean() if dtype is None else self.mean().astype(dtype)
+
+    def _repr_png_(self) -> bytes:
+        from engines.image import png_bytes
+
+        return png_bytes(self.to_bitmap())
+
+    def __repr__(self) -> str:
+        return f"Film({self.width}x{self.height}, {self.spp} spp)"
+
+
+def to_bitmap(image: Image, mapper: str | Callable[[Image], Image] = "srgb") -> NDArray[np.uint8]:
+    """Display values of linear radiance (h, w, 3) as uint8, rounded to nearest; NaN becomes 0."""
+    display = np.asarray(tone_mapper(mapper)(np.asarray(image, np.float64)))
+    return np.rint(255.0 * np.clip(np.nan_to_num(display, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)).astype(np.uint8)

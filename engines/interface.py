@@ -1,0 +1,127 @@
+"""The plugin interface: what an engine is, what a renderer does, and the settings they take.
+
+An engine is two classes. `Engine` says what it can do and builds; `Renderer` holds one scene with one set of settings
+and fills a film. Shaders, samplers, accelerators and cameras are chosen by name or given as plugin objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engines.errors import ConfigError
+from engines.film import Film
+from engines.scene.model import Camera, Scene, Shape
+
+OnPass = Callable[[Film], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How to render. `width` and `height` in pixels default to the scene's resolution.
+
+    `shader`, `sampler` and `accelerator` take a name, a mapping `{"name": ..., option: value}` or a plugin object.
+    `precision` is "float64", "float32", or None for the engine's own default. `seed` is a non-negative integer.
+    An image depends on the scene and on these settings, but never on `threads`.
+    """
+
+    width: int | None = None
+    height: int | None = None
+    shader: Any = "path_tracer"
+    sampler: Any = "sobol"
+    accelerator: Any = "auto"
+    threads: int = 1
+    seed: int = 0
+    precision: str | None = None
+
+    def __post_init__(self) -> None:
+        for key, low, high in (("width", 1, 65_536), ("height", 1, 65_536), ("threads", 1, 1024), ("seed", 0, 2**64 - 1)):
+            value = getattr(self, key)
+            if value is None and key in ("width", "height"):
+                continue
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
+                raise ConfigError(f"settings.{key} = {value!r}: must be an integer in [{low}, {high}]")
+        if self.precision not in (None, "float32", "float64"):
+            raise ConfigError(f"settings.precision = {self.precision!r}: must be float32 or float64")
+
+    def size(self, scene: Scene) -> tuple[int, int]:
+        """(width, height) in pixels, from here or from the scene's camera."""
+        width, height = scene.camera.resolution
+        return int(self.width or width), int(self.height or height)
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """Closest hits of n rays: `t` (n,) in units of the direction's length, inf for a miss; `shape`, `primitive` (n,)
+    int64, -1 for a miss; `normal` (n, 3) unit, geometric, facing the ray, 0 for a miss; `u`, `v` (n,) barycentric
+    weights of the second and third vertex of a triangle, 0 elsewhere."""
+
+    t: NDArray[np.float64]
+    shape: NDArray[np.int64]
+    primitive: NDArray[np.int64]
+    normal: NDArray[np.float64]
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+
+
+@runtime_checkable
+class Renderer(Protocol):
+    """One scene with one set of settings, ready to render."""
+
+    @property
+    def film(self) -> Film: ...
+
+    def warm_up(self) -> None:
+        """Compiles whatever `render` needs and leaves the film untouched; counters()["compile_seconds"] says how long."""
+        ...
+
+    def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
+        """Adds `spp` samples to every pixel and returns the film. Splitting a call changes no bit of the image.
+
+        `on_pass(film)` is called after every pass over the image. Returns early after `stop`, keeping what is done.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Makes a running `render` return within 0.2 s. May be called from any thread, and from `on_pass`."""
+        ...
+
+    def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
+        """Changes the camera or the shapes, refits or rebuilds the accelerator, and restarts the film."""
+        ...
+
+    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
+        """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""
+        ...
+
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
+        """(n,) bool: whether anything lies in (0, t_max)."""
+        ...
+
+    def counters(self) -> Mapping[str, float]:
+        """At least: rays, build_seconds, compile_seconds, accelerator_bytes, bad_samples."""
+        ...
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """A way to render scenes. `version` changes when its images or speed may change."""
+
+    name: str
+    version: str
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        """None where `prepare` would work, else one sentence that says what is lacking."""
+        ...
+
+    def prepare(self, scene: Scene, settings: Settings) -> Renderer:
+        """Builds a renderer. Raises `UnknownName`, `ConfigError` for bad settings, `Unsupported` with `why_not`'s words."""
+        ...
+
+    def accelerators(self) -> Mapping[str, Mapping[str, Any]]:
+        """Known accelerator names, each with its options (name -> `engines.choices.Option`)."""
+        ...

@@ -1,0 +1,175 @@
+"""What is in a scene: frozen dataclasses that know neither YAML nor any engine.
+
+Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights name materials by index into
+`Scene.materials`. The arrays are read-only float64/int32. Everything here has been checked by the loader
+(`engines.scene.load`): engines may rely on finite numbers, unit plane normals and valid indices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Triple = tuple[float, float, float]
+BLACK: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """Surface response: kd Lambertian albedo (f = kd/pi), ks mirror, kt refraction, emission radiance (W/sr/m2).
+
+    With `fresnel` the mirror is weighted by F and the refraction by 1 - F (exact dielectric, unpolarised). Emission
+    leaves the front side, or both when `two_sided`. `ior` is relative to the outside of the shape.
+    """
+
+    name: str
+    kd: Triple = BLACK
+    ks: Triple = BLACK
+    kt: Triple = BLACK
+    ior: float = 1.0
+    fresnel: bool = False
+    emission: Triple = BLACK
+    two_sided: bool = False
+
+    @property
+    def emits(self) -> bool:
+        return max(self.emission) > 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """Infinite; `normal` is unit and points to the front."""
+
+    point: Triple
+    normal: Triple
+    material: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    center: Triple
+    radius: float
+    material: int
+
+
+@dataclass(frozen=True, slots=True)
+class Triangle:
+    """Counter-clockwise seen from the front: the normal is (b - a) x (c - a)."""
+
+    a: Triple
+    b: Triple
+    c: Triple
+    material: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Indexed triangles: `vertices` (n, 3) float64, `faces` (m, 3) int32, `materials` (m,) int32, one per face.
+
+    `normals` (n, 3) unit vertex normals, or None where the mesh is flat-shaded. Faces of zero area may occur: they are
+    never hit and never sampled.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    materials: NDArray[np.int32]
+    normals: NDArray[np.float64] | None = None
+    name: str = "mesh"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SphereSet:
+    """Many spheres that make one shape (a sphereflake): `centers` (n, 3), `radii` (n,), one material."""
+
+    centers: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    material: int
+    name: str = "spheres"
+
+
+Shape = Plane | Sphere | Triangle | Mesh | SphereSet
+
+
+@dataclass(frozen=True, slots=True)
+class PointLight:
+    """`intensity` in W/sr; `falloff` off is for the historical scenes only: the light then acts as at distance 1."""
+
+    position: Triple
+    intensity: Triple
+    falloff: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionalLight:
+    """`direction` of travel, unit; `irradiance` in W/m2 on a surface that faces it."""
+
+    direction: Triple
+    irradiance: Triple
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EnvironmentLight:
+    """Radiance from infinity: constant `radiance`, or `image` (h, w, 3) latitude-longitude times `radiance`.
+
+    Image convention: +y up, row 0 at the top (theta = 0); a direction d has v = acos(d.y)/pi and
+    u = atan2(d.x, -d.z)/(2 pi) modulo 1, so -z is at the left edge and +z in the middle. Looked up bilinearly.
+    """
+
+    radiance: Triple
+    image: NDArray[np.float64] | None = None
+
+
+Light = PointLight | DirectionalLight | EnvironmentLight
+
+
+@dataclass(frozen=True, slots=True)
+class Perspective:
+    """Pinhole: `fov` in degrees is the full angle along `fov_axis` ("x" or "y")."""
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    fov: float
+    fov_axis: str
+    resolution: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Orthographic:
+    """Parallel rays along target - eye from a window centred on `eye`, `height` metres high in full."""
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    height: float
+    resolution: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class CustomCamera:
+    """A camera plugin (see `engines.interface.CameraPlugin`) with its options."""
+
+    plugin: Any
+    options: Mapping[str, Any]
+    resolution: tuple[int, int]
+
+
+Camera = Perspective | Orthographic | CustomCamera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order)."""
+
+    name: str
+    camera: Camera
+    materials: tuple[Material, ...]
+    shapes: tuple[Shape, ...]
+    lights: tuple[Light, ...]
+    content_hash: str
+    source: str = ""
+    warnings: tuple[str, ...] = field(default=())
