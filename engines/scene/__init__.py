@@ -1,0 +1,13 @@
+"""Scenes: what they hold (`model`), and how they come from YAML files (`load_scene`) and Python mappings (`scene_from`)."""
+
+from engines.scene.load import load_scene, scene_from
+from engines.scene.model import (
+    BLACK, Camera, CustomCamera, DirectionalLight, EnvironmentLight, Light, Material, Mesh, Orthographic, Perspective,
+    Plane, PointLight, Scene, Shape, Sphere, SphereSet, Triangle, Triple,
+)  # fmt: skip
+
+__all__ = [
+    "BLACK", "Camera", "CustomCamera", "DirectionalLight", "EnvironmentLight", "Light", "Material", "Mesh",
+    "Orthographic", "Perspective", "Plane", "PointLight", "Scene", "Shape", "Sphere", "SphereSet", "Triangle",
+    "Triple", "load_scene", "scene_from",
+]  # fmt: skip
