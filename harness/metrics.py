@@ -1,0 +1,164 @@
+"""How far a rendered image is from its reference: every number that a checkpoint is scored with.
+
+Images are (h, w, 3) linear radiance, the reference comes with two independent halves so that its own noise can be
+taken out. Metric names carry their parameters (`relmse_e0.01`). Non-finite pixels are counted, never dropped: an
+image that holds one has infinite error and unknown (NaN) perceptual scores.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.tonemap import srgb
+
+Image = NDArray[np.float64]
+
+PERCENTAGE_EPSILON = 0.01
+"""The offset of MAPE and SMAPE in radiance units, as in tev."""
+TRIMMED_FRACTION = 0.001
+LATTICE = 8
+"""Standard errors come from LATTICE^2 interleaved groups of pixels."""
+
+METRIC_MEANINGS = {
+    "relmse": "mean((A-R)^2 / (R^2 + eps)) over pixels and channels (Rousselle et al. 2011); eps is in the name",
+    "relmse_corrected": "mean((A-R1)(A-R2) / (R^2 + eps)): the reference's own noise cancels; may be negative",
+    "relmse_se": "standard error of the corrected relMSE over interleaved groups of pixels",
+    "relmse_trimmed": "relMSE without the 0.1 % of pixels where it is largest",
+    "mse": "mean((A-R)^2), radiance squared",
+    "mse_corrected": "mean((A-R1)(A-R2)), radiance squared; may be negative",
+    "mape": "mean(|A-R| / (|R| + 0.01))",
+    "smape": "mean(|A-R| / ((|A|+|R|)/2 + 0.01))",
+    "psnr": "10 log10(1 / MSE) in dB of sRGB-encoded, clipped images",
+    "ssim": "structural similarity of sRGB-encoded, clipped images (Gaussian window of 11 pixels, sigma 1.5)",
+    "flip": "mean FLIP (LDR, 67 pixels per degree) of sRGB-encoded, clipped images",
+    "nonfinite": "pixels with a NaN or infinite channel",
+    "mean": "mean radiance of a channel over the image",
+}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A converged image: `mean` (h, w, 3), two independent halves of it, and `variance`, the variance of `mean`.
+
+    `spp` is the samples per pixel of `mean`; each half has half of them.
+    """
+
+    mean: Image
+    half_1: Image
+    half_2: Image
+    variance: Image
+    spp: int
+
+
+def measure(image: Image, reference: Reference, epsilon: float) -> dict[str, float]:
+    """All metrics of `image` (h, w, 3) against `reference`; METRIC_MEANINGS explains the keys.
+
+    Raises ValueError where the shapes differ or `epsilon` is not positive.
+    """
+    image = np.asarray(image, np.float64)
+    if image.shape != reference.mean.shape:
+        raise ValueError(f"image of shape {image.shape}, reference of shape {reference.mean.shape}: must be equal")
+    if not epsilon > 0:
+        raise ValueError(f"epsilon = {epsilon!r}: must be positive")
+    nonfinite = int((~np.isfinite(image).all(axis=2)).sum())
+    with np.errstate(invalid="ignore", over="ignore"):
+        scores = {**_errors(image, reference, epsilon), **_display_scores(image, reference.mean, nonfinite == 0)}
+        means = {f"mean_{name}": float(image[:, :, channel].mean()) for channel, name in enumerate("rgb")}
+    if nonfinite:
+        scores = {key: math.inf if key not in _display_keys() else value for key, value in scores.items()}
+    return {**scores, "nonfinite": float(nonfinite), **means}
+
+
+def metric_name(metric: str, epsilon: float) -> str:
+    """The column of a config's metric: `relmse` with epsilon 0.01 is `relmse_e0.01`; others carry no parameter."""
+    return f"relmse_e{epsilon:g}" if metric == "relmse" else metric
+
+
+def corrected_error_map(image: Image, reference: Reference, epsilon: float) -> Image:
+    """(h, w, 3): (A-R1)(A-R2) / (R^2 + eps), whose expectation holds no noise of the reference.
+
+    That is true to second order: R in the denominator is noisy itself, so the reference should be good to 10 % a pixel.
+    """
+    return (image - reference.half_1) * (image - reference.half_2) / (reference.mean**2 + epsilon)
+
+
+def lattice_means(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means of `values` (h, w[, c]) over up to 64 interleaved groups: the pixels of equal x mod 8 and y mod 8.
+
+    Every group sees the whole picture, so the spread of the groups holds noise and hardly any structure.
+    """
+    step_y, step_x = min(LATTICE, values.shape[0]), min(LATTICE, values.shape[1])
+    return np.array([values[y::step_y, x::step_x].mean() for y in range(step_y) for x in range(step_x)])
+
+
+def standard_error(values: NDArray[np.float64]) -> float:
+    """Standard error of the mean of `values` (h, w[, c]) over interleaved groups; NaN for a single pixel."""
+    groups = lattice_means(values)
+    return float(groups.std(ddof=1) / math.sqrt(groups.size)) if groups.size > 1 else math.nan
+
+
+def _errors(image: Image, reference: Reference, epsilon: float) -> dict[str, float]:
+    """The metrics of linear radiance."""
+    name = f"relmse_e{epsilon:g}"
+    mean = reference.mean
+    difference = image - mean
+    relative = difference**2 / (mean**2 + epsilon)
+    corrected = corrected_error_map(image, reference, epsilon)
+    return {
+        name: float(relative.mean()),
+        f"{name}_corrected": float(corrected.mean()),
+        f"{name}_se": standard_error(corrected),
+        f"{name}_trimmed": _trimmed_mean(relative),
+        "mse": float((difference**2).mean()),
+        "mse_corrected": float(((image - reference.half_1) * (image - reference.half_2)).mean()),
+        "mape": float((abs(difference) / (abs(mean) + PERCENTAGE_EPSILON)).mean()),
+        "smape": float((abs(difference) / ((abs(image) + abs(mean)) / 2 + PERCENTAGE_EPSILON)).mean()),
+    }
+
+
+def _trimmed_mean(values: Image) -> float:
+    """Mean over pixels without the largest 0.1 % of them (rounded up), a pixel being the mean of its channels."""
+    pixels = np.sort(values.mean(axis=2), axis=None)
+    kept = max(pixels.size - math.ceil(TRIMMED_FRACTION * pixels.size), 1)
+    return float(pixels[:kept].mean())
+
+
+def _display_keys() -> tuple[str, ...]:
+    return ("psnr", "ssim", "flip") if find_spec("flip_evaluator") else ("psnr", "ssim")
+
+
+def _display_scores(image: Image, mean: Image, finite: bool) -> dict[str, float]:
+    """Scores of what an eye sees: both images clipped to [0, 1] and sRGB-encoded."""
+    if not finite:
+        return dict.fromkeys(_display_keys(), math.nan)
+    shown, wanted = srgb(image), srgb(mean)
+    mse = float(((shown - wanted) ** 2).mean())
+    scores = {"psnr": -10.0 * math.log10(mse) if mse > 0 else math.inf, "ssim": _ssim(shown, wanted)}
+    if "flip" in _display_keys():
+        scores["flip"] = _flip(shown, wanted)
+    return scores
+
+
+def _ssim(shown: Image, wanted: Image) -> float:
+    """Wang et al. 2004 with its original window; NaN for images narrower than the window."""
+    from skimage.metrics import structural_similarity
+
+    if min(shown.shape[:2]) < 11:
+        return math.nan
+    score = structural_similarity(
+        shown, wanted, channel_axis=2, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False
+    )
+    return float(np.mean(score))
+
+
+def _flip(shown: Image, wanted: Image) -> float:
+    """Andersson et al. 2020. The evaluator hides NaN: only finite images may come here."""
+    import flip_evaluator  # pyright: ignore[reportMissingImports]
+
+    pair = (np.ascontiguousarray(wanted, np.float32), np.ascontiguousarray(shown, np.float32))
+    return float(flip_evaluator.evaluate(*pair, "LDR", applyMagma=False)[1])
