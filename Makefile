@@ -1,0 +1,54 @@
+# raybench. Needs python3 (3.11 or newer, or PYTHON=...), its venv module and make; everything else goes into .venv.
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input
+OUT := results/quick
+ARGS ?=
+
+.DELETE_ON_ERROR:
+.PHONY: help bench test microbench lint clean
+
+help:
+	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
+	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
+	@echo "make lint        ruff and pyright"
+	@echo "make microbench  time the parts: tests/benchmarks"
+	@echo "make clean       remove the environment, the caches and $(OUT)"
+	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
+
+bench: .venv/.installed
+	@$(BIN)/raybench run configs/quick.yaml --out $(OUT)
+	@echo
+	@echo "The report: $(CURDIR)/$(OUT)/report.html (tables and plots lie beside it)"
+
+test: .venv/.installed-test
+	@$(BIN)/python -m pytest --ignore=tests/benchmarks $(ARGS)
+
+microbench: .venv/.installed-test
+	@$(BIN)/python -m pytest tests/benchmarks --benchmark-only $(ARGS)
+
+lint: .venv/.installed-test
+	@$(BIN)/ruff check .
+	@$(BIN)/pyright
+
+# Editable installs; done again when pyproject.toml changes.
+.venv/.installed: pyproject.toml | .venv/bin/python
+	$(PIP) install --quiet --editable .
+	@touch $@
+
+.venv/.installed-test: pyproject.toml | .venv/bin/python
+	$(PIP) install --quiet --editable '.[test]'
+	@touch $@ .venv/.installed
+
+.venv/bin/python:
+	@command -v "$(PYTHON)" >/dev/null 2>&1 \
+		|| { echo "raybench: there is no $(PYTHON) here; name a Python 3.11 or newer: make PYTHON=/path/to/python" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "raybench: $$("$(PYTHON)" --version 2>&1) is too old; name a 3.11 or newer: make PYTHON=python3.12" >&2; exit 1; }
+	@"$(PYTHON)" -m venv --clear .venv \
+		|| { echo "raybench: $(PYTHON) cannot make a virtual environment; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
+
+clean:
+	rm -rf .venv $(OUT) .pytest_cache .ruff_cache .hypothesis .benchmarks build dist *.egg-info
+	find engines harness tests -name __pycache__ -type d -prune -exec rm -rf {} +
