@@ -42,8 +42,8 @@ lint: .venv/.installed-test
 	@touch $@ .venv/.installed
 
 .venv/bin/python:
-	@command -v "$(PYTHON)" >/dev/null 2>&1 \
-		|| { echo "raybench: there is no $(PYTHON) here; name a Python 3.11 or newer: make PYTHON=/path/to/python" >&2; exit 1; }
+	@"$(PYTHON)" -c '' 2>/dev/null \
+		|| { echo "raybench: $(PYTHON) does not run here; name a Python 3.11 or newer: make PYTHON=/path/to/python" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
 		|| { echo "raybench: $$("$(PYTHON)" --version 2>&1) is too old; name a 3.11 or newer: make PYTHON=python3.12" >&2; exit 1; }
 	@"$(PYTHON)" -m venv --clear .venv \
