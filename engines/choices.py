@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from engines.errors import ConfigError, UnknownName
 
 
@@ -52,7 +54,7 @@ def _number(low: float, high: float) -> Callable[[Any], str | None]:
 
 def _one_of(*names: Any) -> Callable[[Any], str | None]:
     def check(value: Any) -> str | None:
-        same = any(value == name and isinstance(value, bool) == isinstance(name, bool) for name in names)
+        same = any(type(value) is type(name) and value == name for name in names)
         return None if same else "one of " + ", ".join(map(str, names))
 
     return check
@@ -62,6 +64,10 @@ def _point_or_none(value: Any) -> str | None:
     number = _number(-1e300, 1e300)
     good = value is None or (isinstance(value, (list, tuple)) and len(value) == 3 and all(not number(x) for x in value))
     return None if good else "three numbers, or null for the scene's own bounds"
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
 
 
 _AMBIENT = Option(0.1, "radiance added to every diffuse hit, times kd", _number(0.0, 1e6))
@@ -93,7 +99,7 @@ SAMPLERS: dict[str, dict[str, Option]] = {
 
 
 def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) -> Choice:
-    """Turns what a user wrote into a `Choice` with every option present.
+    """Turns what a user wrote into a `Choice` with every option present; NumPy numbers become Python's.
 
     Raises `UnknownName` for names and options not in `table`, `ConfigError` for values out of range. A plugin object
     (not a string or mapping) is taken as it is; its options come from its own `options` mapping, if it has one.
@@ -106,7 +112,7 @@ def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) ->
         if not hasattr(given, "name"):
             raise ConfigError(f"{kind} = {given!r}: a name, a mapping with a name, or a plugin object is wanted")
         return Choice(given.name, dict(getattr(given, "options", {})), given)
-    options = dict(given)
+    options = {key: _plain(value) for key, value in given.items()}
     name = options.pop("name", None)
     if not isinstance(name, str):
         raise ConfigError(f"{kind} = {dict(given)!r}: the key 'name' is wanted")

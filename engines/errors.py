@@ -22,7 +22,11 @@ class UnknownName(RaybenchError):
     """A name or option that does not exist."""
 
     def __init__(self, kind: str, found: object, known: Iterable[str]) -> None:
-        super().__init__(f"unknown {kind} {found!r}: {suggestion(str(found), known)}")
+        self.kind, self.found, self.known = kind, found, tuple(known)
+        super().__init__(f"unknown {kind} {found!r}: {suggestion(str(found), self.known)}")
+
+    def __reduce__(self) -> tuple[type[UnknownName], tuple[str, object, tuple[str, ...]]]:
+        return UnknownName, (self.kind, self.found, self.known)  # worker processes send errors home pickled
 
 
 class Unsupported(RaybenchError):
@@ -31,7 +35,7 @@ class Unsupported(RaybenchError):
 
 def suggestion(found: str, known: Iterable[str]) -> str:
     """The second half of an unknown-name message: the nearest known name, if any is near, and all of them."""
-    names = sorted(known)
+    names = sorted(map(str, known))
     near = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
     guess = f"did you mean {near[0]!r}? " if near else ""
     return f"{guess}known: {', '.join(names) or 'none'}"

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.errors import ConfigError
 from engines.tonemap import ToneMapper, tone_mapper
 
 Image = NDArray[np.float64]
@@ -39,21 +40,21 @@ class Film:
     @property
     def spp(self) -> int:
         """Samples that every pixel has."""
-        return int(self.counts.min(initial=0)) if self.counts.size else 0
+        return int(self.counts.min())
 
     def add(self, samples: Image, pixels: NDArray[np.integer] | None = None) -> None:
-        """Adds one sample to each pixel: `samples` (h, w, 3), or (n, 3) with `pixels` (n,) distinct indices y*width + x."""
+        """Adds a sample to each pixel: `samples` (h, w, 3), or (n, 3) with `pixels` (n,) distinct, y * width + x."""
         samples = np.asarray(samples, np.float64).reshape(-1, 3)
         where = np.arange(self.width * self.height) if pixels is None else np.asarray(pixels)
-        good = np.isfinite(samples).all(axis=1)
+        good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(samples), axis=1)
         if not good.all():
             self.bad_samples += int((~good).sum())
             samples = np.where(good[:, None], samples, 0.0)
         counts = self.counts.reshape(-1)
-        even = (counts[where] % 2 == 0)[:, None]
+        even = (1 - counts[where] % 2)[:, None]
         self.sums.reshape(-1, 3)[where] += samples
         self.squares.reshape(-1, 3)[where] += samples * samples
-        self.even_sums.reshape(-1, 3)[where] += np.where(even, samples, 0.0)
+        self.even_sums.reshape(-1, 3)[where] += even * samples
         counts[where] += 1
 
     def mean(self) -> Image:
@@ -91,6 +92,8 @@ class Film:
         write_film(path, self, provenance or {}, tone_mapper)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False:
+            raise ValueError("a film's mean is computed anew: it cannot be had without a copy")
         return self.mean() if dtype is None else self.mean().astype(dtype)
 
     def _repr_png_(self) -> bytes:
@@ -104,5 +107,8 @@ class Film:
 
 def to_bitmap(image: Image, mapper: str | Callable[[Image], Image] = "srgb") -> NDArray[np.uint8]:
     """Display values of linear radiance (h, w, 3) as uint8, rounded to nearest; NaN becomes 0."""
-    display = np.asarray(tone_mapper(mapper)(np.asarray(image, np.float64)))
+    image = np.asarray(image, np.float64)
+    display = np.asarray(tone_mapper(mapper)(image))
+    if display.shape != image.shape:
+        raise ConfigError(f"tone mapper {mapper!r}: gave shape {display.shape} for an image of shape {image.shape}")
     return np.rint(255.0 * np.clip(np.nan_to_num(display, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)).astype(np.uint8)

@@ -39,12 +39,14 @@ class Settings:
     precision: str | None = None
 
     def __post_init__(self) -> None:
-        for key, low, high in (("width", 1, 65_536), ("height", 1, 65_536), ("threads", 1, 1024), ("seed", 0, 2**64 - 1)):
+        limits = {"width": (1, 65_536), "height": (1, 65_536), "threads": (1, 1024), "seed": (0, 2**64 - 1)}
+        for key, (low, high) in limits.items():
             value = getattr(self, key)
             if value is None and key in ("width", "height"):
                 continue
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
                 raise ConfigError(f"settings.{key} = {value!r}: must be an integer in [{low}, {high}]")
+            object.__setattr__(self, key, int(value))
         if self.precision not in (None, "float32", "float64"):
             raise ConfigError(f"settings.precision = {self.precision!r}: must be float32 or float64")
 
@@ -76,7 +78,7 @@ class Renderer(Protocol):
     def film(self) -> Film: ...
 
     def warm_up(self) -> None:
-        """Compiles whatever `render` needs and leaves the film untouched; counters()["compile_seconds"] says how long."""
+        """Compiles what `render` needs and leaves the film untouched; counters()["compile_seconds"] says how long."""
         ...
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
@@ -119,7 +121,7 @@ class Engine(Protocol):
         ...
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        """Builds a renderer. Raises `UnknownName`, `ConfigError` for bad settings, `Unsupported` with `why_not`'s words."""
+        """Builds a renderer; raises `UnknownName` and `ConfigError` for settings, `Unsupported` as `why_not` says."""
         ...
 
     def accelerators(self) -> Mapping[str, Mapping[str, Any]]:

@@ -11,6 +11,8 @@ from engines.errors import ConfigError, UnknownName
 from engines.interface import Engine
 
 GROUP = "raybench.engines"
+_PARTS = ("name", "version", "why_not", "prepare", "accelerators")
+
 BUILT_IN = {
     "numpy": "engines.numpy_reference:Engine",
     "numba": "engines.numba_cpu:Engine",
@@ -20,17 +22,16 @@ BUILT_IN = {
 
 def engine_names() -> list[str]:
     """Names of the engines that can be asked for, ours first; nothing is imported."""
-    plugins = {point.name for point in _entry_points()} - BUILT_IN.keys()
-    return [*BUILT_IN, *sorted(plugins)]
+    return [*BUILT_IN, *sorted(point.name for point in _entry_points())]
 
 
 def engine(name: Any) -> Engine:
-    """The engine of a name or `module:attribute`; an engine object is returned as it is.
+    """The engine of a name or `module:attribute`; an engine object is returned as it is, a class is called.
 
-    Raises `UnknownName` for a name no one registered, `ConfigError` when the engine cannot be imported.
+    Raises `UnknownName` for a name no one registered, `ConfigError` where what is there cannot be loaded or is none.
     """
     if not isinstance(name, str):
-        return name() if isinstance(name, type) else name
+        return _made(name, getattr(name, "name", name))
     if ":" in name:
         return _made(load_attribute(name), name)
     if name in BUILT_IN:
@@ -38,9 +39,10 @@ def engine(name: Any) -> Engine:
     for point in _entry_points():
         if point.name == name:
             try:
-                return _made(point.load(), name)
+                found = point.load()
             except Exception as error:
                 raise ConfigError(f"engine {name!r} ({point.value}): cannot be loaded: {error}") from error
+            return _made(found, name)
     raise UnknownName("engine", name, engine_names())
 
 
@@ -56,17 +58,22 @@ def load_attribute(path: str) -> Any:
     return found
 
 
-def _made(found: Any, name: str) -> Engine:
+def _made(found: Any, name: object) -> Engine:
     try:
-        return found() if isinstance(found, type) else found
+        made = found() if isinstance(found, type) else found
     except Exception as error:
         raise ConfigError(f"engine {name!r}: cannot be created: {error}") from error
+    lacking = [part for part in _PARTS if not hasattr(made, part)]
+    if lacking:
+        raise ConfigError(f"engine {name!r}: {found!r} is no engine: it lacks {', '.join(lacking)}")
+    return made
 
 
 def _entry_points() -> list[EntryPoint]:
-    seen: dict[str, EntryPoint] = {}
+    """The plugins' entry points, one a name; raybench's own are left out, as the built-in table has them."""
+    plugins: dict[str, EntryPoint] = {}
     for point in entry_points(group=GROUP):
-        if point.name in seen and seen[point.name].value != point.value:
-            warnings.warn(f"engine {point.name!r} is registered twice: {seen[point.name].value} is used", stacklevel=3)
-        seen.setdefault(point.name, point)
-    return list(seen.values())
+        used = BUILT_IN.get(point.name) or plugins.setdefault(point.name, point).value
+        if used != point.value:
+            warnings.warn(f"engine {point.name!r} is registered twice: {used} is used", stacklevel=3)
+    return list(plugins.values())

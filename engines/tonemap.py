@@ -14,6 +14,9 @@ from engines.errors import ConfigError, UnknownName
 
 ToneMapper = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
+_BRIGHTEST = 1e30
+"""The curves are flat long before; beyond it their quotients overflow to NaN."""
+
 
 def linear(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
     """No curve and no encoding: for data such as depth."""
@@ -28,13 +31,13 @@ def srgb(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def reinhard(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
     """x / (1 + x) a channel (Reinhard et al. 2002, equation 3), then sRGB."""
-    x = np.maximum(radiance, 0.0)
+    x = np.clip(radiance, 0.0, _BRIGHTEST)
     return srgb(x / (1.0 + x))
 
 
 def aces(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
     """The filmic fit of the ACES curve by Narkowicz (2015), then sRGB."""
-    x = np.maximum(radiance, 0.0)
+    x = np.clip(radiance, 0.0, _BRIGHTEST)
     return srgb(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14))
 
 
@@ -43,6 +46,8 @@ TONE_MAPPERS: dict[str, ToneMapper] = {"linear": linear, "srgb": srgb, "reinhard
 
 def register(name: str, mapper: ToneMapper) -> None:
     """Makes `mapper` available by `name`; a name that is taken is refused."""
+    if not callable(mapper):
+        raise ConfigError(f"tone mapper {name!r} = {mapper!r}: a callable from array to array is wanted")
     if name in TONE_MAPPERS:
         raise ConfigError(f"tone mapper {name!r} exists already: choose another name")
     TONE_MAPPERS[name] = mapper
@@ -52,6 +57,8 @@ def tone_mapper(given: str | ToneMapper) -> ToneMapper:
     """The tone mapper of a name, or the callable itself."""
     if callable(given):
         return given
+    if not isinstance(given, str):
+        raise ConfigError(f"tone mapper = {given!r}: a name or a callable from array to array is wanted")
     if given not in TONE_MAPPERS:
         raise UnknownName("tone mapper", given, TONE_MAPPERS)
     return TONE_MAPPERS[given]
