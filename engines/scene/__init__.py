@@ -1,9 +1,25 @@
-"""Scenes: what they hold (`model`), and how they come from YAML files (`load_scene`) and Python mappings (`scene_from`)."""
+"""Scenes: what they hold (`model`), read from YAML files (`load_scene`) or Python mappings (`scene_from`)."""
 
 from engines.scene.load import load_scene, scene_from
 from engines.scene.model import (
-    BLACK, Camera, CustomCamera, DirectionalLight, EnvironmentLight, Light, Material, Mesh, Orthographic, Perspective,
-    Plane, PointLight, Scene, Shape, Sphere, SphereSet, Triangle, Triple,
+    BLACK,
+    Camera,
+    CustomCamera,
+    DirectionalLight,
+    EnvironmentLight,
+    Light,
+    Material,
+    Mesh,
+    Orthographic,
+    Perspective,
+    Plane,
+    PointLight,
+    Scene,
+    Shape,
+    Sphere,
+    SphereSet,
+    Triangle,
+    Triple,
 )  # fmt: skip
 
 __all__ = [

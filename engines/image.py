@@ -1,0 +1,250 @@
+"""Image files: films and arrays to OpenEXR (float32) or 8-bit formats, and back to linear float64.
+
+EXR holds linear radiance in R, G, B, for a film also the layers `variance` (of the mean), `half0` and `half1`, and the
+provenance as JSON in the header attribute `raybench`. PNG holds it in a text chunk of that name; the other formats have
+no room for it. 8-bit files are sRGB-encoded. Files appear whole or not at all.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import uuid
+from collections.abc import Callable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engines.errors import ConfigError, SceneError, suggestion
+from engines.film import to_bitmap
+
+if TYPE_CHECKING:
+    from engines.film import Film
+    from engines.tonemap import ToneMapper
+
+Image = NDArray[np.float64]
+FilePath = str | PathLike[str]
+
+ATTRIBUTE = "raybench"
+LAYERS = ("variance", "half0", "half1")
+BITMAPS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+SUFFIXES = (".exr", *BITMAPS)
+MAX_PIXELS = 1 << 28
+"""Largest image that is read: 268 million pixels, 6 GiB in float64."""
+
+
+class FilmLayers(NamedTuple):
+    """What `write_film` put into an EXR: four images (h, w, 3), float64 with the precision of float32."""
+
+    mean: Image
+    variance: Image
+    half0: Image
+    half1: Image
+
+
+# --- writing --------------------------------------------------------------------------------------------------------
+
+
+def write_film(
+    path: FilePath, film: Film, provenance: Mapping[str, Any], tone_mapper: str | ToneMapper = "srgb"
+) -> None:  # fmt: skip
+    """Writes a film: `.exr` with all layers, linear; or a bitmap through the tone mapper. Raises `ConfigError`."""
+    if _suffix(path) == ".exr":
+        layers = {"variance": film.variance_of_mean(), "half0": film.half(0), "half1": film.half(1)}
+        _write_exr(path, {"RGB": film.mean(), **layers}, provenance)
+    else:
+        _write_bitmap(path, film.to_bitmap(tone_mapper), provenance)
+
+
+def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] | None = None) -> None:
+    """Writes (h, w, 3) linear radiance, or (h, w, 3) uint8 as it is to a bitmap. Raises `ConfigError`."""
+    image = np.asarray(array)
+    if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
+        raise ConfigError(f"{os.fspath(path)}: an image of shape (height, width, 3) is wanted, not {image.shape}")
+    if _suffix(path) == ".exr":
+        _write_exr(path, {"RGB": image}, provenance or {})
+    else:
+        _write_bitmap(path, image if image.dtype == np.uint8 else to_bitmap(image), provenance or {})
+
+
+def png_bytes(bitmap: NDArray[np.uint8], provenance: Mapping[str, Any] | None = None) -> bytes:
+    """A bitmap (h, w, 3) uint8 as the bytes of a PNG file."""
+    from PIL.PngImagePlugin import PngInfo
+
+    text = PngInfo()
+    if provenance:
+        text.add_text(ATTRIBUTE, _json(provenance))
+    return _encoded(bitmap, "PNG", pnginfo=text)
+
+
+def _write_exr(path: FilePath, layers: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> None:
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    if provenance:
+        header[ATTRIBUTE] = _json(provenance)
+    with np.errstate(over="ignore"):
+        channels = {name: np.ascontiguousarray(image, np.float32) for name, image in layers.items()}
+    _replace(path, lambda temporary: OpenEXR.File(header, channels).write(str(temporary)))
+
+
+def _write_bitmap(path: FilePath, bitmap: NDArray[np.uint8], provenance: Mapping[str, Any]) -> None:
+    suffix = _suffix(path)
+    if suffix == ".png":
+        data = png_bytes(bitmap, provenance)
+    else:
+        formats = {".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP"}
+        options = {"JPEG": {"quality": 95}, "WEBP": {"lossless": True}}.get(formats[suffix], {})
+        data = _encoded(bitmap, formats[suffix], **options)
+    _replace(path, lambda temporary: temporary.write_bytes(data))
+
+
+def _encoded(bitmap: NDArray[np.uint8], name: str, **options: Any) -> bytes:
+    from PIL import Image as Pillow
+
+    buffer = io.BytesIO()
+    Pillow.fromarray(np.ascontiguousarray(bitmap, np.uint8)).save(buffer, name, **options)
+    return buffer.getvalue()
+
+
+def _replace(path: FilePath, write: Callable[[Path], Any]) -> None:
+    """Writes beside `path` and renames, so that a reader sees the old file or the new one."""
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise ConfigError(f"{target}: there is no folder {target.parent}")
+    if target.is_dir():
+        raise ConfigError(f"{target}: is a folder: the name of a file is wanted")
+    temporary = target.with_name(f".{target.name[:100]}.{uuid.uuid4().hex}.tmp")
+    try:
+        write(temporary)
+        temporary.replace(target)
+    except (OSError, RuntimeError) as problem:
+        raise ConfigError(f"{target}: cannot be written: {getattr(problem, 'strerror', None) or problem}") from problem
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _suffix(path: FilePath) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ConfigError(f"{os.fspath(path)}: unknown image format {suffix!r}: {suggestion(suffix, SUFFIXES)}")
+    return suffix
+
+
+def _json(provenance: Mapping[str, Any]) -> str:
+    return json.dumps(dict(provenance), default=str)
+
+
+# --- reading --------------------------------------------------------------------------------------------------------
+
+
+def read_image(path: FilePath) -> Image:
+    """(h, w, 3) linear float64 of an EXR (R, G, B, or grey Y) or of an 8-bit file, decoded from sRGB.
+
+    Raises `SceneError` naming the file when it is missing, unreadable, corrupt, too large or of an unknown format.
+    """
+    file = _readable(path)
+    if file.suffix.lower() == ".exr":
+        return _rgb(file, _exr_channels(file), "")
+    return _decoded_srgb(_bitmap(file))
+
+
+def read_film_layers(path: FilePath) -> FilmLayers:
+    """The layers of an EXR that `write_film` wrote. Raises `SceneError` where one is missing."""
+    file = _readable(path)
+    if file.suffix.lower() != ".exr":
+        raise SceneError(f"{file}: only .exr files have layers")
+    channels = _exr_channels(file)
+    return FilmLayers(_rgb(file, channels, ""), *(_rgb(file, channels, f"{layer}.") for layer in LAYERS))
+
+
+def read_provenance(path: FilePath) -> dict[str, Any]:
+    """The provenance of an EXR or PNG file of ours; empty where there is none."""
+    file = _readable(path)
+    if file.suffix.lower() == ".exr":
+        text = _opened_exr(file, header_only=True).header().get(ATTRIBUTE)
+    else:
+        from PIL import Image as Pillow
+
+        with _decoding(file), Pillow.open(file) as image:
+            text = getattr(image, "text", image.info).get(ATTRIBUTE)
+    try:
+        found = json.loads(text) if isinstance(text, str) else {}
+    except ValueError as problem:
+        raise SceneError(f"{file}: its provenance is not JSON: {problem}") from problem
+    return found if isinstance(found, dict) else {}
+
+
+def _readable(path: FilePath) -> Path:
+    file = Path(path)
+    if file.suffix.lower() not in SUFFIXES:
+        raise SceneError(f"{file}: unknown image format {file.suffix!r}: {suggestion(file.suffix, SUFFIXES)}")
+    try:
+        with file.open("rb") as stream:
+            empty = not stream.read(1)
+    except (OSError, ValueError) as problem:
+        raise SceneError(f"{file}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from problem
+    if empty:
+        raise SceneError(f"{file}: is empty")
+    return file
+
+
+class _decoding:
+    """Turns whatever a decoder raises inside the block into a `SceneError` naming the file."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: Any, problem: BaseException | None, trace: Any) -> None:
+        if isinstance(problem, Exception) and not isinstance(problem, SceneError):
+            raise SceneError(f"{self.file}: is not a usable image: {problem}") from problem
+
+
+def _opened_exr(file: Path, header_only: bool) -> Any:
+    import OpenEXR
+
+    with _decoding(file):
+        return OpenEXR.File(str(file), separate_channels=True, header_only=header_only)
+
+
+def _exr_channels(file: Path) -> dict[str, NDArray[Any]]:
+    (left, top), (right, bottom) = _opened_exr(file, header_only=True).header()["dataWindow"]
+    _check_size(file, int(right) - int(left) + 1, int(bottom) - int(top) + 1)
+    with _decoding(file):
+        return {name: channel.pixels for name, channel in _opened_exr(file, header_only=False).channels().items()}
+
+
+def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image:
+    names = [prefix + channel for channel in "RGB"]
+    if prefix == "" and "Y" in channels and "R" not in channels:
+        names = ["Y"] * 3
+    missing = [name for name in names if name not in channels]
+    if missing:
+        raise SceneError(f"{file}: channel {missing[0]!r} is missing: it has {', '.join(sorted(channels))}")
+    with _decoding(file):
+        return np.stack([channels[name] for name in names], axis=2).astype(np.float64)
+
+
+def _bitmap(file: Path) -> NDArray[np.uint8]:
+    from PIL import Image as Pillow
+
+    with _decoding(file), Pillow.open(file) as image:
+        _check_size(file, *image.size)
+        return np.asarray(image.convert("RGB"))
+
+
+def _decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
+    x = np.arange(256) / 255.0
+    linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+    return linear[bitmap]
+
+
+def _check_size(file: Path, width: int, height: int) -> None:
+    if not 0 < width * height <= MAX_PIXELS:
+        raise SceneError(f"{file}: has {width} x {height} pixels: at most {MAX_PIXELS} are read")

@@ -1,0 +1,74 @@
+"""The content hash: what the pixels of a scene depend on, whatever its names, comments and order of keys."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.model import Camera, CustomCamera, Light, Material, Mesh, Shape
+
+VERSION = b"raybench scene 1"
+
+
+def content_hash(
+    camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]
+) -> str:  # fmt: skip
+    """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
+    value, and the lights in order. Materials that no shape uses do not count."""
+    digest = hashlib.sha256(VERSION)
+    _feed(digest, _camera(camera))
+    values = [_fields(material, {"name"}) for material in materials]
+    for shape in shapes:
+        if isinstance(shape, Mesh):
+            _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
+        else:
+            _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
+    for light in lights:
+        _feed(digest, _fields(light, set()))
+    return digest.hexdigest()
+
+
+def _camera(camera: Camera) -> Any:
+    if not isinstance(camera, CustomCamera):
+        return _fields(camera, {"resolution"})
+    kind = camera.plugin if hasattr(camera.plugin, "__qualname__") else type(camera.plugin)
+    return ["CustomCamera", f"{kind.__module__}:{kind.__qualname__}", dict(camera.options)]
+
+
+def _fields(thing: Any, without: set[str]) -> list[Any]:
+    names = [item.name for item in dataclasses.fields(thing) if item.name not in without]
+    return [type(thing).__name__, *(getattr(thing, name) for name in names)]
+
+
+def _mesh_materials(mesh: Mesh, values: Sequence[list[Any]]) -> tuple[list[Any], NDArray[np.int32]]:
+    """The values of a mesh's materials in the order of first use, and for each face which of them it has."""
+    used, first = np.unique(mesh.materials, return_index=True)
+    table: list[Any] = []
+    place = np.zeros(len(values), np.int32)
+    for material in used[np.argsort(first)]:
+        if values[material] not in table:
+            table.append(values[material])
+        place[material] = table.index(values[material])
+    return table, place[mesh.materials]
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Adds a value with its type and extent, so that no two different structures give the same bytes."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"a{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value + value.dtype.type(0)))  # + 0 turns -0.0 into 0.0
+    elif isinstance(value, dict):
+        _feed(digest, ["dict", *sorted(value.items())])
+    elif isinstance(value, (list, tuple)):
+        digest.update(f"l{len(value)}[".encode())
+        for item in value:
+            _feed(digest, item)
+    elif isinstance(value, float):
+        digest.update(f"f{(value + 0.0).hex()};".encode())
+    else:
+        digest.update(f"{type(value).__name__[0]}{value!r};".encode())

@@ -1,0 +1,68 @@
+"""Where files are: scenes by bare name, and the folders within which a scene may read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike, fspath
+from pathlib import Path
+
+from engines.errors import SceneError, suggestion
+from engines.scene.yaml_file import Located
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+def scene_folders() -> list[Path]:
+    """The folders that hold scenes known by bare name: here, of the repository, and of an installed wheel."""
+    candidates = (Path("scenes"), _ROOT / "scenes", _ROOT / "harness" / "_shipped" / "scenes")
+    return [folder for folder in candidates if folder.is_dir()]
+
+
+def scene_names() -> list[str]:
+    """Bare names of all scenes in `scene_folders`."""
+    return sorted({file.stem for folder in scene_folders() for file in folder.glob("*.yaml")})
+
+
+def find_scene(path: str | PathLike[str]) -> Path:
+    """The file of a path, or of a bare name (no folder, no suffix). Raises `SceneError` where there is none."""
+    name = fspath(path)
+    direct = Path(name)
+    bare = direct.name == name and direct.suffix not in (".yaml", ".yml")
+    if not bare or direct.is_file():
+        return direct
+    for folder in scene_folders():
+        for suffix in (".yaml", ".yml"):
+            found = folder / (name + suffix)
+            if found.is_file():
+                return found
+    raise SceneError(f"scene {name!r}: unknown scene: {suggestion(name, scene_names())}, or the path of a YAML file")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The folder that relative paths of a scene start from, and whether they may lead out of it."""
+
+    folder: Path
+    allow_outside: bool = False
+
+    def find(self, node: Located, name: str, folder: Path | None = None) -> Path:
+        """The file that `name`, written at `node`, means.
+
+        It is looked for in `folder` (default: the scene's) and in the shipped scenes. Raises when it does not exist,
+        or lies outside the scene's folder and the shipped scenes without `allow_outside`; links are followed first.
+        """
+        starts = [folder or self.folder, *scene_folders()]
+        roots = [root.resolve() for root in (self.folder, *scene_folders())]
+        outside = False
+        for start in starts:
+            try:
+                found = (start / name).resolve()
+                if not (self.allow_outside or any(found.is_relative_to(root) for root in roots)):
+                    outside = True
+                elif found.exists():
+                    return found
+            except (OSError, ValueError, RuntimeError) as problem:
+                raise node.refuse(f"not a usable path: {problem}") from problem
+        if outside:
+            raise node.refuse(f"lies outside the scene's folder {self.folder}: move it there, or allow_outside=True")
+        raise node.refuse(f"no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")

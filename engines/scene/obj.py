@@ -1,0 +1,152 @@
+"""Wavefront OBJ text: vertices, polygons cut into fans, vertex normals, and which material each face has.
+
+Negative indices count back from the vertices read so far. Texture coordinates, lines, points, groups and curves are
+left aside. A fan is right for convex polygons; a concave one must be triangulated before.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import SceneError
+
+AtLine = Callable[[int, str], SceneError]
+"""Makes the error for a line, counted from 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Polygons:
+    """`vertices` (n, 3); `faces` (m, 3) and, where every corner has one, `face_normals` (m, 3) into `normals`;
+    `face_materials` (m,) into `material_names`, where "" stands for faces before the first usemtl."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float64]
+    face_normals: NDArray[np.int32] | None
+    face_materials: NDArray[np.int32]
+    material_names: list[str]
+    libraries: list[str]
+
+
+@dataclass(slots=True)
+class _Statements:
+    """The arguments of every statement of a kind, and their lines."""
+
+    text: list[str] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+def parse_obj(text: str, at_line: AtLine) -> Polygons:
+    """Raises what `at_line` makes for numbers that are none, indices out of range, and files without faces."""
+    kinds = {"v": _Statements(), "vn": _Statements(), "f": _Statements(), "usemtl": _Statements()}
+    libraries: list[str] = []
+    text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " ")
+    for number, line in enumerate(text.split("\n"), 1):
+        parts = line.split(None, 1)
+        if len(parts) == 2:
+            if parts[0] in kinds:
+                statements = kinds[parts[0]]
+                statements.text.append(parts[1])
+                statements.lines.append(number)
+            elif parts[0] == "mtllib" and parts[1].strip() not in libraries:
+                libraries.append(parts[1].strip())
+    if not kinds["f"].text:
+        raise at_line(1, "not an OBJ file with faces")
+    vertices, normals = _rows(kinds["v"], at_line), _rows(kinds["vn"], at_line)
+    corners, corner_normals, counts = _corners(kinds["f"], at_line)
+    lines = np.repeat(np.array(kinds["f"].lines), counts)
+    corners = _absolute(corners, lines, kinds["v"].lines, "vertex", at_line)
+    fan, face_of_triangle = _fans(counts)
+    face_normals = None
+    if corner_normals is not None:
+        face_normals = _absolute(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
+    materials, names = _materials(kinds["usemtl"], kinds["f"].lines)
+    return Polygons(
+        vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, libraries
+    )  # fmt: skip
+
+
+def _rows(statements: _Statements, at_line: AtLine) -> NDArray[np.float64]:
+    """(n, 3): the first three numbers of each statement; a weight or a colour may follow."""
+    try:
+        found = [list(map(float, line.split("#", 1)[0].split())) for line in statements.text]
+        wrong = next((i for i, row in enumerate(found) if len(row) < 3), None)
+    except ValueError:
+        found, wrong = [], next(i for i, line in enumerate(statements.text) if not _all_numbers(line))
+    if wrong is not None:
+        raise at_line(statements.lines[wrong], f"{statements.text[wrong].strip()[:80]!r}: three numbers are wanted")
+    return np.array([row[:3] for row in found], np.float64).reshape(-1, 3)
+
+
+def _all_numbers(line: str) -> bool:
+    try:
+        return all(float(token) is not None for token in line.split("#", 1)[0].split())
+    except ValueError:
+        return False
+
+
+def _corners(
+    faces: _Statements, at_line: AtLine
+) -> tuple[NDArray[np.int64], NDArray[np.int64] | None, NDArray[np.int64]]:
+    """Indices of vertices and (where all corners have them) of normals as written, and the corners of each face."""
+    rows = [line.split("#", 1)[0].split() for line in faces.text]
+    counts = np.array([len(row) for row in rows], np.int64)
+    if (counts < 3).any():
+        raise at_line(faces.lines[int(np.argmax(counts < 3))], "a face wants at least three corners")
+    try:
+        parts = [token.split("/") for row in rows for token in row]
+        vertices = np.array([int(part[0]) for part in parts], np.int64)
+        normals = [int(part[2]) if len(part) == 3 and part[2] else 0 for part in parts]
+    except (ValueError, OverflowError):
+        wrong = next(i for i, row in enumerate(rows) if not all(_is_corner(token) for token in row))
+        raise at_line(faces.lines[wrong], f"{faces.text[wrong].strip()[:80]!r}: not a list of corners") from None
+    return vertices, np.array(normals, np.int64) if all(normals) else None, counts
+
+
+def _is_corner(token: str) -> bool:
+    try:
+        return all(abs(int(part)) < 2**62 for part in token.split("/") if part) and not token.startswith("/")
+    except ValueError:
+        return False
+
+
+def _absolute(
+    indices: NDArray[np.int64], lines: NDArray[np.int64], defined: list[int], what: str, at_line: AtLine
+) -> NDArray[np.int32]:
+    """Indices from 0. `lines` says where each is used, `defined` where the things it counts stand."""
+    before = np.searchsorted(np.array(defined, np.int64), lines) if (indices < 0).any() else 0
+    found = np.where(indices < 0, indices + before, indices - 1)
+    wrong = (found < 0) | (found >= len(defined)) | (indices == 0)
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        raise at_line(int(lines[at]), f"{what} {indices[at]}: there are {len(defined)}, counted from 1")
+    return found.astype(np.int32)
+
+
+def _fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For polygons with so many corners, in one row of corners: the corners (m, 3) of triangles, and their polygon."""
+    polygon = np.repeat(np.arange(len(counts)), counts - 2)
+    first_corner = np.cumsum(counts) - counts
+    first_triangle = np.cumsum(counts - 2) - (counts - 2)
+    step = np.arange(len(polygon)) - first_triangle[polygon]
+    start = first_corner[polygon]
+    return np.stack([start, start + step + 1, start + step + 2], axis=1), polygon
+
+
+def _materials(uses: _Statements, face_lines: list[int]) -> tuple[NDArray[np.int32], list[str]]:
+    """The material of each face as an index into the names, in the order of first use; only used names count."""
+    names: list[str] = []
+    found = np.zeros(len(face_lines), np.int32)
+    starts = [0, *(bisect_left(face_lines, line) for line in uses.lines), len(face_lines)]
+    for name, start, end in zip(["", *(text.strip() for text in uses.text)], starts[:-1], starts[1:], strict=True):
+        if start == end:
+            continue
+        if name not in names:
+            names.append(name)
+        found[start:end] = names.index(name)
+    return found, names

@@ -1,0 +1,75 @@
+"""Procedural shapes with few parameters: box, quad, rectangle, and the subdivided icosahedron."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.model import Triple
+
+
+class Faces(NamedTuple):
+    """A generated mesh: `vertices` (n, 3) float64, `faces` (m, 3) int32, counter-clockwise seen from the front."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    name: str
+
+
+def box(half_size: Triple, center: Triple, rotate_y: float) -> Faces:
+    """A closed box of 12 triangles with outward normals, turned by `rotate_y` degrees about +y through its centre.
+
+    Vertex k has the signs of the bits of k (x lowest). x' = x cos + z sin, z' = z cos - x sin.
+    """
+    signs = np.array([[1 if k >> axis & 1 else -1 for axis in range(3)] for k in range(8)], np.float64)
+    x, y, z = (signs * np.array(half_size)).T
+    cos, sin = np.cos(np.radians(rotate_y)), np.sin(np.radians(rotate_y))
+    vertices = np.stack([x * cos + z * sin, y, z * cos - x * sin], axis=1) + np.array(center)
+    sides = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
+    faces = np.array([[(a, b, c), (a, c, d)] for a, b, c, d in sides], np.int32).reshape(-1, 3)
+    return Faces(vertices, faces, "box")
+
+
+def quad(points: NDArray[np.float64]) -> Faces:
+    """Two triangles (0, 1, 2) and (0, 2, 3) of four corners."""
+    return Faces(np.array(points, np.float64), np.array([[0, 1, 2], [0, 2, 3]], np.int32), "quad")
+
+
+def rectangle(corner: Triple, edge1: Triple, edge2: Triple) -> Faces:
+    """The parallelogram of a corner and two edges; its front is edge1 x edge2."""
+    c, e1, e2 = np.array(corner), np.array(edge1), np.array(edge2)
+    return quad(np.stack([c, c + e1, c + e1 + e2, c + e2]))._replace(name="rectangle")
+
+
+def tessellated_sphere(subdivisions: int, center: Triple, radius: float) -> Faces:
+    """An icosahedron whose faces are cut into four, again and again, with all vertices on the sphere."""
+    golden = (1 + 5**0.5) / 2
+    vertices = np.array([
+        [-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0], [0, -1, golden], [0, 1, golden],
+        [0, -1, -golden], [0, 1, -golden], [golden, 0, -1], [golden, 0, 1], [-golden, 0, -1], [-golden, 0, 1],
+    ]) / (1 + golden * golden) ** 0.5  # fmt: skip
+    faces = np.array([
+        [0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6],
+        [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10],
+        [8, 6, 7], [9, 8, 1],
+    ])  # fmt: skip
+    for _ in range(subdivisions):
+        vertices, faces = _subdivided(vertices, faces)
+    return Faces(vertices * radius + np.array(center), faces.astype(np.int32), "tessellated_sphere")
+
+
+def _subdivided(
+    vertices: NDArray[np.float64], faces: NDArray[np.integer]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Every face in four; each edge's midpoint, pushed out to the unit sphere, is one vertex."""
+    count = len(vertices)
+    edges = np.sort(np.stack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]], axis=1).reshape(-1, 2), axis=1)
+    keys, inverse = np.unique(edges[:, 0].astype(np.int64) * count + edges[:, 1], return_inverse=True)
+    middle = vertices[keys // count] + vertices[keys % count]
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    a, b, c = faces.T.astype(np.int64)
+    ab, bc, ca = (inverse.reshape(-1, 3) + count).T
+    parts = [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    return np.concatenate([vertices, middle]), np.stack(parts, axis=1).reshape(-1, 3)

@@ -1,0 +1,102 @@
+"""Procedural surfaces of many triangles: a fractal terrain and a torus knot."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.model import Triple
+from engines.scene.solids import Faces
+
+OCTAVES = 8
+FIRST_CELLS = 2
+"""Lattice cells along a side in the first octave; every octave doubles them."""
+
+
+def terrain(cells: int, size: float, height: float, roughness: float, seed: int, center: Triple) -> Faces:
+    """A heightfield over a square in the plane y = const, front upwards: gradient noise (Perlin 1985, 2002) in octaves.
+
+    Heights run from center.y to center.y + `height`; the same seed gives the same terrain on every machine.
+    """
+    line = np.linspace(0.0, 1.0, cells + 1)
+    heights = np.zeros((cells + 1, cells + 1))
+    for octave in range(OCTAVES):
+        lattice = FIRST_CELLS << octave
+        if octave and lattice > cells:
+            break
+        heights += roughness**octave * _gradient_noise(line * lattice, lattice, seed * 0x9E3779B1 + octave)
+    spread = np.ptp(heights)
+    heights = (heights - heights.min()) * (height / spread if spread > 0.0 else 0.0)
+    x, z = np.meshgrid((line - 0.5) * size, (line - 0.5) * size)
+    vertices = np.stack([x, heights, z], axis=2).reshape(-1, 3) + np.array(center)
+    return Faces(vertices, _grid_faces(cells, cells), "terrain")
+
+
+def _gradient_noise(at: NDArray[np.float64], lattice: int, key: int) -> NDArray[np.float64]:
+    """Noise on the square grid of coordinates `at` x `at` in [0, lattice]: rows are z, columns x."""
+    angles = (2.0 * np.pi * 2.0**-32) * _hash_grid(lattice + 1, key)
+    gx, gz = np.cos(angles), np.sin(angles)
+    cell = np.minimum(at.astype(np.int64), lattice - 1)
+    inside = at - cell
+    smooth = inside**3 * (inside * (6.0 * inside - 15.0) + 10.0)
+
+    def corner(right: int, down: int) -> NDArray[np.float64]:
+        rows, columns = (cell + down)[:, None], (cell + right)[None, :]
+        return gx[rows, columns] * (inside - right)[None, :] + gz[rows, columns] * (inside - down)[:, None]
+
+    s, t = smooth[None, :], smooth[:, None]
+    top = corner(0, 0) * (1 - s) + corner(1, 0) * s
+    return top * (1 - t) + (corner(0, 1) * (1 - s) + corner(1, 1) * s) * t
+
+
+def _hash_grid(side: int, key: int) -> NDArray[np.uint64]:
+    """(side, side) 32-bit random numbers: Wellons' lowbias32 over the index and the key."""
+    x = np.arange(side * side, dtype=np.uint64) * np.uint64(0x9E3779B1) + np.uint64(key % 2**32)
+    mask = np.uint64(0xFFFFFFFF)
+    for _ in range(2):
+        x &= mask
+        x ^= x >> np.uint64(16)
+        x = (x * np.uint64(0x7FEB352D)) & mask
+        x ^= x >> np.uint64(15)
+        x = (x * np.uint64(0x846CA68B)) & mask
+        x ^= x >> np.uint64(16)
+    return x.reshape(side, side)
+
+
+def _grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
+    """(2 rows columns, 3) faces of a grid of (rows + 1) x (columns + 1) vertices; front: row axis x column axis."""
+    index = np.arange((rows + 1) * (columns + 1), dtype=np.int32).reshape(rows + 1, columns + 1)
+    return _quads(index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+
+
+def _quads(a: NDArray[np.int32], b: NDArray[np.int32], c: NDArray[np.int32], d: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+
+
+def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: float, center: Triple) -> Faces:
+    """A closed tube along the (p, q) torus knot about the z axis; p and q without common divisor give one knot.
+
+    The curve is (r cos p t, r sin p t, -sin q t) / 2 with r = cos q t + 2, scaled so that the ring has `radius`.
+    """
+    t = 2.0 * np.pi * np.arange(segments) / segments
+    r = np.cos(q * t) + 2.0
+    slope = -q * np.sin(q * t)
+    scale = radius / 2.0
+    curve = scale * np.stack([r * np.cos(p * t), r * np.sin(p * t), -np.sin(q * t)], axis=1)
+    tangent = np.stack([
+        slope * np.cos(p * t) - p * r * np.sin(p * t),
+        slope * np.sin(p * t) + p * r * np.cos(p * t),
+        -q * np.cos(q * t),
+    ], axis=1)  # fmt: skip
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    # across: the torus normal made orthogonal to the tangent; it never vanishes and closes without a twist
+    across = np.stack([np.cos(q * t) * np.cos(p * t), np.cos(q * t) * np.sin(p * t), -np.sin(q * t)], axis=1)
+    across -= (across * tangent).sum(axis=1, keepdims=True) * tangent
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(tangent, across)
+    around = 2.0 * np.pi * np.arange(sides) / sides
+    ring = np.cos(around)[None, :, None] * across[:, None, :] + np.sin(around)[None, :, None] * other[:, None, :]
+    vertices = (curve[:, None, :] + tube * ring).reshape(-1, 3) + np.array(center)
+    index = np.arange(segments * sides, dtype=np.int32).reshape(segments, sides)
+    ahead = np.roll(index, -1, axis=0)
+    return Faces(vertices, _quads(index, ahead, np.roll(ahead, -1, axis=1), np.roll(index, -1, axis=1)), "torus_knot")
