@@ -1,0 +1,105 @@
+"""Cameras: the stage that begins a sample with its ray."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels import block as at
+from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, pointer, put_int, select
+from engines.kernels.vector import Vec3, select3, unit
+from engines.kernels.world import CAMERA, table
+from engines.scene.model import CustomCamera, Orthographic, Perspective
+
+PERSPECTIVE, ORTHOGRAPHIC = 0, 1
+CAMERA_REALS = 20  # eye 3, forward 3, right 3 (scaled by the half width), up 3 (by the half height), width, height
+
+
+def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The numbers (20,) that the camera's stage reads."""
+    row = np.zeros(CAMERA_REALS)
+    row[12:14] = width, height
+    if isinstance(camera, CustomCamera):
+        row[:3] = -center
+        return row
+    forward = _unit(np.subtract(camera.target, camera.eye))
+    right = _unit(np.cross(forward, camera.up))
+    aspect = width / height
+    if isinstance(camera, Perspective):
+        tangent = math.tan(math.radians(camera.fov) / 2)
+        half = (aspect * tangent, tangent) if camera.fov_axis == "y" else (tangent, tangent / aspect)
+    else:
+        half = (aspect * camera.height / 2, camera.height / 2)
+    row[:12] = np.concatenate(
+        [np.subtract(camera.eye, center), forward, half[0] * right, half[1] * np.cross(right, forward)]
+    )
+    return row
+
+
+def _unit(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    return v / np.linalg.norm(v)
+
+
+@inline
+def _put_new(lanes, field, lane, new, value, real):
+    old = at.get3(lanes, field, lane)
+    fresh = Vec3(real(value.x), real(value.y), real(value.z))
+    at.put3(lanes, field, lane, select3(new, fresh, old))
+
+
+def _make(kind: int, real: Any) -> Any:
+    def begin(block, world):
+        lanes = pointer(block, real)
+        camera = table(world, CAMERA, np.float64)
+        eye = Vec3(fetch(camera, 0), fetch(camera, 1), fetch(camera, 2))
+        forward = Vec3(fetch(camera, 3), fetch(camera, 4), fetch(camera, 5))
+        right = Vec3(fetch(camera, 6), fetch(camera, 7), fetch(camera, 8))
+        up = Vec3(fetch(camera, 9), fetch(camera, 10), fetch(camera, 11))
+        width, height = fetch(camera, 12), fetch(camera, 13)
+        for lane in range(np.uint64(LANES)):
+            new = get_int(lanes, at.NEW, lane) != 0
+            x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
+            y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
+            shift = right * (2.0 * x / width - 1.0) + up * (1.0 - 2.0 * y / height)
+            origin, ray = (eye, unit(forward + shift)) if kind == PERSPECTIVE else (eye + shift, forward)
+            _put_new(lanes, at.ORIGIN, lane, new, origin, real)
+            _put_new(lanes, at.DIRECTION, lane, new, ray, real)
+            dimension = get_int(lanes, at.DIMENSION, lane)
+            put_int(lanes, at.DIMENSION, lane, select(new, dimension - dimension + 2, dimension))
+
+    return begin
+
+
+@cache
+def stage(camera_type: type, real: Any) -> Any:
+    """The stage of a built-in camera."""
+    return compile_stage(_make(ORTHOGRAPHIC if camera_type is Orthographic else PERSPECTIVE, real))
+
+
+def _make_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
+    def begin(block, world):
+        lanes = pointer(block, real)
+        camera = table(world, CAMERA, np.float64)
+        width, height = fetch(camera, 12), fetch(camera, 13)
+        for lane in range(np.uint64(LANES)):
+            new = get_int(lanes, at.NEW, lane) != 0
+            x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
+            y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
+            o = function(x, y, width, height, options)
+            origin = Vec3(o[0] + fetch(camera, 0), o[1] + fetch(camera, 1), o[2] + fetch(camera, 2))
+            _put_new(lanes, at.ORIGIN, lane, new, origin, real)
+            _put_new(lanes, at.DIRECTION, lane, new, unit(Vec3(o[3], o[4], o[5])), real)
+            dimension = get_int(lanes, at.DIMENSION, lane)
+            put_int(lanes, at.DIMENSION, lane, select(new, dimension - dimension + 2, dimension))
+
+    return begin
+
+
+@cache
+def plugin_stage(function: Any, options: tuple[float, ...], real: Any) -> Any:
+    """The stage of a camera plugin: an `@njit` function (x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)."""
+    return compile_stage(_make_plugin(function, options, real), on_disk=False)

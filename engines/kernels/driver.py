@@ -1,0 +1,287 @@
+"""The loop that drives blocks of lanes through the stages, tile by tile, and the same for single rays.
+
+    refill -> begin (new lanes) -> closest -> surface -> draw -> light -> shade -> occluded -> settle -> retire
+
+A lane that finishes its sample takes the next of the tile at once. A tile is finished in passes of a few samples a pixel
+into a buffer of its own; then the buffer goes to the film in the order of samples, so neither threads nor the way
+calls are split can change a bit of the image.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from engines.kernels import block as at
+from engines.kernels.block import STACK_FIELDS, STACK_FIRST
+from engines.kernels.jit import LANES, call_stage, fetch_add, get, get_int, inline, kernel, pointer, put, put_int, select
+from engines.kernels.vector import Vec3, select3
+
+# places in the array of stage addresses
+DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED = range(8)
+# places in the control array that threads share
+STOP, NEXT_TILE = 0, 1
+# totals of a thread
+RAYS, BAD_SAMPLES = 0, 1
+
+
+@inline
+def _idle(lanes, lane, one):
+    """A lane without work still runs through the stages: give it a harmless ray that is not traced."""
+    put_int(lanes, at.ALIVE, lane, 0)
+    put_int(lanes, at.NEW, lane, 0)
+    put(lanes, at.T, lane, -one)
+    put(lanes, at.SHADOW_T, lane, -one)
+    put_int(lanes, at.HELD, lane, -1)
+
+
+@inline
+def _start(lanes, lane, one, slot, column, row, width, sample):
+    zero = one - one
+    put_int(lanes, at.ALIVE, lane, 1)
+    put_int(lanes, at.NEW, lane, 1)
+    put_int(lanes, at.SLOT, lane, slot)
+    put_int(lanes, at.PIXEL, lane, row * width + column)
+    put(lanes, at.COLUMN, lane, one * column)
+    put(lanes, at.ROW, lane, one * row)
+    put_int(lanes, at.SAMPLE, lane, sample)
+    put_int(lanes, at.DIMENSION, lane, 0)
+    put(lanes, at.T, lane, one * math.inf)
+    put_int(lanes, at.LEFT, lane, -1)
+    put_int(lanes, at.HELD, lane, -1)
+    put_int(lanes, at.DEPTH, lane, 1)
+    at.put3(lanes, at.THROUGHPUT, lane, Vec3(one, one, one))
+    at.put3(lanes, at.RADIANCE, lane, Vec3(zero, zero, zero))
+    put(lanes, at.PDF, lane, one * math.inf)
+    put(lanes, at.COS_PDF, lane, zero)
+    put_int(lanes, at.LIGHT, lane, 0)
+    put_int(lanes, at.STACK, lane, 0)
+
+
+@inline
+def _settle(lanes, zero):
+    """Adds the light samples that nothing hides."""
+    for lane in range(np.uint64(LANES)):
+        hidden = get_int(lanes, at.OCCLUDED, lane) != 0
+        direct = select3(hidden, Vec3(zero, zero, zero), at.get3(lanes, at.DIRECT, lane))
+        at.put3(lanes, at.RADIANCE, lane, at.get3(lanes, at.RADIANCE, lane) + direct)
+
+
+@inline
+def _push(lanes, lane):
+    """Puts the second ray of a hit on the lane's stack."""
+    place = STACK_FIRST + get_int(lanes, at.STACK, lane) * STACK_FIELDS
+    at.put3(lanes, place, lane, at.get3(lanes, at.SHADOW_ORIGIN, lane))
+    at.put3(lanes, place + 3, lane, at.get3(lanes, at.BRANCH_DIRECTION, lane))
+    at.put3(lanes, place + 6, lane, at.get3(lanes, at.BRANCH_THROUGHPUT, lane))
+    put_int(lanes, place + 9, lane, get_int(lanes, at.DEPTH, lane))
+    put_int(lanes, place + 10, lane, get_int(lanes, at.LEFT, lane))
+    put_int(lanes, at.STACK, lane, get_int(lanes, at.STACK, lane) + 1)
+
+
+@inline
+def _pop(lanes, lane, one, turns):
+    """Takes up the ray that waits on the lane's stack."""
+    waiting = get_int(lanes, at.STACK, lane) - 1
+    place = STACK_FIRST + waiting * STACK_FIELDS
+    at.put3(lanes, at.ORIGIN, lane, at.get3(lanes, place, lane))
+    at.put3(lanes, at.DIRECTION, lane, at.get3(lanes, place + 3, lane))
+    at.put3(lanes, at.THROUGHPUT, lane, at.get3(lanes, place + 6, lane))
+    depth = get_int(lanes, place + 9, lane)
+    put_int(lanes, at.DEPTH, lane, depth)
+    put_int(lanes, at.LEFT, lane, get_int(lanes, place + 10, lane))
+    put_int(lanes, at.DIMENSION, lane, 2 + 8 * (depth - 1) * turns)
+    put(lanes, at.T, lane, one * math.inf)
+    put_int(lanes, at.STACK, lane, waiting)
+
+
+@cache
+def driver(real: Any) -> Any:
+    """The kernel that one thread runs: pulls tiles until there are none, or until it is told to stop."""
+    one, zero = real(1), real(0)
+
+    def drive(
+        stages, block, world, lit, shadows, branches, turns, tiles, done, target, chunk, width,
+        control, sums, squares, even_sums, counts, buffer, totals,
+    ):  # fmt: skip
+        lanes = pointer(block, real)
+        next_tile = control.ctypes.data + 8 * NEXT_TILE
+        while True:
+            tile = fetch_add(next_tile, 1)
+            if tile >= len(tiles):
+                return
+            x0, y0, columns, rows = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2], tiles[tile, 3]
+            pixels = columns * rows
+            while done[tile] < target:
+                first = done[tile]
+                samples = min(chunk, target - first)
+                jobs = samples * pixels
+                issued, column, row, sample = 0, 0, 0, 0
+                for lane in range(np.uint64(LANES)):
+                    _idle(lanes, lane, one)
+                while True:
+                    if control[STOP] != 0:
+                        return
+                    # refill
+                    fresh, working = False, 0
+                    for lane in range(np.uint64(LANES)):
+                        if get_int(lanes, at.ALIVE, lane) != 0:
+                            put_int(lanes, at.NEW, lane, 0)
+                            working += 1
+                        elif issued < jobs:
+                            _start(lanes, lane, one, issued, x0 + column, y0 + row, width, first + sample)
+                            fresh = True
+                            working += 1
+                            issued += 1
+                            column += 1
+                            if column == columns:
+                                column = 0
+                                row += 1
+                                if row == rows:
+                                    row = 0
+                                    sample += 1
+                        else:
+                            _idle(lanes, lane, one)
+                    if working == 0:
+                        break
+                    if fresh:
+                        call_stage(stages[DRAW_PIXEL], block, world)
+                        call_stage(stages[BEGIN], block, world)
+                    call_stage(stages[CLOSEST], block, world)
+                    call_stage(stages[SURFACE], block, world)
+                    call_stage(stages[DRAW_VERTEX], block, world)
+                    if lit:
+                        call_stage(stages[LIGHT], block, world)
+                    call_stage(stages[SHADE], block, world)
+                    totals[RAYS] += working
+                    if lit:
+                        if shadows:
+                            for lane in range(np.uint64(LANES)):
+                                totals[RAYS] += 1 if get(lanes, at.SHADOW_T, lane) > zero else 0
+                            call_stage(stages[OCCLUDED], block, world)
+                        _settle(lanes, zero)
+                    # retire
+                    for lane in range(np.uint64(LANES)):
+                        if branches and get_int(lanes, at.BRANCH, lane) != 0:
+                            _push(lanes, lane)
+                        if get_int(lanes, at.DONE, lane) != 0:
+                            if branches and get_int(lanes, at.STACK, lane) > 0:
+                                _pop(lanes, lane, one, turns)
+                            else:
+                                slot = get_int(lanes, at.SLOT, lane)
+                                buffer[slot, 0] = get(lanes, at.RADIANCE, lane)
+                                buffer[slot, 1] = get(lanes, at.RADIANCE + 1, lane)
+                                buffer[slot, 2] = get(lanes, at.RADIANCE + 2, lane)
+                                put_int(lanes, at.ALIVE, lane, 0)
+                _commit(buffer, first, samples, x0, y0, columns, rows, width, sums, squares, even_sums, counts, totals)
+                done[tile] = first + samples
+
+    return kernel(drive)
+
+
+@inline
+def _commit(buffer, first, samples, x0, y0, columns, rows, width, sums, squares, even_sums, counts, totals):
+    """Adds a finished pass of a tile to the film, samples in order; a sample that is not finite counts as black."""
+    slot = 0
+    for sample in range(samples):
+        even = (first + sample) % 2 == 0
+        for row in range(rows):
+            for column in range(columns):
+                pixel = (y0 + row) * width + x0 + column
+                r, g, b = np.float64(buffer[slot, 0]), np.float64(buffer[slot, 1]), np.float64(buffer[slot, 2])
+                slot += 1
+                if not (math.isfinite(r) and math.isfinite(g) and math.isfinite(b)):
+                    totals[BAD_SAMPLES] += 1
+                    r, g, b = 0.0, 0.0, 0.0
+                sums[pixel, 0] += r
+                sums[pixel, 1] += g
+                sums[pixel, 2] += b
+                squares[pixel, 0] += r * r
+                squares[pixel, 1] += g * g
+                squares[pixel, 2] += b * b
+                if even:
+                    even_sums[pixel, 0] += r
+                    even_sums[pixel, 1] += g
+                    even_sums[pixel, 2] += b
+                counts[pixel] += 1
+
+
+@inline
+def _ray(origins, directions, reach, center, i):
+    """Ray i in tracing coordinates, its direction unit: (origin, direction, t_max in metres, length). t_max is -1 for a ray
+    that cannot hit: not finite, zero, or with t_max not above 0."""
+    x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+    big = max(abs(x), abs(y), abs(z))
+    ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
+    good = math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and reach[i] > 0.0
+    if not good:
+        return Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0), -1.0, 1.0
+    scale = 1.0 / big if big > 1e-300 else 1e300
+    x, y, z = x * scale, y * scale, z * scale
+    norm = math.sqrt(x * x + y * y + z * z)
+    length = norm / scale
+    origin = Vec3(ox - center[0], oy - center[1], oz - center[2])
+    return origin, Vec3(x / norm, y / norm, z / norm), reach[i] * length, length
+
+
+@cache
+def tracer(real: Any) -> Any:
+    """The kernel that finds closest hits of rays first .. last - 1."""
+    one = real(1)
+
+    def trace(stages, block, world, origins, directions, reach, center, first, last, t, rank, normal, u, v):
+        lanes = pointer(block, real)
+        lengths = np.empty(LANES)
+        for start in range(first, last, LANES):
+            for lane in range(np.uint64(LANES)):
+                i = start + np.int64(lane)
+                _idle(lanes, lane, one)
+                put_int(lanes, at.LEFT, lane, -1)
+                if i < last:
+                    o, d, far, lengths[lane] = _ray(origins, directions, reach, center, i)
+                    at.put3(lanes, at.ORIGIN, lane, Vec3(real(o.x), real(o.y), real(o.z)))
+                    at.put3(lanes, at.DIRECTION, lane, Vec3(real(d.x), real(d.y), real(d.z)))
+                    put(lanes, at.T, lane, real(far))
+            call_stage(stages[CLOSEST], block, world)
+            call_stage(stages[SURFACE], block, world)
+            for lane in range(np.uint64(LANES)):
+                i = start + np.int64(lane)
+                if i < last:
+                    hit = get_int(lanes, at.MISS, lane) == 0
+                    rank[i] = get_int(lanes, at.RANK, lane)
+                    t[i] = np.float64(get(lanes, at.T, lane)) / lengths[lane] if hit else math.inf
+                    n = at.get3(lanes, at.GEOMETRIC, lane)
+                    normal[i, 0], normal[i, 1], normal[i, 2] = (n.x, n.y, n.z) if hit else (one - one, one - one, one - one)
+                    u[i] = get(lanes, at.U, lane) if hit else one - one
+                    v[i] = get(lanes, at.V, lane) if hit else one - one
+
+    return kernel(trace)
+
+
+@cache
+def shadow_tracer(real: Any) -> Any:
+    """The kernel that asks of rays first .. last - 1 whether anything is in the way."""
+    one = real(1)
+
+    def occluded(stages, block, world, origins, directions, reach, center, first, last, answer):
+        lanes = pointer(block, real)
+        for start in range(first, last, LANES):
+            for lane in range(np.uint64(LANES)):
+                i = start + np.int64(lane)
+                _idle(lanes, lane, one)
+                put_int(lanes, at.LEFT, lane, -1)
+                if i < last:
+                    o, d, far, _ = _ray(origins, directions, reach, center, i)
+                    at.put3(lanes, at.SHADOW_ORIGIN, lane, Vec3(real(o.x), real(o.y), real(o.z)))
+                    at.put3(lanes, at.TO_LIGHT, lane, Vec3(real(d.x), real(d.y), real(d.z)))
+                    put(lanes, at.SHADOW_T, lane, real(far))
+            call_stage(stages[OCCLUDED], block, world)
+            for lane in range(np.uint64(LANES)):
+                i = start + np.int64(lane)
+                if i < last:
+                    answer[i] = get_int(lanes, at.OCCLUDED, lane) != 0
+
+    return kernel(occluded)

@@ -1,0 +1,87 @@
+"""Environment images: bilinear radiance, and importance sampling by texel (docs/transport.md)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.jit import fetch, inline
+from engines.kernels.vector import Vec3
+from engines.scene.model import EnvironmentLight
+
+
+def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Of an image (h, w, 3): the image times `radiance`; pdf in (u, v) (h, w); cumulative rows (h,) and columns (h, w),
+    each as a share of its total."""
+    assert light.image is not None
+    image = np.asarray(light.image, np.float64) * np.asarray(light.radiance)
+    height = image.shape[0]
+    grey = image.mean(axis=2)
+    tall = np.concatenate([grey[:1], grey, grey[-1:]])
+    tall = tall[:-2] + tall[1:-1] + tall[2:]
+    weight = (np.roll(tall, 1, axis=1) + tall + np.roll(tall, -1, axis=1)) / 9
+    weight = weight * np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
+    if not weight.sum() > 0:  # a black sky: any density will do
+        weight = np.ones_like(weight)
+    sums = weight.sum(axis=1)
+    rows = np.cumsum(sums) / sums.sum()
+    with np.errstate(invalid="ignore"):
+        columns = np.cumsum(weight, axis=1) / sums[:, None]
+    return image, weight * weight.size / weight.sum(), rows, np.where(np.isfinite(columns), columns, 1.0)
+
+
+@inline
+def first_above(values, start, n, u):
+    """The first index in [0, n) with values[start + index] > u, else n - 1."""
+    low, high = 0, n - 1
+    while low < high:
+        middle = (low + high) // 2
+        if fetch(values, start + middle) > u:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@inline
+def direction_to_uv(x, y, z):
+    """(u, v) in [0, 1] of a unit direction: -z at u = 0, +z at 1/2, +y at v = 0."""
+    u = math.atan2(x, -z) / (2.0 * math.pi)
+    return u - math.floor(u), math.acos(min(1.0, max(-1.0, y))) / math.pi
+
+
+@inline
+def uv_to_direction(u, v):
+    phi, theta = 2.0 * math.pi * u, math.pi * v
+    sine = math.sin(theta)
+    return Vec3(math.sin(phi) * sine, math.cos(theta), -math.cos(phi) * sine)
+
+
+@inline
+def texel_row(image, width, row, column):
+    at = 3 * (row * width + column)
+    return Vec3(fetch(image, at), fetch(image, at + 1), fetch(image, at + 2))
+
+
+@inline
+def radiance(image, width, height, u, v):
+    """Bilinear between texel centres; columns wrap, rows clamp. float64."""
+    x, y = u * width - 0.5, v * height - 0.5
+    left, top = math.floor(x), math.floor(y)
+    fx, fy = x - left, y - top
+    x0, x1 = int(left) % width, (int(left) + 1) % width
+    y0, y1 = max(int(top), 0), min(int(top) + 1, height - 1)
+    above = texel_row(image, width, y0, x0) * (1.0 - fx) + texel_row(image, width, y0, x1) * fx
+    below = texel_row(image, width, y1, x0) * (1.0 - fx) + texel_row(image, width, y1, x1) * fx
+    return above * (1.0 - fy) + below * fy
+
+
+@inline
+def pdf_solid_angle(density, width, height, u, v):
+    """Of the texel that holds (u, v), per solid angle; 0 at the poles."""
+    column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
+    sine = math.sin(math.pi * v)
+    return fetch(density, row * width + column) / (2.0 * math.pi * math.pi * sine) if sine > 0.0 else 0.0

@@ -1,0 +1,277 @@
+"""How kernels are compiled: options in one place, the disk cache, stages by address, and memory with known aliasing.
+
+A *stage* is a C function `void(block, world)` of two addresses, made by a factory that closes over plain values only (a
+scalar type, ints, bools). Such a stage is cached on disk and loaded by the next process; one that closes over another
+jitted function (a user's plugin) is compiled anew in each. The driver calls stages by address, so compile times add up
+rather than multiply.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.core import caching
+from numba.core.ccallback import CFunc
+from numba.extending import intrinsic
+
+LANES = 16
+"""Lanes of a block: one 512-bit vector of float32."""
+
+# The default error model puts an early exit into every loop with a division, and then nothing vectorises.
+OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+
+compile_seconds = 0.0
+"""Seconds this process has spent compiling or loading stages."""
+
+
+@cache
+def source_hash() -> str:
+    """Hash of the engines' sources. Numba's own cache does not notice a change in a callee of another file."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(Path(__file__).parent.parent.rglob("*.py")):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Where machine code is kept: $NUMBA_CACHE_DIR, else the user's cache folder; one folder per version of the sources."""
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "raybench"
+    )
+    return Path(root) / f"kernels-{source_hash()}"
+
+
+class _Locator(caching._CacheLocator):
+    """Puts cached code into `cache_folder`, stamped with the hash of all sources instead of one file's date."""
+
+    def __init__(self, function: Any, source: str) -> None:
+        self._line = function.__code__.co_firstlineno
+        self._source = source
+
+    def get_cache_path(self) -> str:
+        return str(cache_folder())
+
+    def get_source_stamp(self) -> str:
+        return source_hash()
+
+    def get_disambiguator(self) -> str:
+        return f"{Path(self._source).stem}{self._line}"
+
+    @classmethod
+    def from_function(cls, function: Any, source: str) -> Any:
+        locator = cls(function, source)
+        try:
+            locator.ensure_cache_path()
+        except OSError:
+            return None
+        return locator
+
+
+class _Impl(caching.CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012
+
+
+class _Cache(caching.FunctionCache):
+    _impl_class = _Impl
+
+
+def _cached(function: Any) -> Any:
+    try:
+        return _Cache(function)
+    except RuntimeError:  # no folder can be written: compile every time
+        return caching.NullCache()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """A jitted function that Python calls: releases the GIL, kept on disk."""
+    dispatcher = numba.njit(nogil=True, **OPTIONS)(function)
+    dispatcher._cache = _cached(function)
+    return dispatcher
+
+
+def inline(function: Callable[..., Any]) -> Any:
+    """A jitted function of one lane, inlined into the loop over lanes so that the loop can become vector code."""
+    return numba.njit(forceinline=True, **OPTIONS)(function)
+
+
+_STAGE = types.void(types.int64, types.int64)
+
+
+def compile_stage(function: Callable[..., Any], on_disk: bool = True) -> Any:
+    """Compiles `function(block, world)`; the result has `.address` and must be kept alive while that is used."""
+    global compile_seconds
+    start = time.perf_counter()
+    stage = CFunc(function, (_STAGE.args, _STAGE.return_type), locals={}, options=dict(OPTIONS))
+    if on_disk:
+        stage._cache = _cached(function)
+    stage.compile()
+    compile_seconds += time.perf_counter() - start
+    return stage
+
+
+# ---- calls and atomics -----------------------------------------------------------------------------------------------
+
+
+@intrinsic
+def call_stage(typing, stage, block, world):
+    """Calls the stage at address `stage`."""
+
+    def generate(context, builder, signature, arguments):
+        word = ir.IntType(64)
+        function = ir.FunctionType(ir.VoidType(), [word, word])
+        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), generate
+
+
+@intrinsic
+def fetch_add(typing, address, amount):
+    """Adds to the int64 at `address` atomically and returns what was there before."""
+
+    def generate(context, builder, signature, arguments):
+        pointer = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        return builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
+
+    return types.int64(types.int64, types.int64), generate
+
+
+# ---- values ----------------------------------------------------------------------------------------------------------
+
+
+@intrinsic
+def select(typing, condition, yes, no):
+    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.select(*arguments)
+
+    return yes(types.boolean, yes, yes), generate
+
+
+@intrinsic
+def const(typing, value, like):
+    """The number `value` in the type of `like`: a bare Python literal would turn float32 arithmetic into float64."""
+    kind = getattr(like, "dtype", like)
+
+    def generate(context, builder, signature, arguments):
+        return context.cast(builder, arguments[0], signature.args[0], kind)
+
+    return kind(value, like), generate
+
+
+# ---- memory ----------------------------------------------------------------------------------------------------------
+# A block (the lanes' state, written) and everything else (the world, read; scratch) never overlap. Saying so on each
+# access is what lets LLVM vectorise loops that gather from the world while they write the block.
+
+
+def _tag(module: Any, access: Any, of_block: bool) -> None:
+    domain = module.add_metadata([ir.MetaDataString(module, "raybench")])
+    block = module.add_metadata([module.add_metadata([ir.MetaDataString(module, "block"), domain])])
+    world = module.add_metadata([module.add_metadata([ir.MetaDataString(module, "world"), domain])])
+    access.set_metadata("alias.scope", block if of_block else world)
+    access.set_metadata("noalias", world if of_block else block)
+
+
+def _slot(builder: Any, arguments: Any) -> Any:
+    index = builder.add(builder.mul(arguments[1], ir.Constant(ir.IntType(64), LANES)), arguments[2])
+    return builder.gep(arguments[0], [index])
+
+
+def _load(builder: Any, address: Any, of_block: bool) -> Any:
+    value = builder.load(address)
+    _tag(builder.module, value, of_block)
+    return value
+
+
+def _store(builder: Any, value: Any, address: Any, of_block: bool) -> None:
+    _tag(builder.module, builder.store(value, address), of_block)
+
+
+def _word(real: Any) -> Any:
+    return types.int32 if real == types.float32 else types.int64
+
+
+@intrinsic
+def pointer(typing, address, kind):
+    """A typed pointer to `address`; `kind` is a scalar type such as np.float32."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(kind.dtype)(types.int64, kind), generate
+
+
+@intrinsic
+def get(typing, block, field, lane):
+    """The number in `field` of `lane`."""
+
+    def generate(context, builder, signature, arguments):
+        return _load(builder, _slot(builder, arguments), True)
+
+    return block.dtype(block, types.int64, types.uint64), generate
+
+
+@intrinsic
+def put(typing, block, field, lane, value):
+    """Writes the number `value` into `field` of `lane`."""
+
+    def generate(context, builder, signature, arguments):
+        _store(builder, arguments[3], _slot(builder, arguments), True)
+        return context.get_dummy_value()
+
+    return types.void(block, types.int64, types.uint64, block.dtype), generate
+
+
+@intrinsic
+def get_int(typing, block, field, lane):
+    """The integer whose bits `field` of `lane` holds: int32 in a float32 block, int64 in a float64 block."""
+    word = _word(block.dtype)
+
+    def generate(context, builder, signature, arguments):
+        return builder.bitcast(_load(builder, _slot(builder, arguments), True), context.get_value_type(word))
+
+    return word(block, types.int64, types.uint64), generate
+
+
+@intrinsic
+def put_int(typing, block, field, lane, value):
+    """Writes the bits of the integer `value` into `field` of `lane`."""
+    word = _word(block.dtype)
+
+    def generate(context, builder, signature, arguments):
+        bits = builder.bitcast(arguments[3], context.get_value_type(block.dtype))
+        _store(builder, bits, _slot(builder, arguments), True)
+        return context.get_dummy_value()
+
+    return types.void(block, types.int64, types.uint64, word), generate
+
+
+@intrinsic
+def fetch(typing, table, index):
+    """`table[index]` of the world or of scratch memory; the index is not checked."""
+
+    def generate(context, builder, signature, arguments):
+        return _load(builder, builder.gep(arguments[0], [arguments[1]]), False)
+
+    return table.dtype(table, types.int64), generate
+
+
+@intrinsic
+def keep(typing, table, index, value):
+    """Writes `table[index]` of scratch memory."""
+
+    def generate(context, builder, signature, arguments):
+        _store(builder, arguments[2], builder.gep(arguments[0], [arguments[1]]), False)
+        return context.get_dummy_value()
+
+    return types.void(table, types.int64, table.dtype), generate

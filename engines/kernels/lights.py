@@ -1,0 +1,265 @@
+"""The light sample at a surface: which light, where on it, and what arrives (docs/transport.md)."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from engines.kernels import block as at
+from engines.kernels import environment
+from engines.kernels.jit import (
+    LANES,
+    compile_stage,
+    const,
+    fetch,
+    get,
+    get_int,
+    inline,
+    pointer,
+    put,
+    put_int,
+    select,
+)
+from engines.kernels.materials import cosine_direction, cosine_pdf
+from engines.kernels.vector import Vec3, dot, length, select3, sin_cos_turn, tangents, unit
+from engines.kernels.world import (
+    CONSTANT_SKY,
+    DIRECTIONAL_LIGHT,
+    FACE_LIGHT,
+    IMAGE_SKY,
+    LIGHT_CDF,
+    LIGHT_FACES,
+    LIGHT_RANGE,
+    LIGHT_REALS,
+    LIGHTS,
+    MATERIAL_REALS,
+    MATERIALS,
+    N_LIGHTS,
+    POINT_LIGHT,
+    PRIMITIVE_INTS,
+    PRIMITIVES,
+    SKY,
+    SKY_COLUMNS,
+    SKY_HEIGHT,
+    SKY_PDF,
+    SKY_ROWS,
+    SKY_WIDTH,
+    SPHERE_LIGHT,
+    TRIANGLES,
+    VERTICES,
+    Needs,
+    count,
+    table,
+)
+
+
+class Cone(NamedTuple):
+    """The cone under which a sphere is seen: `pdf` per solid angle, 0 from inside or on it; `k` is 1 - cos of its half angle."""
+
+    pdf: float
+    k: float
+    axis: Vec3
+    distance: float
+
+
+@inline
+def cone(p, center, radius):
+    one, zero = const(1.0, radius), const(0.0, radius)
+    to = center - p
+    square = dot(to, to)
+    outside = square > const(1.0001, radius) * radius * radius
+    sin2 = select(outside, radius * radius / square, zero)
+    k = sin2 / (one + np.sqrt(one - sin2))
+    pdf = select(outside, one / (const(2.0 * math.pi, k) * select(outside, k, one)), zero)
+    distance = np.sqrt(square)
+    return Cone(pdf, k, to * (one / distance), distance)
+
+
+class LightSample(NamedTuple):
+    """`wi` unit, towards the light; `radiance` over pdf; `pdf` per solid angle, inf for delta lights, 0 for no sample."""
+
+    wi: Vec3
+    distance: float
+    radiance: Vec3
+    pdf: float
+
+
+@inline
+def sample_triangle(p, a, b, c, u0, u1):
+    """Uniform in area: (direction, distance, signed cosine at the light towards p)."""
+    one = const(1.0, u0)
+    su = np.sqrt(u0)
+    place = a * (one - su) + b * (su * (one - u1)) + c * (su * u1)
+    to = place - p
+    distance = length(to)
+    wi = to * (one / distance)
+    ab, ac = b - a, c - a
+    normal = unit(Vec3(ab.y * ac.z - ab.z * ac.y, ab.z * ac.x - ab.x * ac.z, ab.x * ac.y - ab.y * ac.x))
+    return wi, distance, -dot(wi, normal)
+
+
+@inline
+def sample_sphere(p, center, radius, emission, two_sided, u0, u1):
+    """By the cone from outside, uniform in area from inside."""
+    one, zero, two = const(1.0, u0), const(0.0, u0), const(2.0, u0)
+    seen = cone(p, center, radius)
+    sine, cosine = sin_cos_turn(u1)
+    # the cone
+    drop = u0 * seen.k
+    cos = one - drop
+    sin2 = drop * (two - drop)
+    sin = np.sqrt(select(sin2 > zero, sin2, zero))
+    t, b = tangents(seen.axis)
+    wi = t * (sin * cosine) + b * (sin * sine) + seen.axis * cos
+    inside = radius * radius - seen.distance * seen.distance * sin2
+    near = seen.distance * cos - np.sqrt(select(inside > zero, inside, zero))
+    # the whole surface
+    z = one - two * u0
+    ring = np.sqrt(select(one - z * z > zero, one - z * z, zero))
+    out = Vec3(ring * cosine, ring * sine, z)
+    to = center + out * radius - p
+    far = length(to)
+    wa = to * (one / far)
+    facing = -dot(wa, out)
+    area_pdf = far * far / (abs(facing) * const(4.0 * math.pi, u0) * radius * radius)
+    by_cone = seen.pdf > zero
+    pdf = select(by_cone, seen.pdf, area_pdf)
+    lit = by_cone | (facing > zero) | (two_sided > zero)
+    none = Vec3(zero, zero, zero)
+    radiance = select3(lit, emission * (one / pdf), none)
+    return LightSample(select3(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
+
+
+def _make(needs: Needs, every: bool, real: Any) -> Any:
+    zero, one, infinite = real(0), real(1), real(np.inf)
+    any_face = needs.face_lights
+
+    def light(block, world):
+        lanes = pointer(block, real)
+        lights = table(world, LIGHTS, real)
+        primitives, faces = table(world, PRIMITIVES, np.int32), table(world, TRIANGLES, np.int32)
+        vertices, materials = table(world, VERTICES, real), table(world, MATERIALS, real)
+        n = count(world, N_LIGHTS)
+        _choose(lanes, world, n, needs.many_lights, any_face, every, real)
+        share = one if every else one / real(n)
+        for lane in range(np.uint64(LANES)):
+            row = np.int64(get_int(lanes, at.CHOSEN, lane)) * LIGHT_REALS
+            kind = fetch(lights, row)
+            p, normal = at.get3(lanes, at.POINT, lane), at.get3(lanes, at.NORMAL, lane)
+            u0, u1 = get(lanes, at.DRAW, lane), get(lanes, at.DRAW + 1, lane)
+            place = Vec3(fetch(lights, row + 1), fetch(lights, row + 2), fetch(lights, row + 3))
+            colour = Vec3(fetch(lights, row + 4), fetch(lights, row + 5), fetch(lights, row + 6))
+            size = fetch(lights, row + 7)
+            wi, distance, radiance, pdf = Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite
+            if needs.point:
+                this = kind == real(POINT_LIGHT)
+                to = place - p
+                square = dot(to, to)
+                distance = select(this, np.sqrt(square), distance)
+                wi = select3(this, to * (one / np.sqrt(square)), wi)
+                radiance = select3(this, colour * (one / select(size > zero, square, one)), radiance)
+            if needs.directional:
+                this = kind == real(DIRECTIONAL_LIGHT)
+                wi = select3(this, place, wi)
+                radiance = select3(this, colour, radiance)
+            if needs.constant_sky:
+                this = kind == real(CONSTANT_SKY)
+                sky = cosine_direction(normal, u0, u1)
+                sky_pdf = cosine_pdf(normal, sky)
+                wi = select3(this, sky, wi)
+                radiance = select3(this & (sky_pdf > zero), colour * (one / sky_pdf), radiance)
+                pdf = select(this, sky_pdf, pdf)
+            if needs.sphere_lights:
+                this = kind == real(SPHERE_LIGHT)
+                ball = sample_sphere(p, place, size, colour, fetch(lights, row + 9), u0, u1)
+                wi = select3(this, ball.wi, wi)
+                distance = select(this, ball.distance, distance)
+                radiance = select3(this, ball.radiance, radiance)
+                pdf = select(this, ball.pdf, pdf)
+            if any_face:
+                face = np.int64(get_int(lanes, at.FACE, lane))
+                this = face >= 0
+                rank = face if this else np.int64(0)
+                corner = (np.int64(fetch(primitives, rank * PRIMITIVE_INTS + 1)) if this else np.int64(0)) * 3
+                skin = np.int64(fetch(primitives, rank * PRIMITIVE_INTS + 2)) * MATERIAL_REALS
+                a, b, c = _vertex(vertices, faces, corner), _vertex(vertices, faces, corner + 1), _vertex(vertices, faces, corner + 2)
+                towards, far, facing = sample_triangle(p, a, b, c, u0, u1)
+                lit = (facing > zero) | (fetch(materials, skin + 14) > zero)
+                emitted = Vec3(fetch(materials, skin + 11), fetch(materials, skin + 12), fetch(materials, skin + 13))
+                weight = abs(facing) * fetch(lights, row + 8) / (far * far)
+                wi = select3(this, towards, wi)
+                distance = select(this, far, distance)
+                radiance = select3(this, emitted * select(lit, weight, zero), radiance)
+                pdf = select(this, one / weight, pdf)
+            at.put3(lanes, at.TO_LIGHT, lane, wi)
+            put(lanes, at.DISTANCE, lane, distance)
+            at.put3(lanes, at.INCIDENT, lane, radiance * (one / share))
+            put(lanes, at.SAMPLE_PDF, lane, pdf * share)
+        if needs.image_sky:
+            _image_sky(lanes, world, share, real)
+
+    return light
+
+
+@inline
+def _vertex(vertices, faces, corner):
+    at_ = 3 * np.int64(fetch(faces, corner))
+    return Vec3(fetch(vertices, at_), fetch(vertices, at_ + 1), fetch(vertices, at_ + 2))
+
+
+@inline
+def _choose(lanes, world, n, many, any_face, every, real):
+    """Which light each lane asks, and for meshes which face: searches, so scalar code in a loop of its own."""
+    ranges, cdf = table(world, LIGHT_RANGE, np.int32), table(world, LIGHT_CDF, np.float64)
+    faces, lights = table(world, LIGHT_FACES, np.int32), table(world, LIGHTS, real)
+    for lane in range(np.uint64(LANES)):
+        rest = np.float64(get(lanes, at.DRAW + 2, lane))
+        chosen = np.int64(0)
+        if every:
+            chosen = np.int64(get_int(lanes, at.LIGHT, lane))
+        elif many:
+            scaled = rest * n
+            chosen = min(np.int64(scaled), n - 1)
+            rest = scaled - chosen
+        put_int(lanes, at.CHOSEN, lane, chosen)
+        if any_face:
+            found = np.int64(-1)
+            if fetch(lights, chosen * LIGHT_REALS) == real(FACE_LIGHT):
+                start, size = np.int64(fetch(ranges, 2 * chosen)), np.int64(fetch(ranges, 2 * chosen + 1))
+                found = np.int64(fetch(faces, start + environment.first_above(cdf, start, size, rest)))
+            put_int(lanes, at.FACE, lane, found)
+
+
+@inline
+def _image_sky(lanes, world, share, real):
+    """Samples of the environment's image replace what the vector loop left in the lanes that chose it."""
+    image, density = table(world, SKY, np.float64), table(world, SKY_PDF, np.float64)
+    rows, columns = table(world, SKY_ROWS, np.float64), table(world, SKY_COLUMNS, np.float64)
+    width, height = count(world, SKY_WIDTH), count(world, SKY_HEIGHT)
+    lights = table(world, LIGHTS, real)
+    for lane in range(np.uint64(LANES)):
+        if fetch(lights, np.int64(get_int(lanes, at.CHOSEN, lane)) * LIGHT_REALS) == real(IMAGE_SKY):
+            u0, u1 = np.float64(get(lanes, at.DRAW, lane)), np.float64(get(lanes, at.DRAW + 1, lane))
+            row = environment.first_above(rows, 0, height, u1)
+            below = fetch(rows, row - 1) if row > 0 else 0.0
+            v = (row + (u1 - below) / (fetch(rows, row) - below)) / height
+            column = environment.first_above(columns, row * width, width, u0)
+            below = fetch(columns, row * width + column - 1) if column > 0 else 0.0
+            u = (column + (u0 - below) / (fetch(columns, row * width + column) - below)) / width
+            w = environment.uv_to_direction(u, v)
+            sky = environment.radiance(image, width, height, u, v)
+            pdf = environment.pdf_solid_angle(density, width, height, u, v) * np.float64(share)
+            scale = 1.0 / pdf if pdf > 0.0 else 0.0
+            at.put3(lanes, at.TO_LIGHT, lane, Vec3(real(w.x), real(w.y), real(w.z)))
+            put(lanes, at.DISTANCE, lane, real(np.inf))
+            at.put3(lanes, at.INCIDENT, lane, Vec3(real(sky.x * scale), real(sky.y * scale), real(sky.z * scale)))
+            put(lanes, at.SAMPLE_PDF, lane, real(pdf))
+
+
+@cache
+def stage(needs: Needs, every: bool, real: Any) -> Any:
+    """The light stage; `every`: the lane's own light of all, instead of one chosen at random."""
+    return compile_stage(_make(needs, every, real))

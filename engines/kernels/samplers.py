@@ -1,0 +1,224 @@
+"""Draws for the lanes: pure functions of (pixel, sample, dimension, seed), see docs/transport.md.
+
+Quasi-random points are looked up in a table of whole numbers, one row a sample and one column a dimension, which the
+renderer makes for the samples at hand; what differs between pixels (scrambling, rotation) is computed here.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.choices import Choice
+from engines.kernels import block as at
+from engines.kernels.jit import LANES, compile_stage, const, fetch, get_int, inline, pointer, put
+from engines.kernels.world import FIRST_SAMPLE, OPTIONS, POINTS, POINTS_STRIDE, SEED_KEY, count, table
+from engines.sobol_numbers import DIRECTIONS
+
+RANDOM, CONSTANT, SOBOL, HALTON, STRATIFIED = range(5)
+CODES = {"random": RANDOM, "constant": CONSTANT, "sobol": SOBOL, "halton": HALTON, "stratified": STRATIFIED}
+SAMPLER_OPTION = 8
+"""Index in the world's options of the sampler's number: a constant's value, the bits of a stratified grid."""
+
+GOLDEN = 0x9E3779B9
+DRAWS = 7
+SOBOL_DIMENSIONS = 64
+HALTON_DIMENSIONS = 32
+
+
+@inline
+def mix(x):
+    """Wellons' lowbias32, a bijection of 32-bit integers without visible structure."""
+    x = np.uint32(x ^ (x >> np.uint32(16)))
+    x = np.uint32(x * np.uint32(0x7FEB352D))
+    x = np.uint32(x ^ (x >> np.uint32(15)))
+    x = np.uint32(x * np.uint32(0x846CA68B))
+    return np.uint32(x ^ (x >> np.uint32(16)))
+
+
+@inline
+def dimension_key(pixel_key, dimension):
+    return mix(np.uint32(pixel_key + np.uint32(dimension * np.uint32(GOLDEN))))
+
+
+@inline
+def random_bits(key, sample):
+    return mix(np.uint32(key + np.uint32(sample * np.uint32(GOLDEN))))
+
+
+@inline
+def reverse_bits(x):
+    x = np.uint32(((x >> np.uint32(1)) & np.uint32(0x55555555)) | ((x & np.uint32(0x55555555)) << np.uint32(1)))
+    x = np.uint32(((x >> np.uint32(2)) & np.uint32(0x33333333)) | ((x & np.uint32(0x33333333)) << np.uint32(2)))
+    x = np.uint32(((x >> np.uint32(4)) & np.uint32(0x0F0F0F0F)) | ((x & np.uint32(0x0F0F0F0F)) << np.uint32(4)))
+    x = np.uint32(((x >> np.uint32(8)) & np.uint32(0x00FF00FF)) | ((x & np.uint32(0x00FF00FF)) << np.uint32(8)))
+    return np.uint32((x >> np.uint32(16)) | (x << np.uint32(16)))
+
+
+@inline
+def owen_scramble(reversed_x, key):
+    """Nested uniform scrambling by a hash (Laine and Karras 2011, Vegdahl's constants) of bit-reversed input."""
+    y = np.uint32(reversed_x ^ np.uint32(reversed_x * np.uint32(0x3D20ADEA)))
+    y = np.uint32(y + key)
+    y = np.uint32(y * np.uint32((key >> np.uint32(16)) | np.uint32(1)))
+    y = np.uint32(y ^ np.uint32(y * np.uint32(0x05526C56)))
+    y = np.uint32(y ^ np.uint32(y * np.uint32(0x53A22864)))
+    return reverse_bits(y)
+
+
+@inline
+def permute(i, bits, key):
+    """A keyed bijection of [0, 2^bits)."""
+    one = np.uint32(1)
+    mask = np.uint32(np.uint32(one << bits) - one)
+    half = np.uint32(bits >> one)
+    i = np.uint32((i ^ key) & mask)
+    i = np.uint32(np.uint32(i * np.uint32(0x7FEB352D)) & mask)
+    i = np.uint32(i ^ (i >> half))
+    i = np.uint32(np.uint32(i + (key >> np.uint32(8))) & mask)
+    i = np.uint32(np.uint32(i * np.uint32(0x846CA68B)) & mask)
+    i = np.uint32(i ^ (i >> half))
+    i = np.uint32((i ^ (key >> np.uint32(16))) & mask)
+    i = np.uint32(np.uint32(i * np.uint32(0x9E3779B1)) & mask)
+    return np.uint32(i ^ (i >> half))
+
+
+@inline
+def stratified_bits(pixel_key, key, sample, dimension, side_bits):
+    """A jittered place in the grid that dimensions 2p and 2p + 1 share, cells in random order."""
+    m = np.uint32(side_bits)
+    bits = np.uint32(m + m)
+    even = np.uint32(dimension & np.uint32(0xFFFFFFFE))
+    order_key = mix(
+        np.uint32(dimension_key(pixel_key, even) + np.uint32(np.uint32(sample >> bits) * np.uint32(GOLDEN)))
+    )
+    one = np.uint32(1)
+    cell = permute(np.uint32(sample & np.uint32(np.uint32(one << bits) - one)), bits, order_key)
+    odd = np.uint32(dimension & one)
+    cell = np.uint32((cell >> np.uint32(odd * m)) & np.uint32(np.uint32(one << m) - one))
+    return np.uint32(np.uint32(cell << np.uint32(np.uint32(32) - m)) | (random_bits(key, sample) >> m))
+
+
+def _make(kind: int, scrambled: bool, draws: int, real: Any) -> Any:
+    """A stage that fills DRAW .. DRAW + draws - 1 from dimension DIMENSION on."""
+    shift, scale = (8, 2.0**-24) if real == np.float32 else (0, 2.0**-32)
+
+    def draw(block, world):
+        lanes = pointer(block, real)
+        options = table(world, OPTIONS, np.float64)
+        seed_key = np.uint32(count(world, SEED_KEY))
+        points = table(world, POINTS, np.uint32)
+        stride, first = count(world, POINTS_STRIDE), count(world, FIRST_SAMPLE)
+        option = fetch(options, SAMPLER_OPTION)
+        for lane in range(np.uint64(LANES)):
+            dimension = np.uint32(get_int(lanes, at.DIMENSION, lane))
+            sample = np.uint32(get_int(lanes, at.SAMPLE, lane))
+            pixel_key = mix(np.uint32(mix(np.uint32(get_int(lanes, at.PIXEL, lane))) + seed_key))
+            for k in range(draws):
+                d = np.uint32(dimension + np.uint32(k))
+                if kind == CONSTANT:
+                    put(lanes, at.DRAW + k, lane, real(option))
+                else:
+                    key = dimension_key(pixel_key, d)
+                    bits = random_bits(key, sample)
+                    if kind == STRATIFIED:
+                        bits = stratified_bits(pixel_key, key, sample, d, np.uint32(option))
+                    elif kind in (SOBOL, HALTON):
+                        column = np.int64(d) if np.int64(d) < stride else np.int64(0)
+                        point = fetch(points, (np.int64(sample) - first) * stride + column)
+                        if kind == SOBOL:
+                            point = owen_scramble(point, key) if scrambled else point
+                        else:
+                            point = np.uint32(point + key) if scrambled else point
+                        bits = point if np.int64(d) < stride else bits
+                    put(lanes, at.DRAW + k, lane, real(bits >> np.uint32(shift)) * real(scale))
+
+    return draw
+
+
+@cache
+def stages(name: str, scrambled: bool, real: Any) -> tuple[Any, Any]:
+    """(draws for the camera, draws for a vertex) of a built-in sampler."""
+    kind = CODES[name]
+    return compile_stage(_make(kind, scrambled, 2, real)), compile_stage(_make(kind, scrambled, DRAWS, real))
+
+
+def _make_plugin(function: Any, draws: int, real: Any) -> Any:
+    def draw(block, world):
+        lanes = pointer(block, real)
+        seed = np.uint32(count(world, SEED_KEY))
+        for lane in range(np.uint64(LANES)):
+            dimension = get_int(lanes, at.DIMENSION, lane)
+            sample = get_int(lanes, at.SAMPLE, lane)
+            pixel = get_int(lanes, at.PIXEL, lane)
+            for k in range(draws):
+                u = function(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed)
+                put(lanes, at.DRAW + k, lane, real(min(u, const(1.0, u) - const(2.0**-24, u))))
+
+    return draw
+
+
+@cache
+def plugin_stages(function: Any, real: Any) -> tuple[Any, Any]:
+    """The same for a user's `@njit` function (pixel, sample, dimension, seed) -> float in [0, 1)."""
+    return tuple(compile_stage(_make_plugin(function, n, real), on_disk=False) for n in (2, DRAWS))  # type: ignore[return-value]
+
+
+def seed_key(seed: int) -> int:
+    """The 32-bit key of a seed."""
+    return _mix_int((_mix_int(seed & 0xFFFFFFFF) + (seed >> 32)) & 0xFFFFFFFF)
+
+
+def _mix_int(x: int) -> int:
+    x ^= x >> 16
+    x = x * 0x7FEB352D & 0xFFFFFFFF
+    x ^= x >> 15
+    x = x * 0x846CA68B & 0xFFFFFFFF
+    return x ^ x >> 16
+
+
+def points(sampler: Choice, first: int, last: int) -> NDArray[np.uint32]:
+    """The table (samples first .. last - 1, dimensions) that the stage of `sampler` reads; empty where it reads none."""
+    index = np.arange(first, last, dtype=np.uint64)
+    if sampler.name == "sobol":
+        return _sobol(index, reverse=sampler.options["scramble"] != "none")
+    if sampler.name == "halton":
+        return np.column_stack([_radical_inverse(index, base) for base in _primes(HALTON_DIMENSIONS)])
+    return np.zeros((1, 1), np.uint32)
+
+
+def _sobol(index: NDArray[np.uint64], reverse: bool) -> NDArray[np.uint32]:
+    """Sobol points of `index` (n,), (n, 64); bit-reversed for the scrambler, which starts by reversing."""
+    numbers = np.asarray(DIRECTIONS, np.uint32)[:SOBOL_DIMENSIONS]
+    result = np.zeros((len(index), SOBOL_DIMENSIONS), np.uint32)
+    for bit in range(int(index[-1]).bit_length() if len(index) else 0):
+        odd = ((index >> np.uint64(bit)) & np.uint64(1)).astype(bool)
+        result[odd] ^= numbers[:, bit]
+    if not reverse:
+        return result
+    bytes_reversed = np.packbits(np.unpackbits(result.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little"), axis=1)
+    return bytes_reversed.view(">u4").astype(np.uint32).reshape(result.shape)
+
+
+def _radical_inverse(index: NDArray[np.uint64], base: int) -> NDArray[np.uint32]:
+    """floor(2^32 phi_base(index)), phi as a quotient of whole numbers below 2^53."""
+    rest, digits, whole = index.astype(np.int64), np.zeros(len(index), np.int64), np.ones(len(index), np.int64)
+    while rest.any():
+        live = rest > 0
+        digits = np.where(live, digits * base + rest % base, digits)
+        whole = np.where(live, whole * base, whole)
+        rest //= base
+    return np.floor(digits / whole * 2.0**32).astype(np.uint32)
+
+
+def _primes(n: int) -> list[int]:
+    found: list[int] = []
+    candidate = 2
+    while len(found) < n:
+        if all(candidate % p for p in found):
+            found.append(candidate)
+        candidate += 1
+    return found
