@@ -1,0 +1,270 @@
+"""The house and its import rules (DESIGN section 1), read from the sources with ast: nothing is imported here.
+
+`ALLOWED` says which first-party modules each part may import, `ONLY_IN` where a third-party package may appear, and
+`PUBLIC` what of `engines` the harness, or any other program, may rely on.
+"""
+
+import ast
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+TOP_LEVEL = {
+    *("pyproject.toml", "README.md", "LICENSE", "Makefile", ".ci", ".gitignore"),
+    *("engines", "harness", "configs", "scenes", "results", "tests", "docs"),
+}
+
+PUBLIC = {
+    "engines",
+    "engines.choices",
+    "engines.conformance",
+    "engines.errors",
+    "engines.film",
+    "engines.image",
+    "engines.interface",
+    "engines.registry",
+    "engines.scene",
+    "engines.scene.yaml_file",
+    "engines.tonemap",
+}
+
+_BASE = {"engines.errors", "engines.choices", "engines.film", "engines.interface", "engines.scene"}
+_JITTED = {*_BASE, "engines.kernels", "engines.sobol_numbers"}
+
+ALLOWED: dict[str, set[str]] = {
+    "engines.errors": set(),
+    "engines.sobol_numbers": set(),
+    "engines.choices": {"engines.errors"},
+    "engines.tonemap": {"engines.errors"},
+    "engines.film": {"engines.errors", "engines.tonemap", "engines.image"},
+    "engines.image": {"engines.errors", "engines.tonemap", "engines.film"},
+    "engines.scene": {"engines.errors", "engines.image"},
+    "engines.interface": {"engines.errors", "engines.choices", "engines.film", "engines.scene"},
+    "engines.registry": {"engines.errors", "engines.interface"},
+    "engines.conformance": _BASE,
+    "engines.numpy_reference": {*_BASE, "engines.sobol_numbers"},
+    "engines.kernels": {*_BASE, "engines.sobol_numbers"},
+    "engines.numba_cpu": _JITTED,
+    "engines.embree": _JITTED,
+    "engines": {
+        *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
+        *("engines.registry", "engines.scene", "engines.tonemap"),
+    },
+    "harness": PUBLIC,
+}
+"""Each part may also import itself."""
+
+ONLY_IN = {
+    "embreex": {"engines.embree"},
+    "llvmlite": {"engines.kernels", "engines.numba_cpu", "engines.embree"},
+    "numba": {"engines.kernels", "engines.numba_cpu", "engines.embree"},
+    "mitsuba": set[str](),
+}
+
+LONG_FILES: dict[str, str] = {}
+"""Files above 400 lines, each with the reason why it is one."""
+
+
+def modules() -> dict[str, Path]:
+    """Every first-party module by its dotted name."""
+    found = {}
+    for path in sorted([*ROOT.glob("engines/**/*.py"), *ROOT.glob("harness/**/*.py")]):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imports(name: str, source: str, is_package: bool = False) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+    """Line, imported module and names taken from it, of every import in `source`, lazy and dynamic ones included."""
+    package = name if is_package else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name, ()
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package.split(".")[: len(package.split(".")) - node.level + 1]) if node.level else ""
+            yield node.lineno, ".".join(filter(None, [base, node.module])), tuple(alias.name for alias in node.names)
+        elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in ("import_module", "__import__"):
+                yield node.lineno, str(node.args[0].value), ()
+
+
+def part_of(module: str) -> str:
+    """The entry of ALLOWED that `module` belongs to: the longest that is a prefix."""
+    found = [part for part in ALLOWED if module == part or module.startswith(part + ".")]
+    return max(found, key=len, default="")
+
+
+def targets(module: str, names: tuple[str, ...]) -> set[str]:
+    """What an import statement reaches: submodules where the names are modules, else the module."""
+    inner = {f"{module}.{name}" for name in names if f"{module}.{name}" in MODULES}
+    return inner | ({module} if len(inner) < len(names) or not names else set())
+
+
+def broken_rules(name: str, source: str, is_package: bool = False) -> list[str]:
+    """One line for every import of `source`, as module `name`, that DESIGN section 1 forbids."""
+    part, broken = part_of(name), []
+    for line, module, names in imports(name, source, is_package):
+        root = module.partition(".")[0]
+        if root in ONLY_IN and part not in ONLY_IN[root]:
+            broken.append(f"{name}:{line} imports {module}: only {sorted(ONLY_IN[root]) or 'plugins'} may")
+        if root not in ("engines", "harness"):
+            continue
+        for target in targets(module, names):
+            reached = target if part == "harness" and root == "engines" else part_of(target)
+            if reached != part and reached not in ALLOWED[part]:
+                broken.append(f"{name}:{line} imports {target}: {part} may import {sorted(ALLOWED[part])}")
+        private = [item for item in names if item.startswith("_") and part_of(module) != part]
+        if private:
+            broken.append(f"{name}:{line} imports private names of {module}: {private}")
+        if part == "harness" and module == "engines":
+            hidden = {item for item in names if f"engines.{item}" not in PUBLIC} - exported()
+            broken += [f"{name}:{line} imports engines.{item}: not in engines.__all__" for item in sorted(hidden)]
+    return broken
+
+
+def exported() -> set[str]:
+    """`engines.__all__`."""
+    for node in ast.parse((ROOT / "engines/__init__.py").read_text()).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+            return set(ast.literal_eval(node.value))
+    raise AssertionError("engines/__init__.py has no __all__")
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_follow_the_arrows(name):
+    path = MODULES[name]
+    assert broken_rules(name, path.read_text(), path.name == "__init__.py") == []
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("engines.numpy_reference.sphere", "from engines.kernels.shapes import sphere_distance"),
+        ("engines.numpy_reference.sphere", "import numba"),
+        ("engines.numpy_reference.sphere", "from numba.core import types"),
+        ("engines.numpy_reference.sphere", "def f():\n    import embreex"),
+        ("engines.numpy_reference.sphere", "from ..kernels import shapes"),
+        ("engines.numpy_reference.sphere", "from .. import kernels"),
+        ("engines.numpy_reference.sphere", "importlib.import_module('engines.kernels')"),
+        ("engines.kernels.world", "import embreex.mesh_construction"),
+        ("engines.kernels.world", "from engines.numba_cpu import accel"),
+        ("engines.numba_cpu.engine", "from engines.embree import Engine"),
+        ("engines.scene.load", "from engines import interface"),
+        ("engines.scene.load", "from engines.scene_from import x\nfrom engines.registry import load_attribute"),
+        ("engines.film", "from engines.scene import Scene"),
+        ("engines.errors", "import engines"),
+        ("engines.registry", "from engines.numba_cpu import Engine"),
+        ("engines.interface", "import harness"),
+        ("engines.conformance.hits", "from engines.film import _private"),
+        ("harness.worker", "from engines.kernels import jit"),
+        ("harness.worker", "import engines.numba_cpu"),
+        ("harness.worker", "from engines import kernels"),
+        ("harness.worker", "from engines import nothing_exported"),
+        ("harness.worker", "from engines.scene.model import Scene"),
+        ("harness.worker", "import numba"),
+    ],
+)
+def test_a_forbidden_import_is_seen(name, line):
+    assert broken_rules(name, line) != []
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("engines.numpy_reference.sphere", "from engines.numpy_reference.vectors import _dot"),
+        ("engines.numpy_reference.sphere", "from .vectors import dot\nfrom . import vectors"),
+        ("engines.embree.device", "import embreex\nfrom engines.kernels import world"),
+        ("harness.worker", "import engines\nfrom engines import Settings, load_scene\nfrom engines.scene import Scene"),
+        ("harness.worker", "from engines.scene.yaml_file import read\nfrom harness.cell import _x"),
+    ],
+)
+def test_an_import_along_an_arrow_passes(name, line):
+    assert broken_rules(name, line) == []
+
+
+def test_every_part_of_the_rules_exists():
+    there = {part_of(name) for name in MODULES}
+    assert there == set(ALLOWED), "a part of ALLOWED is missing in the tree, or the other way round"
+    assert set(MODULES) >= PUBLIC
+
+
+def test_the_public_names_are_there():
+    defined = {
+        name
+        for _, module, names in imports("engines", (ROOT / "engines/__init__.py").read_text(), True)
+        for name in names
+        if module.startswith("engines.")
+    }
+    assert exported() - {"register_tone_mapper"} <= defined
+
+
+def test_the_top_level_is_the_fixed_one():
+    listing = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=False)
+    files = listed.stdout.splitlines() if listed.returncode == 0 else [path.name for path in ROOT.glob("[!.]*")]
+    assert {Path(file).parts[0] for file in files} - TOP_LEVEL == set()
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_every_module_says_what_lives_in_it(name):
+    assert ast.get_docstring(ast.parse(MODULES[name].read_text())), f"{MODULES[name]} has no docstring"
+
+
+def test_no_file_is_longer_than_400_lines_without_a_reason():
+    long = {
+        str(path.relative_to(ROOT))
+        for path in [*MODULES.values(), *ROOT.glob("tests/**/*.py")]
+        if len(path.read_text().splitlines()) > 400
+    }
+    assert long == set(LONG_FILES)
+
+
+def test_nothing_is_called_utils():
+    words = {"utils", "util", "helpers", "misc", "common"}
+    named = [path for path in ROOT.glob("[ehts]*/**/*") if path.stem in words and "__pycache__" not in path.parts]
+    assert named == []
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """The wheel, built from this tree and unpacked."""
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+    built = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    (file,) = folder.glob("*.whl")
+    with zipfile.ZipFile(file) as archive:
+        archive.extractall(folder / "unpacked")
+    return folder / "unpacked"
+
+
+def test_a_wheel_holds_code_scenes_and_configs(wheel):
+    held = {path.relative_to(wheel).as_posix() for path in wheel.rglob("*")}
+    assert {path.relative_to(ROOT).as_posix() for path in MODULES.values()} <= held
+    assert {"harness/_shipped/scenes/cornell_box.yaml", "harness/_shipped/configs/quick.yaml"} <= held
+    assert {path.split("/")[0] for path in held if ".dist-info" not in path} == {"engines", "harness"}
+
+
+def test_a_wheel_works_far_from_the_sources(wheel, tmp_path):
+    script = "import engines, sys; sys.argv = ['raybench', 'list']; from harness.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(wheel), "PATH": "", "HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "cornell_box" in done.stdout
