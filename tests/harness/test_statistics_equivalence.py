@@ -22,6 +22,13 @@ def test_equal_engines_are_equivalent_and_seldom_called_different():
     assert verdicts.count("different") <= 6 and verdicts.count("equivalent") >= 50
 
 
+def test_unequal_skewed_noise_raises_few_false_alarms():
+    """Four times the noise on one side, skewness 2.8. At 4 % a comparison, more than 4 of 30 has p < 0.01."""
+    rng = np.random.default_rng(12)
+    verdicts = [equivalence(replicates(rng, TRUTH, 0.4), replicates(rng, TRUTH, 0.1)).verdict for _ in range(30)]
+    assert verdicts.count("different") <= 4
+
+
 def test_a_two_percent_brightness_error_passes_pixels_and_fails_the_image():
     rng = np.random.default_rng(2)
     result = equivalence(replicates(rng, TRUTH), replicates(rng, TRUTH * 1.02))

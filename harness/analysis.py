@@ -1,0 +1,273 @@
+"""What the results say: every contender's verdict, computed once for the tables, the plots and the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from harness.results import Contender, Event, Results, phase_seconds, point_error
+from harness.statistics import (
+    BiasEstimate,
+    Equivalence,
+    Estimate,
+    QualityTime,
+    Slope,
+    Speedup,
+    bias_estimate,
+    convergence_slope,
+    efficiency,
+    equivalence,
+    median_interval,
+    noise_floor,
+    on_bias_floor,
+    paired_speedup,
+    time_to_quality,
+    too_good_per_sample,
+)
+
+PREFERRED_BASELINES = ("numpy", "numba", "embree")
+
+
+@dataclass
+class Verdict:
+    """All that is concluded about one contender. Lists run along the results' targets.
+
+    `speedup` compares seconds per sample with `baseline`, `quality_speedups` warm time-to-quality. `bias` and
+    `equivalence` are None where images are missing or seeds do not differ. `flags` are short warnings in plain words.
+    """
+
+    contender: Contender
+    warm: list[QualityTime]
+    cold: list[QualityTime]
+    slope: Slope
+    final_error: Estimate
+    final_spp: Estimate
+    efficiency: Estimate
+    samples_per_second: Estimate
+    rays_per_second: Estimate
+    phases: dict[str, Estimate]
+    baseline: Contender | None = None
+    speedup: Speedup | None = None
+    quality_speedups: list[Speedup] = field(default_factory=list)
+    bias: BiasEstimate | None = None
+    equivalence: Equivalence | None = None
+    flags: list[str] = field(default_factory=list)
+
+    @property
+    def failures(self) -> int:
+        """Cells that failed or ran out of time."""
+        return sum(cell["state"] in ("failed", "timeout") for cell in self.contender.cells)
+
+
+@dataclass
+class Analysis:
+    """`verdicts` of all contenders that have a measured cell; `floors`: scene -> noise floor (log-ratio) of its A/A."""
+
+    results: Results
+    verdicts: list[Verdict]
+    floors: dict[str, float]
+    baseline_engine: str
+
+    def of_scene(self, scene: str) -> list[Verdict]:
+        return [verdict for verdict in self.verdicts if verdict.contender.settings.scene == scene]
+
+
+def analyse(results: Results) -> Analysis:
+    """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
+    baseline_engine = baseline_engine_of(results)
+    floors = noise_floors(results)
+    verdicts = [_own_verdict(results, contender) for contender in results.contenders if contender.done]
+    images = Replicates(results)
+    for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
+        _compare(results, verdict, baseline_engine, floors, images)
+    return Analysis(results, verdicts, floors, baseline_engine)
+
+
+def baseline_engine_of(results: Results) -> str:
+    """The config's `baseline`, else numpy, else numba, else embree, else the alphabetically first engine."""
+    engines = [c.settings.engine for c in results.contenders if c.done]
+    wished = (results.manifest.get("config") or {}).get("baseline")
+    for name in (wished, *PREFERRED_BASELINES, *sorted(engines)):
+        if name in engines:
+            return str(name)
+    return ""
+
+
+def noise_floors(results: Results) -> dict[str, float]:
+    """Scene -> the largest noise floor among contenders that differ in their label alone."""
+    floors: dict[str, float] = {}
+    unlabelled = {c.settings._replace(label=""): c for c in reversed(results.contenders) if c.done}
+    for contender in results.contenders:
+        twin = unlabelled.get(contender.settings._replace(label=""))
+        if contender.done and twin is not None and twin is not contender:
+            floor = noise_floor(seconds_per_sample(twin), seconds_per_sample(contender))
+            if not math.isnan(floor):
+                floors[contender.settings.scene] = max(floor, floors.get(contender.settings.scene, 0.0))
+    return floors
+
+
+def seconds_per_sample(contender: Contender) -> dict[int, float]:
+    """Block -> warm seconds per sample a pixel, over the whole cell."""
+    ends = {cell["block"]: cell["points"][-1] for cell in contender.done}
+    return {block: end["seconds"] / end["spp"] for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}
+
+
+def baseline_for(contender: Contender, results: Results, engine: str) -> Contender | None:
+    """The baseline engine's contender on the same scene, shader and size that shares the most other settings."""
+    own = contender.settings
+    same = [c for c in results.of_scene(own.scene) if c.settings.engine == engine and c.settings.shader == own.shader
+            and c.settings.size == own.size and c.settings.machine == own.machine]  # fmt: skip
+    weights = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
+
+    def kinship(other: Contender) -> int:
+        return sum(weight for axis, weight in weights.items() if getattr(other.settings, axis) == getattr(own, axis))
+
+    return max(same, key=kinship, default=None)
+
+
+class Replicates:
+    """A contender's images, one a seed; the most recent few sets are kept in memory."""
+
+    def __init__(self, results: Results, keep: int = 4) -> None:
+        self.results, self.keep = results, keep
+        self.held: dict[tuple[int, int | None], np.ndarray | None] = {}
+
+    def of(self, contender: Contender, spp: int | None = None) -> np.ndarray | None:
+        """(k, h, w, 3) with k >= 2 finite, distinct images at `spp` samples or at each cell's last, or None."""
+        key = (id(contender), spp)
+        if key not in self.held:
+            while len(self.held) >= self.keep:
+                self.held.pop(next(iter(self.held)))
+            self.held[key] = self._load(contender, spp)
+        else:
+            self.held[key] = self.held.pop(key)
+        return self.held[key]
+
+    def _load(self, contender: Contender, spp: int | None) -> np.ndarray | None:
+        found = [self.results.image(last_pictured(cell, spp)) for cell in contender.done]
+        images = [image for image in found if image is not None and np.isfinite(image).all()]
+        shapes = {image.shape for image in images}
+        if len(images) < 2 or len(shapes) != 1 or np.array_equal(images[0], images[1]):
+            return None
+        return np.stack(images)
+
+
+def last_pictured(cell: Event, spp: int | None = None) -> Event:
+    """The last checkpoint whose image was kept, or the one at `spp`; an empty one if there is none."""
+    return next((p for p in reversed(cell["points"]) if p.get("image") and spp in (None, p["spp"])), {})
+
+
+def _own_verdict(results: Results, contender: Contender) -> Verdict:
+    """What needs no other contender and no image."""
+    curves = [results.curve(cell) for cell in contender.runs]
+    fixed = [contender.fixed_seconds(cell) for cell in contender.runs]
+    done = contender.done
+    ends = [cell["points"][-1] for cell in done]
+    seconds = [float(end["seconds"]) for end in ends]
+    return Verdict(
+        contender,
+        warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
+        cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
+        slope=convergence_slope([results.curve(cell, "spp") for cell in done]),
+        final_error=median_interval([point_error(end, results.metric)[0] for end in ends]),
+        final_spp=median_interval([float(end["spp"]) for end in ends]),
+        efficiency=efficiency([_mse(end) for end in ends], seconds),
+        samples_per_second=median_interval([_rate(_samples(cell), cell["points"][-1]) for cell in done]),
+        rays_per_second=median_interval([_rate(end.get("rays"), end) for end in ends]),
+        phases={phase: median_interval([phase_seconds(cell, phase) for cell in done])
+                for phase in ("import", "load", "build", "compile", "render")},
+    )  # fmt: skip
+
+
+def error_targets(results: Results) -> list[float]:
+    """The targets as errors that fall (SSIM and PSNR turned round)."""
+    from harness.results import as_error
+
+    return [as_error(results.metric, target) for target in results.targets]
+
+
+def _compare(results: Results, verdict: Verdict, engine: str, floors: Mapping[str, float], images: Replicates) -> None:
+    """Fills in what needs the baseline, the reference or the images."""
+    contender = verdict.contender
+    baseline = baseline_for(contender, results, engine)
+    own_images = images.of(contender)
+    reference = results.reference(contender.done[0].get("reference_id"))
+    if own_images is not None and reference is not None and own_images.shape[1:] == reference.mean.shape:
+        verdict.bias = bias_estimate(list(own_images), reference, results.epsilon)
+    if baseline is not None and baseline is not contender:
+        verdict.baseline = baseline
+        floor = floors.get(contender.settings.scene, 0.0)
+        verdict.speedup = paired_speedup(seconds_per_sample(baseline), seconds_per_sample(contender), floor)
+        verdict.quality_speedups = [
+            paired_speedup(_by_block(results, baseline, target), _by_block(results, contender, target), floor)
+            for target in error_targets(results)
+        ]
+        verdict.equivalence = _equivalence(contender, baseline, images)
+    verdict.flags = _flags(results, verdict)
+
+
+def _equivalence(contender: Contender, baseline: Contender, images: Replicates) -> Equivalence | None:
+    """At the most samples that both have pictures of: unequal, skewed noise would make Welch's test too eager."""
+    spp = _common_spp(contender, baseline, pictured=True)
+    ours, theirs = images.of(contender, spp), images.of(baseline, spp)
+    if ours is None or theirs is None or ours.shape[1:] != theirs.shape[1:]:
+        return None
+    return equivalence(theirs, ours)
+
+
+def _by_block(results: Results, contender: Contender, target: float) -> dict[int, float]:
+    """Block -> warm seconds until `target`, inf where it was not reached."""
+    runs = contender.runs
+    quality = time_to_quality([results.curve(cell) for cell in runs], [0.0] * len(runs), target)
+    return {cell["block"]: seconds for cell, seconds in zip(runs, quality.crossings, strict=True)}
+
+
+def _flags(results: Results, verdict: Verdict) -> list[str]:
+    flags = []
+    if verdict.bias is not None and verdict.bias.biased:
+        flags.append(f"biased by {100 * verdict.bias.root:.2g} %")
+        if on_bias_floor(verdict.bias, verdict.final_error.value):
+            flags.append("sits on its bias floor")
+    if verdict.equivalence is not None and verdict.equivalence.verdict == "different":
+        flags.append("differs from the baseline's image")
+    if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contender.settings.sampler:
+        spp = _common_spp(verdict.contender, verdict.baseline)
+        own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))
+        if too_good_per_sample(own, theirs):
+            flags.append("too good per sample")
+    points = [point for cell in verdict.contender.done for point in cell["points"]]
+    if any((point.get("metrics") or {}).get("nonfinite") for point in points):
+        flags.append("non-finite pixels")
+    if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
+        flags.append("contended")
+    return flags
+
+
+def _common_spp(*contenders: Contender, pictured: bool = False) -> int | None:
+    """The most samples at which every done cell of all of them has a checkpoint (and its image)."""
+    sets = [{point["spp"] for point in cell["points"] if point.get("image") or not pictured}
+            for contender in contenders for cell in contender.done]  # fmt: skip
+    return max(set.intersection(*sets), default=None)
+
+
+def _error_times_spp(results: Results, contender: Contender, spp: int | None) -> dict[int, float]:
+    return {cell["block"]: point_error(point, results.metric)[0] * point["spp"]
+            for cell in contender.done for point in cell["points"] if point["spp"] == spp}  # fmt: skip
+
+
+def _mse(point: Event) -> float:
+    metrics = point.get("metrics") or {}
+    value = metrics.get("mse_corrected", metrics.get("mse"))
+    return math.nan if value is None else float(value)
+
+
+def _samples(cell: Event) -> float:
+    """Samples of the whole image at the last checkpoint."""
+    return float(cell["points"][-1]["spp"]) * (cell.get("width") or 0) * (cell.get("height") or 0)
+
+
+def _rate(amount: float | None, point: Event) -> float:
+    return float(amount) / float(point["seconds"]) if amount and point["seconds"] > 0 else math.nan

@@ -1,0 +1,235 @@
+"""A results folder as the tables, plots and report see it: contenders, each with its seeds' curves.
+
+Only manifest.json, events.jsonl and images are read. A contender is one configuration on one scene: everything that
+a cell was asked except its seed and block.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.metrics import Reference
+from harness.statistics.convergence import Curve, curve
+
+PHASES = ("import", "load", "build", "compile", "render")
+AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "machine")
+"""The settings that tell contenders of a scene apart, in the order in which labels name them."""
+Event = Mapping[str, Any]
+
+
+class Settings(NamedTuple):
+    """What a contender was asked. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
+
+    scene: str
+    engine: str
+    accelerator: str
+    shader: str
+    sampler: str
+    precision: str
+    threads: int
+    size: str
+    label: str
+    machine: str
+
+
+@dataclass
+class Contender:
+    """One configuration on one scene with its cells, by block. `name` tells it apart from the scene's others."""
+
+    settings: Settings
+    cells: list[Event]
+    name: str = ""
+
+    @cached_property
+    def done(self) -> list[Event]:
+        """Cells that were measured to their end."""
+        return [cell for cell in self.cells if cell["state"] == "done" and cell.get("points")]
+
+    @property
+    def runs(self) -> list[Event]:
+        """Cells that had their chance: done, and those out of time (what they have counts, the rest is open)."""
+        return [cell for cell in self.cells if cell["state"] == "timeout" or cell in self.done]
+
+    def fixed_seconds(self, cell: Event) -> float:
+        """Import, scene load, build and compilation: what a cold start pays before its first ray."""
+        return sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
+
+
+@dataclass
+class Results:
+    """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last."""
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    cells: list[Event]
+    references: dict[str, Event]
+    metric: str
+    targets: list[float]
+    sentinels: list[Event]
+    runs: list[Event]
+    contenders: list[Contender] = field(default_factory=list)
+
+    @property
+    def scenes(self) -> list[str]:
+        """Scenes in the order in which they first appear."""
+        return list(dict.fromkeys(contender.settings.scene for contender in self.contenders))
+
+    @property
+    def engines(self) -> list[str]:
+        """Engines in alphabetical order."""
+        return sorted({contender.settings.engine for contender in self.contenders})
+
+    @property
+    def epsilon(self) -> float:
+        """The metric's epsilon (radiance squared), 0.01 for metrics that have none."""
+        return float(self.metric.partition("_e")[2]) if self.metric.startswith("relmse_e") else 0.01
+
+    def of_scene(self, scene: str) -> list[Contender]:
+        """The scene's contenders that have something to show."""
+        return [c for c in self.contenders if c.settings.scene == scene and c.done]
+
+    def curve(self, cell: Event, x: str = "seconds") -> Curve:
+        """A cell's error over `seconds`, `spp` or `rays`: noise-corrected with its standard error where it is known."""
+        points = cell.get("points") or []
+        errors, spreads = np.array([point_error(point, self.metric) for point in points]).reshape(-1, 2).T
+        return curve([float(point.get(x) or math.nan) for point in points], errors, spreads)
+
+    def reference(self, reference_id: str | None) -> Reference | None:
+        """The reference's arrays; None where it is missing or unreadable."""
+        if reference_id not in self.references:
+            return None
+        from engines.errors import RaybenchError
+        from harness import store
+
+        try:
+            return store.reference_arrays(self.folder, str(reference_id))
+        except (RaybenchError, OSError, ValueError, KeyError):
+            return None
+
+    def image(self, point: Event) -> np.ndarray | None:
+        """A checkpoint's image (h, w, 3); None where it was not kept or cannot be read."""
+        return read_image(self.folder / point["image"]) if point.get("image") else None
+
+
+def load_results(folder: str | Path) -> Results:
+    """Reads a results folder. Raises ConfigError where it has no events."""
+    from engines.errors import ConfigError
+    from harness import store
+
+    folder = Path(folder)
+    if not (folder / "events.jsonl").exists():
+        raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is wanted")
+    events = store.read_events(folder)
+    manifest = store.read_manifest(folder) if (folder / "manifest.json").exists() else {}
+    return results_of(folder, manifest, events)
+
+
+def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
+    """Arranges events; later cell events of one id replace earlier ones, in the place of the first."""
+    from harness.store import latest_cells
+
+    targets = (of_kind(events, "targets") or [{}])[-1]
+    quality = (manifest.get("config") or {}).get("quality") or {}
+    metric = targets.get("metric") or _metric_of(quality)
+    goals = targets.get("targets", quality.get("targets"))
+    numbers = [float(t) for t in goals if t != "auto"] if isinstance(goals, (list, tuple)) else []
+    references = {event["reference_id"]: event for event in of_kind(events, "reference")}
+    results = Results(folder, manifest, list(latest_cells(events).values()), references, metric,
+                      sorted(numbers, reverse=not higher_is_better(metric)),
+                      of_kind(events, "sentinel"), of_kind(events, "run"))  # fmt: skip
+    results.contenders = _contenders(results.cells)
+    return results
+
+
+def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
+    return [event for event in events if event.get("event") == kind]
+
+
+def choice_text(choice: Any) -> str:
+    """`{"name": "bvh", "leaf": 4}` as `bvh(leaf=4)`; names stay as they are, None becomes empty."""
+    if not isinstance(choice, Mapping):
+        return "" if choice is None else str(choice)
+    options = ", ".join(f"{key}={choice[key]}" for key in sorted(choice) if key != "name")
+    return f"{choice.get('name', '?')}({options})" if options else str(choice.get("name", "?"))
+
+
+def phase_seconds(cell: Event, phase: str) -> float:
+    """Seconds of a phase; 0 where it was not recorded."""
+    value = (cell.get("phases") or {}).get(f"{phase}_seconds")
+    return float(value) if value is not None and math.isfinite(value) else 0.0
+
+
+def higher_is_better(metric: str) -> bool:
+    return metric.startswith(("psnr", "ssim"))
+
+
+def as_error(metric: str, value: float) -> float:
+    """A quality as an error that falls: PSNR as the MSE it stands for, SSIM as 1 - SSIM, errors as they are."""
+    if metric == "psnr":
+        return 10 ** (-value / 10)
+    return 1 - value if metric == "ssim" else value
+
+
+def point_error(point: Event, metric: str) -> tuple[float, float]:
+    """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one."""
+    metrics = point.get("metrics") or {}
+    value = metrics.get(f"{metric}_corrected", metrics.get(metric))
+    se = metrics.get(f"{metric}_se")
+    return (math.nan if value is None else as_error(metric, float(value))), (0.0 if se is None else float(se))
+
+
+def read_image(path: Path) -> np.ndarray | None:
+    """(h, w, 3) float64, or None where the file is missing or damaged: a report never fails over a picture."""
+    from engines.errors import RaybenchError
+    from engines.image import read_image as read
+
+    try:
+        return np.asarray(read(path), np.float64)
+    except (RaybenchError, OSError):
+        return None
+
+
+def _metric_of(quality: Mapping[str, Any]) -> str:
+    from harness.metrics import metric_name
+
+    return metric_name(quality.get("metric", "relmse"), float(quality.get("epsilon", 0.01)))
+
+
+def settings_of(cell: Event) -> Settings:
+    """The configuration of a cell."""
+    return Settings(
+        str(cell.get("scene", "?")), str(cell.get("engine", "?")), choice_text(cell.get("accelerator")),
+        choice_text(cell.get("shader")), choice_text(cell.get("sampler")), str(cell.get("precision") or ""),
+        int(cell.get("threads") or 1), f"{cell.get('width') or '?'}x{cell.get('height') or '?'}",
+        str(cell.get("label") or ""), str(cell.get("env_id") or "")[:8],
+    )  # fmt: skip
+
+
+def _contenders(cells: Sequence[Event]) -> list[Contender]:
+    """Cells by configuration, named by what differs among those that were measured."""
+    groups: dict[Settings, list[Event]] = {}
+    for cell in cells:
+        groups.setdefault(settings_of(cell), []).append(cell)
+    contenders = [Contender(settings, sorted(group, key=lambda cell: cell.get("block") or 0))
+                  for settings, group in groups.items()]  # fmt: skip
+    varying = {axis for axis in AXES if len({getattr(c.settings, axis) for c in contenders}) > 1} | {"engine"}
+    for contender in contenders:
+        contender.name = short_name(contender.settings, varying)
+    return contenders
+
+
+def short_name(settings: Settings, varying: set[str]) -> str:
+    """`numba bvh sobol 2 threads`: the engine and the axes that vary."""
+    words = []
+    for axis in AXES:
+        value = getattr(settings, axis)
+        if axis in varying and value != "":
+            words.append(f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value))
+    return " ".join(words)
