@@ -132,7 +132,7 @@ def load_results(folder: str | Path) -> Results:
 
 
 def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
-    """Arranges events; later cell events of one id replace earlier ones, in the place of the first."""
+    """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
     from harness.store import latest_cells
 
     targets = (of_kind(events, "targets") or [{}])[-1]
@@ -141,7 +141,8 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
     goals = targets.get("targets", quality.get("targets"))
     numbers = [float(t) for t in goals if t != "auto"] if isinstance(goals, (list, tuple)) else []
     references = {event["reference_id"]: event for event in of_kind(events, "reference")}
-    results = Results(folder, manifest, list(latest_cells(events).values()), references, metric,
+    cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
+    results = Results(folder, manifest, cells, references, metric,
                       sorted(numbers, reverse=not higher_is_better(metric)),
                       of_kind(events, "sentinel"), of_kind(events, "run"))  # fmt: skip
     results.contenders = _contenders(results.cells)
@@ -217,8 +218,9 @@ def _contenders(cells: Sequence[Event]) -> list[Contender]:
     groups: dict[Settings, list[Event]] = {}
     for cell in cells:
         groups.setdefault(settings_of(cell), []).append(cell)
-    contenders = [Contender(settings, sorted(group, key=lambda cell: cell.get("block") or 0))
-                  for settings, group in groups.items()]  # fmt: skip
+    scenes = list(dict.fromkeys(settings.scene for settings in groups))
+    contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
+                  for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
     varying = {axis for axis in AXES if len({getattr(c.settings, axis) for c in contenders}) > 1} | {"engine"}
     for contender in contenders:
         contender.name = short_name(contender.settings, varying)
@@ -226,10 +228,10 @@ def _contenders(cells: Sequence[Event]) -> list[Contender]:
 
 
 def short_name(settings: Settings, varying: set[str]) -> str:
-    """`numba bvh sobol 2 threads`: the engine and the axes that vary."""
+    """`numba bvh sobol 2 threads`: the engine and the axes that vary; no accelerator that is named as its engine."""
     words = []
     for axis in AXES:
         value = getattr(settings, axis)
-        if axis in varying and value != "":
+        if axis in varying and value != "" and (axis != "accelerator" or value != settings.engine):
             words.append(f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value))
     return " ".join(words)

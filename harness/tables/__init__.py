@@ -1,0 +1,41 @@
+"""Tables of results: verdicts for people (csv, md, tex) and tidy data for programs. Every column is documented."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.analysis import Analysis
+from harness.tables.model import Column, Table, cell_text, csv_text, latex_text, markdown_text, sort_value
+from harness.tables.tidy import phase_rows, points, quality_times
+from harness.tables.verdicts import all_tables, thread_families
+
+__all__ = ["Column", "Table", "all_tables", "cell_text", "columns", "sort_value", "thread_families", "write_tables"]
+
+TEXTS = {"csv": csv_text, "md": markdown_text, "tex": latex_text}
+
+
+def columns(tables: list[Table]) -> dict[str, str]:
+    """`table.column` -> meaning, for every column."""
+    return {f"{table.name}.{column.name}": column.meaning for table in tables for column in table.columns}
+
+
+def write_tables(analysis: Analysis, folder: Path) -> list[Table]:
+    """Writes points.csv, ttq.csv, phases.csv and tables/*; returns the tables for people."""
+    tidy = [points(analysis.results), quality_times(analysis), phase_rows(analysis.results)]
+    tables = all_tables(analysis)
+    (folder / "tables").mkdir(exist_ok=True)
+    for table in tidy:
+        (folder / f"{table.name}.csv").write_text(csv_text(table), encoding="utf-8")
+    for table in tables:
+        for suffix, text in TEXTS.items():
+            (folder / "tables" / f"{table.name}.{suffix}").write_text(text(table), encoding="utf-8")
+    (folder / "tables" / "columns.md").write_text(_columns_text(tidy, tables), encoding="utf-8")
+    return tables
+
+
+def _columns_text(tidy: list[Table], tables: list[Table]) -> str:
+    """What every column means, file by file."""
+    lines = ["# Columns", "", "An estimate has three columns in csv: `name`, `name_low`, `name_high`."]
+    for path, table in [*((f"{t.name}.csv", t) for t in tidy), *((f"tables/{t.name}", t) for t in tables)]:
+        lines += ["", f"## {path}", "", *(f"- `{column.name}`: {column.meaning}" for column in table.columns)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,239 @@
+"""The tables for people: time-to-quality first, then speed-ups, convergence, agreement, phases, threads, failures."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from harness.analysis import Analysis, Verdict, seconds_per_sample
+from harness.results import PHASES, Contender, Results
+from harness.statistics import Estimate, QualityTime, Speedup, amdahl_fit, parallel_speedups
+from harness.tables.model import Column, Table
+
+SCENE = Column("scene", "Scene that was rendered.")
+CONTENDER = Column("contender", "Engine and those settings that differ within this experiment.")
+BASELINE = Column("baseline", "Contender compared with: the baseline engine's nearest relative.")
+
+
+def all_tables(analysis: Analysis) -> list[Table]:
+    """Every table, the verdicts first. Tables without rows are kept: that nothing failed is worth saying."""
+    makers = (time_to_quality, speedups, convergence, agreement, phases, threads, failures)
+    return [make(analysis) for make in makers]
+
+
+def time_to_quality(analysis: Analysis) -> Table:
+    """One row a contender and target."""
+    results = analysis.results
+    table = Table(
+        "time_to_quality", "Time to quality",
+        f"Median over seeds with a 95 % bootstrap interval; targets in {results.metric}, noise-corrected. "
+        "A target not reached within the budget is counted, never extrapolated.",
+        [SCENE, CONTENDER, Column("target", f"Quality to reach, in {results.metric}.", "exact"),
+         Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
+         Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
+         Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
+         Column("speedup", "Warm time of the baseline over this one, paired by block.", "ratio", "speed-up"),
+         Column("speedup_verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown.",
+                title="verdict"),
+         Column("bias", "Relative bias against the reference from pairs of seeds; flagged above 3 standard errors."),
+         Column("agreement", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
+         Column("warnings", "What else to know before believing the row."),
+         Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed")],
+    )  # fmt: skip
+    for verdict in analysis.verdicts:
+        for index, target in enumerate(results.targets):
+            table.rows.append(_quality_row(verdict, index, target))
+    return table
+
+
+def _quality_row(verdict: Verdict, index: int, target: float) -> dict[str, Any]:
+    speedup = verdict.quality_speedups[index] if verdict.quality_speedups else None
+    return {
+        **_who(verdict), "target": target, "warm_seconds": _estimate(verdict.warm[index]),
+        "cold_seconds": _estimate(verdict.cold[index]), "reached": verdict.warm[index].verdict(),
+        "speedup": _ratio(speedup), "speedup_verdict": speedup.verdict if speedup else "baseline",
+        "bias": bias_text(verdict), "agreement": agreement_text(verdict),
+        "warnings": "; ".join(flag for flag in verdict.flags if not flag.startswith(("biased", "differs"))),
+        "failed_cells": verdict.failures,
+    }  # fmt: skip
+
+
+def speedups(analysis: Analysis) -> Table:
+    """Against the baseline: throughput, then each target."""
+    floors = ", ".join(f"{scene} {100 * math.expm1(floor):.1f} %" for scene, floor in sorted(analysis.floors.items()))
+    table = Table(
+        "speedups", "Speed-up against the baseline",
+        f"Baseline engine: {analysis.baseline_engine or 'none'}. Geometric mean of paired block ratios with a 95 % "
+        f"interval. Noise floor from the A/A control: {floors or 'not measured'}.",
+        [SCENE, CONTENDER, BASELINE,
+         Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
+         Column("speedup", "Baseline over contender; above 1 the contender is faster.", "ratio", "speed-up"),
+         Column("pairs", "Blocks that both have.", "count"),
+         Column("verdict", "faster, slower, tie or unknown.")],
+    )  # fmt: skip
+    for verdict in analysis.verdicts:
+        if verdict.baseline is None or verdict.speedup is None:
+            continue
+        names = ["seconds per sample", *(f"time to {target:g}" for target in analysis.results.targets)]
+        for name, speedup in zip(names, [verdict.speedup, *verdict.quality_speedups], strict=True):
+            table.rows.append({
+                **_who(verdict), "baseline": verdict.baseline.name, "measure": name, "speedup": _ratio(speedup),
+                "pairs": speedup.pairs, "verdict": speedup.verdict,
+            })  # fmt: skip
+    return table
+
+
+def convergence(analysis: Analysis) -> Table:
+    """Slopes, throughput and what was left at the end."""
+    table = Table(
+        "convergence", "Convergence and throughput",
+        "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
+        [SCENE, CONTENDER, Column("spp", "Samples a pixel at the last checkpoint.", "estimate"),
+         Column("error", f"{analysis.results.metric} at the last checkpoint, noise-corrected.", "estimate"),
+         Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
+         Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
+         Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),
+         Column("rays_per_second", "Rays a second, warm.", "estimate", "rays/s"),
+         Column("efficiency", "1 / (MSE x warm seconds).", "estimate")],
+    )  # fmt: skip
+    for verdict in analysis.verdicts:
+        slope = verdict.slope
+        table.rows.append({
+            **_who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
+            "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds), "slope_verdict": slope.verdict,
+            "samples_per_second": verdict.samples_per_second, "rays_per_second": verdict.rays_per_second,
+            "efficiency": verdict.efficiency,
+        })  # fmt: skip
+    return table
+
+
+def agreement(analysis: Analysis) -> Table:
+    """Bias against the reference, equivalence with the baseline."""
+    table = Table(
+        "agreement", "Agreement with the reference and with the baseline",
+        "Equivalence at three scales: p values of Welch tests against their Sidak thresholds (1 % a scale), "
+        "and a margin test of 1 % on the image mean.",
+        [SCENE, CONTENDER, BASELINE,
+         Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
+         Column("bias_squared_se", "Its standard error.", "number"),
+         Column("bias", "Relative bias against the reference; flagged above 3 standard errors."),
+         Column("difference", "Relative difference of the image means, 90 % interval.", "estimate"),
+         Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
+         Column("image_p", "Welch p of the image means.", "number"),
+         Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
+         Column("tile_threshold", "Sidak threshold of a tile.", "number"),
+         Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
+         Column("pixel_threshold", "Sidak threshold of a pixel.", "number"),
+         Column("pixels_outside", "Pixels and channels below the threshold.", "count"),
+         Column("ks_p", "Kolmogorov-Smirnov p of the tiles' p values.", "number"),
+         Column("verdict", "equivalent, different or inconclusive.")],
+    )  # fmt: skip
+    for verdict in analysis.verdicts:
+        table.rows.append(_agreement_row(verdict))
+    return table
+
+
+def _agreement_row(verdict: Verdict) -> dict[str, Any]:
+    row: dict[str, Any] = {**_who(verdict), "baseline": verdict.baseline.name if verdict.baseline else None,
+                           "bias": bias_text(verdict), "verdict": agreement_text(verdict)}  # fmt: skip
+    if verdict.bias is not None:
+        row |= {"bias_squared": verdict.bias.squared, "bias_squared_se": verdict.bias.se}
+    found = verdict.equivalence
+    if found is not None:
+        row |= {key: getattr(found, key) for key in ("detectable", "image_p", "tile_p", "tile_threshold", "pixel_p",
+                                                     "pixel_threshold", "pixels_outside", "ks_p")}  # fmt: skip
+        row["difference"] = Estimate(found.difference, found.low, found.high, 0)
+    return row
+
+
+def phases(analysis: Analysis) -> Table:
+    """Median seconds of each phase."""
+    meanings = {"import": "importing the engine", "load": "loading the scene", "build": "building the accelerator",
+                "compile": "compiling", "render": "rendering, all checkpoints"}  # fmt: skip
+    columns = [Column(f"{phase}_seconds", f"Seconds of {meanings[phase]}; median over seeds.", "estimate",
+                      f"{phase} [s]") for phase in PHASES]  # fmt: skip
+    table = Table("phases", "Phases", "Where the time of a cold start goes; medians over seeds, 95 % intervals.",
+                  [SCENE, CONTENDER, *columns])  # fmt: skip
+    for verdict in analysis.verdicts:
+        table.rows.append(_who(verdict) | {f"{phase}_seconds": verdict.phases[phase] for phase in PHASES})
+    return table
+
+
+def threads(analysis: Analysis) -> Table:
+    """Families of contenders that differ in their thread count alone."""
+    table = Table(
+        "threads", "Speed-up over threads",
+        "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, bootstrap over blocks.",
+        [SCENE, CONTENDER, Column("threads", "Threads.", "count"),
+         Column("speedup", "Against the fewest threads.", "estimate", "speed-up"),
+         Column("efficiency", "Speed-up over threads; 1 is ideal.", "estimate"),
+         Column("serial_fraction", "Share of the time that more threads do not shorten.", "estimate")],
+    )  # fmt: skip
+    for family in thread_families(analysis.results):
+        seconds = {contender.settings.threads: seconds_per_sample(contender) for contender in family}
+        fit = amdahl_fit(seconds)
+        for row, contender in zip(parallel_speedups(seconds), family, strict=True):
+            table.rows.append({
+                "scene": contender.settings.scene, "contender": contender.name, "threads": row.threads,
+                "speedup": row.speedup, "efficiency": row.efficiency, "serial_fraction": fit,
+            })  # fmt: skip
+    return table
+
+
+def thread_families(results: Results) -> list[list[Contender]]:
+    """Measured contenders that differ in threads alone, two or more, by rising thread count."""
+    families: dict[Any, list[Contender]] = {}
+    for contender in results.contenders:
+        if seconds_per_sample(contender):
+            families.setdefault(contender.settings._replace(threads=0), []).append(contender)
+    found = [sorted(family, key=lambda c: c.settings.threads) for family in families.values()]
+    return [family for family in found if len(family) > 1]
+
+
+def failures(analysis: Analysis) -> Table:
+    """What did not run, and why."""
+    table = Table(
+        "failures", "Failures, timeouts and skips", "Cells that gave no complete measurement, with the reason.",
+        [SCENE, CONTENDER, Column("state", "failed, timeout or skipped."),
+         Column("cells", "How many seeds of the contender it concerns.", "count"),
+         Column("message", "The reason, as the engine or the harness gave it.")],
+    )  # fmt: skip
+    for contender in analysis.results.contenders:
+        reasons: dict[tuple[str, str], int] = {}
+        for cell in contender.cells:
+            if cell["state"] != "done":
+                reason = (str(cell["state"]), str(cell.get("message") or ""))
+                reasons[reason] = reasons.get(reason, 0) + 1
+        for (state, message), count in reasons.items():
+            table.rows.append({"scene": contender.settings.scene, "contender": contender.name, "state": state,
+                               "cells": count, "message": message})  # fmt: skip
+    return table
+
+
+def bias_text(verdict: Verdict) -> str:
+    """`none seen (< 0.5 %)`, `2.9 %, flagged` or `unknown`."""
+    bias = verdict.bias
+    if bias is None or math.isnan(bias.squared):
+        return "unknown"
+    if bias.biased:
+        return f"{100 * bias.root:.2g} %, flagged"
+    seen = math.sqrt(max(bias.squared, 0.0) + 3 * bias.se)
+    return f"none seen (< {100 * seen:.2g} %)"
+
+
+def agreement_text(verdict: Verdict) -> str:
+    if verdict.baseline is None:
+        return "is the baseline"
+    return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"
+
+
+def _who(verdict: Verdict) -> dict[str, Any]:
+    return {"scene": verdict.contender.settings.scene, "contender": verdict.contender.name}
+
+
+def _estimate(quality: QualityTime) -> Estimate:
+    return Estimate(quality.median, quality.low, quality.high, quality.seeds)
+
+
+def _ratio(speedup: Speedup | None) -> Estimate | None:
+    return None if speedup is None or math.isnan(speedup.ratio) else Estimate(*speedup[:4])
