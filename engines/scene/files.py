@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike, fspath
+from os.path import isfile  # False, where Path.is_file raises for names that are too long
 from pathlib import Path
 
 from engines.errors import SceneError, suggestion
@@ -28,12 +29,12 @@ def find_scene(path: str | PathLike[str]) -> Path:
     name = fspath(path)
     direct = Path(name)
     bare = direct.name == name and direct.suffix not in (".yaml", ".yml")
-    if not bare or direct.is_file():
+    if not bare or isfile(direct):
         return direct
     for folder in scene_folders():
         for suffix in (".yaml", ".yml"):
             found = folder / (name + suffix)
-            if found.is_file():
+            if isfile(found):
                 return found
     raise SceneError(f"scene {name!r}: unknown scene: {suggestion(name, scene_names())}, or the path of a YAML file")
 

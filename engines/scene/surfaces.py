@@ -99,4 +99,4 @@ def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: f
     vertices = (curve[:, None, :] + tube * ring).reshape(-1, 3) + np.array(center)
     index = np.arange(segments * sides, dtype=np.int32).reshape(segments, sides)
     ahead = np.roll(index, -1, axis=0)
-    return Faces(vertices, _quads(index, ahead, np.roll(ahead, -1, axis=1), np.roll(index, -1, axis=1)), "torus_knot")
+    return Faces(vertices, _quads(index, np.roll(index, -1, axis=1), np.roll(ahead, -1, axis=1), ahead), "torus_knot")

@@ -1,0 +1,157 @@
+"""Every wrong input gives one message: file, line, key path, value, what is wanted; only SceneError comes out."""
+
+# ruff: noqa: E501  (a table, one case a line)
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import engines
+from engines.errors import SceneError
+
+GOOD = """\
+raybench_scene: 1
+camera:
+  type: perspective
+  eye: [0, 1, 5]
+  target: [0, 1, 0]
+  fov: 40
+  resolution: [8, 8]
+materials:
+  red: {kd: [0.5, 0.1, 0.1]}
+  glass: {ks: 1, kt: 1, ior: 1.5, fresnel: true}
+  lamp: {emission: 5}
+shapes:
+  - {sphere: {center: [0, 1, 0], radius: 1}, material: red}
+  - {plane: {point: [0, 0, 0], normal: [0, 1, 0]}, material: red}
+  - {triangle: {a: [0, 0, 0], b: [1, 0, 0], c: [0, 1, 0]}, material: lamp}
+  - {mesh: {vertices: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces: [[0, 1, 2]]}, material: glass}
+  - {procedural: {name: sphereflake, level: 1}, material: red}
+lights:
+  - {point: {position: [0, 3, 0], intensity: 10}}
+  - {directional: {direction: [0, -1, 0], irradiance: 1}}
+  - {environment: {radiance: 1}}
+"""
+
+# what to replace, with what, and the message after the file's name
+CASES = [
+    ("raybench_scene: 1", "raybench_scene: 2", ":1 raybench_scene = 2: must be an integer in [1, 1]"),
+    ("raybench_scene: 1\n", "", ":1 raybench_scene: is missing"),
+    ("lights:", "lihgts:", ":18 lihgts: unknown key: did you mean 'lights'? known: camera, lights,"),
+    ("shapes:", "red: 1\nshapes:", ":12 red: unknown key"),
+    ("materials:", "materials:\n  red: {kd: 1}", ":10: 'red' is there twice: first in line 9, again in line 10"),
+    # camera
+    ("type: perspective", "type: perspectiv", ":3 camera.type = 'perspectiv': unknown camera: did you mean 'perspective'?"),
+    ("  type: perspective\n", "", ":3 camera.type: is missing"),
+    ("type: perspective", "type: os:getcwd", ":3 camera.type = 'os:getcwd': imports code: pass --allow-imports"),
+    ("type: perspective", "type: 3", ":3 camera.type = 3: must be text"),
+    ("eye: [0, 1, 5]", "eye: [0, 1]", ":4 camera.eye: must be three numbers"),
+    ("eye: [0, 1, 5]", "eye: [0, .nan, 5]", ":4 camera.eye[1] = nan: must be finite"),
+    ("eye: [0, 1, 5]", "eye: [0, 1e999, 5]", ":4 camera.eye[1] = inf: must be finite"),
+    ("eye: [0, 1, 5]", "eye: [0, yes, 5]", ":4 camera.eye[1] = 'yes': must be a number"),
+    ("eye: [0, 1, 5]", f"eye: [0, {'9' * 400}, 5]", ": must be finite"),
+    ("  eye: [0, 1, 5]\n", "", ":3 camera.eye: is missing"),
+    ("target: [0, 1, 0]", "target: [0, 1, 5]", ":5 camera.target: must differ from eye"),
+    ("target: [0, 1, 0]", "target: [0, 9, 5]", ":5 camera.target: up must not be parallel"),
+    ("fov: 40", "up: [0, 0, 3]", ":6 camera.up: up must not be parallel"),
+    ("fov: 40", "up: [0, 0, 0]", ":6 camera.up: must not be the zero vector"),
+    ("fov: 40", "fov: 0", ":6 camera.fov = 0: must lie in (0, 180) degrees"),
+    ("fov: 40", "fov: 180", ":6 camera.fov = 180: must lie in (0, 180) degrees"),
+    ("fov: 40", "fov_axis: z", ":6 camera.fov_axis = 'z': unknown fov_axis: known: x, y"),
+    ("fov: 40", "fow: 40", ":6 camera.fow: unknown key: did you mean 'fov'?"),
+    ("[8, 8]", "[0, 8]", ":7 camera.resolution[0] = 0: must be an integer in [1, 65536]"),
+    ("[8, 8]", "[8, 8.0]", ":7 camera.resolution[1] = 8.0: must be an integer in [1, 65536]"),
+    ("[8, 8]", "[8, true]", ":7 camera.resolution[1] = True: must be an integer in [1, 65536]"),
+    ("[8, 8]", "8", ":7 camera.resolution = 8: must be [width, height] in pixels"),
+    ("[8, 8]", "[65536, 65536]", "this machine has"),
+    # materials
+    ("kd: [0.5, 0.1, 0.1]", "kd: [0.5, 1.4, 0.1]", ":9 materials.red.kd[1] = 1.4: must lie in [0, 1]"),
+    ("kd: [0.5, 0.1, 0.1]", "kd: -0.1", ":9 materials.red.kd = -0.1: must lie in [0, 1]"),
+    ("kd: [0.5, 0.1, 0.1]", "kd: [1, 2]", ":9 materials.red.kd: must be a number or [r, g, b]"),
+    ("kd: [0.5, 0.1, 0.1]", "kd: blue", ":9 materials.red.kd = 'blue': must be a number"),
+    ("kd: [0.5, 0.1, 0.1]", "kdd: 1", ":9 materials.red.kdd: unknown key: did you mean 'kd'? known: emission, fresnel,"),
+    ("kd: [0.5, 0.1, 0.1]", "kd: 0.5, ks: [0.1, 0.6, 0]", ":9 materials.red: kd + ks + kt = 1.1 in green: must not exceed 1"),
+    ("ks: 1, kt: 1", "ks: 1, kt: 1, kd: 0.1", ":10 materials.glass: kd + max(ks, kt) = 1.1 in red: must not exceed 1"),
+    ("ior: 1.5", "ior: 0", ":10 materials.glass.ior = 0: must be greater than 0"),
+    ("fresnel: true", "fresnel: yes", ":10 materials.glass.fresnel = 'yes': must be true or false"),
+    ("emission: 5", "emission: -5", ":11 materials.lamp.emission = -5: must not be negative"),
+    ("emission: 5", "emission: [1, .inf, 0]", ":11 materials.lamp.emission[1] = inf: must be finite"),
+    ("{emission: 5}", "5", ":11 materials.lamp = 5: must be a mapping"),
+    # shapes
+    ("material: glass", "material: glas", ":16 shapes[3].material = 'glas': unknown material: did you mean 'glass'?"),
+    ("}, material: glass", "}", ":16 shapes[3].material: is missing"),
+    ("- {sphere:", "- {spere:", ":13 shapes[0].spere: unknown shape: did you mean 'sphere'?"),
+    ("{sphere: {center: [0, 1, 0], radius: 1}, material: red}", "{material: red}", ":13 shapes[0]: must have one kind"),
+    ("radius: 1}", "radius: 0}", ":13 shapes[0].sphere.radius = 0: must be greater than 0"),
+    ("radius: 1}", "radius: -1}", ":13 shapes[0].sphere.radius = -1: must be greater than 0"),
+    (", radius: 1}", "}", ":13 shapes[0].sphere.radius: is missing"),
+    ("normal: [0, 1, 0]", "normal: [0, 0, 0]", ":14 shapes[1].plane.normal: must not be the zero vector"),
+    ("c: [0, 1, 0]", "c: [2, 0, 0]", ":15 shapes[2]: material 'lamp' emits, but the shape has no area"),
+    ("[[0, 1, 2]]", "[[0, 1, 3]]", ":16 shapes[3].mesh.faces[0][2] = 3: must be an integer in [0, 2]"),
+    ("[[0, 1, 2]]", "[[0, 1, -1]]", ":16 shapes[3].mesh.faces[0][2] = -1: must be an integer in [0, 2]"),
+    ("[[0, 1, 2]]", "[[0, 1, 1.5]]", ":16 shapes[3].mesh.faces[0][2] = 1.5: must be an integer in [0, 2]"),
+    ("[[0, 1, 2]]", "[[0, 1, 2, 0]]", ":16 shapes[3].mesh.faces[0]: must be three numbers"),
+    ("[[0, 1, 2]]", "[]", ":16 shapes[3].mesh.faces: must not be empty"),
+    (", faces: [[0, 1, 2]]", "", ":16 shapes[3].mesh.faces: is missing"),
+    ("faces: [[0, 1, 2]]", "faces: [[0, 1, 2]], scale: 0", ":16 shapes[3].mesh.scale = 0: must be greater than 0"),
+    ("faces: [[0, 1, 2]]", "faces: [[0, 1, 2]], file: a.obj", "shapes[3].mesh.vertices: either file, or vertices and faces"),
+    ("[1, 0, 0], [0, 1, 0]]", "[1e308, 0, 0], [0, 1, 0]], scale: 1e10", "vertices must be finite"),
+    ("material: glass", "material: [lamp]", "shapes[3].material: unknown material"),
+    ("name: sphereflake", "name: sphereflak", ":17 shapes[4].procedural.name = 'sphereflak': unknown procedural shape: did you"),
+    ("level: 1", "leve: 1", ":17 shapes[4].procedural.leve: unknown key: did you mean 'level'?"),
+    ("level: 1", "level: -1", ":17 shapes[4].procedural.level = -1: must be an integer in [0, 30]"),
+    ("level: 1", "level: 15", ":17 shapes[4].procedural: procedural shape 'sphereflake' of this size would need"),
+    ("level: 1", "level: 1, radius: 1e308, center: [1e308, 1e308, 1e308]", "coordinates must be finite"),
+    ("name: sphereflake, level: 1", "name: box, half_size: [1, 0, 1]", "shapes[4].procedural.half_size: [1.0, 0.0, 1.0]: must"),
+    ("name: sphereflake, level: 1", "name: quad, points: [[0, 0, 0]]", "shapes[4].procedural.points: 1 points: four are wanted"),
+    ("name: sphereflake, level: 1", "name: quad", "shapes[4].procedural.points: is missing"),
+    # lights
+    ("- {point:", "- {pont:", ":19 lights[0].pont: unknown light: did you mean 'point'?"),
+    ("intensity: 10", "intensity: -1", ":19 lights[0].point.intensity = -1: must not be negative"),
+    ("intensity: 10", "intensity: 10, falloff: linear", ":19 lights[0].point.falloff = 'linear': unknown falloff"),
+    ("direction: [0, -1, 0]", "direction: [0, 0, 0]", ":20 lights[1].directional.direction: must not be the zero vector"),
+    ("{radiance: 1}", "{}", ":21 lights[2].environment: needs radiance, image, or both"),
+    ("{radiance: 1}", "{image: sky.exr}", ":21 lights[2].environment.image = 'sky.exr': no such file"),
+    ("{radiance: 1}", "{image: ../../etc/passwd.exr}", "= '../../etc/passwd.exr': lies outside the scene's folder"),
+    ("{environment: {radiance: 1}}", "5", ":21 lights[2] = 5: must be a mapping with one key"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "message"), CASES)
+def test_each_wrong_value_is_refused_where_it_stands(tmp_path, old, new, message):
+    assert old in GOOD
+    file = tmp_path / "box.yaml"
+    file.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(SceneError) as caught:
+        engines.load_scene(file)
+    text = str(caught.value)
+    assert text.startswith(f"{file}:") and message in text and "\n" not in text
+    assert re.match(re.escape(str(file)) + r":\d+[ :]", text)
+
+
+def test_the_scene_they_are_made_from_is_good(tmp_path):
+    (tmp_path / "box.yaml").write_text(GOOD)
+    scene = engines.load_scene(tmp_path / "box.yaml")
+    assert len(scene.shapes) == 5 and len(scene.lights) == 3 and scene.warnings == ()
+
+
+@pytest.mark.parametrize(
+    "data", [None, 3, [], "text", {}, {"raybench_scene": 1}, {"raybench_scene": True, "camera": {}}]
+)
+def test_wrong_mappings_are_refused_by_key_path_alone(data):
+    with pytest.raises(SceneError) as caught:
+        engines.scene_from(data)
+    assert ":0" not in str(caught.value)
+
+
+def test_unknown_bare_names_list_the_nearest():
+    with pytest.raises(SceneError, match=r"scene 'cornel_box': unknown scene: did you mean 'cornell_box'\?"):
+        engines.load_scene("cornel_box")
+
+
+@pytest.mark.parametrize("name", ["", "a\0b", "x" * 5000, "missing/box.yaml", "."])
+def test_paths_that_are_none_are_refused(name):
+    with pytest.raises(SceneError):
+        engines.load_scene(name)

@@ -1,0 +1,87 @@
+"""The content hash changes with what the pixels depend on, and with nothing else."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+import engines
+
+SCENE = {
+    "raybench_scene": 1,
+    "name": "one",
+    "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0], "resolution": [8, 8]},
+    "materials": {"a": {"kd": 0.5}, "b": {"kd": [0.1, 0.2, 0.3]}, "lamp": {"emission": 1}},
+    "shapes": [
+        {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "a"},
+        {"mesh": {"vertices": np.eye(3).tolist(), "faces": [[0, 1, 2]]}, "material": "b"},
+        {"procedural": {"name": "sphereflake", "level": 1}, "material": "lamp"},
+    ],
+    "lights": [{"point": {"position": [0, 3, 0], "intensity": 1}}, {"environment": {"radiance": 1}}],
+}
+
+
+def hash_of(change=None):
+    data = copy.deepcopy(SCENE)
+    if change:
+        change(data)
+    return engines.scene_from(data).content_hash
+
+
+def _rename(data):
+    data["materials"] = {"x": data["materials"]["a"], "lamp": data["materials"]["lamp"], "b": data["materials"]["b"]}
+    data["shapes"][0]["material"] = "x"
+
+
+SAME = {
+    "name": lambda d: d.update(name="two"),
+    "resolution": lambda d: d["camera"].update(resolution=[16, 9]),
+    "material renamed and moved": _rename,
+    "unused material": lambda d: d["materials"].update(unused={"ks": 1}),
+    "default written out": lambda d: (d["materials"]["a"].update(ks=0, ior=1.0),
+                                      d["camera"].update(up=[0, 1, 0], fov=40)),
+    "number as colour": lambda d: d["materials"]["a"].update(kd=[0.5, 0.5, 0.5]),
+    "minus zero": lambda d: d["shapes"][0]["sphere"].update(center=[-0.0, 0, 0]),
+    "order of keys": lambda d: d.update(camera=d.pop("camera"), materials=dict(reversed(d["materials"].items()))),
+    "array instead of list": lambda d: d["shapes"][1]["mesh"].update(vertices=np.eye(3)),
+    "same material by another name": lambda d: (d["materials"].update(c=d["materials"]["b"]),
+                                                d["shapes"][1].update(material="c")),
+}  # fmt: skip
+OTHER = {
+    "eye": lambda d: d["camera"].update(eye=[0, 0, 3.0000001]),
+    "fov": lambda d: d["camera"].update(fov=41),
+    "fov axis": lambda d: d["camera"].update(fov_axis="x"),
+    "camera kind": lambda d: d.update(
+        camera={"type": "orthographic", "eye": [0, 0, 3], "target": [0, 0, 0], "height": 2}
+    ),
+    "kd": lambda d: d["materials"]["a"].update(kd=0.25),
+    "two sided": lambda d: d["materials"]["lamp"].update(two_sided=True),
+    "material swapped": lambda d: d["shapes"][0].update(material="b"),
+    "radius": lambda d: d["shapes"][0]["sphere"].update(radius=2),
+    "vertex": lambda d: d["shapes"][1]["mesh"]["vertices"][0].__setitem__(0, 1.5),
+    "face order": lambda d: d["shapes"][1]["mesh"].update(faces=[[1, 2, 0]]),
+    "smooth": lambda d: d["shapes"][1]["mesh"].update(smooth=True),
+    "level": lambda d: d["shapes"][2]["procedural"].update(level=2),
+    "order of shapes": lambda d: d["shapes"].reverse(),
+    "shape removed": lambda d: d["shapes"].pop(),
+    "intensity": lambda d: d["lights"][0]["point"].update(intensity=2),
+    "falloff": lambda d: d["lights"][0]["point"].update(falloff="none"),
+    "light removed": lambda d: d["lights"].pop(),
+}
+
+
+@pytest.mark.parametrize("change", SAME.values(), ids=SAME.keys())
+def test_the_hash_stays(change):
+    assert hash_of(change) == hash_of()
+
+
+def test_every_other_change_gives_a_hash_of_its_own():
+    hashes = [hash_of(), *(hash_of(change) for change in OTHER.values())]
+    assert len(set(hashes)) == len(hashes)
+
+
+def test_the_hash_is_pinned():
+    """References on disk are filed under it: change `content.VERSION` with the canonical form, on purpose only."""
+    assert hash_of() == "3c7cc150cc004d8230ec1f5f3afa8731f525163e37646372a67ae8ff80ce45ee"
