@@ -1,0 +1,53 @@
+"""Rays of a camera: from places on the image to origins and unit directions.
+
+A camera plugin carries a function `numpy(px, py, width, height, options)` that takes (n,) places in pixels, y downwards
+from the top left corner, and returns origins and directions, (n, 3) each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from engines.errors import Unsupported
+from engines.numpy_reference.vectors import Array, cross, unit
+from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective
+
+
+def camera_rays(camera: Camera, px: Array, py: Array, width: int, height: int) -> tuple[Array, Array]:
+    """Origins and unit directions, (3, n) each, through the places (px, py) in pixels."""
+    if isinstance(camera, CustomCamera):
+        origins, directions = camera.plugin.numpy(px, py, width, height, camera.options)
+        return np.array(origins, np.float64).T.copy(), unit(np.array(directions, np.float64).T)
+    eye = np.array(camera.eye)[:, None]
+    forward, right, up = _axes(camera)
+    half_width, half_height = _half_extents(camera, width / height)
+    sideways = (2.0 * px / width - 1.0) * half_width * right + (1.0 - 2.0 * py / height) * half_height * up
+    if isinstance(camera, Orthographic):
+        return eye + sideways, np.repeat(forward, px.size, axis=1)
+    return np.repeat(eye, px.size, axis=1), unit(forward + sideways)
+
+
+def _axes(camera: Perspective | Orthographic) -> tuple[Array, Array, Array]:
+    """Unit vectors forward, right and up, (3, 1) each."""
+    eye, target, up = (np.array(triple)[:, None] for triple in (camera.eye, camera.target, camera.up))
+    forward = unit(target - eye)
+    right = unit(cross(forward, up))
+    return forward, right, cross(right, forward)
+
+
+def _half_extents(camera: Perspective | Orthographic, aspect: float) -> tuple[float, float]:
+    """Half the width and height of the window: in metres, or at distance 1 for a pinhole."""
+    if isinstance(camera, Orthographic):
+        return aspect * camera.height / 2.0, camera.height / 2.0
+    half = float(np.tan(np.radians(camera.fov) / 2.0))
+    return (half, half / aspect) if camera.fov_axis == "x" else (aspect * half, half)
+
+
+def require_numpy(camera: Camera) -> None:
+    """Raises `Unsupported` for a camera plugin without a NumPy function."""
+    if isinstance(camera, CustomCamera) and not callable(getattr(camera.plugin, "numpy", None)):
+        raise Unsupported(f"the camera {_plugin_name(camera.plugin)} has no NumPy function (`numpy`)")
+
+
+def _plugin_name(plugin: object) -> str:
+    return repr(getattr(plugin, "name", type(plugin).__name__))

@@ -1,0 +1,70 @@
+"""What a shader has to work with: the scene's arrays, closest hits and shadows, lights, and random numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.choices import Choice
+from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.lights import Lights
+from engines.numpy_reference.material import Materials
+from engines.numpy_reference.nearest import Nearest
+from engines.numpy_reference.sampler import Sampler
+from engines.numpy_reference.surface import OFFSET, Surface, surface_at
+from engines.numpy_reference.tracer import Tracer
+from engines.numpy_reference.vectors import Array, Mask
+from engines.scene.model import Scene
+
+
+class Stopped(Exception):
+    """Raised inside a pass when `stop` was called; the pass is dropped."""
+
+
+class Context:
+    """A scene, ready to be shaded. `options` are the shader's; `rays` counts closest hits and shadows asked for.
+
+    `check` is called every few milliseconds and may raise `Stopped`.
+    """
+
+    def __init__(self, scene: Scene, geometry: Geometry, accelerator: Choice, shader: Choice, sampler: Sampler) -> None:
+        self.geometry = geometry
+        self.materials = Materials(scene.materials)
+        self.lights = Lights(scene.lights, geometry, self.materials)
+        self.tracer = Tracer(geometry, accelerator)
+        self.options: Mapping[str, Any] = shader.options
+        self.rays = 0
+        self.check: Callable[[], None] = _go_on
+        self._sampler = sampler
+
+    def draw(self, pixels: NDArray[np.integer], sample: int, dimension: int) -> Array:
+        """(n,) numbers in [0, 1): one for each pixel index."""
+        return self._sampler.draw(pixels, sample, dimension)
+
+    def closest(self, origin: Array, direction: Array) -> Nearest:
+        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and rank (-1 for a miss)."""
+        self.rays += origin.shape[1]
+        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check)
+
+    def surface(self, origin: Array, direction: Array, hits: Nearest) -> Surface:
+        """What lies where rays (3, n), all of which hit, have hit."""
+        return surface_at(self.geometry, origin, direction, hits)
+
+    def unoccluded(self, origin: Array, direction: Array, distance: Array) -> Mask:
+        """(n,) whether nothing lies between origins next to surfaces and a light `distance` away."""
+        self.rays += origin.shape[1]
+        return ~self.tracer.occluded(origin, direction, distance * (1.0 - OFFSET), self.check)
+
+    def sky(self, direction: Array) -> Array:
+        """(3, n) radiance of all environments together from unit directions."""
+        total = np.zeros(direction.shape)
+        for _, environment in self.lights.environments:
+            total += environment.radiance(direction)
+        return total
+
+
+def _go_on() -> None:
+    pass

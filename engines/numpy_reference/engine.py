@@ -1,0 +1,73 @@
+"""The engine `numpy`: float64, on one thread, written for reading; the others are held against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
+from engines.errors import RaybenchError, Unsupported
+from engines.interface import Settings
+from engines.numpy_reference.camera import require_numpy
+from engines.numpy_reference.renderer import Renderer
+from engines.scene.model import Scene
+
+
+def _leaf_size(value: object) -> str | None:
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return None if whole and 1 <= value <= 16 else "an integer in [1, 16]"
+
+
+ACCELERATORS: dict[str, dict[str, Option]] = {
+    "auto": {},
+    "none": {},
+    "bvh": {"leaf_size": Option(4, "primitives that a leaf holds at most", _leaf_size)},
+}
+
+
+class Engine:
+    """The reference: every shader, sampler and camera, and plugins that bring a NumPy function.
+
+    It has float64 only, accepts any number of threads and renders on one.
+    """
+
+    name = "numpy"
+    version = "1.0"
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        """None where `prepare` would work, else one sentence that says what is lacking."""
+        try:
+            _supported(scene, settings)
+        except RaybenchError as error:
+            return str(error)
+        return None
+
+    def prepare(self, scene: Scene, settings: Settings) -> Renderer:
+        """Raises `UnknownName`, `ConfigError` for bad settings, and `Unsupported` with the words of `why_not`."""
+        return Renderer(scene, _supported(scene, settings))
+
+    def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
+        """`none`: every ray against everything. `bvh`: an eight-wide tree. `auto`: the faster one for the scene."""
+        return ACCELERATORS
+
+
+def _supported(scene: Scene, settings: Settings) -> Settings:
+    """The settings with every choice resolved; raises where the engine cannot follow them."""
+    chosen = {
+        "shader": resolve("shader", settings.shader, SHADERS),
+        "sampler": resolve("sampler", settings.sampler, SAMPLERS),
+        "accelerator": resolve("accelerator", settings.accelerator, ACCELERATORS),
+    }
+    if settings.precision == "float32":
+        raise Unsupported("the numpy engine computes in float64 only")
+    if chosen["accelerator"].plugin is not None:
+        raise Unsupported("the numpy engine takes no accelerator plugins")
+    for kind in ("shader", "sampler"):
+        _require_numpy(kind, chosen[kind])
+    require_numpy(scene.camera)
+    return replace(settings, precision="float64", **chosen)
+
+
+def _require_numpy(kind: str, choice: Choice) -> None:
+    if choice.plugin is not None and not callable(getattr(choice.plugin, "numpy", None)):
+        raise Unsupported(f"the {kind} {choice.name!r} has no NumPy function (`numpy`)")

@@ -1,0 +1,171 @@
+"""The renderer: one scene with one set of settings; fills the film pass by pass, a chunk of pixels at a time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engines.choices import Choice
+from engines.film import Film
+from engines.interface import Hits, OnPass, Settings
+from engines.numpy_reference.camera import camera_rays, require_numpy
+from engines.numpy_reference.context import Context, Stopped
+from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.sampler import Sampler
+from engines.numpy_reference.shader import shader_function
+from engines.numpy_reference.surface import barycentric, geometric_normals
+from engines.numpy_reference.tracer import resolved_accelerator
+from engines.numpy_reference.vectors import Array, Indices, dot, norm
+from engines.scene.model import Camera, Scene, Shape
+
+CHUNK = 32_768
+"""Paths that are followed together: bounds the memory of a pass to some tens of megabytes."""
+
+
+class Renderer:
+    """Renders on one thread, whatever `settings.threads` says: NumPy's operations on arrays are serial."""
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        """`settings` with every choice resolved, as `Engine.prepare` passes them."""
+        self._scene, self._wanted = scene, settings
+        self._sampler = Sampler(settings.sampler, settings.seed)
+        self._shade = shader_function(settings.shader)
+        self._stop = threading.Event()
+        self._build()
+        self._film = Film(*settings.size(scene))
+
+    @property
+    def film(self) -> Film:
+        """What has been rendered so far."""
+        return self._film
+
+    @property
+    def settings(self) -> Settings:
+        """The settings with every choice and default written out; `auto` shows what it took."""
+        return replace(self._wanted, accelerator=self._accelerator, width=self._film.width, height=self._film.height)
+
+    def warm_up(self) -> None:
+        """There is nothing to compile."""
+
+    def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
+        """Adds `spp` samples to every pixel; `on_pass(film)` after each. `stop` ends it and keeps whole passes only."""
+        self._stop.clear()
+        for _ in range(spp):
+            try:
+                samples = self._pass(self._film.spp)
+            except Stopped:
+                break
+            self._film.add(samples)
+            if on_pass is not None:
+                on_pass(self._film)
+            if self._stop.is_set():
+                break
+        return self._film
+
+    def stop(self) -> None:
+        """Makes a running `render` return soon, from any thread; without one it does nothing."""
+        self._stop.set()
+
+    def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
+        """Takes another camera or other shapes, and restarts the film."""
+        if camera is not None:
+            require_numpy(camera)
+            self._scene = replace(self._scene, camera=camera)
+        if shapes is not None:
+            self._scene = replace(self._scene, shapes=tuple(shapes))
+            self._build()
+        width, height = self._wanted.size(self._scene)
+        if (width, height) == (self._film.width, self._film.height):
+            self._film.clear()
+        else:
+            self._film = Film(width, height)
+
+    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
+        """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""
+        good, origin, direction, length, reach, n = _rays(origins, directions, t_max)
+        self._context.rays += n
+        nearest = self._context.tracer.closest(origin, direction, reach, _go_on)
+        found = np.flatnonzero(nearest.rank >= 0)
+        lanes, rank, distance = good[found], nearest.rank[found], nearest.t[found]
+        origin, direction = origin.take(found, axis=1), direction.take(found, axis=1)
+        geometry = self._context.geometry
+        hits = Hits(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
+        hits.t[lanes] = distance / length[found]
+        hits.shape[lanes], hits.primitive[lanes] = geometry.shape[rank], geometry.primitive[rank]
+        outward = geometric_normals(geometry, origin + distance * direction, rank)
+        hits.normal[lanes] = np.where(dot(outward, direction) < 0.0, outward, -outward).T
+        hits.u[lanes], hits.v[lanes] = barycentric(geometry, origin, direction, rank)
+        return hits
+
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
+        """(n,) bool: whether anything lies in (0, t_max). Rays that are not finite, or zero, are free."""
+        good, origin, direction, _, reach, n = _rays(origins, directions, t_max)
+        self._context.rays += n
+        dark = np.zeros(n, bool)
+        dark[good] = self._context.tracer.occluded(origin, direction, reach, _go_on)
+        return dark
+
+    def counters(self) -> Mapping[str, float]:
+        """Rays asked for, seconds of the last build, memory of the tree, and samples that were not finite."""
+        return {
+            "rays": self._context.rays,
+            "build_seconds": self._build_seconds,
+            "compile_seconds": 0.0,
+            "accelerator_bytes": self._context.tracer.nbytes,
+            "bad_samples": self._film.bad_samples,
+        }
+
+    def _build(self) -> None:
+        begin = perf_counter()
+        rays = self._context.rays if hasattr(self, "_context") else 0
+        geometry = Geometry(self._scene.shapes)
+        self._accelerator: Choice = resolved_accelerator(self._wanted.accelerator, geometry)
+        self._context = Context(self._scene, geometry, self._accelerator, self._wanted.shader, self._sampler)
+        self._context.rays, self._context.check = rays, self._check
+        self._build_seconds = perf_counter() - begin
+
+    def _pass(self, sample: int) -> Array:
+        """(pixels, 3): one sample of every pixel."""
+        pixels = self._film.width * self._film.height
+        samples = np.empty((pixels, 3))
+        for first in range(0, pixels, CHUNK):
+            self._check()
+            pixel = np.arange(first, min(first + CHUNK, pixels))
+            samples[pixel] = self._shade(self._context, *self._camera_rays(pixel, sample), pixel, sample).T
+        return samples
+
+    def _camera_rays(self, pixel: Indices, sample: int) -> tuple[Array, Array]:
+        width, height = self._film.width, self._film.height
+        px = pixel % width + self._context.draw(pixel, sample, 0)
+        py = pixel // width + self._context.draw(pixel, sample, 1)
+        return camera_rays(self._scene.camera, px, py, width, height)
+
+    def _check(self) -> None:
+        if self._stop.is_set():
+            raise Stopped
+
+
+def _go_on() -> None:
+    pass
+
+
+def _rays(
+    origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike
+) -> tuple[Indices, Array, Array, Array, Array, int]:
+    """Which of n rays can hit (m,), their origins and unit directions (3, m), lengths, t_max in metres (m,); and n."""
+    origin, direction = (np.asarray(vectors, np.float64).reshape(-1, 3).T for vectors in (origins, directions))
+    n = max(origin.shape[1], direction.shape[1]) if origin.size and direction.size else 0
+    origin, direction = np.broadcast_to(origin, (3, n)), np.broadcast_to(direction, (3, n))
+    reach = np.broadcast_to(np.asarray(t_max, np.float64), (n,))
+    scale = np.abs(direction).max(axis=0)
+    good = np.flatnonzero(np.isfinite(origin).all(axis=0) & np.isfinite(scale) & (scale > 0.0) & (reach > 0.0))
+    scaled = direction.take(good, axis=1) / scale[good]
+    long = norm(scaled)
+    with np.errstate(over="ignore", under="ignore"):
+        length = scale[good] * long
+        return good, origin.take(good, axis=1), scaled / long, length, reach[good] * length, n

@@ -1,0 +1,57 @@
+"""Finds the closest hit among all kinds of primitives, each through an accelerator of its own; planes are a list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from engines.choices import Choice
+from engines.numpy_reference.bvh import Bvh
+from engines.numpy_reference.exhaustive import Exhaustive
+from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.nearest import Nearest
+from engines.numpy_reference.vectors import Array
+
+AUTO_LIMIT = 128
+"""Spheres and triangles up to which `auto` takes `none`: where the two were measured to be equally fast."""
+
+
+class Tracer:
+    """Rays against the geometry. `accelerator` is `none` or `bvh`, with its options."""
+
+    def __init__(self, geometry: Geometry, accelerator: Choice) -> None:
+        self._parts: list[Exhaustive | Bvh] = []
+        for primitives in (geometry.planes, geometry.triangles, geometry.spheres):
+            if not primitives.rank.size:
+                continue
+            bounded = primitives is not geometry.planes
+            tree = accelerator.name == "bvh" and bounded
+            self._parts.append(Bvh(primitives, accelerator.options["leaf_size"]) if tree else Exhaustive(primitives))
+        self.nbytes = sum(part.nbytes for part in self._parts)
+
+    def closest(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> Nearest:
+        """Closest hits in (0, t_max) of rays (3, n) with unit directions. `check` is called every few milliseconds."""
+        nearest = Nearest.before(t_max)
+        with np.errstate(all="ignore"):
+            for part in self._parts:
+                part.closest(origin, direction, nearest, check)
+        nearest.t[nearest.rank < 0] = np.inf
+        return nearest
+
+    def occluded(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> np.ndarray:
+        """(n,) whether anything lies in (0, t_max)."""
+        dark = np.zeros(t_max.size, bool)
+        with np.errstate(all="ignore"):
+            for part in self._parts:
+                lit = np.flatnonzero(~dark)
+                dark[lit] = part.occluded(origin.take(lit, axis=1), direction.take(lit, axis=1), t_max[lit], check)
+        return dark
+
+
+def resolved_accelerator(choice: Choice, geometry: Geometry) -> Choice:
+    """What `auto` stands for in this scene; any other choice as it is."""
+    if choice.name != "auto":
+        return choice
+    finite = geometry.triangles.rank.size + geometry.spheres.rank.size
+    return Choice("none") if finite <= AUTO_LIMIT else Choice("bvh", {"leaf_size": 4})
