@@ -1,0 +1,44 @@
+"""Where scenes and experiments are found: by path, or by bare name in `scenes/` and `configs/`.
+
+A path is looked up beside the file that names it, then in the working directory. A bare name is looked up in the
+working directory's folder, then in the checkout's or the wheel's.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from engines.errors import ConfigError, suggestion
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def folders(kind: str) -> list[Path]:
+    """The folders that hold `scenes` or `configs`, best first."""
+    places = [Path.cwd() / kind, _PACKAGE.parent / kind, _PACKAGE / "_shipped" / kind]
+    return [place for index, place in enumerate(places) if place.is_dir() and place not in places[:index]]
+
+
+def shipped(kind: str) -> dict[str, Path]:
+    """Bare names with their files, sorted; the working directory's hide the others."""
+    found: dict[str, Path] = {}
+    for folder in folders(kind):
+        for path in sorted(folder.glob("*.y*ml")):
+            found.setdefault(path.stem, path)
+    return dict(sorted(found.items()))
+
+
+def find(kind: str, given: str, beside: Path | None = None) -> Path:
+    """The file of a `scenes` or `configs` name or path; raises `ConfigError` with the nearest known name."""
+    looks_like_path = "/" in given or given.endswith((".yaml", ".yml"))
+    for folder in ([beside] if beside else []) + [Path.cwd()]:
+        candidate = folder / Path(given).expanduser()
+        if looks_like_path and candidate.is_file():
+            return candidate.resolve()
+    known = shipped(kind)
+    if given in known:
+        return known[given].resolve()
+    noun = {"scenes": "scene", "configs": "experiment"}[kind]
+    if looks_like_path:
+        raise ConfigError(f"{noun} {given!r}: there is no such file")
+    raise ConfigError(f"unknown {noun} {given!r}: {suggestion(given, known)}")

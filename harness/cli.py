@@ -1,0 +1,155 @@
+"""The command line: `raybench` and `python -m harness`. Only names and help live here; work is imported when asked for.
+
+Exit codes: 0 all is well, 1 a cell failed or ran out of time, 2 the input cannot be used, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+app = typer.Typer(
+    name="raybench", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    help="Races ray tracers to quality: the error of an image against the time it took.",
+    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out; 2 the input cannot be used; 130 interrupted.",
+)  # fmt: skip
+
+Config = Annotated[str, typer.Argument(help="An experiment: a path, or a bare name from configs/.")]
+Folder = Annotated[Path, typer.Argument(help="A results folder.")]
+Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder. [default: results/<name>]")]  # noqa: UP045
+Set = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
+]
+AllowImports = Annotated[
+    bool, typer.Option("--allow-imports", help="Import code that files name as module:attribute. Only if you trust it.")
+]
+
+
+@app.command()
+def run(
+    config: Config,
+    out: Out = None,
+    overrides: Set = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Throw away earlier results in the folder first.")] = False,
+    retry: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--retry", metavar="failed", help="Measure failed and timed-out cells again."),
+    ] = None,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
+    allow_imports: AllowImports = False,
+) -> None:
+    """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
+    from engines.errors import ConfigError
+    from harness import commands
+    from harness.sweep import Options
+
+    if retry not in (None, "failed"):
+        raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
+    options = Options(retry is not None, fail_fast, allow_imports, ["raybench", *sys.argv[1:]])
+    raise typer.Exit(commands.run(config, out, overrides or [], fresh, options))
+
+
+@app.command()
+def plan(config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False) -> None:
+    """Show what an experiment would do: every configuration, its state, why it is skipped, and how long it may take."""
+    from harness import commands
+
+    commands.plan(config, out, overrides or [], allow_imports)
+
+
+@app.command()
+def reference(config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False) -> None:
+    """Render the references of an experiment, and nothing else. Those that are there are kept or extended."""
+    from harness import commands
+
+    raise typer.Exit(commands.reference(config, out, overrides or [], allow_imports))
+
+
+@app.command()
+def render(
+    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    engine: Annotated[str, typer.Option(help="`raybench list` names them.")] = "numba",
+    shader: Annotated[str, typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'.")] = "path_tracer",
+    sampler: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "sobol",
+    accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
+    threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
+    spp: Annotated[int, typer.Option(help="Samples a pixel.")] = 16,
+    size: Annotated[Optional[str], typer.Option(metavar="WxH", help="[default: the scene's]")] = None,  # noqa: UP045
+    seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
+    precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
+    tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard or aces; for .png.")] = "srgb",
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
+    allow_imports: AllowImports = False,
+) -> None:
+    """Render one image: .exr (linear, with variance and both halves) or .png."""
+    from harness.render import Request
+    from harness.render import render as rendered
+
+    chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
+    rendered(Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports))
+
+
+@app.command()
+def report(folder: Folder) -> None:
+    """Write tables, plots and report.html of a results folder anew, without rendering."""
+    from harness import commands
+
+    commands.report(folder)
+
+
+@app.command()
+def rescore(folder: Folder) -> None:
+    """Compute all metrics again from the images of a results folder, without rendering; then write the report."""
+    from harness import commands
+
+    commands.rescore(folder)
+
+
+@app.command()
+def status(folder: Folder) -> None:
+    """Say how far the run of a results folder is, and what failed."""
+    from harness import commands
+
+    commands.status(folder)
+
+
+@app.command(name="list")
+def list_(allow_imports: AllowImports = False) -> None:
+    """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""
+    from harness.listing import show
+
+    show()
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of experiment files, for editors."""
+    import json
+
+    from harness.schema import experiment_schema
+
+    typer.echo(json.dumps(experiment_schema(), indent=2))
+
+
+def main() -> None:
+    """Runs the command line; an error that the user caused is one message and exit code 2."""
+    # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be; it
+    # is part of the key of its cache, so every process of ours says the same.
+    os.environ.setdefault("NUMBA_CPU_NAME", "")
+    try:
+        app()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        sys.exit(141)
+    except Exception as error:
+        from engines.errors import RaybenchError
+
+        if not isinstance(error, RaybenchError):
+            raise
+        print(f"raybench: {error}", file=sys.stderr)
+        sys.exit(2)

@@ -1,0 +1,249 @@
+"""What the commands about experiments and results do; the exit code is the return value where one is needed."""
+
+from __future__ import annotations
+
+import re
+import signal
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from engines.errors import ConfigError
+from harness import config as configs
+from harness import plan as plans
+from harness import progress, store, sweep
+from harness.config import Experiment
+from harness.plan import Plan, flow, state_of
+from harness.sweep import Options, Outcome
+
+WIDTH_WITHOUT_TERMINAL = 160
+
+
+def consoles() -> tuple[Console, Console]:
+    """(stdout, stderr); what is not a terminal has room for wide tables."""
+    made = [Console(stderr=stderr, highlight=False) for stderr in (False, True)]
+    for console in made:
+        if not console.is_terminal:
+            console.width = WIDTH_WITHOUT_TERMINAL
+    return made[0], made[1]
+
+
+def results_folder(experiment: Experiment, out: Path | None) -> Path:
+    """Where an experiment's results go: `out`, else `results/` and its name as a folder's name."""
+    return out or Path("results") / (re.sub(r"[^A-Za-z0-9._-]+", "-", experiment.name).strip("-.") or "experiment")
+
+
+def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
+    """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted."""
+    stdout, stderr = consoles()
+    _allow_here(options.allow_imports)
+    experiment = configs.load(given, overrides)
+    folder = results_folder(experiment, out)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        with store.locked(folder):
+            if fresh:
+                store.clear(folder)
+            plan = plans.make(experiment, options.allow_imports)
+            _warn(plan, stderr)
+            with progress.Terminal(stderr) as terminal:
+                outcome = sweep.run(plan, folder, options, terminal)
+            stderr.print(f"{outcome.measured} cells measured; writing tables, plots and report ...")
+            _write_derived(folder)
+    except KeyboardInterrupt:
+        stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
+        return 130
+    _summary(stdout, outcome, folder)
+    return 1 if outcome.failures else 0
+
+
+def _interrupt(signum: int, frame: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def _allow_here(allow_imports: bool) -> None:
+    """Code that files name may lie in the working directory."""
+    here = str(Path.cwd())
+    if allow_imports and here not in sys.path:
+        sys.path.insert(0, here)
+
+
+def _warn(plan: Plan, console: Console) -> None:
+    for warning in plan.warnings:
+        console.print(f"warning: {escape(warning)}", style="yellow", soft_wrap=True)
+
+
+def _write_derived(folder: Path) -> None:
+    from harness.report import write_derived
+
+    write_derived(folder)
+
+
+def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
+    counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
+    console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
+    for cell, event in outcome.failures:
+        words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
+        console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
+    if outcome.failures:
+        console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
+
+
+# --- plan -----------------------------------------------------------------------------------------------------------
+
+
+def plan(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> None:
+    """Prints the configurations of an experiment with their states, and how long what is left may take."""
+    stdout, stderr = consoles()
+    _allow_here(allow_imports)
+    experiment = configs.load(given, overrides)
+    folder = results_folder(experiment, out)
+    made = plans.make(experiment, allow_imports)
+    _warn(made, stderr)
+    events = store.read_events(folder) if (folder / store.EVENTS).exists() else []
+    latest = store.latest_cells(events)
+    metric = experiment.quality.name
+    states = {cell.cell_id: state_of(cell, latest.get(cell.cell_id), metric) for cell in made.cells}
+    _plan_table(stdout, made, states)
+    left = [cell for cell in made.cells if states[cell.cell_id] in ("queued", "outdated")]
+    expected = plans.expected_seconds(left, latest).values()
+    seconds, measured = sum(s for s, _ in expected), sum(known for _, known in expected)
+    basis = "as measured before" if measured == len(left) else f"at most; {measured} of them by earlier measurements"
+    counted = ", ".join(f"{count} {state}" for state, count in sorted(Counter(states.values()).items()))
+    stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
+    if left:
+        stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
+    _plan_references(stdout, made, folder)
+
+
+def _plan_references(console: Console, made: Plan, folder: Path) -> None:
+    from harness import references
+
+    for wanted in made.references.values():
+        state = "ready" if references.ready(wanted, folder.parent / "references") else "to be rendered"
+        what = f"{wanted.describe()}, {flow(wanted.asked['shader'])}, by {wanted.asked['engine']}"
+        console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
+
+
+def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None:
+    """One row a configuration; what is the same in all rows is said once above."""
+    rows: dict[tuple[str, ...], list[plans.Cell]] = {}
+    for cell in sorted(made.cells, key=lambda cell: cell.order):
+        rows.setdefault(_columns(cell), []).append(cell)
+    names = ("scene", "engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label")
+    varying = [i for i, name in enumerate(names) if len({row[i] for row in rows}) > 1 or name in ("scene", "engine")]
+    fixed = [(names[i], next(iter(rows), ("",) * 9)[i]) for i in range(len(names)) if i not in varying]
+    same = ", ".join(f"{name} {value}" for name, value in fixed if value)
+    if rows and same:
+        console.print(f"The same for all: {escape(same)}", soft_wrap=True)
+    table = Table(*[names[i] for i in varying], "seeds", "state", "why", box=None, header_style="bold")
+    for row, cells in sorted(rows.items()):
+        counted = Counter(states[cell.cell_id] for cell in cells)
+        shown = ", ".join(f"[{progress.COLOURS[state]}]{state}[/]" + (f" {n}" if len(counted) > 1 else "")
+                          for state, n in sorted(counted.items()))  # fmt: skip
+        table.add_row(*[escape(row[i]) for i in varying], str(len(cells)), shown, escape(cells[0].skip or ""))
+    console.print(table)
+
+
+def _columns(cell: plans.Cell) -> tuple[str, ...]:
+    settings = cell.settings
+    return (
+        cell.scene.name, cell.engine_name, flow(settings["accelerator"]), flow(settings["shader"]),
+        flow(settings["sampler"]), settings["precision"], str(settings["threads"]),
+        f"{settings['width']}x{settings['height']}", cell.label or "",
+    )  # fmt: skip
+
+
+# --- references, report, status -------------------------------------------------------------------------------------
+
+
+def reference(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> int:
+    """Renders the references that an experiment needs; 1 where one failed."""
+    from harness import references
+    from harness.pool import Pool, WorkerFailed
+
+    stdout, stderr = consoles()
+    _allow_here(allow_imports)
+    experiment = configs.load(given, overrides)
+    folder = results_folder(experiment, out)
+    root = folder.parent / "references"
+    made = plans.make(experiment, allow_imports)
+    _warn(made, stderr)
+    failed = 0
+    try:
+        with store.locked(folder), Pool(allow_imports, folder / "worker.log") as pool:
+            for wanted in made.references.values():
+                where = wanted.folder(root)
+                name = wanted.describe()
+                if references.ready(wanted, root):
+                    stdout.print(f"{name}: ready in {where}", soft_wrap=True)
+                    continue
+                try:
+                    with progress.Terminal(stderr) as terminal:
+                        _make_reference(wanted, root, pool, allow_imports, terminal, name)
+                    stdout.print(f"{name}: made in {where}", soft_wrap=True)
+                except WorkerFailed as error:
+                    failed += 1
+                    stdout.print(f"{name}: failed: {error}", markup=False, soft_wrap=True)
+    except KeyboardInterrupt:
+        stderr.print("\nInterrupted. What was rendered is kept; the same command goes on from there.")
+        return 130
+    return 1 if failed else 0
+
+
+def _make_reference(wanted: Any, root: Path, pool: Any, allow_imports: bool, terminal: Any, name: str) -> None:
+    from harness import references
+
+    references.make(wanted, root, pool, allow_imports, lambda done, count: terminal.reference(name, done, count))
+
+
+def report(folder: Path) -> None:
+    """Writes everything derived from a results folder anew."""
+    _require_results(folder)
+    _write_derived(folder)
+    consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def rescore(folder: Path) -> None:
+    """Measures every stored image again, against the reference and epsilon of its results."""
+    from harness.rescore import rescore as again
+
+    _require_results(folder)
+    with store.locked(folder):
+        scored, without = again(folder)
+        _write_derived(folder)
+    console = consoles()[0]
+    console.print(f"{scored} checkpoints scored again, {without} kept as they were: they have no image.")
+    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def _require_results(folder: Path) -> None:
+    if not (folder / store.EVENTS).exists():
+        raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is wanted")
+
+
+def status(folder: Path) -> None:
+    """Prints states of the planned cells, what runs now, and what failed."""
+    console = consoles()[0]
+    _require_results(folder)
+    manifest, events = store.read_manifest(folder), store.read_events(folder)
+    latest = store.latest_cells(events)
+    planned = {cell_id: latest.get(cell_id) for cell_id in manifest["cell_ids"]}
+    counted = Counter("queued" if event is None else event["state"] for event in planned.values())
+    started = store.last_event(events, "start")
+    running = store.is_locked(folder)
+    if running and started is not None and counted["queued"] and latest.get(started["cell_id"]) is None:
+        counted.update(queued=-1, running=1)
+    told = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
+    now = "running" if running else "not running"
+    console.print(f"{manifest['name']}: {told or 'no cells'}; {now}.", soft_wrap=True)
+    for event in planned.values():
+        if event is not None and event["state"] in ("failed", "timeout"):
+            words = f"{event['state']}: {event['scene']} {event['engine']} seed {event['seed']}: {event['message']}"
+            console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)

@@ -1,0 +1,104 @@
+"""Readers of one YAML value each: a checked Python value, or a refusal with file, line, key and what is wanted.
+
+Booleans are neither numbers nor names. Durations carry their unit: `500ms`, `20s`, `5m`, `1h`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from engines.scene.yaml_file import Located
+
+_DURATION = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(ms|s|m|min|h)")
+_SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def text(node: Located) -> str:
+    """A string that is not empty."""
+    if not isinstance(node.value, str) or not node.value.strip():
+        raise node.refuse("a name is wanted")
+    return node.value
+
+
+def line_of_text(node: Located) -> str:
+    """Any scalar as text: a title may look like a number."""
+    if isinstance(node.value, (dict, list, bool)) or node.value is None or not str(node.value).strip():
+        raise node.refuse("a line of text is wanted")
+    return str(node.value).strip()
+
+
+def integer(low: int, high: int) -> Callable[[Located], int]:
+    """A reader of whole numbers in [low, high]; `64.0` and `1e3` are whole numbers too."""
+
+    def read(node: Located) -> int:
+        value = node.value
+        if is_number(value) and math.isfinite(value) and value == int(value) and low <= value <= high:
+            return int(value)
+        raise node.refuse(f"must be an integer in [{low}, {high}]")
+
+    return read
+
+
+def number(low: float, high: float, open_low: bool = False) -> Callable[[Located], float]:
+    """A reader of finite numbers in [low, high], or (low, high] where `open_low`."""
+
+    def read(node: Located) -> float:
+        value = node.value
+        if is_number(value) and math.isfinite(value) and low <= value <= high and not (open_low and value == low):
+            return float(value)
+        raise node.refuse(f"must be a number in {'(' if open_low else '['}{low:g}, {high:g}]")
+
+    return read
+
+
+def one_of(*names: str) -> Callable[[Located], str]:
+    def read(node: Located) -> str:
+        if isinstance(node.value, str) and node.value in names:
+            return node.value
+        raise node.refuse("must be one of " + ", ".join(names))
+
+    return read
+
+
+def duration(node: Located) -> float:
+    """Seconds, from text with a unit."""
+    found = _DURATION.fullmatch(node.value.strip()) if isinstance(node.value, str) else None
+    if found is None:
+        raise node.refuse("must be a time with its unit: 500ms, 20s, 5m or 1h")
+    seconds = float(found[1]) * _SECONDS[found[2]]
+    if not 0.0 < seconds <= 30 * 86400.0:
+        raise node.refuse("must be a time above zero and below thirty days")
+    return seconds
+
+
+def mapping(node: Located, known: Iterable[str] | None = None) -> dict[str, Located]:
+    """The children of a mapping; keys outside `known` are refused with the nearest known one."""
+    if not isinstance(node.value, dict):
+        raise node.refuse("a mapping is wanted")
+    names = None if known is None else list(known)
+    for key in node.value:
+        if names is not None and key not in names:
+            raise node.unknown_key(key, names)
+    return node.value
+
+
+def listing(node: Located, at_least: int = 0) -> list[Located]:
+    """The children of a list."""
+    if not isinstance(node.value, list) or len(node.value) < at_least:
+        raise node.refuse("a list is wanted" if at_least == 0 else f"a list of at least {at_least} is wanted")
+    return node.value
+
+
+def resolution(node: Located) -> tuple[int, int]:
+    """(width, height) in pixels."""
+    if not isinstance(node.value, list) or len(node.value) != 2:
+        raise node.refuse("[width, height] is wanted")
+    pixels = integer(1, 65_536)
+    return pixels(node.value[0]), pixels(node.value[1])

@@ -1,0 +1,168 @@
+"""What the measurements were made on, and what disturbed them: provenance once a run, a sample beside every timing."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import psutil
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
+
+LIBRARIES = ("raybench", "numpy", "numba", "llvmlite", "embreex", "mitsuba", "trimesh", "scipy", "scikit-image")
+OTHER_SHARE = 0.25
+"""Cores' worth of other processes' work during a timing above which it counts as contended."""
+STEAL_SHARE = 0.02
+
+
+def environment() -> dict[str, Any]:
+    """The preimage of `env_id`: what may change a speed or a bit without the experiment changing."""
+    return {
+        "cpu": cpu_model(),
+        "physical_cores": psutil.cpu_count(logical=False),
+        "logical_cores": psutil.cpu_count(),
+        "usable_cores": len(usable_cores()),
+        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
+        "system": platform.system(),
+        "kernel": platform.release(),
+        "architecture": platform.machine(),
+        "python": platform.python_version(),
+        "implementation": platform.python_implementation(),
+        "libraries": {name: found for name in LIBRARIES if (found := _installed(name))},
+    }
+
+
+def provenance() -> dict[str, Any]:
+    """`environment` with what identifies the moment: host, commit, governor, load."""
+    return {
+        **environment(),
+        "host": platform.node(),
+        "executable": sys.executable,
+        "scaling_governor": _first_line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
+        "load_1m": round(load_1m(), 2),
+        "git": git_state(Path(__file__).resolve().parent.parent),
+    }
+
+
+def cpu_model() -> str:
+    """The processor's own name, without any package that asks slowly for it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.lower().startswith(("model name", "hardware", "cpu model")):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine() or "unknown"
+
+
+def usable_cores() -> list[int]:
+    """Indices of the cores this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def load_1m() -> float:
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+
+
+def git_state(folder: Path) -> dict[str, Any] | None:
+    """Commit and dirty flag of the checkout that holds `folder`; None outside one."""
+    commit = _git(folder, "rev-parse", "HEAD")
+    if not commit:
+        return None
+    changes = _git(folder, "status", "--porcelain", "--untracked-files=no")
+    return {"commit": commit, "dirty": bool(changes)}
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _first_line(path: str) -> str | None:
+    try:
+        return Path(path).read_text().strip()
+    except OSError:
+        return None
+
+
+# --- disturbance ----------------------------------------------------------------------------------------------------
+
+
+class Sample(NamedTuple):
+    """Seconds since boot that the usable cores were busy or stolen, and this process's own; counts since its start."""
+
+    busy: float
+    steal: float
+    own: float
+    involuntary_switches: int
+
+
+class Disturbance:
+    """Sums what happened on the machine between `start` and `stop`, over all the timed calls of a cell."""
+
+    def __init__(self) -> None:
+        self.wall = self.steal = self.others = 0.0
+        self.switches = 0
+        self._before = sample()
+
+    def start(self) -> None:
+        self._before = sample()
+
+    def stop(self, seconds: float) -> None:
+        """Adds the interval since `start`, of which `seconds` were on the clock."""
+        before, after = self._before, sample()
+        self.wall += seconds
+        self.steal += after.steal - before.steal
+        self.others += (after.busy - before.busy) - (after.own - before.own)
+        self.switches += after.involuntary_switches - before.involuntary_switches
+
+    def report(self) -> dict[str, Any]:
+        """The `machine` part of a cell's event. The kernel counts in ticks of 10 ms: short cells get a margin."""
+        margin = 0.1 + 0.02 * len(usable_cores())
+        beside = self.others > OTHER_SHARE * self.wall + margin
+        stolen = self.steal > STEAL_SHARE * self.wall + margin
+        return {
+            "load_1m": round(load_1m(), 2),
+            "steal_seconds": round(max(0.0, self.steal), 3),
+            "other_cpu_seconds": round(max(0.0, self.others), 3),
+            "involuntary_switches": self.switches,
+            "contended": bool(beside or stolen),
+        }
+
+
+def sample() -> Sample:
+    """The machine's counters now."""
+    cores = psutil.cpu_times(percpu=True)
+    usable = [cores[index] for index in usable_cores() if index < len(cores)]
+    busy = sum(sum(core) - core.idle - getattr(core, "iowait", 0.0) - _counted_twice(core) for core in usable)
+    steal = sum(getattr(core, "steal", 0.0) for core in usable)
+    times = os.times()
+    switches = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw if resource else 0
+    return Sample(busy, steal, times.user + times.system, switches)
+
+
+def _counted_twice(core: Any) -> float:
+    """Linux counts guests in `user` and `nice` too."""
+    return getattr(core, "guest", 0.0) + getattr(core, "guest_nice", 0.0)

@@ -1,0 +1,291 @@
+"""From an experiment to cells: what is asked of which engine, under which id, and what cannot be done.
+
+A configuration is one combination of settings; a cell is a configuration in one block, under that block's seed. All
+engines and scenes are loaded here once, so that every mistake in a name is found before anything runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import random
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from engines import choices
+from engines.errors import ConfigError, RaybenchError, suggestion
+from engines.interface import Engine
+from engines.registry import engine as engine_of
+from engines.registry import load_attribute
+from engines.scene import Scene, load_scene
+from harness.config import SCHEMA_VERSION, Experiment
+from harness.identity import digest
+from harness.references import ReferenceWanted
+from harness.settings import Budget, SceneFile, engine_settings, require_imports
+
+CONTROL_LABEL = "A/A"
+WARM_UP_SEED = 1 << 40
+"""Added to a cell's seed for the pass that is discarded."""
+OVERHEAD_SECONDS = 4.0
+"""A guess at what a cell costs beside its rendering, where nothing has been measured yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One point of a sweep. `asked` is the preimage of `cell_id`; `settings` are plain data for the engine."""
+
+    cell_id: str
+    configuration: str
+    asked: Mapping[str, Any]
+    block: int
+    order: int
+    seed: int
+    label: str | None
+    scene: SceneFile
+    scene_hash: str
+    engine: str
+    engine_name: str
+    settings: Mapping[str, Any]
+    budget: Budget
+    reference_id: str | None
+    skip: str | None
+
+    @property
+    def command(self) -> str:
+        """The command that renders this cell's first samples again."""
+        from shlex import quote
+
+        plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")}
+        words = ["raybench", "render", self.scene.path, "--engine", self.engine]
+        for kind, choice in plain.items():
+            words += [f"--{kind}", flow(choice)]
+        words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
+        words += ["--size", f"{self.settings['width']}x{self.settings['height']}", "--seed", str(self.seed)]
+        return " ".join(quote(word) for word in [*words, "--spp", str(self.budget.max_spp), "-o", "image.exr"])
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Cells in the order in which they run, and the references they need by id."""
+
+    experiment: Experiment
+    cells: tuple[Cell, ...]
+    references: Mapping[str, ReferenceWanted]
+    warnings: tuple[str, ...]
+
+
+def flow(choice: Mapping[str, Any]) -> str:
+    """A choice as a command line takes it: its name, or a YAML flow mapping."""
+    import json
+
+    if set(choice) == {"name"}:
+        return choice["name"]
+    pairs = [f"{key}: {value if key == 'name' else json.dumps(value)}" for key, value in choice.items()]
+    return "{" + ", ".join(pairs) + "}"
+
+
+def make(experiment: Experiment, allow_imports: bool = False) -> Plan:
+    """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
+    known = _Known(experiment, allow_imports)
+    found = [_configured(experiment, combination, known) for combination in experiment.combinations]
+    references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
+    configurations = _with_control(experiment, [cell for cell, _ in found])
+    cells: list[Cell] = []
+    for block in range(experiment.repeats):
+        members = sorted((_in_block(cell, experiment, block) for cell in configurations), key=lambda cell: cell.cell_id)
+        # The order depends on the seed and on what is asked, not on how the file is written.
+        random.Random(f"{experiment.order_seed}/{block}").shuffle(members)
+        cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
+    unique = {cell.cell_id: cell for cell in reversed(cells)}
+    cells = [cell for cell in cells if unique[cell.cell_id] is cell]
+    scenes = {path: scene.warnings for path, scene in known.scenes.items()}
+    warnings = [f"{path}: {warning}" for path, warned in scenes.items() for warning in warned]
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings))
+
+
+class _Known:
+    """Every engine and scene that the experiment names, loaded once."""
+
+    def __init__(self, experiment: Experiment, allow_imports: bool) -> None:
+        self.allow_imports = allow_imports
+        names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
+        self.engines: dict[str, Engine] = {}
+        for name in [*names, experiment.reference.engine]:
+            require_imports(name, allow_imports)
+            self.engines.setdefault(name, engine_of(name))
+        paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
+        self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
+
+    def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
+        """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
+        if ":" in given["name"]:
+            require_imports(given["name"], self.allow_imports)
+            return dict(given), None
+        try:
+            return _resolved(self.engines[name], given), None
+        except RaybenchError as error:
+            if any(_resolves(other, given) for other in self.engines.values()):
+                return dict(given), f"the engine {name} has no accelerator {flow(given)}"
+            tables = {key for other in self.engines.values() for key in _accelerators(other)}
+            if given["name"] not in tables:
+                message = f"unknown accelerator {given['name']!r}: {suggestion(given['name'], tables)}"
+                raise ConfigError(message) from error
+            raise
+
+
+def _accelerators(engine: Engine) -> Mapping[str, Any]:
+    return {"auto": {}, **engine.accelerators()}
+
+
+def _resolved(engine: Engine, given: Mapping[str, Any]) -> dict[str, Any]:
+    return choices.resolve("accelerator", dict(given), _accelerators(engine)).describe()
+
+
+def _resolves(engine: Engine, given: Mapping[str, Any]) -> bool:
+    try:
+        _resolved(engine, given)
+    except RaybenchError:
+        return False
+    return True
+
+
+def default_precision(engine: Engine) -> str:
+    """The precision of an engine where none is asked for: its attribute `precision`, else float64."""
+    found = getattr(engine, "precision", None)
+    return found if found in ("float32", "float64") else "float64"
+
+
+def _configured(
+    experiment: Experiment, combination: Mapping[str, Any], known: _Known
+) -> tuple[Cell, ReferenceWanted | None]:
+    """A configuration as a cell without block and seed, and the reference it needs."""
+    file: SceneFile = combination["scene"]
+    scene, engine = known.scenes[file.path], known.engines[combination["engine"]]
+    accelerator, lacking = known.accelerator(combination["engine"], combination["accelerator"])
+    width, height = combination["resolution"] or scene.camera.resolution
+    settings = {
+        "shader": combination["shader"], "sampler": combination["sampler"], "accelerator": accelerator,
+        "precision": combination["precision"] or default_precision(engine), "threads": combination["threads"],
+        "width": int(width), "height": int(height),
+    }  # fmt: skip
+    skip = lacking or _why_not(engine, scene, settings, known.allow_imports)
+    wanted, unreferenced = _reference(experiment, file, scene, settings, known)
+    skip = skip or unreferenced
+    budget: Budget = combination["budget"]
+    named = combination["engine"] if ":" not in combination["engine"] else engine.name
+    asked = {
+        "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
+        **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
+        "checkpoints": asdict(experiment.checkpoints), "label": None, **_code(settings),
+    }  # fmt: skip
+    cell = Cell(
+        cell_id="", configuration=digest(asked), asked=asked, block=0, order=0, seed=0, label=None, scene=file,
+        scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
+        budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
+    )  # fmt: skip
+    return cell, None if skip else wanted
+
+
+def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
+    return engine.why_not(scene, engine_settings(settings, 0, allow_imports))
+
+
+def _reference(
+    experiment: Experiment, file: SceneFile, scene: Scene, settings: Mapping[str, Any], known: _Known
+) -> tuple[ReferenceWanted | None, str | None]:
+    """The reference of a scene, shader and size; or why its engine cannot make it."""
+    given = experiment.reference
+    engine = known.engines[given.engine]
+    accelerator = {"name": given.accelerator} if isinstance(given.accelerator, str) else given.accelerator
+    sampler = {"name": given.sampler} if isinstance(given.sampler, str) else given.sampler
+    asked_of = {
+        **settings, "precision": given.precision or default_precision(engine), "threads": 1,
+        "sampler": choices.resolve("sampler", sampler, choices.SAMPLERS).describe(),
+        "accelerator": _resolved(engine, accelerator),
+    }  # fmt: skip
+    why_not = _why_not(engine, scene, asked_of, known.allow_imports)
+    if why_not:
+        return None, f"no reference by {given.engine}: {why_not}"
+    each, count = given.replicates
+    asked = {
+        "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": given.engine,
+        "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
+        **{key: value for key, value in asked_of.items() if key != "threads"}, **_code(asked_of),
+    }  # fmt: skip
+    from harness.machine import usable_cores
+
+    threads = given.threads or len(usable_cores())
+    return ReferenceWanted(file.name, file.path, scene.content_hash, asked, {**asked_of, "threads": threads}), None
+
+
+def _code(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Hashes of the files of plugins named `module:attribute`: a changed file is another request."""
+    found = {}
+    for kind in ("shader", "sampler", "accelerator"):
+        name = settings[kind]["name"]
+        if ":" in name:
+            found[name] = hashlib.sha256(_source(load_attribute(name)).encode()).hexdigest()
+    return {"code": found} if found else {}
+
+
+def _source(plugin: Any) -> str:
+    module = inspect.getmodule(plugin) or inspect.getmodule(type(plugin))
+    try:
+        return inspect.getsource(module) if module else ""
+    except (OSError, TypeError):
+        return ""
+
+
+def _with_control(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
+    """The configurations, and one of them under a second label: how far apart two equal things are measured."""
+    able = sorted((cell for cell in configurations if not cell.skip), key=lambda cell: cell.configuration)
+    if not experiment.control or not able:
+        return configurations
+    return [*configurations, replace(able[0], label=CONTROL_LABEL)]
+
+
+def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:
+    seed = experiment.seed + block
+    asked = {**cell.asked, "label": cell.label, "seed": seed}
+    return replace(cell, asked=asked, cell_id=digest(asked), block=block, seed=seed)
+
+
+# --- what is left to do ---------------------------------------------------------------------------------------------
+
+
+def up_to_date(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> bool:
+    """Whether an event still answers its cell: compared with today's reference, by the metric asked for."""
+    if event is None or event["state"] == "outdated":
+        return False
+    if event["state"] == "skipped":
+        return cell.skip is not None
+    if cell.skip:
+        return False
+    points = event.get("points") or []
+    return event["state"] != "done" or (
+        event["reference_id"] == cell.reference_id and all(metric in point["metrics"] for point in points)
+    )
+
+
+def state_of(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> str:
+    """queued, done, failed, timeout, skipped or outdated."""
+    if cell.skip:
+        return "skipped"
+    if event is None:
+        return "queued"
+    return event["state"] if up_to_date(cell, event, metric) else "outdated"
+
+
+def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, bool]]:
+    """Wall seconds by cell id, and whether they were measured (on the same configuration) or are the most allowed."""
+    measured: dict[str, list[float]] = {}
+    for event in events.values():
+        if event.get("wall_seconds") and event["state"] == "done":
+            measured.setdefault(event.get("configuration", ""), []).append(event["wall_seconds"])
+    found = {}
+    for cell in cells:
+        known = sorted(measured.get(cell.configuration, []))
+        most = min(cell.budget.timeout_seconds, cell.budget.max_time_seconds + OVERHEAD_SECONDS)
+        found[cell.cell_id] = (known[len(known) // 2], True) if known else (most, False)
+    return found

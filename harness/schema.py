@@ -1,0 +1,89 @@
+"""The JSON schema of experiment files, for editors that complete and check YAML."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from engines.choices import SAMPLERS, SHADERS
+from engines.registry import engine_names
+from harness.config import IMAGES, METRICS, SECTIONS, TOP_KEYS
+from harness.rules import COMPARISONS
+from harness.settings import SETTING_READERS
+
+_TIME = {"type": "string", "pattern": r"^\s*([0-9]+(\.[0-9]*)?|\.[0-9]+)\s*(ms|s|m|min|h)\s*$"}
+_SEED = {"type": "integer", "minimum": 0}
+
+
+def experiment_schema() -> dict[str, Any]:
+    """A draft 2020-12 schema. It is no stricter than `harness.config`, which has the last word."""
+    settings = _settings()
+    anything = {key: {} for key in settings}
+    sections: dict[str, Any] = {
+        "matrix": _object({key: {"type": "array", "minItems": 1, "items": value} for key, value in settings.items()}),
+        "zip": {"type": ["array", "object"]},
+        "exclude": {"type": "array", "items": _object(_conditions(anything))},
+        "include": {"type": "array", "items": _object(settings)},
+        "extend": {
+            "type": "array",
+            "items": _object({"where": _object(_conditions(anything)), "set": _object(settings)}, ["where", "set"]),
+        },
+        "checkpoints": _object({
+            "ratio": {"type": "number", "minimum": 1.01}, "start": {"type": "integer", "minimum": 1},
+        }),
+        "order": _object({"policy": {"enum": ["blocks"]}, "seed": _SEED}),
+        "reference": _object({
+            "engine": settings["engine"], "spp": {"type": "integer", "minimum": 2}, "seed": _SEED,
+            "sampler": settings["sampler"], "accelerator": settings["accelerator"],
+            "precision": settings["precision"], "threads": {"type": "integer", "minimum": 0},
+        }),
+        "quality": _object({
+            "metric": {"enum": list(METRICS)}, "epsilon": {"type": "number", "exclusiveMinimum": 0},
+            "targets": {"oneOf": [{"const": "auto"}, {"type": "array", "items": {"type": "number"}, "minItems": 1}]},
+        }),
+    }  # fmt: skip
+    scalars: dict[str, Any] = {
+        "raybench_experiment": {"const": 1}, "name": {"type": "string"}, "question": {"type": "string"},
+        "repeats": {"type": "integer", "minimum": 1, "maximum": 1000}, "seed": _SEED, "control": {"type": "boolean"},
+        "images": {"enum": list(IMAGES)},
+    }  # fmt: skip
+    known = {**scalars, **sections, **settings}
+    assert set(known) == set(TOP_KEYS) and set(sections) == set(SECTIONS)
+    top = _object(known, ["raybench_experiment"])
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "raybench experiment",
+        **top, "patternProperties": {r"^\.": {}},
+    }  # fmt: skip
+
+
+def _object(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:
+    found: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
+    return {**found, "required": required} if required else found
+
+
+def _choice(names: list[str]) -> dict[str, Any]:
+    name = {"anyOf": [{"enum": names}, {"type": "string", "pattern": ":"}]} if names else {"type": "string"}
+    return {"anyOf": [name, {"type": "object", "required": ["name"], "properties": {"name": name}}]}
+
+
+def _settings() -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "scene": {"type": "string"},
+        "engine": {"anyOf": [{"enum": engine_names()}, {"type": "string", "pattern": ":"}]},
+        "shader": _choice(sorted(SHADERS)),
+        "sampler": _choice(sorted(SAMPLERS)),
+        "accelerator": _choice([]),
+        "precision": {"enum": ["float64", "float32", None]},
+        "threads": {"type": "integer", "minimum": 1, "maximum": 1024},
+        "resolution": {
+            "type": "array", "items": {"type": "integer", "minimum": 1, "maximum": 65536}, "minItems": 2, "maxItems": 2,
+        },
+        "budget": _object({"max_time": _TIME, "max_spp": {"type": "integer", "minimum": 1}, "timeout": _TIME}),
+    }  # fmt: skip
+    assert set(found) == set(SETTING_READERS)
+    return found
+
+
+def _conditions(keys: dict[str, Any]) -> dict[str, Any]:
+    bounds = _object({name: {"type": "number"} for name in COMPARISONS})
+    numbers = {"anyOf": [{"type": "integer"}, {"type": "array"}, bounds]}
+    return {key: numbers if key == "threads" else value for key, value in keys.items() if key != "budget"}

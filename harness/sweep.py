@@ -1,0 +1,346 @@
+"""The run: references, then blocks of cells in random order, one at a time, each result on disk before the next begins.
+
+What it may be told to do again is decided by `plan.up_to_date`; what it writes is decided by `store`. A cell that fails
+or runs out of time is recorded and the sweep goes on. Nothing here renders: `worker` does, and while this process
+computes errors or draws progress no ray is traced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from statistics import median
+from time import monotonic
+from typing import Any, Protocol
+
+from harness import machine, references, store
+from harness.identity import digest
+from harness.plan import WARM_UP_SEED, Cell, Plan, expected_seconds, up_to_date
+from harness.pool import Pool, WorkerFailed, WorkerTimeout, film_of
+from harness.sentinel import sentinel_seconds
+from harness.targets import automatic_targets
+
+LOG = "worker.log"
+BROKEN = ("failed", "timeout")
+
+
+class Listener(Protocol):
+    """Who is told how the run goes. Called only while nothing renders."""
+
+    def note(self, text: str) -> None: ...
+    def reference(self, name: str, done: int, wanted: int) -> None: ...
+    def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
+    def point(self, spp: int, seconds: float) -> None: ...
+    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to run: `retry` measures failed and timed-out cells again, `fail_fast` stops at the first such cell."""
+
+    retry: bool = False
+    fail_fast: bool = False
+    allow_imports: bool = False
+    command: Sequence[str] = ()
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What a run ended with. `states` counts the plan's cells."""
+
+    measured: int = 0
+    states: dict[str, int] = field(default_factory=dict)
+    failures: list[tuple[Cell, Mapping[str, Any]]] = field(default_factory=list)
+    stopped: bool = False
+
+
+def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outcome:
+    """Measures what is missing. The folder must be locked by the caller. On `KeyboardInterrupt` all workers end."""
+    with store.Events(folder) as events:
+        if events.torn:
+            listener.note(f"{folder / store.EVENTS}: {store.TORN}")
+        sweep = Sweep(plan, folder, options, listener, events)
+        sweep.record_plan()
+        with Pool(options.allow_imports, folder / LOG) as pool:
+            sweep.make_references(pool)
+            sweep.blocks(pool)
+        sweep.record_targets()
+        return sweep.outcome()
+
+
+class Sweep:
+    """The state of one run."""
+
+    def __init__(
+        self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events
+    ) -> None:  # fmt: skip
+        self.plan, self.folder, self.options, self.listener, self.events = plan, folder, options, listener, events
+        self.root = folder.parent / "references"
+        self.metric = plan.experiment.quality.name
+        self.history = store.read_events(folder)
+        self.latest = store.latest_cells(self.history)
+        self.environment = machine.environment()
+        self.env_id = digest(self.environment)
+        self.stopped = False
+        self.measured = 0
+        self._loaded: dict[str, Any] = {}
+        self._refused: set[str] = set()
+
+    def append(self, event: Mapping[str, Any]) -> None:
+        self.events.append(event)
+        self.history.append(dict(event))
+        if event["event"] == "cell":
+            self.latest[event["cell_id"]] = dict(event)
+
+    # --- what is planned --------------------------------------------------------------------------------------------
+
+    def record_plan(self) -> None:
+        """Writes the manifest; says which old results no longer count, which do again, and what cannot be done."""
+        experiment = self.plan.experiment
+        self._revive()
+        todo = self.todo()
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        store.write_json(self.folder / store.MANIFEST, {
+            "raybench_results": 1, "name": experiment.name, "config_name": experiment.name, "time": now,
+            "command": list(self.options.command), "config": dict(experiment.resolved), "env_id": self.env_id,
+            "machine": machine.provenance(), "cell_ids": [cell.cell_id for cell in self.plan.cells],
+        })  # fmt: skip
+        if todo:
+            run_id = digest([now, *(cell.cell_id for cell in todo)])
+            self.append({
+                "event": "run", "time": now, "run_id": run_id, "command": list(self.options.command),
+                "config_name": experiment.name,
+            })  # fmt: skip
+        self._record_environment()
+        if experiment.quality.targets is not None:
+            self._append_targets(list(experiment.quality.targets))
+        planned = {cell.cell_id for cell in self.plan.cells}
+        for cell_id, event in list(self.latest.items()):
+            if cell_id not in planned and event["state"] != "outdated":
+                self.append({**event, "state": "outdated", "message": "no longer asked for"})
+        for cell in self.plan.cells:
+            if cell.skip and not up_to_date(cell, self.latest.get(cell.cell_id), self.metric):
+                self.append(self.event(cell, "skipped", cell.skip))
+
+    def _revive(self) -> None:
+        """Results that a changed plan had put aside count again when they are asked for again."""
+        wanted = {cell.cell_id: cell for cell in self.plan.cells}
+        last: dict[str, Mapping[str, Any]] = {}
+        for event in self.history:
+            if event["event"] == "cell" and event["state"] != "outdated":
+                last[event["cell_id"]] = event
+        for cell_id, event in last.items():
+            outdated = self.latest[cell_id]["state"] == "outdated"
+            if outdated and cell_id in wanted and up_to_date(wanted[cell_id], event, self.metric):
+                self.append(event)
+
+    def _record_environment(self) -> None:
+        if not any(e["event"] == "environment" and e["env_id"] == self.env_id for e in self.history):
+            self.append({"event": "environment", "env_id": self.env_id, "preimage": self.environment})
+        planned = {cell.cell_id for cell in self.plan.cells}
+        elsewhere = [e for i, e in self.latest.items() if i in planned and e.get("env_id") != self.env_id]
+        if elsewhere:
+            self.listener.note(
+                f"{len(elsewhere)} cells were measured on another machine or with other library versions: "
+                "times are not comparable; --fresh measures all again"
+            )
+
+    def _append_targets(self, targets: list[float]) -> None:
+        event = {"event": "targets", "metric": self.metric, "targets": targets}
+        if store.last_event(self.history, "targets") != event:
+            self.append(event)
+
+    def todo(self) -> list[Cell]:
+        """Cells to be measured, in order."""
+
+        def wanted(cell: Cell) -> bool:
+            event = self.latest.get(cell.cell_id)
+            again = self.options.retry and event is not None and event["state"] in BROKEN
+            return not cell.skip and (again or not up_to_date(cell, event, self.metric))
+
+        return [cell for cell in self.plan.cells if wanted(cell)]
+
+    # --- references -------------------------------------------------------------------------------------------------
+
+    def make_references(self, pool: Pool) -> None:
+        """Makes what cells to be measured need; a cell whose reference fails has failed."""
+        needed = dict.fromkeys(cell.reference_id for cell in self.todo())
+        named = {e["reference_id"] for e in self.history if e["event"] == "reference"}
+        for reference_id, wanted in self.plan.references.items():
+            try:
+                if reference_id in needed and not references.ready(wanted, self.root):
+                    self._make_reference(wanted, pool)
+            except (WorkerFailed, WorkerTimeout) as error:
+                self._without_reference(reference_id, f"no reference: {error}")
+                continue
+            if reference_id not in named and references.ready(wanted, self.root):
+                self.append(references.event(wanted, self.root, self.folder))
+
+    def _make_reference(self, wanted: references.ReferenceWanted, pool: Pool) -> None:
+        references.make(
+            wanted, self.root, pool, self.options.allow_imports,
+            lambda done, count: self.listener.reference(wanted.describe(), done, count),
+        )  # fmt: skip
+
+    def _without_reference(self, reference_id: str, message: str) -> None:
+        self.listener.note(message)
+        self._refused.add(reference_id)
+        for cell in self.todo():
+            if cell.reference_id == reference_id:
+                self.append(self.event(cell, "failed", message))
+        self.stopped = self.options.fail_fast
+
+    # --- cells ------------------------------------------------------------------------------------------------------
+
+    def blocks(self, pool: Pool) -> None:
+        """Measures cell after cell; every block begins with fresh workers and a sentinel."""
+        todo = [cell for cell in self.todo() if cell.reference_id not in self._refused]
+        block = None
+        for number, cell in enumerate(todo):
+            if self.stopped:
+                return
+            if cell.block != block:
+                block = cell.block
+                pool.renew()
+                seconds = median(sentinel_seconds() for _ in range(3))
+                self.append({"event": "sentinel", "block": block, "seconds": seconds})
+            left = expected_seconds(todo[number:], self.latest)
+            self.listener.cell(cell, number, len(todo), sum(seconds for seconds, _ in left.values()))
+            event = self.measure(cell, pool)
+            self.append(event)
+            self.measured += 1
+            self.listener.finished(cell, event)
+            self.stopped = self.options.fail_fast and event["state"] in BROKEN
+
+    def measure(self, cell: Cell, pool: Pool) -> dict[str, Any]:
+        """The event of a cell that has been measured, has failed or was killed at its timeout."""
+        store.discard_images(self.folder, cell.cell_id)
+        self.events.append({"event": "start", "cell_id": cell.cell_id, "time": datetime.now(UTC).isoformat()})
+        record = Recording(self, cell)
+        began = monotonic()
+        sentinel = sentinel_seconds()
+        state, message = "done", ""
+        try:
+            record.follow(pool)
+        except WorkerFailed as error:
+            state, message = "failed", str(error)
+        except WorkerTimeout:
+            state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
+        record.keep_last_image()
+        return {
+            **self.event(cell, state, message), "phases": record.phases, "points": record.points,
+            "counters": record.counters, "machine": record.disturbance, "sentinel_seconds": sentinel,
+            "wall_seconds": monotonic() - began,
+        }  # fmt: skip
+
+    def event(self, cell: Cell, state: str, message: str) -> dict[str, Any]:
+        """An event that says everything about a cell but what was measured."""
+        return {
+            "event": "cell", "cell_id": cell.cell_id, "configuration": cell.configuration, "env_id": self.env_id,
+            "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
+            "seed": cell.seed, "scene": cell.scene.name, "scene_path": cell.scene.path, "scene_hash": cell.scene_hash,
+            "engine": cell.engine_name, "engine_version": cell.asked["engine_version"], **cell.settings,
+            "reference_id": cell.reference_id, "asked": dict(cell.asked), "command": cell.command,
+            "time": datetime.now(UTC).isoformat(timespec="seconds"), "phases": {}, "points": [], "counters": {},
+            "machine": {},
+        }  # fmt: skip
+
+    def reference(self, reference_id: str) -> Any:
+        """The arrays of a reference, read and checked once."""
+        if reference_id not in self._loaded:
+            wanted = self.plan.references[reference_id]
+            self._loaded[reference_id] = references.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
+        return self._loaded[reference_id]
+
+    # --- the end ----------------------------------------------------------------------------------------------------
+
+    def record_targets(self) -> None:
+        """Resolves `auto` targets once: later results move none of them."""
+        last = store.last_event(self.history, "targets")
+        if self.plan.experiment.quality.targets is None and (last is None or last["metric"] != self.metric):
+            targets = automatic_targets(self.latest.values(), self.metric)
+            if targets:
+                self._append_targets(targets)
+
+    def outcome(self) -> Outcome:
+        found = Outcome(self.measured, stopped=self.stopped)
+        for cell in self.plan.cells:
+            event = self.latest.get(cell.cell_id)
+            state = "queued" if event is None or event["state"] == "outdated" else str(event["state"])
+            found.states[state] = found.states.get(state, 0) + 1
+            if event is not None and state in BROKEN:
+                found.failures.append((cell, event))
+        return found
+
+
+class Recording:
+    """What a cell's worker tells, as the parts of its event."""
+
+    def __init__(self, sweep: Sweep, cell: Cell) -> None:
+        self.sweep, self.cell = sweep, cell
+        self.phases: dict[str, float] = {}
+        self.points: list[dict[str, Any]] = []
+        self.counters: dict[str, float] = {}
+        self.disturbance: dict[str, Any] = {}
+        self._last_film: Any = None
+
+    def follow(self, pool: Pool) -> None:
+        """Asks the worker and takes down its answers until the end, a failure or the timeout."""
+        cell, sweep = self.cell, self.sweep
+        reference = sweep.reference(str(cell.reference_id))
+        worker = pool.worker(cell.engine)
+        self.phases["import_seconds"] = worker.import_seconds
+        deadline = monotonic() + cell.budget.timeout_seconds
+        worker.ask(self._request(pool))
+        while True:
+            answer = worker.receive(deadline)
+            if answer.pop("did") == "prepared":
+                self.phases.update(answer)
+            elif "spp" in answer:
+                began = monotonic()
+                self._point(answer, film_of(pool.scratch), reference)
+                deadline += monotonic() - began
+                worker.ask({"do": "go"})
+            else:
+                self.counters, self.disturbance = answer["counters"], answer["machine"]
+                return
+
+    def _request(self, pool: Pool) -> dict[str, Any]:
+        cell, schedule = self.cell, self.sweep.plan.experiment.checkpoints
+        return {
+            "do": "cell", "scene_path": cell.scene.path, "scene_hash": cell.scene_hash,
+            "settings": dict(cell.settings), "seed": cell.seed, "warm_up_seed": cell.seed + WARM_UP_SEED,
+            "allow_imports": self.sweep.options.allow_imports, "scratch": str(pool.scratch),
+            "schedule": {
+                "ratio": schedule.ratio, "start": schedule.start, "max_spp": cell.budget.max_spp,
+                "max_time_seconds": cell.budget.max_time_seconds,
+            },
+        }  # fmt: skip
+
+    def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
+        from harness import metrics
+
+        self.phases["render_seconds"] = answer["seconds"]
+        scores = metrics.measure(film.mean(), reference, self.sweep.plan.experiment.quality.epsilon)
+        self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
+        self._last_film = film
+        images = self.sweep.plan.experiment.images
+        if images == "all" or (images == "some" and self.cell.block == 0 and self.cell.label is None):
+            self._keep(film)
+        self.sweep.listener.point(answer["spp"], answer["seconds"])
+
+    def keep_last_image(self) -> None:
+        """Writes the image of the last checkpoint, if images are wanted and it is not there yet."""
+        if self.points and self.sweep.plan.experiment.images != "none" and self.points[-1]["image"] is None:
+            self._keep(self._last_film)
+
+    def _keep(self, film: Any) -> None:
+        point = self.points[-1]
+        path = store.image_path(self.cell.cell_id, point["spp"])
+        (self.sweep.folder / path).parent.mkdir(parents=True, exist_ok=True)
+        told = {key: point[key] for key in ("spp", "seconds", "metrics")}
+        identity = {"cell_id": self.cell.cell_id, "env_id": self.sweep.env_id, "asked": dict(self.cell.asked)}
+        film.save(self.sweep.folder / path, provenance={**identity, **told, "scene": self.cell.scene.name})
+        point["image"] = path

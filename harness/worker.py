@@ -1,0 +1,205 @@
+"""The process in which things are measured: `python -m harness.worker`, one JSON message a line on its pipes.
+
+A worker belongs to one engine and one block. It imports the engine once (timed) and then forks a child for every cell,
+so that a cell finds a fresh process (nothing compiled, loaded or warmed by the cell before it) and imports are paid
+once. Where forking is not safe (other systems than Linux, or an engine that started threads on import) it serves one
+cell itself and ends, and the parent starts another.
+
+Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
+Answers:   {"did": "import", "seconds", "version", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
+           {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+After a point the child waits for "go": the parent measures the error while nothing renders.
+
+This module imports the standard library only, so that the time to import an engine is all its own.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import signal
+import sys
+import threading
+from time import perf_counter
+from typing import Any
+
+PR_SET_PDEATHSIG = 1
+
+
+class Pipes:
+    """The parent's ends of stdin and stdout; whatever else prints goes to stderr."""
+
+    def __init__(self) -> None:
+        self.requests = open(os.dup(0), "rb", buffering=0)  # noqa: SIM115 (open as long as the process)
+        self.answers = os.dup(1)
+        os.dup2(2, 1)
+        null = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(null, 0)
+
+    def receive(self) -> dict[str, Any]:
+        """The next request; ends the process when the parent has gone."""
+        # Unbuffered on purpose: a forked child must not find, or swallow, what was read ahead.
+        line = self.requests.readline()
+        if not line:
+            os._exit(0)
+        return json.loads(line)
+
+    def send(self, **message: Any) -> None:
+        data = json.dumps(message).encode() + b"\n"
+        while data:
+            data = data[os.write(self.answers, data) :]
+
+
+def die_with_parent() -> None:
+    """Asks Linux to kill this process when the one that started it is gone: no orphan disturbs the next run."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def main() -> None:
+    die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pipes = Pipes()
+    engine: Any = None
+    forks = False
+    while True:
+        request = pipes.receive()
+        if request["do"] == "import":
+            engine, forks = imported(request, pipes)
+        elif forks:
+            pipes.send(did="idle", status=in_child(engine, request, pipes))
+        else:
+            serve(engine, request, pipes)
+            pipes.send(did="idle", status=0)
+            return
+
+
+def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
+    """The engine, and whether forking is safe; all else that a cell needs is imported after the clock has stopped."""
+    start = perf_counter()
+    try:
+        from engines.registry import engine as engine_of
+
+        engine = engine_of(request["engine"])
+    except Exception as error:
+        pipes.send(did="failed", message=one_line(error))
+        os._exit(0)
+    seconds = perf_counter() - start
+    import engines  # noqa: F401 (so that children find it)
+    import harness.measure
+    import harness.settings  # noqa: F401
+
+    forks = hasattr(os, "fork") and sys.platform == "linux" and threads_now() == 1
+    gc.collect()
+    gc.freeze()
+    pipes.send(did="import", seconds=seconds, version=str(engine.version), forks=forks)
+    return engine, forks
+
+
+def threads_now() -> int:
+    """Threads of this process, those of native libraries included where the system tells."""
+    try:
+        return len(os.listdir("/proc/self/task"))
+    except OSError:
+        return threading.active_count()
+
+
+def in_child(engine: Any, request: dict[str, Any], pipes: Pipes) -> int:
+    """Serves a request in a forked child; the exit status, negative for a signal."""
+    child = os.fork()
+    if child == 0:
+        die_with_parent()
+        try:
+            serve(engine, request, pipes)
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+    """Answers one request; an exception becomes a message."""
+    try:
+        {"cell": cell, "reference": reference}[request["do"]](engine, request, pipes)
+    except Exception as error:
+        import traceback
+
+        traceback.print_exc()
+        pipes.send(did="failed", message=one_line(error))
+
+
+def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+    """Measures a cell: phases on a renderer that is dropped, then the timed passes on another."""
+    from harness import measure
+    from harness.machine import Disturbance
+
+    scene, load_seconds = loaded(request)
+    renderer, build, compilation = measure.prepare(engine, scene, settings_of(request, request["warm_up_seed"]))
+    pipes.send(did="prepared", load_seconds=load_seconds, build_seconds=build, compile_seconds=compilation)
+    estimate = measure.one_sample(renderer)
+    del renderer
+    renderer, _, _ = measure.prepare(engine, scene, settings_of(request, request["seed"]))
+    disturbance = Disturbance()
+    schedule = measure.Schedule(**request["schedule"])
+    for point in measure.timed_points(renderer, schedule, estimate, disturbance):
+        hand_over(pipes, point.film, request["scratch"], point.spp, seconds=point.seconds, rays=point.rays)
+    pipes.send(did="end", counters=measure.counters(renderer), machine=disturbance.report())
+
+
+def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+    """Renders `spp` samples a pixel under each seed, handing over a film after each."""
+    from harness import measure
+
+    scene, _ = loaded(request)
+    for seed in request["seeds"]:
+        renderer, _, _ = measure.prepare(engine, scene, settings_of(request, seed))
+        start = perf_counter()
+        film = renderer.render(spp=request["spp"])
+        hand_over(pipes, film, request["scratch"], request["spp"], seconds=perf_counter() - start, seed=seed)
+    pipes.send(did="end")
+
+
+def loaded(request: dict[str, Any]) -> tuple[Any, float]:
+    """The scene with the seconds it took; refused if it is no longer the one that was planned."""
+    from engines.scene import load_scene
+
+    start = perf_counter()
+    scene = load_scene(request["scene_path"])
+    seconds = perf_counter() - start
+    if scene.content_hash != request["scene_hash"]:
+        raise RuntimeError(f"{request['scene_path']}: the scene has changed since the run began")
+    return scene, seconds
+
+
+def settings_of(request: dict[str, Any], seed: int) -> Any:
+    from harness.settings import engine_settings
+
+    return engine_settings(request["settings"], seed, request["allow_imports"])
+
+
+def hand_over(pipes: Pipes, film: Any, scratch: str, spp: int, **message: Any) -> None:
+    """Leaves the film's arrays in `scratch` and waits until the parent has used them."""
+    import numpy as np
+
+    if film.spp != spp:
+        raise RuntimeError(f"the engine rendered {film.spp} samples a pixel where {spp} were asked for")
+    np.savez(
+        scratch, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts,
+        bad_samples=film.bad_samples,
+    )  # fmt: skip
+    pipes.send(did="point", spp=spp, **message)
+    pipes.receive()
+
+
+def one_line(error: BaseException) -> str:
+    """An exception as one line: our own errors speak for themselves, others are named."""
+    from engines.errors import RaybenchError
+
+    text = " ".join(str(error).split())
+    return text if isinstance(error, RaybenchError) else f"{type(error).__name__}: {text}"
+
+
+if __name__ == "__main__":
+    main()
