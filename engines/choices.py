@@ -36,7 +36,9 @@ class Choice:
         return {"name": self.name, **self.options}
 
 
-def _integer(low: int, high: int) -> Callable[[Any], str | None]:
+def integer(low: int, high: int) -> Callable[[Any], str | None]:
+    """A check for whole numbers in [low, high]."""
+
     def check(value: Any) -> str | None:
         whole = isinstance(value, int) and not isinstance(value, bool)
         return None if whole and low <= value <= high else f"an integer in [{low}, {high}]"
@@ -44,7 +46,9 @@ def _integer(low: int, high: int) -> Callable[[Any], str | None]:
     return check
 
 
-def _number(low: float, high: float) -> Callable[[Any], str | None]:
+def number(low: float, high: float) -> Callable[[Any], str | None]:
+    """A check for numbers in [low, high]."""
+
     def check(value: Any) -> str | None:
         real = isinstance(value, (int, float)) and not isinstance(value, bool)
         return None if real and low <= value <= high else f"a number in [{low:g}, {high:g}]"
@@ -52,7 +56,9 @@ def _number(low: float, high: float) -> Callable[[Any], str | None]:
     return check
 
 
-def _one_of(*names: Any) -> Callable[[Any], str | None]:
+def one_of(*names: Any) -> Callable[[Any], str | None]:
+    """A check for the values given."""
+
     def check(value: Any) -> str | None:
         same = any(type(value) is type(name) and value == name for name in names)
         return None if same else "one of " + ", ".join(map(str, names))
@@ -61,7 +67,7 @@ def _one_of(*names: Any) -> Callable[[Any], str | None]:
 
 
 def _point_or_none(value: Any) -> str | None:
-    number = _number(-1e300, 1e300)
+    number = number(-1e300, 1e300)
     good = value is None or (isinstance(value, (list, tuple)) and len(value) == 3 and all(not number(x) for x in value))
     return None if good else "three numbers, or null for the scene's own bounds"
 
@@ -70,18 +76,18 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-_AMBIENT = Option(0.1, "radiance added to every diffuse hit, times kd", _number(0.0, 1e6))
+_AMBIENT = Option(0.1, "radiance added to every diffuse hit, times kd", number(0.0, 1e6))
 
 SHADERS: dict[str, dict[str, Option]] = {
     "no_shadows": {"ambient": _AMBIENT},
     "whitted": {
         "ambient": _AMBIENT,
-        "max_depth": Option(6, "segments followed from the eye", _integer(1, 32)),
+        "max_depth": Option(6, "segments followed from the eye", integer(1, 32)),
     },
     "path_tracer": {
-        "max_depth": Option(16, "segments of a path: 1 is emission alone, 2 adds direct light", _integer(1, 100_000)),
-        "rr_depth": Option(5, "segments after which Russian roulette starts", _integer(1, 1_000_000)),
-        "direct": Option("mis", "how direct light is found", _one_of("light", "bsdf", "mis")),
+        "max_depth": Option(16, "segments of a path: 1 is emission alone, 2 adds direct light", integer(1, 100_000)),
+        "rr_depth": Option(5, "segments after which Russian roulette starts", integer(1, 1_000_000)),
+        "direct": Option("mis", "how direct light is found", one_of("light", "bsdf", "mis")),
     },
     "depth_map": {
         "max_point": Option(None, "the point 1/1.1 of the way to black; null: far corner of the scene", _point_or_none)
@@ -90,11 +96,11 @@ SHADERS: dict[str, dict[str, Option]] = {
 }
 
 SAMPLERS: dict[str, dict[str, Option]] = {
-    "constant": {"value": Option(0.5, "every draw", _number(0.0, 1.0 - 2.0**-24))},
-    "stratified": {"strata": Option(64, "cells a pixel, a power of four", _one_of(4, 16, 64, 256, 1024, 4096))},
-    "halton": {"scramble": Option("rotation", "per-pixel randomisation", _one_of("rotation", "none"))},
+    "constant": {"value": Option(0.5, "every draw", number(0.0, 1.0 - 2.0**-24))},
+    "stratified": {"strata": Option(64, "cells a pixel, a power of four", one_of(4, 16, 64, 256, 1024, 4096))},
+    "halton": {"scramble": Option("rotation", "per-pixel randomisation", one_of("rotation", "none"))},
     "random": {},
-    "sobol": {"scramble": Option("owen", "per-pixel randomisation", _one_of("owen", "none"))},
+    "sobol": {"scramble": Option("owen", "per-pixel randomisation", one_of("owen", "none"))},
 }
 
 

@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from engines.choices import Option
+from engines.choices import Option, number
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import plugins, resolved, why_not
-from engines.numba_cpu.accel import none
+from engines.numba_cpu.accel import bvh, grid, none
 from engines.scene.model import Mesh, Scene, SphereSet
 
-ACCELERATORS: dict[str, dict[str, Option]] = {"auto": {}, "none": {}, "grid": {}, "bvh": {}}
-MADE = {"none": none.Accelerator}
+ACCELERATORS: dict[str, dict[str, Option]] = {
+    "auto": {},
+    "none": {},
+    "bvh": {},
+    "grid": {"density": Option(grid.DENSITY, "cells a primitive", number(0.01, 1000.0))},
+}
+MADE = {"none": none.Accelerator, "grid": grid.Accelerator, "bvh": bvh.Accelerator}
 LIST_LIMIT = 96
 """Up to so many triangles and spheres `auto` takes no tree."""
 

@@ -1,0 +1,92 @@
+"""What grid and tree share: boxes of the primitives, the ray of one lane, and the test of one primitive.
+
+Primitives are numbered triangles first, then spheres. Boxes are padded by a few ulps of the scene's extent, so a ray in a
+box face, or along a cell wall, is inside by a margin and needs no special case.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels import block as at
+from engines.kernels.jit import const, fetch, inline, kernel
+from engines.kernels.shapes import Frame, ray_frame, shear, sphere_distance, triangle_distance
+from engines.kernels.surface import row3, wide
+from engines.kernels.vector import Vec3
+from engines.kernels.world import SPHERE_REALS, SPHERES, TRIANGLES, VERTICES, World
+
+PAD_ULPS = 8.0
+
+
+class Ray(NamedTuple):
+    """One lane's ray: origin, unit direction, 1/direction (finite), and its shear frame."""
+
+    o: Vec3
+    d: Vec3
+    inverse: Vec3
+    frame: Frame
+
+
+@inline
+def _inverse(x):
+    """1/x, but finite: a component too small to move the ray across the scene acts as if it were a little larger."""
+    tiny = const(1e-18, x)
+    if abs(x) > tiny:
+        return const(1.0, x) / x
+    return const(1e18, x) if x >= const(0.0, x) else const(-1e18, x)
+
+
+@inline
+def ray_of(lanes, lane, origin, direction):
+    o, d = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane)
+    return Ray(o, d, Vec3(_inverse(d.x), _inverse(d.y), _inverse(d.z)), ray_frame(d))
+
+
+@inline
+def corner_distance(ray, corners, i):
+    """Distance to triangle i of an array of nine numbers a triangle."""
+    a = shear(ray.frame, row3(corners, 9 * i) - ray.o)
+    b = shear(ray.frame, row3(corners, 9 * i + 3) - ray.o)
+    c = shear(ray.frame, row3(corners, 9 * i + 6) - ray.o)
+    return triangle_distance(a, b, c)
+
+
+@inline
+def ball_distance(ray, spheres, i, real):
+    center, radius = row3(spheres, i * SPHERE_REALS), fetch(spheres, i * SPHERE_REALS + 3)
+    return real(sphere_distance(wide(ray.o), wide(ray.d), center, radius))
+
+
+def corners(world: World) -> NDArray[Any]:
+    """(triangles, 9) vertices of each triangle."""
+    return world.arrays[VERTICES][world.arrays[TRIANGLES]].reshape(-1, 9)
+
+
+def boxes(world: World) -> NDArray[Any]:
+    """(n, 6) lower and upper corners of triangles, then spheres, padded, in the tracing precision."""
+    real = world.real
+    result = np.empty((len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES]), 6), real)
+    size = float(np.abs(world.bounds - world.center).max()) + float(np.ptp(world.bounds, axis=0).max())
+    _fill_boxes(
+        world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES], real(size * PAD_ULPS * np.finfo(real).eps),
+        result,
+    )  # fmt: skip
+    return result
+
+
+@kernel
+def _fill_boxes(vertices, triangles, spheres, pad, result):
+    n = len(triangles)
+    for i in range(n):
+        a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
+        for axis in range(3):
+            x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
+            result[i, axis] = min(x, min(y, z)) - pad
+            result[i, 3 + axis] = max(x, max(y, z)) + pad
+    for i in range(len(spheres)):
+        for axis in range(3):
+            result[n + i, axis] = spheres[i, axis] - spheres[i, 3] - pad
+            result[n + i, 3 + axis] = spheres[i, axis] + spheres[i, 3] + pad
