@@ -33,17 +33,18 @@ class Bvh:
         self._primitives = primitives
         low, high = primitives.boxes()
         tree = build(low, high, leaf_size)
-        self._bounds, self._child, self._leaves = tree.bounds, tree.child, tree.leaves
-        self._nodes = tree.child.shape[1]
+        self._nodes, self._leaf_count = tree.child.shape[1], tree.leaves.shape[1]
+        # A row for each node and leaf, so that it comes from memory in one piece.
+        self._bounds = np.ascontiguousarray(tree.bounds.reshape(-1, self._nodes).T)
+        self._child, self._leaves = np.ascontiguousarray(tree.child.T), np.ascontiguousarray(tree.leaves.T)
         self._stack_size = (WIDTH - 1) * tree.depth + 1
         self._reach = max(np.abs(low).max(), np.abs(high).max())
-        # One more column: a primitive that is never hit fills incomplete leaves.
+        # A primitive that is never hit fills incomplete leaves.
         copies, fields, count = primitives.data.shape
-        data = np.full((fields, copies, count + 1), np.nan)
-        data[:, :, :count] = primitives.data.transpose(1, 0, 2)
-        self._data, self._stride = data.reshape(fields, -1), count + 1
+        data = np.concatenate([primitives.data, np.full((copies, fields, 1), np.nan)], axis=2)
+        self._data = data.take(tree.leaves.T, axis=2).transpose(0, 2, 1, 3).reshape(copies * self._leaf_count, -1)
         self._rank = np.append(primitives.rank, np.iinfo(np.int64).max)
-        if self._nodes + self._leaves.shape[1] > CHILD:
+        if self._nodes + self._leaf_count > CHILD:
             raise MemoryError(f"bvh: {count} primitives need more than {CHILD} nodes")
 
     @property
@@ -78,7 +79,7 @@ class _Walk:
         self.slabs = np.ascontiguousarray(np.concatenate([origin + pad, origin - pad, 1.0 / safe]))
         self.copies, self.rays = tree._primitives.rays(origin, direction)
         self.rays = np.ascontiguousarray(self.rays)  # `take` copies the whole of an array that is not
-        self.copies = self.copies * tree._stride
+        self.copies = self.copies * tree._leaf_count
         self.waiting = 0
         self.lanes = min(LANES, origin.shape[1])
         self.ray = np.zeros(self.lanes, np.int64)
@@ -93,8 +94,10 @@ class _Walk:
         while lanes.size:
             check()
             at_node = self.place[lanes] < self.tree._nodes
-            self._enter_nodes(lanes[at_node])
-            self._test_leaves(lanes[~at_node])
+            if at_node.any():
+                self._enter_nodes(lanes[at_node])
+            if not at_node.all():
+                self._test_leaves(lanes[~at_node])
             done = self._pop(lanes)
             lanes = np.concatenate([lanes[self.place[lanes] >= 0], self._begin(done)])
 
@@ -109,10 +112,11 @@ class _Walk:
     def _enter_nodes(self, lanes: Indices) -> None:
         """The nearest child that the ray meets becomes its place; the others go to the stack, the nearest on top."""
         tree, ray, node = self.tree, self.ray[lanes], self.place[lanes]
-        entry, met = _slabs(tree._bounds.take(node, axis=2), self.slabs.take(ray, axis=1), self.nearest.t[ray])
+        bounds = _columns(tree._bounds, node).reshape(6, WIDTH, -1)
+        entry, met = _slabs(bounds, self.slabs.take(ray, axis=1), self.nearest.t[ray])
         keys = entry.view(np.int64)
         keys &= ~CHILD
-        keys |= tree._child.take(node, axis=1)
+        keys |= _columns(tree._child, node)
         np.copyto(keys, FAR, where=~met)
         ordered = list(keys)
         for i, j in SORTING_NETWORK:
@@ -147,8 +151,9 @@ class _Walk:
 
     def _test_leaves(self, lanes: Indices) -> None:
         tree, ray = self.tree, self.ray[lanes]
-        held = tree._leaves.take(self.place[lanes] - tree._nodes, axis=1)
-        primitives = tree._data.take(held + self.copies[ray], axis=1)
+        leaf = self.place[lanes] - tree._nodes
+        held = _columns(tree._leaves, leaf)
+        primitives = _columns(tree._data, leaf + self.copies[ray]).reshape(-1, *held.shape)
         t = tree._primitives.distance(primitives, self.rays.take(ray, axis=1)[:, None])
         first = t.min(axis=0)
         hit = np.flatnonzero((first <= self.nearest.t[ray]) & (first < np.inf))
@@ -158,6 +163,11 @@ class _Walk:
         self.place[lanes] = -1
         if self.any_hit:
             self.height[lanes[self.nearest.rank[ray] >= 0]] = 0
+
+
+def _columns(table: np.ndarray, rows: Indices) -> np.ndarray:
+    """(k, n) some rows of a table (m, k), as columns."""
+    return np.ascontiguousarray(table.take(rows, axis=0).T)
 
 
 def _slabs(bounds: Array, ray: Array, t_max: Array) -> tuple[Array, np.ndarray]:

@@ -13,7 +13,7 @@ from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.nearest import Nearest
 from engines.numpy_reference.vectors import Array
 
-AUTO_LIMIT = 128
+AUTO_LIMIT = 24
 """Spheres and triangles up to which `auto` takes `none`: where the two were measured to be equally fast."""
 
 
