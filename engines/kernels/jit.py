@@ -108,14 +108,19 @@ _STAGE = types.void(types.int64, types.int64)
 
 def compile_stage(function: Callable[..., Any], on_disk: bool = True) -> Any:
     """Compiles `function(block, world)`; the result has `.address` and must be kept alive while that is used."""
+    return compile_function(function, _STAGE, on_disk)
+
+
+def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool = True) -> Any:
+    """Compiles a C function of the given numba signature."""
     global compile_seconds
     start = time.perf_counter()
-    stage = CFunc(function, (_STAGE.args, _STAGE.return_type), locals={}, options=dict(OPTIONS))
+    compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))
     if on_disk:
-        stage._cache = _cached(function)
-    stage.compile()
+        compiled._cache = _cached(function)
+    compiled.compile()
     compile_seconds += time.perf_counter() - start
-    return stage
+    return compiled
 
 
 # ---- calls and atomics -----------------------------------------------------------------------------------------------

@@ -45,6 +45,8 @@ class Accelerator(Protocol):
 
     name: str
     scratch: int
+    precision: Any
+    """Scalar type in which it traces, or None for that of the block."""
     build_seconds: float
 
     @property
@@ -66,6 +68,7 @@ class Renderer:
         self._accelerator = accelerator
         self._plugins = plugins
         self._real: Any = np.float64 if settings.precision == "float64" else np.float32
+        self._tracing = accelerator.precision or self._real
         self._rays = 0
         self._compile_seconds = 0.0
         self._build_seconds = 0.0
@@ -82,7 +85,7 @@ class Renderer:
 
     def _build(self) -> None:
         start = time.perf_counter()
-        self._world = flatten(self._scene, self._real)
+        self._world = flatten(self._scene, self._real, self._tracing)
         compiled = jit.compile_seconds
         self._accelerator.build(self._world, self.settings.threads)
         compiled = jit.compile_seconds - compiled
@@ -127,11 +130,11 @@ class Renderer:
         self._turns = max(int(self._world.table[N_LIGHTS]), 1) if every else 1
         self._lit = self._lit and shader.name not in ("albedo", "depth_map")
         if shader.plugin is None:
-            shade = shading.stage(shader.name, needs, self._lit, real)
+            shade = shading.stage(shader.name, needs, self._lit, self._tracing, real)
         else:
-            shade = shading.plugin_stage(self._plugins["shader"], every, needs, self._lit, real)
+            shade = shading.plugin_stage(self._plugins["shader"], every, needs, self._lit, self._tracing, real)
         light = lights.stage(needs, every, real) if self._lit else shade
-        order = [draw_pixel, self._camera_stage(), closest, surface.stage(needs, real), draw_vertex, light, shade, occluded]
+        order = [draw_pixel, self._camera_stage(), closest, surface.stage(needs, self._tracing, real), draw_vertex, light, shade, occluded]
         self._kept = order  # machine code lives as long as its stage
         self._addresses = np.array([stage.address for stage in order], np.int64)
         self._compile_seconds += time.perf_counter() - start

@@ -71,9 +71,8 @@ def wide(v):
     return Vec3(np.float64(v.x), np.float64(v.y), np.float64(v.z))
 
 
-def _make(needs: Needs, real: Any) -> Any:
-    offset_scale = real(OFFSET_ULPS * float(np.finfo(real).eps))
-    only_triangles = not needs.spheres and not needs.planes
+def _make(needs: Needs, tracing: Any, real: Any) -> Any:
+    offset_scale = real(OFFSET_ULPS * float(np.finfo(tracing).eps))
     zero, one, infinite = real(0), real(1), real(np.inf)
     specular = needs.mirror or needs.refraction
 
@@ -217,6 +216,6 @@ def _image_sky(lanes, world, n_lights, real):
 
 
 @cache
-def stage(needs: Needs, real: Any) -> Any:
-    """The surface stage for a scene that holds `needs`."""
-    return compile_stage(_make(needs, real))
+def stage(needs: Needs, tracing: Any, real: Any) -> Any:
+    """The surface stage for a scene that holds `needs`; new rays start far enough away for the precision `tracing`."""
+    return compile_stage(_make(needs, tracing, real))

@@ -134,13 +134,13 @@ def count(typing, world, slot):
     return types.int64(types.int64, types.int64), generate
 
 
-def flatten(scene: Scene, real: type) -> World:
-    """The arrays of `scene` in precision `real` (np.float32 or np.float64)."""
+def flatten(scene: Scene, real: type, tracing: type) -> World:
+    """The arrays of `scene` in precision `real` (np.float32 or np.float64), for an intersector of precision `tracing`."""
     pieces = _Pieces()
     for index, shape in enumerate(scene.shapes):
         pieces.add(index, shape)
     bounds = pieces.bounds()
-    center = _recentre(bounds, real)
+    center = _recentre(bounds, tracing)
     lights = _Lights(scene, pieces, center)
     world = World(
         real, center, _needs(scene, pieces, lights), pieces.joined(pieces.shape), pieces.joined(pieces.local), {}, {}, bounds
@@ -151,11 +151,11 @@ def flatten(scene: Scene, real: type) -> World:
     return world
 
 
-def _recentre(bounds: NDArray[np.float64], real: type) -> NDArray[np.float64]:
+def _recentre(bounds: NDArray[np.float64], tracing: type) -> NDArray[np.float64]:
     """Where the origin of the tracing coordinates lies. A mesh far from the origin loses all precision in float32."""
     middle, half = bounds.mean(axis=0), np.ptp(bounds, axis=0).max() / 2
     far = np.abs(middle).max() > 4 * half
-    return middle if far and half > 0 and real == np.float32 else np.zeros(3)
+    return middle if far and half > 0 and tracing == np.float32 else np.zeros(3)
 
 
 class _Pieces:

@@ -44,10 +44,10 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
-def _make(step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool, real: Any) -> Any:
+def _make(step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool, tracing: Any, real: Any) -> Any:
     """`lit`: there are lights to sample; `every`: the step is called once for each of them."""
     zero, one, infinite = real(0), real(1), real(math.inf)
-    reach = real(1 - OFFSET_ULPS * float(np.finfo(real).eps))
+    reach = real(1 - OFFSET_ULPS * float(np.finfo(tracing).eps))
     branches = branches and needs.mirror and needs.refraction
 
     def shade(block, world):
@@ -139,14 +139,14 @@ def _make(step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shado
 
 
 @cache
-def stage(name: str, needs: Needs, lit: bool, real: Any) -> Any:
+def stage(name: str, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
     """The shade stage of a built-in shader."""
     rule = SHADERS[name]
     shadows = name != "no_shadows"
-    return compile_stage(_make(rule.step, needs, lit, rule.EVERY_LIGHT, rule.BRANCHES, shadows, real))
+    return compile_stage(_make(rule.step, needs, lit, rule.EVERY_LIGHT, rule.BRANCHES, shadows, tracing, real))
 
 
 @cache
-def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, real: Any) -> Any:
+def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
     """The shade stage of a user's `@njit` step; `every`: it is called once for each light."""
-    return compile_stage(_make(step, needs, lit, every, True, True, real), on_disk=False)
+    return compile_stage(_make(step, needs, lit, every, True, True, tracing, real), on_disk=False)

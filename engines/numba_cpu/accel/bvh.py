@@ -34,6 +34,7 @@ class Accelerator:
     """Nodes, and the primitives copied in the order of the leaves."""
 
     name = "bvh"
+    precision = None
     scratch = 4 * STACK
 
     def __init__(self, options: Any) -> None:

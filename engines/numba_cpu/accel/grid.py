@@ -39,6 +39,7 @@ class Accelerator:
     """The grid's box, where each cell's list starts, and the lists."""
 
     name = "grid"
+    precision = None
     scratch = 0
 
     def __init__(self, options: Any) -> None:

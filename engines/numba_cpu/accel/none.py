@@ -29,6 +29,7 @@ class Accelerator:
     """Lists of vertices and faces, chunk by chunk."""
 
     name = "none"
+    precision = None
     scratch = SCRATCH
 
     def __init__(self, options: Any) -> None:

@@ -1,0 +1,45 @@
+"""The engine `embree`: Embree's trees and traversal, with the shading of `engines.kernels`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from engines.choices import Option, one_of
+from engines.embree.accelerator import Accelerator
+from engines.embree.library import QUALITIES, library
+from engines.errors import Unsupported
+from engines.interface import Settings
+from engines.kernels.renderer import Renderer
+from engines.kernels.resolve import plugins, resolved, why_not
+from engines.scene.model import Scene
+
+_OPTIONS = {
+    "quality": Option("medium", "Embree's build quality", one_of(*QUALITIES)),
+    "robust": Option(True, "watertight traversal; without it rays aimed at edges may slip through", one_of(True, False)),
+}
+ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
+
+
+class Engine:
+    """Traces in float32, whatever the precision of shading (float32 by default)."""
+
+    name = "embree"
+    version = "1"
+
+    def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
+        return ACCELERATORS
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        chosen = resolved(settings, ACCELERATORS, "float32")
+        try:
+            library()
+        except Unsupported as error:
+            return str(error)
+        return why_not(scene, chosen, self.name)
+
+    def prepare(self, scene: Scene, settings: Settings) -> Renderer:
+        lacking = self.why_not(scene, settings)
+        if lacking:
+            raise Unsupported(lacking)
+        chosen = resolved(settings, ACCELERATORS, "float32")
+        return Renderer(scene, chosen, Accelerator(chosen.accelerator.options), plugins(chosen))

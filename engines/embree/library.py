@@ -1,0 +1,148 @@
+"""Embree's C library, found inside the installed embreex package, and the few calls that build a scene."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import Unsupported
+
+# rtcore_common.h, rtcore_buffer.h, rtcore_geometry.h, rtcore_scene.h of Embree 4
+_INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
+_UINT3, _FLOAT3 = 0x5003, 0x9003
+_TRIANGLES, _USER = 0, 120
+_ROBUST = 1 << 2
+TRIANGLE_GEOMETRY, SPHERE_GEOMETRY = 0, 1
+QUALITIES = {"low": 0, "medium": 1, "high": 2}
+
+_PROTOTYPES: dict[str, tuple[Any, list[Any]]] = {
+    "rtcNewDevice": (ctypes.c_void_p, [ctypes.c_char_p]),
+    "rtcReleaseDevice": (None, [ctypes.c_void_p]),
+    "rtcGetDeviceError": (ctypes.c_int, [ctypes.c_void_p]),
+    "rtcGetDeviceProperty": (ctypes.c_ssize_t, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcSetDeviceMemoryMonitorFunction": (None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcNewScene": (ctypes.c_void_p, [ctypes.c_void_p]),
+    "rtcReleaseScene": (None, [ctypes.c_void_p]),
+    "rtcSetSceneFlags": (None, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcSetSceneBuildQuality": (None, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcCommitScene": (None, [ctypes.c_void_p]),
+    "rtcNewGeometry": (ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_int]),
+    "rtcReleaseGeometry": (None, [ctypes.c_void_p]),
+    "rtcCommitGeometry": (None, [ctypes.c_void_p]),
+    "rtcAttachGeometryByID": (None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint]),
+    "rtcSetNewGeometryBuffer": (
+        ctypes.c_void_p,
+        [ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t, ctypes.c_size_t],
+    ),
+    "rtcSetGeometryUserPrimitiveCount": (None, [ctypes.c_void_p, ctypes.c_uint]),
+    "rtcSetGeometryUserData": (None, [ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcSetGeometryBoundsFunction": (None, [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcSetGeometryIntersectFunction": (None, [ctypes.c_void_p, ctypes.c_void_p]),
+    "rtcSetGeometryOccludedFunction": (None, [ctypes.c_void_p, ctypes.c_void_p]),
+}
+_MEMORY_MONITOR = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_bool)
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Embree itself. Raises `Unsupported` where the embreex package is missing or keeps its library elsewhere."""
+    try:
+        files = metadata.files("embreex") or []
+    except metadata.PackageNotFoundError as error:
+        raise Unsupported("the engine embree needs the package embreex: pip install embreex") from error
+    found = sorted(str(file.locate()) for file in files if file.name.startswith("libembree4") and ".so" in file.name)
+    found += sorted(str(file.locate()) for file in files if file.name.startswith(("embree4", "libembree4.")))
+    for path in found:
+        if Path(path).exists():
+            return _opened(path)
+    version = metadata.version("embreex")
+    raise Unsupported(
+        f"the installed embreex {version} holds no libembree4: raybench calls Embree 4 directly; embreex 4.4 ships it"
+    )
+
+
+def _opened(path: str) -> ctypes.CDLL:
+    import embreex.rtcore  # noqa: F401  (loads what the library depends on)
+
+    try:
+        opened = ctypes.CDLL(path)
+        for name, (result, arguments) in _PROTOTYPES.items():
+            function = getattr(opened, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, AttributeError) as error:
+        raise Unsupported(f"{Path(path).name} of the installed embreex cannot be used: {error}") from error
+    return opened
+
+
+def address(name: str) -> int:
+    """The address of one of Embree's functions."""
+    return ctypes.cast(getattr(library(), name), ctypes.c_void_p).value or 0
+
+
+class EmbreeScene:
+    """A device with one scene of triangles (geometry 0) and of spheres by callback (geometry 1)."""
+
+    def __init__(self, threads: int, quality: str, robust: bool) -> None:
+        self._embree = library()
+        self._device = self._embree.rtcNewDevice(f"threads={threads},set_affinity=0".encode())
+        if not self._device:
+            raise Unsupported(f"Embree cannot make a device (error {self._embree.rtcGetDeviceError(None)})")
+        self.bytes = 0
+        self._monitor = _MEMORY_MONITOR(self._count_bytes)
+        self._embree.rtcSetDeviceMemoryMonitorFunction(self._device, self._monitor, None)
+        self.handle = self._embree.rtcNewScene(self._device)
+        self._embree.rtcSetSceneFlags(self.handle, _ROBUST if robust else 0)
+        self._embree.rtcSetSceneBuildQuality(self.handle, QUALITIES[quality])
+
+    def _count_bytes(self, _: Any, amount: int, __: bool) -> bool:
+        self.bytes += amount
+        return True
+
+    def add_triangles(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
+        """Copies (n, 3) vertices and (m, 3) faces."""
+        geometry = self._embree.rtcNewGeometry(self._device, _TRIANGLES)
+        for buffer, form, array in (
+            (_VERTEX_BUFFER, _FLOAT3, np.asarray(vertices, np.float32)),
+            (_INDEX_BUFFER, _UINT3, np.asarray(faces, np.uint32)),
+        ):
+            array = np.ascontiguousarray(array)
+            memory = self._embree.rtcSetNewGeometryBuffer(geometry, buffer, 0, form, 12, len(array))
+            ctypes.memmove(memory, array.ctypes.data, array.nbytes)
+        self._attach(geometry, TRIANGLE_GEOMETRY)
+
+    def add_spheres(self, spheres: NDArray[np.float64], bounds: int, intersect: int, occluded: int) -> None:
+        """(n, 4) centres and radii, which must stay alive, with the addresses of the three callbacks."""
+        geometry = self._embree.rtcNewGeometry(self._device, _USER)
+        self._embree.rtcSetGeometryUserPrimitiveCount(geometry, len(spheres))
+        self._embree.rtcSetGeometryUserData(geometry, spheres.ctypes.data)
+        self._embree.rtcSetGeometryBoundsFunction(geometry, bounds, None)
+        self._embree.rtcSetGeometryIntersectFunction(geometry, intersect)
+        self._embree.rtcSetGeometryOccludedFunction(geometry, occluded)
+        self._attach(geometry, SPHERE_GEOMETRY)
+
+    def _attach(self, geometry: int, number: int) -> None:
+        self._embree.rtcCommitGeometry(geometry)
+        self._embree.rtcAttachGeometryByID(self.handle, geometry, number)
+        self._embree.rtcReleaseGeometry(geometry)
+
+    def commit(self) -> None:
+        """Builds the tree. Raises `Unsupported` when Embree reports an error."""
+        self._embree.rtcCommitScene(self.handle)
+        error = self._embree.rtcGetDeviceError(self._device)
+        if error:
+            raise Unsupported(f"Embree cannot build this scene (error {error})")
+
+    def __del__(self) -> None:
+        if getattr(self, "handle", None):
+            self._embree.rtcReleaseScene(self.handle)
+        if getattr(self, "_device", None):
+            release: Callable[[int], None] = self._embree.rtcReleaseDevice
+            self._embree.rtcSetDeviceMemoryMonitorFunction(self._device, None, None)
+            release(self._device)
