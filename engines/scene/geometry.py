@@ -1,4 +1,4 @@
-"""Triangle arithmetic that the loader needs: which have area, and vertex normals of a smooth mesh."""
+"""Triangle arithmetic that the loader needs: which have area, fans, and vertex normals of a smooth mesh."""
 
 from __future__ import annotations
 
@@ -49,3 +49,16 @@ def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     scaled = rows / np.where(largest > 0.0, largest, 1.0)
     scaled = np.where(largest > 0.0, scaled, np.array([0.0, 1.0, 0.0]))
     return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+
+
+def fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Polygons cut into fans of triangles. `counts` (n,) says how many corners each has; all corners stand in a row.
+
+    Returns (m, 3) places in that row, and (m,) the polygon of each triangle. Less than 3 corners give no triangle.
+    """
+    triangles = np.maximum(counts - 2, 0)
+    polygon = np.repeat(np.arange(len(counts)), triangles)
+    first_corner, first_triangle = np.cumsum(counts) - counts, np.cumsum(triangles) - triangles
+    step = np.arange(len(polygon)) - first_triangle[polygon]
+    start = first_corner[polygon]
+    return np.stack([start, start + step + 1, start + step + 2], axis=1), polygon

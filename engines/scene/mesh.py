@@ -10,7 +10,7 @@ import io
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from engines.errors import SceneError
 from engines.scene import fields
 from engines.scene.files import Place
-from engines.scene.geometry import unit_rows
+from engines.scene.geometry import fans, unit_rows
 from engines.scene.memory import refuse_above_memory
 from engines.scene.model import Material
 from engines.scene.mtl import read_mtl
@@ -132,34 +132,56 @@ def _read_with_trimesh(node: Located, file: Path, data: bytes, smooth: bool) -> 
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore")
             warnings.filterwarnings("error", message=".*could not be read to its end.*")
-            parts = _ply_parts(data) if file.suffix.lower() == ".ply" else _stl_parts(data)
+            found = _ply_parts(data) if file.suffix.lower() == ".ply" else _stl_parts(data)
+            parts = [_arrays(part) for part in found]
     except Exception as problem:
         raise node.refuse(f"is not a usable {file.suffix[1:].upper()} file: {problem}") from problem
-    if not parts or not any(len(part["faces"]) for part in parts):
+    if not any(len(part.faces) for part in parts):
         raise node.refuse("has no faces")
-    vertices = np.concatenate([np.asarray(part["vertices"], np.float64) for part in parts])
-    starts = np.cumsum([0] + [len(part["vertices"]) for part in parts])
+    vertices = np.concatenate([part.vertices for part in parts])
+    starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     faces = np.concatenate([
-        _triangles(node, np.asarray(part["faces"]), len(part["vertices"])) + start
-        for part, start in zip(parts, starts[:-1], strict=True)
+        _triangles(node, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)
     ])  # fmt: skip
     _check_finite(node, vertices)
-    normals = None
-    if smooth and len(parts) == 1 and parts[0].get("vertex_normals") is not None:
-        normals = np.asarray(parts[0]["vertex_normals"], np.float64)
+    normals = parts[0].normals if smooth and len(parts) == 1 else None
+    if normals is not None:
         if not np.isfinite(normals).all():
             raise node.refuse("has vertex normals that are infinite or not a number")
         normals = unit_rows(normals)
     return MeshData(vertices, faces.astype(np.int32), normals)
 
 
+class _Part(NamedTuple):
+    vertices: NDArray[np.float64]
+    faces: NDArray[Any]
+    normals: NDArray[np.float64] | None
+
+
+def _arrays(part: dict[str, Any]) -> _Part:
+    """What trimesh found, as arrays; it gives lists and arrays of objects where a file is damaged."""
+    vertices, normals = np.asarray(part["vertices"], np.float64), part.get("vertex_normals")
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise ValueError(f"vertices of shape {vertices.shape}")
+    return _Part(vertices, np.asarray(part["faces"]), None if normals is None else np.asarray(normals, np.float64))
+
+
 def _ply_parts(data: bytes) -> list[dict[str, Any]]:
     from trimesh.exchange.ply import load_ply
 
     found = load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True)
-    for name, element in found["metadata"]["_ply_raw"].items():
+    elements = found["metadata"]["_ply_raw"]
+    for name, element in elements.items():
         _check_ply_element(name, element)
-    return [found] if found.get("faces") is not None else []
+    if found.get("faces") is None:
+        return []
+    content = elements["face"]["data"]
+    for name in ("vertex_index", "vertex_indices"):
+        if isinstance(content, dict) and name in content and content[name].dtype == object:
+            # polygons of several lengths: trimesh would put the triangles before the others
+            counts = np.array([len(polygon) for polygon in content[name]], np.int64)
+            found["faces"] = np.concatenate(content[name])[fans(counts)[0]]
+    return [found]
 
 
 def _check_ply_element(name: str, element: dict[str, Any]) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError
+from engines.scene.geometry import fans
 
 AtLine = Callable[[int, str], SceneError]
 """Makes the error for a line, counted from 1."""
@@ -61,7 +62,7 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
     corners, corner_normals, counts = _corners(kinds["f"], at_line)
     lines = np.repeat(np.array(kinds["f"].lines), counts)
     corners = _absolute(corners, lines, kinds["v"].lines, "vertex", at_line)
-    fan, face_of_triangle = _fans(counts)
+    fan, face_of_triangle = fans(counts)
     face_normals = None
     if corner_normals is not None:
         face_normals = _absolute(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
@@ -126,16 +127,6 @@ def _absolute(
         at = int(np.argmax(wrong))
         raise at_line(int(lines[at]), f"{what} {indices[at]}: there are {len(defined)}, counted from 1")
     return found.astype(np.int32)
-
-
-def _fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For polygons with so many corners, in one row of corners: the corners (m, 3) of triangles, and their polygon."""
-    polygon = np.repeat(np.arange(len(counts)), counts - 2)
-    first_corner = np.cumsum(counts) - counts
-    first_triangle = np.cumsum(counts - 2) - (counts - 2)
-    step = np.arange(len(polygon)) - first_triangle[polygon]
-    start = first_corner[polygon]
-    return np.stack([start, start + step + 1, start + step + 2], axis=1), polygon
 
 
 def _materials(uses: _Statements, face_lines: list[int]) -> tuple[NDArray[np.int32], list[str]]:

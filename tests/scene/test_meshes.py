@@ -254,6 +254,12 @@ def test_polygons_of_ply_files_become_fans(tmp_path):
     assert scene(tmp_path, "m.ply").shapes[0].faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 3], [0, 3, 4]]
     (tmp_path / "m.ply").write_text(PLY_HEAD + "5 0 1 2 3 4\n5 0 1 2 3 4\n")
     assert len(scene(tmp_path, "m.ply").shapes[0].faces) == 6
+    (tmp_path / "m.ply").write_text(PLY_HEAD + "3 0 1 2\n4 0 2 3 4\n")
+    assert scene(tmp_path, "m.ply").shapes[0].faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    (tmp_path / "m.ply").write_text(PLY_HEAD + "4 0 2 3 4\n3 0 1 2\n")
+    assert scene(tmp_path, "m.ply").shapes[0].faces.tolist() == [[0, 2, 3], [0, 3, 4], [0, 1, 2]]
+    (tmp_path / "m.ply").write_text(PLY_HEAD + "3 0 1 2\n5 0 1 2 3 4\n")
+    assert len(scene(tmp_path, "m.ply").shapes[0].faces) == 4
 
 
 def test_binary_ply_files_of_mixed_polygons_are_refused_not_misread(tmp_path):

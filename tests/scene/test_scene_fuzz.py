@@ -1,0 +1,178 @@
+"""Random scenes: valid ones load, one mutation raises SceneError and nothing else, flipped bytes end quickly."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import io
+import math
+import struct
+import time
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import engines
+from engines.errors import SceneError
+
+QUICK = settings(max_examples=250, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+coordinate = st.floats(-1e6, 1e6)
+triple = st.lists(coordinate, min_size=3, max_size=3)
+share = st.floats(0, 0.33)
+color = st.one_of(share, st.lists(share, min_size=3, max_size=3))
+positive = st.floats(1e-6, 1e6)
+direction = triple.filter(any)
+
+
+@st.composite
+def materials(draw):
+    return draw(st.fixed_dictionaries({}, optional={
+        "kd": color, "ks": color, "kt": color, "ior": st.floats(0.1, 4), "fresnel": st.booleans(),
+        "two_sided": st.booleans(),
+    }))  # fmt: skip
+
+
+def shape(kind, body):
+    return st.fixed_dictionaries({kind: st.fixed_dictionaries(body), "material": st.sampled_from(["a", "b"])})
+
+
+shapes = st.one_of(
+    shape("sphere", {"center": triple, "radius": positive}),
+    shape("plane", {"point": triple, "normal": direction}),
+    shape("triangle", {"a": triple, "b": triple, "c": triple}),
+    shape("mesh", {"vertices": st.lists(triple, min_size=3, max_size=5),
+                   "faces": st.lists(st.lists(st.integers(0, 2), min_size=3, max_size=3), min_size=1, max_size=4)}),
+    shape("procedural", {"name": st.just("box"), "half_size": st.lists(positive, min_size=3, max_size=3)}),
+    shape("procedural", {"name": st.just("sphereflake"), "level": st.integers(0, 2)}),
+)  # fmt: skip
+lights = st.one_of(
+    st.fixed_dictionaries({"point": st.fixed_dictionaries({"position": triple, "intensity": positive})}),
+    st.fixed_dictionaries({"directional": st.fixed_dictionaries({"direction": direction, "irradiance": color})}),
+    st.fixed_dictionaries({"environment": st.fixed_dictionaries({"radiance": color})}),
+)
+
+
+@st.composite
+def scenes(draw):
+    return {
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0], "fov": draw(st.floats(1, 179)),
+                   "resolution": draw(st.lists(st.integers(1, 64), min_size=2, max_size=2))},
+        "materials": {"a": draw(materials()), "b": draw(materials()), "lamp": {"emission": draw(positive)}},
+        "shapes": draw(st.lists(shapes, max_size=3)),
+        "lights": draw(st.lists(lights, max_size=2)),
+    }  # fmt: skip
+
+
+@QUICK
+@given(scenes())
+def test_valid_scenes_load_the_same_from_python_and_from_yaml(tmp_path, data):
+    scene = engines.scene_from(data)
+    assert len(scene.shapes) == len(data["shapes"]) and len(scene.lights) == len(data["lights"])
+    (tmp_path / "s.yaml").write_text(yaml.safe_dump(data))
+    assert engines.load_scene(tmp_path / "s.yaml").content_hash == scene.content_hash
+
+
+def _places(data, path=()):
+    """The paths of all values in a tree."""
+    children = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    found = [path] if path else []
+    return found + [place for key, child in children for place in _places(child, (*path, key))]
+
+
+WRONG = [math.nan, math.inf, -math.inf, {"x": {"y": 1}}, [[[]]], "\x00text", 10**400, object(), [1, 2, 3, 4], b"x"]
+
+
+@QUICK
+@given(scenes(), st.data())
+def test_one_wrong_value_raises_scene_error_and_nothing_else(data, choice):
+    path = choice.draw(st.sampled_from([p for p in _places(data) if p[0] != "name" and len(p) > 0]))
+    mutated = copy.deepcopy(data)
+    parent = mutated
+    for step in path[:-1]:
+        parent = parent[step]
+    if choice.draw(st.booleans()) or not isinstance(parent, dict):
+        parent[path[-1]] = choice.draw(st.sampled_from(WRONG))
+    else:
+        parent[f"{path[-1]}x"] = parent.pop(path[-1])
+    if path == ("camera", "type") and parent.get("type").__class__ is object:
+        return  # an object is a camera plugin
+    if path[0] == "materials" and len(path) == 2 and mutated["materials"] and f"{path[1]}x" in mutated["materials"]:
+        with contextlib.suppress(SceneError):  # a renamed material is wrong only where it was used
+            engines.scene_from(mutated)
+        return
+    with pytest.raises(SceneError) as caught:
+        engines.scene_from(mutated)
+    assert len(str(caught.value)) < 1000 and "\n" not in str(caught.value)
+
+
+@QUICK
+@given(st.lists(st.integers(0, 2**64 - 1), min_size=9, max_size=9))
+def test_any_bit_patterns_as_vertices_load_or_are_refused(bits):
+    vertices = np.frombuffer(struct.pack("<9Q", *bits), np.float64).reshape(3, 3)
+    data = {
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0]},
+        "materials": {"m": {}},
+        "shapes": [{"mesh": {"vertices": vertices, "faces": [[0, 1, 2]], "smooth": True}, "material": "m"}],
+    }
+    if np.isfinite(vertices).all():
+        normals = engines.scene_from(data).shapes[0].normals
+        assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
+    else:
+        with pytest.raises(SceneError, match="must be finite"):
+            engines.scene_from(data)
+
+
+def _export(kind):
+    mesh = trimesh.creation.icosphere(1)
+    found = mesh.export(file_type=kind) if kind != "ascii.ply" else mesh.export(file_type="ply", encoding="ascii")
+    return found if isinstance(found, bytes) else found.encode()
+
+
+FILES = {
+    "s.yaml": yaml.safe_dump({
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0]},
+        "materials": {"m": {"kd": [0.5, 0.4, 0.3]}, "lamp": {"emission": 1e-3}},
+        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1.5}, "material": "m"},
+                   {"procedural": {"name": "tessellated_sphere", "subdivisions": 1}, "material": "lamp"}],
+        "lights": [{"point": {"position": [0, 3, 0], "intensity": 10}}],
+    }).encode(),
+    "m.obj": b"mtllib m.mtl\n" + _export("obj") + b"\nusemtl a\nvn 0 0 1\nf 1//1 2//1 -1//-1 4//1\n",
+    "m.ply": _export("ply"),
+    "ascii.ply": _export("ascii.ply"),
+    "m.stl": _export("stl"),
+    "ascii.stl": _export("stl_ascii"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+@settings(QUICK, max_examples=200)
+@given(data=st.data())
+def test_flipped_and_missing_bytes_end_quickly_in_a_scene_or_a_scene_error(tmp_path, name, data):
+    content = bytearray(FILES[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        # half of the flips go into the head, where formats keep their counts
+        last = data.draw(st.sampled_from([min(300, len(content)), len(content)])) - 1
+        content[data.draw(st.integers(0, last))] ^= 1 << data.draw(st.integers(0, 7))
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content)))]
+    (tmp_path / name).write_bytes(content)
+    start = time.perf_counter()
+    try:
+        if name == "s.yaml":
+            engines.load_scene(tmp_path / name)
+        else:
+            mesh = {"mesh": {"file": name, "smooth": True}, "material": "m"}
+            found = yaml.safe_load(io.BytesIO(FILES["s.yaml"])) | {"shapes": [mesh]}
+            shape = engines.scene_from(found, folder=tmp_path).shapes[0]
+            assert np.isfinite(shape.vertices).all() and shape.faces.max() < len(shape.vertices)
+    except SceneError as problem:
+        assert "\n" not in str(problem)
+    assert time.perf_counter() - start < 2.0
