@@ -53,10 +53,15 @@ class Context:
         """What lies where rays (3, n), all of which hit, have hit."""
         return surface_at(self.geometry, origin, direction, hits)
 
-    def unoccluded(self, origin: Array, direction: Array, distance: Array) -> Mask:
-        """(n,) whether nothing lies between origins next to surfaces and a light `distance` away."""
-        self.rays += origin.shape[1]
-        return ~self.tracer.occluded(origin, direction, distance * (1.0 - OFFSET), self.check)
+    def unoccluded(self, surface: Surface, direction: Array, distance: Array) -> Mask:
+        """(n,) whether nothing lies between points of a surface and a light `distance` away from them.
+
+        The ray starts off the surface, by as much nearer to the light: it ends that much earlier too, or the light's own
+        surface would stand in the way.
+        """
+        self.rays += direction.shape[1]
+        reach = distance * (1.0 - OFFSET) - surface.offset
+        return ~self.tracer.occluded(surface.leave(), direction, reach, self.check)
 
     def sky(self, direction: Array) -> Array:
         """(3, n) radiance of all environments together from unit directions."""

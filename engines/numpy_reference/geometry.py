@@ -37,7 +37,7 @@ class Geometry:
         self.spheres = self._spheres([s for s in shapes if isinstance(s, Sphere | SphereSet)])
         self.triangles, corners = self._triangles([s for s in shapes if isinstance(s, Triangle | Mesh)])
         centers, radii = self.spheres.center, self.spheres.radius
-        reach = np.concatenate([corners.reshape(3, -1), centers - radii, centers + radii], axis=1)
+        reach = np.concatenate([corners.transpose(1, 0, 2).reshape(3, -1), centers - radii, centers + radii], axis=1)
         self.upper_corner: Array | None = reach.max(axis=1) if reach.size else None
         """(3,) upper corner of the box around all finite shapes, or None where there is none."""
 

@@ -141,7 +141,7 @@ def _direct(context: Context, paths: Paths, surface: Surface, there: Lobes, samp
     # unless something stands in between
     facing = (cosine > 0.0) & (dot(at.geometric, found.wi) > 0.0) & (found.arriving > 0.0).any(axis=0)
     lit = np.flatnonzero(facing)
-    clear = context.unoccluded(at.take(lit).leave(), found.wi.take(lit, axis=1), found.distance[lit])
+    clear = context.unoccluded(at.take(lit), found.wi.take(lit, axis=1), found.distance[lit])
     lit = lit[clear]
     light[:, lanes[lit]] = added.take(lit, axis=1)
     return light

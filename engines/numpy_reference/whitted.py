@@ -78,6 +78,6 @@ def _local(context: Context, surface: Surface, pixel: Indices, sample: int, dept
         lit = np.flatnonzero((cosine > 0.0) & (dot(at.geometric, found.wi) > 0.0) & (found.arriving > 0.0).any(axis=0))
         if shadows:
             towards = found.wi.take(lit, axis=1)
-            lit = lit[context.unoccluded(at.take(lit).leave(), towards, found.distance[lit])]
+            lit = lit[context.unoccluded(at.take(lit), towards, found.distance[lit])]
         light[:, diffuse[lit]] += kd.take(lit, axis=1) * found.arriving.take(lit, axis=1) * (cosine[lit] / np.pi)
     return light
