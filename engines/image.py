@@ -33,8 +33,8 @@ ATTRIBUTE = "raybench"
 LAYERS = ("variance", "half0", "half1")
 BITMAPS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 SUFFIXES = (".exr", *BITMAPS)
-MAX_PIXELS = 1 << 28
-"""Largest image that is read: 268 million pixels, 6 GiB in float64."""
+MAX_PIXELS = 1 << 27
+"""Largest image that is read, 16384 x 8192: 3 GiB in float64."""
 
 
 class FilmLayers(NamedTuple):

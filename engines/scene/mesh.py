@@ -26,7 +26,7 @@ from engines.scene.obj import Polygons, parse_obj
 from engines.scene.yaml_file import Located
 
 SUFFIXES = (".obj", ".ply", ".stl")
-BYTES_PER_FILE_BYTE = {".obj": 16, ".ply": 12, ".stl": 8}
+BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8}
 """Memory at the height of reading, for each byte of a file."""
 
 

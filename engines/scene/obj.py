@@ -74,19 +74,27 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
 
 def _rows(statements: _Statements, at_line: AtLine) -> NDArray[np.float64]:
     """(n, 3): the first three numbers of each statement; a weight or a colour may follow."""
+    lines = _without_comments(statements.text)
+    counts = {len(line.split()) for line in lines}
     try:
-        found = [list(map(float, line.split("#", 1)[0].split())) for line in statements.text]
-        wrong = next((i for i, row in enumerate(found) if len(row) < 3), None)
+        if counts and min(counts) < 3:
+            raise ValueError
+        if len(counts) == 1:  # without a list for each line: three times as fast for large files
+            return np.array(list(map(float, " ".join(lines).split()))).reshape(len(lines), -1)[:, :3]
+        return np.array([list(map(float, line.split()[:3])) for line in lines], np.float64).reshape(-1, 3)
     except ValueError:
-        found, wrong = [], next(i for i, line in enumerate(statements.text) if not _all_numbers(line))
-    if wrong is not None:
-        raise at_line(statements.lines[wrong], f"{statements.text[wrong].strip()[:80]!r}: three numbers are wanted")
-    return np.array([row[:3] for row in found], np.float64).reshape(-1, 3)
+        wrong = next(i for i, line in enumerate(lines) if len(line.split()) < 3 or not _are_numbers(line.split()))
+        text = statements.text[wrong].strip()[:80]
+        raise at_line(statements.lines[wrong], f"{text!r}: three numbers are wanted") from None
 
 
-def _all_numbers(line: str) -> bool:
+def _without_comments(lines: list[str]) -> list[str]:
+    return [line.split("#", 1)[0] if "#" in line else line for line in lines]
+
+
+def _are_numbers(tokens: list[str]) -> bool:
     try:
-        return all(float(token) is not None for token in line.split("#", 1)[0].split())
+        return all(float(token) is not None for token in tokens)
     except ValueError:
         return False
 
@@ -95,23 +103,41 @@ def _corners(
     faces: _Statements, at_line: AtLine
 ) -> tuple[NDArray[np.int64], NDArray[np.int64] | None, NDArray[np.int64]]:
     """Indices of vertices and (where all corners have them) of normals as written, and the corners of each face."""
-    rows = [line.split("#", 1)[0].split() for line in faces.text]
-    counts = np.array([len(row) for row in rows], np.int64)
+    lines = _without_comments(faces.text)
+    counts = np.array([len(line.split()) for line in lines], np.int64)
     if (counts < 3).any():
         raise at_line(faces.lines[int(np.argmax(counts < 3))], "a face wants at least three corners")
+    joined = " ".join(lines)
     try:
-        parts = [token.split("/") for row in rows for token in row]
-        vertices = np.array([int(part[0]) for part in parts], np.int64)
-        normals = [int(part[2]) if len(part) == 3 and part[2] else 0 for part in parts]
+        vertices, normals = _corner_numbers(joined)
     except (ValueError, OverflowError):
-        wrong = next(i for i, row in enumerate(rows) if not all(_is_corner(token) for token in row))
-        raise at_line(faces.lines[wrong], f"{faces.text[wrong].strip()[:80]!r}: not a list of corners") from None
-    return vertices, np.array(normals, np.int64) if all(normals) else None, counts
+        wrong = next(i for i, line in enumerate(lines) if not all(map(_is_corner, line.split())))
+        text = faces.text[wrong].strip()[:80]
+        raise at_line(faces.lines[wrong], f"{text!r}: not a list of corners") from None
+    return vertices, normals, counts
+
+
+def _corner_numbers(text: str) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
+    """The vertex and, where all have one, the normal of corners written `v`, `v/t`, `v//n` or `v/t/n`."""
+    if "/" not in text:
+        return np.array(list(map(int, text.split())), np.int64), None
+    corners = text.replace("//", "/0/").split()
+    slashes = {corner.count("/") for corner in corners}
+    if max(slashes) > 2:
+        raise ValueError
+    if slashes <= {2} and not any(corner.endswith("/") for corner in corners):
+        table = np.array(list(map(int, " ".join(corners).replace("/", " ").split())), np.int64).reshape(len(corners), 3)
+        return table[:, 0], table[:, 2] if table[:, 2].all() else None
+    parts = [corner.split("/") for corner in corners]
+    vertices = np.array([int(part[0]) for part in parts], np.int64)
+    normals = np.array([int(part[2]) if len(part) == 3 and part[2] else 0 for part in parts], np.int64)
+    return vertices, normals if normals.all() else None
 
 
 def _is_corner(token: str) -> bool:
     try:
-        return all(abs(int(part)) < 2**62 for part in token.split("/") if part) and not token.startswith("/")
+        parts = token.split("/")
+        return len(parts) <= 3 and parts[0] != "" and all(abs(int(part)) < 2**62 for part in parts if part)
     except ValueError:
         return False
 

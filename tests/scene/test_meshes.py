@@ -63,6 +63,8 @@ def test_crlf_tabs_comments_colours_weights_and_continuations_are_read(tmp_path)
         ("f -1 -2 -3\n" + CORNERS, r"m\.obj:1: vertex -1"),
         (CORNERS + "f 1 2\n", r"m\.obj:6: a face wants at least three corners"),
         (CORNERS + "f 1 2 x\n", r"m\.obj:6: '1 2 x': not a list of corners"),
+        (CORNERS + "f 1/1/1/1 2/1/1/1 3/1/1/1\n", r"m\.obj:6: .*not a list of corners"),
+        (CORNERS + "vn 0 0 1\nf 1//1 2//x 3//1\n", r"m\.obj:7: .*not a list of corners"),
         (CORNERS + "f 1 2 /3\n", r"m\.obj:6: '1 2 /3': not a list of corners"),
         (CORNERS + "f 1 2 99999999999999999999999\n", r"m\.obj:6: .*not a list of corners"),
         ("v 0 0\nf 1 1 1\n", r"m\.obj:1: '0 0': three numbers are wanted"),
