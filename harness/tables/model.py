@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from harness.statistics import Estimate
-
 ESTIMATES = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never")}
 """Kinds with an interval: the words for infinity and for zero."""
 
@@ -107,7 +105,7 @@ def number_text(value: float) -> str:
     return f"{value:.2e}" if 0 < size < 1e-3 else _digits(value)
 
 
-def estimate_text(estimate: Estimate | tuple[float, float, float], infinite: str = "not reached", zero: str = "0") -> str:
+def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", zero: str = "0") -> str:
     """`0.98 [0.95, 1.02]`; without an interval the value alone; words for an infinite value and for zero."""
     value, low, high = estimate[:3]
     if math.isnan(value):

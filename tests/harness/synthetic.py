@@ -56,8 +56,10 @@ def write_folder(folder: Path, size: Size = SMALL, seeds: int = 5, with_images: 
     drift = rng.lognormal(0, 0.05, seeds)
     for block in range(seeds):
         events.append({"event": "sentinel", "block": block, "seconds": 0.2 * float(drift[block])})
-        for case in cases(threads):
-            events.append(done_cell(folder, case, block, float(drift[block]), size, rng, with_images))
+        for case in rng.permutation(np.array(list(cases(threads)), dtype=object)):
+            cell = done_cell(folder, tuple(case), block, float(drift[block]), size, rng, with_images)
+            sentinel = 0.2 * float(drift[block]) * rng.lognormal(0, 0.01)
+            events.append(cell | {"order": len(events), "sentinel_seconds": sentinel})
         events += troubles(block, size)
     with (folder / "events.jsonl").open("w") as file:
         file.writelines(json.dumps(event) + "\n" for event in events)
@@ -83,6 +85,7 @@ def base_cell(case, block, size):
         "scene": scene, "scene_hash": "s" + scene, "engine": engine, "engine_version": "1.0",
         "shader": {"name": "path_tracer", "max_depth": 6}, "sampler": {"name": sampler},
         "accelerator": {"name": accelerator}, "precision": "float64", "threads": threads, "width": size.width,
+        "command": f"raybench render {scene} --engine {engine} --seed {1000 + block} -o image.exr",
         "height": size.height, "reference_id": reference_id(scene, size), "phases": {}, "points": [], "counters": {},
         "machine": {"load_1m": 0.5, "steal_seconds": 0.0, "involuntary_switches": 3, "contended": False},
         "sentinel_seconds": 0.2,

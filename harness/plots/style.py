@@ -1,0 +1,108 @@
+"""How plots look: one colour an engine everywhere, a line a sampler, a marker an accelerator; and how they are saved.
+
+Colours are those of Okabe and Ito (2008), which colour-blind readers tell apart; lines and markers carry the rest, so
+that print in black and white stays readable. Files are the same to the byte at every run.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
+
+from harness.results import Contender, Results
+
+INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
+"""Colours that the report's dark mode replaces."""
+ENGINE_COLOURS = {"numpy": "#009e73", "numba": "#d55e00", "embree": "#0072b2", "mitsuba": "#cc79a7"}
+OTHER_COLOURS = ("#e69f00", "#56b4e9", "#7f3c8d", "#8c6d31", "#5b6c5d", "#a6192e", "#3d5a80", "#b5838d")
+LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
+STYLE: dict[str, Any] = {
+    "svg.hashsalt": "raybench", "svg.fonttype": "none", "pdf.fonttype": 42, "font.size": 9, "axes.titlesize": 10,
+    "axes.labelsize": 9, "legend.fontsize": 8, "xtick.labelsize": 8, "ytick.labelsize": 8, "legend.frameon": False,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.5,
+    "axes.edgecolor": FAINT, "axes.labelcolor": INK, "text.color": INK, "xtick.color": INK, "ytick.color": INK,
+    "axes.axisbelow": True, "lines.linewidth": 1.4, "lines.markersize": 4.5, "savefig.dpi": 160,
+    "axes.titlelocation": "left", "axes.formatter.useoffset": False, "font.family": ["DejaVu Sans", "sans-serif"],
+}  # fmt: skip
+NO_DATES: dict[str, dict[str, Any]] = {
+    "svg": {"Date": None, "Creator": "raybench"}, "png": {"Software": "raybench"},
+    "pdf": {"CreationDate": None, "Creator": "raybench", "Producer": "raybench"},
+}  # fmt: skip
+
+
+class Plot(NamedTuple):
+    """A drawn figure: file stem, title, what a screen reader says, and its SVG text."""
+
+    name: str
+    title: str
+    description: str
+    svg: str
+
+
+class Look(NamedTuple):
+    """How a contender is drawn."""
+
+    colour: str
+    line: Any
+    marker: str
+    filled: bool
+    width: float
+
+    def line_style(self) -> dict[str, Any]:
+        face = self.colour if self.filled else "white"
+        return {"color": self.colour, "linestyle": self.line, "marker": self.marker, "markerfacecolor": face,
+                "markeredgecolor": self.colour, "linewidth": self.width}  # fmt: skip
+
+
+class Palette:
+    """Looks of all contenders; depends on the order in which names first appear, so that later ones move none."""
+
+    def __init__(self, results: Results) -> None:
+        cells = [contender.settings for contender in results.contenders]
+        others = [e for e in _first_seen(str(cell.get("engine")) for cell in results.cells) if e not in ENGINE_COLOURS]
+        self.engines = ENGINE_COLOURS | {e: OTHER_COLOURS[i % len(OTHER_COLOURS)] for i, e in enumerate(others)}
+        self.samplers = sorted({settings.sampler for settings in cells})
+        self.accelerators = sorted({settings.accelerator for settings in cells})
+        self.threads = sorted({settings.threads for settings in cells})
+
+    def look(self, contender: Contender) -> Look:
+        """Engine: colour. Sampler: line. Accelerator: marker. float32: hollow marker. More threads: thicker line."""
+        settings = contender.settings
+        return Look(
+            self.engines.get(settings.engine, FAINT), LINES[self.samplers.index(settings.sampler) % len(LINES)],
+            MARKERS[self.accelerators.index(settings.accelerator) % len(MARKERS)], settings.precision != "float32",
+            min(1.1 + 0.6 * self.threads.index(settings.threads), 3.0),
+        )  # fmt: skip
+
+    def colour(self, engine: str) -> str:
+        return self.engines.get(engine, FAINT)
+
+
+def new_figure(width: float = 7.2, height: float = 4.2) -> Figure:
+    """A figure in inches with automatic layout, without pyplot's global state."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, folder: Path, name: str) -> str:
+    """Writes svg, png and pdf and returns the svg text."""
+    for suffix in ("png", "pdf"):
+        figure.savefig(folder / f"{name}.{suffix}", metadata=NO_DATES[suffix])
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata=NO_DATES["svg"], transparent=True)
+    (folder / f"{name}.svg").write_text(buffer.getvalue(), encoding="utf-8")
+    return buffer.getvalue()
+
+
+def file_stem(*words: str) -> str:
+    """Words as a file name: letters, digits, `-` and `_` alone."""
+    text = "-".join(word for word in words if word)
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in text)
+
+
+def _first_seen(names: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(names))

@@ -1,0 +1,26 @@
+"""Everything that can be derived from a results folder: tidy csv files, tables, plots and the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.analysis import analyse
+from harness.plots import write_plots
+from harness.results import load_results
+from harness.tables import write_tables
+
+
+def write_derived(folder: str | Path) -> Path:
+    """(Re)writes points.csv, ttq.csv, phases.csv, tables/, plots/ and report.html; returns the report's path.
+
+    Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events.
+    """
+    from harness.report.assembly import report_html
+
+    results = load_results(folder)
+    analysis = analyse(results)
+    tables = write_tables(analysis, results.folder)
+    plots = write_plots(analysis, results.folder)
+    path = results.folder / "report.html"
+    path.write_text(report_html(analysis, tables, plots), encoding="utf-8")
+    return path

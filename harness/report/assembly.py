@@ -1,0 +1,187 @@
+"""Puts tables, plots, images and provenance into one HTML file that needs no network and no other file."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from harness.analysis import Analysis
+from harness.plots import Plot
+from harness.plots.panels import Panel, panels
+from harness.plots.style import FAINT, GRID, INK
+from harness.report.pictures import picture_groups
+from harness.results import Contender, Event, point_error
+from harness.statistics import QualityTime
+from harness.tables import Column, Table, cell_text, sort_value
+from harness.tables.model import estimate_text
+
+MOST_BYTES = 9_500_000
+"""The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
+SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
+VERDICT_CLASSES = {
+    "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
+    "flat": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
+}  # fmt: skip
+
+
+def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> str:
+    """The whole report as one document."""
+    drawings = [(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)]
+    cells = cell_table(analysis)
+    left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 700 * len(cells.rows)
+    groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
+    results = analysis.results
+    pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
+    return _environment().get_template("report.html.j2").render(
+        title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
+        plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
+        machines=_machines(analysis), runs=results.runs, references=list(results.references.values()),
+        manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
+        metric=results.metric, floors=analysis.floors, style=Markup(_asset("report.css")),
+        scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
+    )  # fmt: skip
+
+
+def headlines(analysis: Analysis) -> list[dict[str, Any]]:
+    """Per panel and target: who was first (warm), how long it took, and who cannot be told apart from it."""
+    targets = list(enumerate(analysis.results.targets))
+    return [_headline(panel, index, target) for panel in panels(analysis) for index, target in targets]
+
+
+def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
+    arrived = [verdict for verdict in panel.verdicts if math.isfinite(verdict.warm[index].median)]
+    ranked = sorted(arrived, key=lambda verdict: verdict.warm[index].median)
+    line = {"scene": panel.title, "target": f"{target:g}", "winner": None, "out_of": len(panel.verdicts)}
+    if not ranked:
+        return line
+    best = ranked[0]
+    rivals = [v.contender.name for v in ranked[1:] if v.warm[index].low <= best.warm[index].high]
+    return line | {
+        "winner": best.contender.name, "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
+        "rivals": rivals, "flags": best.flags, "reached": len(ranked),
+    }  # fmt: skip
+
+
+def colour_maps() -> dict[str, list[list[int]]]:
+    """Stops of the viewer's false colours, as [red, green, blue] from 0 to 255."""
+    from matplotlib import colormaps
+
+    names = {"magma": "magma", "signed": "RdBu_r"}
+    shares = np.linspace(0.0, 1.0, 64)
+    return {key: (255 * colormaps[name](shares)[:, :3]).round().astype(int).tolist() for key, name in names.items()}
+
+
+def cell_table(analysis: Analysis) -> Table:
+    """Every cell with its last checkpoint and the command that repeats it."""
+    results = analysis.results
+    table = Table(
+        "cells", "Every cell", "One row a cell; the command renders it again.",
+        [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
+         Column("contender", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
+         Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples a pixel at the end.", "count"),
+         Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
+         Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
+         Column("error", f"{results.metric} at the end, noise-corrected.", "number"),
+         Column("note", "Message, or what disturbed the timing."), Column("command", "Repeats the cell.")],
+    )  # fmt: skip
+    for contender in results.contenders:
+        for cell in contender.cells:
+            table.rows.append(_cell_row(analysis, contender, cell))
+    return table
+
+
+def _cell_row(analysis: Analysis, contender: Contender, cell: Event) -> dict[str, Any]:
+    row = {
+        "state": cell["state"], "scene": contender.settings.scene, "contender": contender.name,
+        "block": cell.get("block"), "seed": cell.get("seed"), "command": repeat_command(cell),
+        "note": cell.get("message") or ("contended" if (cell.get("machine") or {}).get("contended") else ""),
+    }  # fmt: skip
+    if cell.get("points"):
+        end = cell["points"][-1]
+        row |= {"spp": end["spp"], "seconds": end["seconds"], "cold": end["seconds"] + contender.fixed_seconds(cell),
+                "error": point_error(end, analysis.results.metric)[0]}  # fmt: skip
+    return row
+
+
+def repeat_command(cell: Event) -> str:
+    """The command stored with the cell, or one made from its settings."""
+    if cell.get("command"):
+        return str(cell["command"])
+    from shlex import quote
+
+    words = ["raybench", "render", str(cell.get("scene")), "--engine", str(cell.get("engine"))]
+    for option in ("shader", "sampler", "accelerator"):
+        if cell.get(option):
+            choice = cell[option]
+            words += [f"--{option}", json.dumps(choice) if isinstance(choice, Mapping) else str(choice)]
+    words += ["--threads", str(cell.get("threads") or 1), "--size", f"{cell.get('width')}x{cell.get('height')}"]
+    spp = cell["points"][-1]["spp"] if cell.get("points") else 1
+    words += ["--seed", str(cell.get("seed") or 0), "--spp", str(spp), "-o", "cell.exr"]
+    return " ".join(quote(word) for word in words)
+
+
+def inline_svg(plot: Plot, index: int) -> str:
+    """A plot's SVG for the page: own ids, two decimals, colours that follow dark mode, a name for screen readers."""
+    svg = plot.svg[plot.svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.S)
+    svg = re.sub(r"(-?\d+\.\d{2})\d+", r"\1", svg)
+    svg = re.sub(r'\bid="', f'id="p{index}-', svg)
+    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>p{index}-", svg)
+    for colour, name in ((INK, "ink"), (FAINT, "faint"), (GRID, "grid"), ("#ffffff", "paper")):
+        svg = svg.replace(colour, f"var(--{name})")
+    label = Markup.escape(f"{plot.title}. {plot.description}")
+    width = re.search(r'width="([\d.]+)pt"', svg)
+    size = f'style="max-width:{1.5 * float(width.group(1)):.0f}px"' if width else ""
+    box = re.search(r'viewBox="[^"]*"', svg)
+    spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    opening = f'<svg {box.group(0) if box else ""} {size} role="img" aria-label="{label}" {spaces}>'
+    return Markup(opening + svg[svg.index(">") + 1 :])
+
+
+def _environment() -> Environment:
+    environment = Environment(loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)  # fmt: skip
+    environment.globals |= {"cell_text": cell_text, "sort_value": sort_value, "verdict_class": verdict_class}
+    return environment
+
+
+def verdict_class(value: Any) -> str:
+    """The CSS class of a verdict word; flagged and warning texts are bad news."""
+    text = str(value or "")
+    return VERDICT_CLASSES.get(text, "bad" if "flagged" in text or "floor" in text or "too good" in text else "")
+
+
+def _asset(name: str) -> str:
+    return (files("harness.report") / name).read_text(encoding="utf-8")
+
+
+def _script_json(value: Any) -> Markup:
+    """JSON that may stand inside a script element."""
+    text = json.dumps(value, allow_nan=False).replace("<", "\\u003c").replace("\u2028", "\\u2028")
+    return Markup(text)
+
+
+def _title(manifest: Mapping[str, Any], fallback: str) -> str:
+    return str((manifest.get("config") or {}).get("name") or fallback)
+
+
+def _machines(analysis: Analysis) -> list[str]:
+    """Environment ids of the measured cells: more than one must not share a time axis in silence."""
+    return sorted({str(cell.get("env_id")) for cell in analysis.results.cells if cell["state"] == "done"})
+
+
+def _state_counts(analysis: Analysis) -> dict[str, int]:
+    states = [str(cell["state"]) for cell in analysis.results.cells]
+    return {state: states.count(state) for state in dict.fromkeys(sorted(states))}
+
+
+def _time_text(quality: QualityTime) -> str:
+    return estimate_text((quality.median, quality.low, quality.high))

@@ -1,0 +1,70 @@
+// Tables sort by a click on a heading and show the rows that hold all words searched for. Also: copy buttons, theme.
+
+function cellKey(row, column) {
+  const cell = row.cells[column];
+  const number = cell.dataset.sort;
+  return number === undefined ? cell.textContent.trim() : parseFloat(number.replace("inf", "Infinity"));
+}
+
+function compareKeys(a, b) {
+  if (typeof a === "number" && typeof b === "number") return a === b ? 0 : a < b ? -1 : 1;
+  return String(a).localeCompare(String(b), "en", { numeric: true });
+}
+
+function sortTable(table, column) {
+  const headings = table.tHead.rows[0].cells;
+  const falling = headings[column].getAttribute("aria-sort") === "ascending";
+  const body = table.tBodies[0];
+  const keyed = Array.from(body.rows, (row) => [cellKey(row, column), row]);
+  keyed.sort((a, b) => (falling ? -1 : 1) * compareKeys(a[0], b[0]));
+  body.append(...keyed.map((pair) => pair[1]));
+  for (const heading of headings) heading.setAttribute("aria-sort", "none");
+  headings[column].setAttribute("aria-sort", falling ? "descending" : "ascending");
+}
+
+function filterTable(table, text, counter) {
+  const words = text.toLowerCase().split(/\s+/).filter(Boolean);
+  let shown = 0;
+  for (const row of table.tBodies[0].rows) {
+    const content = row.textContent.toLowerCase();
+    row.hidden = !words.every((word) => content.includes(word));
+    shown += row.hidden ? 0 : 1;
+  }
+  counter.textContent = words.length ? `${shown} of ${table.tBodies[0].rows.length} rows` : `${shown} rows`;
+}
+
+async function copyCommand(button) {
+  const code = button.nextElementSibling;
+  try {
+    await navigator.clipboard.writeText(code.textContent);
+    button.textContent = "copied";
+  } catch {
+    getSelection().selectAllChildren(code);
+    button.textContent = "selected";
+  }
+  setTimeout(() => { button.textContent = "copy"; }, 1500);
+}
+
+for (const table of document.querySelectorAll("table.data")) {
+  if (table.querySelector("tbody .empty")) continue;
+  Array.from(table.tHead.rows[0].cells).forEach((heading, column) => {
+    heading.querySelector("button").addEventListener("click", () => sortTable(table, column));
+  });
+}
+
+for (const input of document.querySelectorAll("input[data-filter]")) {
+  const table = document.getElementById(input.dataset.filter);
+  const counter = document.querySelector(`[data-count="${input.dataset.filter}"]`);
+  if (table.querySelector("tbody .empty")) input.disabled = true;
+  input.addEventListener("input", () => filterTable(table, input.value, counter));
+}
+
+document.addEventListener("click", (event) => {
+  if (event.target.matches("button.copy")) copyCommand(event.target);
+});
+
+document.getElementById("theme").addEventListener("click", () => {
+  const root = document.documentElement;
+  const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+  root.dataset.theme = dark ? "light" : "dark";
+});
