@@ -234,10 +234,10 @@ def rays_do_not_see_each_other(subject: Subject) -> None:
     origins, directions = _random_rays(83)
     for label, renderer in subject.tracers(subject.easiest[0]):
         whole = renderer.trace(origins, directions)
-        for part in (slice(0, 1), slice(5, 22), slice(None, None, -1)):
+        for part in (slice(None, None, -1), *(slice(i, i + 1) for i in range(len(origins)))):
             picked = Hits(*(getattr(whole, name)[part] for name in ("t", "shape", "primitive", "normal", "u", "v")))
             count = _differences(picked, renderer.trace(origins[part], directions[part]))
-            expect(count == 0, f"{label}: {count} rays of {part} hit something else when traced without the others")
+            expect(count == 0, f"{label}: {count} rays of {part} hit something else than in the company of others")
 
 
 def normals_are_unit_and_face_the_ray(subject: Subject) -> None:

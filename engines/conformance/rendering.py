@@ -143,7 +143,7 @@ def stop_in_a_callback_ends_the_render(subject: Subject) -> None:
     def halt(film: Film) -> None:
         passes.append(film.spp)
         renderer.stop()
-        expect(len(passes) < 1000, "stop() from on_pass did not end the render")
+        expect(len(passes) < 100, "stop() from on_pass did not end the render")
 
     renderer.render(ENDLESS, on_pass=halt)
     done = renderer.film.counts.copy()
@@ -166,7 +166,8 @@ def _stop_seconds(subject: Subject) -> float:
     renderer, under_way, given_up = subject.usual(), threading.Event(), threading.Event()
 
     def watch(film: Film) -> None:
-        under_way.set()
+        if film.spp >= 3:
+            under_way.set()
         expect(not given_up.is_set(), "nobody waits for this render any more")
 
     def endless() -> None:
@@ -177,14 +178,15 @@ def _stop_seconds(subject: Subject) -> float:
     thread = threading.Thread(target=endless, daemon=True)
     thread.start()
     started = under_way.wait(PATIENCE_SECONDS)
+    done = renderer.film.spp
     since = time.perf_counter()
     renderer.stop()
     thread.join(PATIENCE_SECONDS)
     seconds = time.perf_counter() - since
     given_up.set()
-    expect(started, f"no pass in {PATIENCE_SECONDS:g} s on a film of {renderer.film.width}x{renderer.film.height}")
+    expect(started, f"no 3 passes in {PATIENCE_SECONDS:g} s on a film of {renderer.film.width}x{renderer.film.height}")
     expect(not thread.is_alive(), f"render still runs {PATIENCE_SECONDS:g} s after stop()")
-    expect(renderer.film.counts.min() > 0, "what was done before stop() is lost")
+    expect(renderer.film.spp >= done, "what was done before stop() is lost")
     return seconds
 
 

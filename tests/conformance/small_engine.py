@@ -6,6 +6,7 @@ Tests break it in one place at a time to see that the conformance suite notices.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.errors import Unsupported
@@ -13,6 +14,7 @@ from engines.film import Film
 from engines.interface import Hits
 from engines.scene import EnvironmentLight, Mesh, Perspective, Plane, PointLight, Sphere, Triangle
 
+LIGHTS = (PointLight, EnvironmentLight)
 ACCELERATORS = {"none": {"chunk": Option(64, "rays at a time", lambda value: None if value > 0 else "positive")}}
 
 
@@ -22,42 +24,6 @@ def unit(vectors):
 
 def dot(a, b):
     return np.einsum("...i,...i->...", a, b)
-
-
-class Engine:
-    name, version = "small", "1"
-
-    @property
-    def renderer(self):
-        return Renderer
-
-    def accelerators(self):
-        return ACCELERATORS
-
-    def why_not(self, scene, settings):
-        shader = resolve("shader", settings.shader, SHADERS)
-        sampler = resolve("sampler", settings.sampler, SAMPLERS)
-        if settings.accelerator != "auto":
-            resolve("accelerator", settings.accelerator, ACCELERATORS)
-        if sampler.name != "random":
-            return f"small draws at random, not by {sampler.name}"
-        if settings.precision == "float32":
-            return "small computes in float64"
-        if shader.name not in ("path_tracer", "albedo"):
-            return f"small has no shader {shader.name}"
-        if not isinstance(scene.camera, Perspective):
-            return "small has a pinhole camera"
-        if any(max(*material.ks, *material.kt) > 0 for material in scene.materials):
-            return "small knows diffuse surfaces only"
-        if not all(isinstance(light, (PointLight, EnvironmentLight)) for light in scene.lights):
-            return "small knows point lights and environments"
-        return None
-
-    def prepare(self, scene, settings):
-        reason = self.why_not(scene, settings)
-        if reason is not None:
-            raise Unsupported(reason)
-        return self.renderer(scene, settings)
 
 
 class Renderer:
@@ -100,7 +66,7 @@ class Renderer:
 
     # Rays
 
-    def trace(self, origins, directions, t_max=np.inf):
+    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         o, d = np.asarray(origins, float).reshape(-1, 3), np.asarray(directions, float).reshape(-1, 3)
         self.rays += len(o)
         length = np.max(np.abs(d), axis=1, initial=0.0)
@@ -126,7 +92,7 @@ class Renderer:
     def wins(self, t, other):
         return t < other
 
-    def occluded(self, origins, directions, t_max=np.inf):
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf):
         return np.isfinite(self.trace(origins, directions, t_max).t)
 
     def intersections(self, o, d):
@@ -231,3 +197,32 @@ class Renderer:
         """Directions in proportion to the cosine: the normal plus a point on the unit sphere."""
         sphere = unit(random.normal(size=normals.shape))
         return unit(normals + (1 - 1e-9) * sphere)
+
+
+class Engine:
+    name, version = "small", "1"
+    renderer: type[Renderer] = Renderer
+
+    def accelerators(self):
+        return ACCELERATORS
+
+    def why_not(self, scene, settings):
+        shader = resolve("shader", settings.shader, SHADERS)
+        sampler = resolve("sampler", settings.sampler, SAMPLERS)
+        if settings.accelerator != "auto":
+            resolve("accelerator", settings.accelerator, ACCELERATORS)
+        lacking = {
+            f"small draws at random, not by {sampler.name}": sampler.name != "random",
+            "small computes in float64": settings.precision == "float32",
+            f"small has no shader {shader.name}": shader.name not in ("path_tracer", "albedo"),
+            "small has a pinhole camera": not isinstance(scene.camera, Perspective),
+            "small knows diffuse surfaces only": any(max(*given.ks, *given.kt) > 0 for given in scene.materials),
+            "small knows point lights and environments": not all(isinstance(light, LIGHTS) for light in scene.lights),
+        }
+        return next((sentence for sentence, lacks in lacking.items() if lacks), None)
+
+    def prepare(self, scene, settings):
+        reason = self.why_not(scene, settings)
+        if reason is not None:
+            raise Unsupported(reason)
+        return self.renderer(scene, settings)
