@@ -26,7 +26,7 @@ def read_camera(node: Located, allow_imports: bool) -> Camera:
     kind = node.value.get("type")
     if kind is None:
         raise node.refuse_key("type", "is missing")
-    if not isinstance(kind.value, str) and isinstance(kind.value, (dict, list, bool, int, float, type(None))):
+    if isinstance(kind.value, (dict, list, bool, int, float, bytes, type(None))):
         raise kind.refuse("must be text")
     if kind.value == "perspective":
         return _perspective(node)
