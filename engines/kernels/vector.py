@@ -102,9 +102,12 @@ def extent(a):
 
 @inline
 def tangents(n):
-    """Two unit vectors that complete the unit vector `n` to a right-handed frame (Duff et al. 2017)."""
+    """Two unit vectors that complete the unit vector `n` to a right-handed frame (Duff et al. 2017).
+
+    The two charts meet at n.z = -0.7, not at 0: many a facet lies along z, and must not turn on the sign of a rounding error.
+    """
     one = const(1.0, n.x)
-    sign = select(n.z < const(0.0, n.x), -one, one)
+    sign = select(n.z < const(-0.7, n.x), -one, one)
     a = -one / (sign + n.z)
     b = n.x * n.y * a
     return Vec3(one + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3(b, sign + n.y * n.y * a, -n.y)

@@ -38,8 +38,11 @@ def unit(a: Array) -> Array:
 
 
 def frame(n: Array) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed orthonormal basis (t1, t2, n) with unit `n` (Duff et al. 2017)."""
-    sign = np.copysign(1.0, n[2])
+    """Two unit vectors that make a right-handed orthonormal basis (t1, t2, n) with unit `n` (Duff et al. 2017).
+
+    The two charts meet at n.z = -0.7, not at 0: many a facet lies along z, and must not turn on the sign of a rounding error.
+    """
+    sign = np.where(n[2] < -0.7, -1.0, 1.0)
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a
     t1 = np.stack([1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]])
