@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 from engines.scene.yaml_file import Located
@@ -83,9 +84,10 @@ def mapping(node: Located, known: Iterable[str] | None = None) -> dict[str, Loca
     if not isinstance(node.value, dict):
         raise node.refuse("a mapping is wanted")
     names = None if known is None else list(known)
-    for key in node.value:
+    for key, child in node.value.items():
         if names is not None and key not in names:
-            raise node.unknown_key(key, names)
+            # A key that an override brought is the override's mistake, not the file's.
+            raise replace(node, origin=child.origin).unknown_key(key, names)
     return node.value
 
 

@@ -17,7 +17,7 @@ try:
 except ImportError:  # Windows
     resource = None
 
-LIBRARIES = ("raybench", "numpy", "numba", "llvmlite", "embreex", "mitsuba", "trimesh", "scipy", "scikit-image")
+LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "trimesh", "scipy", "scikit-image")
 OTHER_SHARE = 0.25
 """Cores' worth of other processes' work during a timing above which it counts as contended."""
 STEAL_SHARE = 0.02

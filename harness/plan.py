@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from engines import choices
-from engines.errors import ConfigError, RaybenchError, suggestion
+from engines.errors import RaybenchError, UnknownName
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.registry import load_attribute
@@ -122,16 +122,14 @@ class _Known:
         if ":" in given["name"]:
             require_imports(given["name"], self.allow_imports)
             return dict(given), None
-        try:
+        if _resolves(self.engines[name], given):
             return _resolved(self.engines[name], given), None
-        except RaybenchError as error:
-            if any(_resolves(other, given) for other in self.engines.values()):
-                return dict(given), f"the engine {name} has no accelerator {flow(given)}"
-            tables = {key for other in self.engines.values() for key in _accelerators(other)}
-            if given["name"] not in tables:
-                message = f"unknown accelerator {given['name']!r}: {suggestion(given['name'], tables)}"
-                raise ConfigError(message) from error
-            raise
+        if any(_resolves(other, given) for other in self.engines.values()):
+            return dict(given), f"the engine {name} has no accelerator {flow(given)}"
+        for other in self.engines.values():
+            if given["name"] in _accelerators(other):
+                _resolved(other, given)  # raises: it knows the name, but not the options
+        raise UnknownName("accelerator", given["name"], {a for e in self.engines.values() for a in _accelerators(e)})
 
 
 def _accelerators(engine: Engine) -> Mapping[str, Any]:
@@ -263,9 +261,7 @@ def up_to_date(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> bool
     if cell.skip:
         return False
     points = event.get("points") or []
-    return event["state"] != "done" or (
-        event["reference_id"] == cell.reference_id and all(metric in point["metrics"] for point in points)
-    )
+    return event["reference_id"] == cell.reference_id and all(metric in point["metrics"] for point in points)
 
 
 def state_of(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> str:

@@ -30,8 +30,8 @@ class Events:
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        path = folder / EVENTS
-        self._file = path.open("a+b")
+        self._path = folder / EVENTS
+        self._file = self._path.open("a+b", buffering=0)
         self.torn = self._drop_torn_line()
 
     def _drop_torn_line(self) -> bool:
@@ -42,16 +42,22 @@ class Events:
         if not rest:
             return False
         if _parsed(rest) is not None:
-            self._file.write(b"\n")
+            self._write(b"\n")
             return False
         self._file.truncate(len(whole) + 1 if whole else 0)
         return True
 
     def append(self, event: Mapping[str, Any]) -> None:
         """Adds an event; on return it is on disk."""
-        # One write: a crash leaves a whole line or a torn one, never two mixed.
-        os.write(self._file.fileno(), json.dumps(event, ensure_ascii=False).encode() + b"\n")
-        os.fsync(self._file.fileno())
+        self._write(json.dumps(event, ensure_ascii=False).encode() + b"\n")
+
+    def _write(self, data: bytes) -> None:
+        try:
+            while data:
+                data = data[self._file.write(data) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise ConfigError(f"{self._path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
         self._file.close()

@@ -1,0 +1,95 @@
+"""What tests of whole sweeps share: a small experiment with fake engines, run in this process or by the command."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from harness import config, plan, store, sweep
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+
+SCENE = """\
+raybench_scene: 1
+name: one sphere
+camera: {type: perspective, eye: [0, 1, 5], target: [0, 1, 0], up: [0, 1, 0], fov: 40, resolution: [16, 12]}
+materials: {lamp: {emission: [1, 1, 1]}}
+shapes: [{sphere: {center: [0, 1, 0], radius: 1}, material: lamp}]
+"""
+
+EXPERIMENT = """\
+raybench_experiment: 1
+name: small
+scene: ball.yaml
+resolution: [12, 8]
+matrix: {engine: ['fake_engines:Steady', 'fake_engines:Other']}
+budget: {max_time: 5s, max_spp: 8, timeout: 20s}
+checkpoints: {ratio: 2, start: 1}
+repeats: 2
+reference: {engine: 'fake_engines:Steady', spp: 64, seed: 9000}
+quality: {targets: [1.0, 0.1]}
+images: none
+"""
+
+
+class Quiet:
+    """A listener that only remembers."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self.cells: list[str] = []
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def reference(self, name: str, done: int, wanted: int) -> None: ...
+
+    def cell(self, cell: Any, number: int, total: int, seconds_left: float) -> None: ...
+
+    def point(self, spp: int, seconds: float) -> None: ...
+
+    def finished(self, cell: Any, event: Mapping[str, Any]) -> None:
+        self.cells.append(cell.cell_id)
+
+
+def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Path:
+    """An experiment file with its scene beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "ball.yaml").write_text(SCENE)
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def run(path: Path, out: Path, overrides: Sequence[str] = (), **options: Any) -> tuple[sweep.Outcome, Quiet]:
+    """A sweep in this process, without derived files."""
+    listener = Quiet()
+    made = plan.make(config.load(path, overrides), allow_imports=True)
+    with store.locked(out):
+        return sweep.run(made, out, sweep.Options(allow_imports=True, **options), listener), listener
+
+
+def rows(folder: Path) -> dict[str, Any]:
+    """What a run measured, without what differs between two equal runs: times and order of events."""
+    found = {}
+    for cell_id, event in store.latest_cells(store.read_events(folder)).items():
+        points = [(point["spp"], point["rays"], point["metrics"]) for point in event["points"]]
+        found[cell_id] = (event["state"], event["engine"], event["seed"], event["block"], event["order"], points)
+    return found
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """For subprocesses: the fake engines can be imported, whatever the working directory."""
+    return {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{HERE}", "COLUMNS": "200", **changes}
+
+
+def raybench(*arguments: str | Path, cwd: Path | None = None, **changes: str) -> subprocess.CompletedProcess[str]:
+    """The command, to its end."""
+    command = [sys.executable, "-m", "harness", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env=environment(**changes), check=False, timeout=100
+    )

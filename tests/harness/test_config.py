@@ -1,0 +1,250 @@
+"""Experiment files: what the keys mean, and that every mistake is one message with its place."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from engines.errors import ConfigError
+from engines.scene.yaml_file import parse_yaml
+from harness import config
+from harness.schema import experiment_schema
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+FULL = """\
+raybench_experiment: 1
+name: engines on two scenes
+.defaults: &d {threads: 2}
+resolution: [64, 48]
+matrix:
+  scene: [cornell_box, two_spheres]
+  engine: [numpy, numba, embree]
+  threads: [1, 2]
+  accelerator: [none, grid, bvh]
+  shader: [{name: path_tracer, max_depth: 6}]
+  sampler: [random, halton, sobol]
+zip: []
+exclude: [{engine: numpy, threads: {ge: 2}}]
+include: [{scene: cornell_box, engine: embree, accelerator: embree}]
+extend: [{where: {engine: numba}, set: {precision: float32}}]
+budget: {max_time: 20s, max_spp: 1024, timeout: 5m}
+checkpoints: {ratio: 1.4142, start: 1}
+repeats: 5
+order: {policy: blocks, seed: 1}
+reference: {engine: embree, spp: 8192, seed: 9000}
+quality: {metric: relmse, epsilon: 1e-2, targets: [1.0e-1, 1e-2, 0.001]}
+"""
+HEAD = "raybench_experiment: 1\nscene: cornell_box\n"
+
+
+def parsed(text: str, overrides: tuple[str, ...] = ()) -> config.Experiment:
+    root = parse_yaml(text, "a.yaml", ConfigError)
+    for override in overrides:
+        root = config.override(root, override)
+    return config.parse(root, ROOT)
+
+
+def named(experiment: config.Experiment, *keys: str) -> list[tuple]:
+    """The combinations, as the names of some of their settings."""
+    found = []
+    for combination in experiment.combinations:
+        values = [combination[key] for key in keys]
+        found.append(tuple(getattr(v, "name", v["name"] if isinstance(v, dict) else v) for v in values))
+    return found
+
+
+def test_the_example_of_the_specification_is_read():
+    experiment = parsed(FULL)
+    assert experiment.name == "engines on two scenes"
+    assert len(experiment.combinations) == 2 * 3 * 2 * 3 * 3 - 2 * 1 * 1 * 3 * 3 + 1
+    assert experiment.combinations[0]["budget"] == config.Budget(20.0, 1024, 300.0)
+    assert experiment.checkpoints.ratio == 2**0.5, "1.4142 means the root of two"
+    assert experiment.reference.replicates == (256, 32)
+    assert experiment.quality.targets == (0.1, 0.01, 0.001)
+    assert experiment.quality.name == "relmse_e0.01"
+    assert {c["precision"] for c in experiment.combinations if c["engine"] == "numba"} == {"float32"}
+    assert experiment.warnings == ()
+    json.dumps(experiment.resolved)
+
+
+def test_zip_advances_together_and_multiplies_the_matrix():
+    text = HEAD + "matrix: {engine: [numpy, numba]}\nzip: [{threads: [1, 2], sampler: [random, sobol]}]\n"
+    assert named(parsed(text), "engine", "threads", "sampler") == [
+        ("numpy", 1, "random"), ("numpy", 2, "sobol"), ("numba", 1, "random"), ("numba", 2, "sobol"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rule", "left"),
+    [
+        ("{threads: {ge: 2}}", [1]),
+        ("{threads: {gt: 1, lt: 4}}", [1, 4]),
+        ("{threads: [1, 4]}", [2]),
+        ("{threads: {le: 1}}, {threads: 4}", [2]),
+        ("{engine: 'num*', threads: 2}", [1, 4]),
+        ("{engine: embree}", [1, 2, 4]),
+        ("{shader: path_tracer}", []),
+        ("{shader: {name: path_*, max_depth: {ge: 6}}}", []),
+        ("{shader: {max_depth: {lt: 6}}}", [1, 2, 4]),
+        ("{resolution: [8, 8]}", [1, 2, 4]),
+        ("{resolution: [[8, 8], [64, 48]]}", []),
+        ("{scene: 'cornell*', threads: 1}", [2, 4]),
+    ],
+)
+def test_exclude_matches_scalars_globs_lists_bounds_and_options(rule, left):
+    text = HEAD + "engine: numba\nresolution: [64, 48]\nshader: {name: path_tracer, max_depth: 6}\n"
+    text += f"matrix: {{threads: [1, 2, 4]}}\nexclude: [{rule}]\n"
+    assert [threads for (threads,) in named(parsed(text), "threads")] == left
+
+
+def test_a_rule_that_matches_nothing_is_a_warning_with_its_place():
+    text = HEAD + "engine: numba\nexclude:\n  - {engine: numpy}\nextend: [{where: {threads: 7}, set: {threads: 1}}]\n"
+    assert parsed(text).warnings == (
+        "a.yaml:5 exclude[0]: this rule matches nothing",
+        "a.yaml:6 extend[0].where: this rule matches nothing",
+    )
+
+
+def test_an_included_cell_takes_what_it_leaves_out_from_the_first_values():
+    text = HEAD + "matrix: {engine: [numpy], threads: [2, 1], sampler: [halton]}\nexclude: [{engine: numpy}]\n"
+    text += "include: [{engine: embree, accelerator: {name: embree, quality: high}}]\n"
+    (cell,) = parsed(text).combinations
+    assert (cell["threads"], cell["sampler"]["name"], cell["engine"]) == (2, "halton", "embree")
+    assert cell["accelerator"] == {"name": "embree", "quality": "high"}
+
+
+def test_budgets_are_merged_down_to_the_cell():
+    text = HEAD + "matrix: {engine: [numpy, numba]}\nbudget: {max_time: 2s, max_spp: 64}\n"
+    text += "extend: [{where: {engine: numpy}, set: {budget: {max_spp: 4}}}]\n"
+    numpy, numba = (combination["budget"] for combination in parsed(text).combinations)
+    assert (numpy.max_spp, numpy.max_time_seconds, numba.max_spp) == (4, 2.0, 64)
+
+
+def test_equal_combinations_are_one():
+    assert len(parsed(HEAD + "matrix: {engine: [numba, numba], threads: [1, 1.0]}\n").combinations) == 1
+
+
+def test_anchors_and_merges_work():
+    text = "raybench_experiment: 1\n.d: &d {threads: 2}\n<<: *d\nscene: cornell_box\nengine: numba\n"
+    assert named(parsed(text), "threads") == [(2,)]
+
+
+@pytest.mark.parametrize(
+    ("written", "seconds"), [("20s", 20), ("500ms", 0.5), ("5m", 300), ("1.5 h", 5400), ("2min", 120), (".5s", 0.5)]
+)
+def test_durations_carry_their_unit(written, seconds):
+    text = HEAD + f"engine: numba\nbudget: {{timeout: {written}}}\n"
+    assert parsed(text).combinations[0]["budget"].timeout_seconds == pytest.approx(seconds)
+
+
+def test_overrides_reach_into_sections_and_are_checked_like_the_file():
+    experiment = parsed(FULL, ("repeats=1", "budget.max_time=2s", "matrix.engine=[numba]", "quality.targets=auto"))
+    assert experiment.repeats == 1 and experiment.quality.targets is None
+    assert experiment.combinations[0]["budget"].max_time_seconds == 2.0
+    assert {engine for (engine,) in named(experiment, "engine")} == {"numba", "embree"}, "include stays"
+
+
+MISTAKES = {
+    "repeets: 3": "a.yaml:4 repeets: unknown key: did you mean 'repeats'?",
+    "repeats: true": "a.yaml:4 repeats = True: must be an integer in [1, 1000]",
+    "repeats: 1.5": "a.yaml:4 repeats = 1.5: must be an integer in [1, 1000]",
+    "repeats: 2\nrepeats: 3": "a.yaml:5: 'repeats' is there twice: first in line 4, again in line 5",
+    "budget: {max_time: 20}": "a.yaml:4 budget.max_time = 20: must be a time with its unit: 500ms, 20s, 5m or 1h",
+    "budget: {max_time: 0s}": "a.yaml:4 budget.max_time = '0s': must be a time above zero and below thirty days",
+    "budget: {maxtime: 20s}": "a.yaml:4 budget.maxtime: unknown key: did you mean 'max_time'?",
+    "budget: 5s": "a.yaml:4 budget = '5s': a mapping is wanted",
+    "threads: 0": "a.yaml:4 threads = 0: must be an integer in [1, 1024]",
+    "threads: yes": "a.yaml:4 threads = 'yes': must be an integer in [1, 1024]",
+    "precision: double": "a.yaml:4 precision = 'double': must be one of float64, float32",
+    "resolution: [64]": "a.yaml:4 resolution: [width, height] is wanted",
+    "resolution: [64, 0]": "a.yaml:4 resolution[1] = 0: must be an integer in [1, 65536]",
+    "shader: path_tracr": "a.yaml:4 shader: unknown shader 'path_tracr': did you mean 'path_tracer'?",
+    "shader: {name: whitted, depth: 2}": "a.yaml:4 shader: unknown option of shader 'whitted' 'depth': did you mean 'm",
+    "shader: {max_depth: 2}": "a.yaml:4 shader: the key 'name' is wanted",
+    "shader: true": "a.yaml:4 shader = True: a shader's name, or {name: ..., option: value}, is wanted",
+    "sampler: sobel": "a.yaml:4 sampler: unknown sampler 'sobel': did you mean 'sobol'?",
+    "matrix: {engine: [numba]}": "a.yaml:4 matrix.engine: stands elsewhere too",
+    "matrix: {engin: [numba]}": "a.yaml:4 matrix.engin: unknown key: did you mean 'engine'?",
+    "matrix: {threads: 2}": "a.yaml:4 matrix.threads = 2: a list of at least 1 is wanted",
+    "matrix: {threads: []}": "a.yaml:4 matrix.threads: a list of at least 1 is wanted",
+    "matrix:\n  threads: [1, two]": "a.yaml:5 matrix.threads[1] = 'two': must be an integer in [1, 1024]",
+    "zip: [{threads: [1], sampler: [sobol, random]}]": "a.yaml:4 zip[0]: lists that advance together must be equ",
+    "exclude: [{}]": "a.yaml:4 exclude[0]: at least one condition is wanted",
+    "exclude: {engine: numba}": "a.yaml:4 exclude: a list is wanted",
+    "exclude: [{thread: 2}]": "a.yaml:4 exclude[0].thread: unknown key: did you mean 'threads'?",
+    "exclude: [{threads: {gee: 2}}]": "a.yaml:4 exclude[0].threads.gee: unknown key: did you mean 'ge'?",
+    "exclude: [{engine: {ge: 2}}]": "a.yaml:4 exclude[0].engine: bounds are for numbers",
+    "exclude: [{threads: {ge: two}}]": "a.yaml:4 exclude[0].threads.ge = 'two': must be a number in",
+    "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0]: both 'where' and 'set' are wanted",
+    "order: {policy: abab}": "a.yaml:4 order.policy = 'abab': must be one of blocks",
+    "checkpoints: {ratio: 1}": "a.yaml:4 checkpoints.ratio = 1: must be a number in [1.01, 1024]",
+    "checkpoints: {ratio: .inf}": "a.yaml:4 checkpoints.ratio = inf: must be a number in [1.01, 1024]",
+    "quality: {metric: rmse}": "a.yaml:4 quality.metric = 'rmse': must be one of relmse, mse, mape, smape",
+    "quality: {epsilon: 0}": "a.yaml:4 quality.epsilon = 0: must be a number in (0, 1e+06]",
+    "quality: {targets: [0.1, -1]}": "a.yaml:4 quality.targets[1] = -1: must be a number in (0, 1e+30]",
+    "quality: {targets: automatic}": "a.yaml:4 quality.targets = 'automatic': a list of errors, or auto, is wanted",
+    "reference: {engine: embre}": "a.yaml:4 reference.engine = 'embre': unknown engine: did you mean 'embree'?",
+    "reference: {spp: 1}": "a.yaml:4 reference.spp = 1: must be an integer in [2, 2147483648]",
+    "reference:\n  seed: 2": "a.yaml:5 reference.seed: seeds 2 and up are the reference's, 1 to 3 the cells'",
+    "images: every": "a.yaml:4 images = 'every': must be one of all, some, last, none",
+    "control: 1": "a.yaml:4 control = 1: must be true or false",
+    "name: [a]": "a.yaml:4 name: a line of text is wanted",
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_told_with_file_line_key_and_what_is_wanted(mistake):
+    with pytest.raises(ConfigError) as caught:
+        parsed(HEAD + f"engine: numba\n{mistake}\n")
+    assert str(caught.value).startswith(MISTAKES[mistake])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name: x\n", "a.yaml:1: 'raybench_experiment: 1' is wanted: this is no experiment"),
+        ("raybench_experiment: 2\n", "a.yaml:1 raybench_experiment = 2: must be 1"),
+        ("raybench_experiment: true\n", "a.yaml:1 raybench_experiment = True: must be 1"),
+        ("raybench_experiment: 1\n", "a.yaml:1: a matrix is wanted, or at least a scene and an engine"),
+        ("raybench_experiment: 1\nengine: numba\n", "a.yaml:1: no scene is given"),
+        (HEAD + "engine: numbra\n", "a.yaml:3 engine = 'numbra': unknown engine: did you mean 'numba'?"),
+        ("raybench_experiment: 1\nengine: numba\nscene: cornel_box\n", "a.yaml:3 scene: unknown scene 'cornel_box'"),
+        ("raybench_experiment: 1\nengine: numba\nscene: a/b.yaml\n", "a.yaml:3 scene: scene 'a/b.yaml': there is no"),
+        ("- 1\n", "a.yaml:1: a mapping is wanted"),
+        ("", "a.yaml: empty"),
+    ],
+)
+def test_a_file_that_is_no_experiment_is_refused(text, message):
+    with pytest.raises(ConfigError) as caught:
+        parsed(text)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("repeats", "--set repeats: must look like budget.max_time=5s"),
+        ("a..b=1", "--set a..b=1: must look like budget.max_time=5s"),
+        ("repeets=2", "--set repeets: unknown key: did you mean 'repeats'?"),
+        ("repeats=many", "--set repeats = 'many': must be an integer in [1, 1000]"),
+        ("budget.max_time=5", "--set budget.max_time = 5: must be a time with its unit"),
+        ("repeats.x=5", "a.yaml:18 repeats = 5: a mapping is wanted"),
+    ],
+)
+def test_a_wrong_override_is_told_as_one(override, message):
+    with pytest.raises(ConfigError) as caught:
+        parsed(FULL, (override,))
+    assert str(caught.value).startswith(message)
+
+
+def test_a_matrix_that_explodes_is_refused_before_it_is_built():
+    many = "[" + ", ".join(str(i) for i in range(1, 1001)) + "]"
+    with pytest.raises(ConfigError, match="combinations: at most 100000 are allowed"):
+        parsed(HEAD + f"matrix: {{engine: [numba], threads: {many}}}\nzip: [{{precision: {['float32'] * 500}}}]\n")
+
+
+def test_the_schema_knows_every_key_and_accepts_its_own_kind():
+    schema = experiment_schema()
+    assert set(schema["properties"]) == set(config.TOP_KEYS)
+    json.dumps(schema)

@@ -1,0 +1,164 @@
+"""Cells: what they are called, in which order they run, and why some do not."""
+
+import json
+import random
+from dataclasses import replace
+
+import pytest
+import sweeping
+
+from engines.errors import RaybenchError
+from harness import config, plan
+from harness.identity import canonical_json, digest
+
+
+def planned(folder, text=sweeping.EXPERIMENT, overrides=()):
+    return plan.make(config.load(sweeping.write(folder, text), overrides), allow_imports=True)
+
+
+def ids(made):
+    return {cell.cell_id for cell in made.cells}
+
+
+def test_numbers_have_one_spelling():
+    assert canonical_json({"b": 1.0, "a": [1e-3, 2]}) == '{"a":[0.001,2],"b":1}'
+    assert digest({"x": 1e-3}) == digest({"x": 0.001}) == digest({"x": 1.0e-3})
+
+
+@pytest.mark.parametrize(
+    ("written", "otherwise"),
+    [
+        ("matrix: {engine: ['fake_engines:Steady', 'fake_engines:Other']}", None),
+        ("['fake_engines:Steady', 'fake_engines:Other']", "['fake_engines:Other', 'fake_engines:Steady']"),
+        ("max_time: 5s, max_spp: 8, timeout: 20s", "timeout: 0.5m, max_spp: 8.0, max_time: 5000ms"),
+        ("checkpoints: {ratio: 2, start: 1}", "checkpoints: {start: 1.0, ratio: 2.0e0}"),
+        ("name: small", "name: another\nquestion: why?\n.x: &x {a: 1}"),
+        ("targets: [1.0, 0.1]", "targets: [0.3]"),
+        ("resolution: [12, 8]", "shader: {rr_depth: 5, name: path_tracer, max_depth: 16}\nresolution: [12, 8]"),
+    ],
+)
+def test_ids_depend_on_what_is_asked_and_not_on_how_it_is_written(tmp_path, written, otherwise):
+    if otherwise is None:
+        otherwise = "matrix:\n  engine:\n  - fake_engines:Other\n  - fake_engines:Steady\n"
+    assert written in sweeping.EXPERIMENT
+    first, second = planned(tmp_path), planned(tmp_path, sweeping.EXPERIMENT.replace(written, otherwise))
+    assert ids(first) == ids(second)
+    assert [c.cell_id for c in first.cells] == [c.cell_id for c in second.cells], "the order is part of what is asked"
+    assert list(first.references) == list(second.references)
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["resolution=[13, 8]", "threads=2", "budget.max_spp=16", "seed=5", "sampler=random", "checkpoints.start=2"],
+)
+def test_ids_change_with_what_is_asked(tmp_path, change):
+    assert not ids(planned(tmp_path)) & ids(planned(tmp_path, overrides=[change]))
+
+
+def test_a_changed_scene_changes_every_id_and_the_reference(tmp_path):
+    before = planned(tmp_path)
+    path = sweeping.write(tmp_path)
+    (tmp_path / "ball.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 0.9"))
+    after = plan.make(config.load(path), allow_imports=True)
+    assert not ids(before) & ids(after) and not set(before.references) & set(after.references)
+
+
+def test_a_new_version_of_an_engine_is_another_request(tmp_path, monkeypatch):
+    import fake_engines
+
+    before = ids(planned(tmp_path))
+    monkeypatch.setattr(fake_engines.Other, "version", "2")
+    after = ids(planned(tmp_path))
+    assert len(before & after) == 2, "the other engine's cells stay"
+
+
+def test_each_block_holds_every_cell_once_in_its_own_order(tmp_path):
+    text = sweeping.EXPERIMENT.replace("repeats: 2", "repeats: 6\nzip: {threads: [1, 2, 3, 4]}")
+    made = planned(tmp_path, text)
+    blocks = [[c.configuration + str(c.label) for c in made.cells if c.block == block] for block in range(6)]
+    assert all(sorted(block) == sorted(blocks[0]) for block in blocks)
+    assert len({tuple(block) for block in blocks}) > 1
+    assert [cell.order for cell in made.cells] == list(range(len(made.cells)))
+    assert [cell.seed for cell in made.cells] == [1 + cell.block for cell in made.cells]
+
+
+def test_the_random_state_of_the_program_is_not_touched(tmp_path):
+    random.seed(3)
+    state = random.getstate()
+    planned(tmp_path)
+    assert random.getstate() == state
+
+
+def test_a_control_runs_one_configuration_under_two_labels(tmp_path):
+    made = planned(tmp_path, overrides=["control=true"])
+    control = [cell for cell in made.cells if cell.label == plan.CONTROL_LABEL]
+    assert len(control) == 2
+    for cell in control:
+        same = [c for c in made.cells if c.configuration == cell.configuration and c.seed == cell.seed]
+        (twin,) = [c for c in same if not c.label]
+        assert twin.cell_id != cell.cell_id and twin.settings == cell.settings
+    assert not any(cell.label for cell in planned(tmp_path).cells), "too few repeats for one"
+
+
+def test_what_an_engine_cannot_do_is_skipped_with_its_reason(tmp_path):
+    text = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Picky")
+    skipped = [cell for cell in planned(tmp_path, text).cells if cell.skip]
+    assert {(cell.engine_name, cell.skip) for cell in skipped} == {("picky", "it never feels like it")}
+
+
+def test_an_accelerator_of_one_engine_is_skipped_by_another(tmp_path):
+    made = planned(tmp_path, overrides=["accelerator=tree"])
+    reasons = {cell.engine_name: cell.skip for cell in made.cells}
+    assert reasons == {"other": None, "steady": "the engine fake_engines:Steady has no accelerator tree"}
+
+
+def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
+    made = planned(tmp_path, overrides=["reference.engine=fake_engines:Picky"])
+    assert {cell.skip for cell in made.cells} == {"no reference by fake_engines:Picky: it never feels like it"}
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("accelerator=tre", "unknown accelerator 'tre': did you mean 'tree'?"),
+        ("accelerator={name: tree, leaf: 3}", "unknown option of accelerator 'tree' 'leaf'"),
+        ("matrix.engine=['fake_engines:Stedy']", "fake_engines:Stedy: cannot be imported"),
+        ("shader=nothing:here", "nothing:here: cannot be imported"),
+    ],
+)
+def test_names_that_nobody_knows_are_errors_before_anything_runs(tmp_path, override, message):
+    with pytest.raises(RaybenchError) as caught:
+        planned(tmp_path, overrides=[override])
+    assert message in str(caught.value)
+
+
+def test_code_named_in_a_file_is_not_imported_unless_allowed(tmp_path):
+    with pytest.raises(RaybenchError, match="run with --allow-imports if you trust it"):
+        plan.make(config.load(sweeping.write(tmp_path)), allow_imports=False)
+
+
+def test_an_event_answers_its_cell_only_with_today_s_reference_and_metric(tmp_path):
+    cell = planned(tmp_path).cells[0]
+    event = {"state": "done", "reference_id": cell.reference_id, "points": [{"metrics": {"relmse_e0.01": 1.0}}]}
+    assert plan.state_of(cell, None, "mse") == "queued"
+    assert plan.state_of(cell, event, "relmse_e0.01") == "done"
+    assert plan.state_of(cell, event, "relmse_e0.1") == "outdated"
+    assert plan.state_of(cell, {**event, "reference_id": "old"}, "relmse_e0.01") == "outdated"
+    assert plan.state_of(cell, {**event, "state": "timeout", "points": []}, "mse") == "timeout"
+    assert plan.state_of(replace(cell, skip="no"), event, "mse") == "skipped"
+
+
+def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tmp_path):
+    first, *rest = planned(tmp_path).cells
+    twin = next(cell for cell in rest if cell.configuration == first.configuration)
+    other = next(cell for cell in rest if cell.configuration != first.configuration)
+    events = {first.cell_id: {"state": "done", "configuration": first.configuration, "wall_seconds": 0.7}}
+    expected = plan.expected_seconds([twin, other], events)
+    assert expected[twin.cell_id] == (0.7, True)
+    assert expected[other.cell_id] == (5.0 + plan.OVERHEAD_SECONDS, False)
+
+
+def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
+    for cell in planned(tmp_path).cells:
+        assert digest(json.loads(json.dumps(cell.asked))) == cell.cell_id
+        assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.asked)

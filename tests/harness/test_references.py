@@ -1,0 +1,140 @@
+"""References: two honest halves, an honest variance, and refusal of what is not what it claims to be."""
+
+import json
+from dataclasses import replace
+
+import fake_engines
+import numpy as np
+import pytest
+import sweeping
+
+from engines.errors import ConfigError
+from engines.image import read_film_layers
+from harness import config, plan, references, store
+from harness.pool import Pool
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Makes a reference of some samples a pixel: (what was wanted, its metadata, replicates rendered)."""
+    path = sweeping.write(tmp_path)
+
+    def make(spp, reports=None):
+        (wanted,) = plan.make(config.load(path, [f"reference.spp={spp}"]), True).references.values()
+        rendered = [] if reports is None else reports
+        with Pool(True, tmp_path / "log") as pool:
+            meta = references.make(wanted, tmp_path / "refs", pool, True, lambda done, count: rendered.append(done))
+        return wanted, meta, rendered[:-1]
+
+    return make
+
+
+def read(wanted, root):
+    return references.read(wanted.folder(root), wanted.reference_id, wanted.scene_hash)
+
+
+@pytest.mark.parametrize(
+    ("spp", "replicates"),
+    [(2, (1, 2)), (8, (1, 8)), (32, (4, 8)), (100, (8, 14)), (2048, (256, 8)), (8192, (256, 32)), (10_000, (256, 40))],
+)
+def test_replicates_are_even_in_number_powers_of_two_and_enough(spp, replicates):
+    each, count = config.ReferenceAsked(spp=spp).replicates
+    assert (each, count) == replicates
+    assert each * count >= spp and count % 2 == 0
+
+
+def test_halves_are_independent_and_the_variance_is_that_of_the_mean(made, tmp_path):
+    wanted, _, _ = made(256)
+    reference = read(wanted, tmp_path / "refs")
+    assert reference.spp == 256
+    assert np.allclose(reference.mean, (reference.half_1 + reference.half_2) / 2)
+    truth = fake_engines.truth(12, 8)
+    deviation = reference.mean - truth
+    expected = fake_engines.NOISE**2 / 256
+    # 288 values: the mean square has a relative standard deviation of 8 %, the mean of 7 degrees of freedom 3 %.
+    assert np.mean(deviation**2) == pytest.approx(expected, rel=0.35)
+    assert np.mean(reference.variance) == pytest.approx(expected, rel=0.2)
+    correlation = np.corrcoef((reference.half_1 - truth).ravel(), (reference.half_2 - truth).ravel())[0, 1]
+    assert abs(correlation) < 0.25
+
+
+def test_a_reference_that_is_there_is_not_rendered_again(made, tmp_path):
+    wanted, first, rendered = made(64)
+    assert rendered == list(range(8)) and references.ready(wanted, tmp_path / "refs")
+    _, second, rendered = made(64)
+    assert rendered == [] and second["sha256"] == first["sha256"]
+
+
+def test_more_samples_extend_and_equal_those_made_at_once(made, tmp_path):
+    made(2048)
+    wanted, _, rendered = made(4096)
+    assert rendered == list(range(8, 16)), "the first eight are reused"
+    extended = read(wanted, tmp_path / "refs")
+    for path in sorted((tmp_path / "refs").glob("*/*/*")):
+        path.unlink()
+    wanted, _, rendered = made(4096)
+    assert rendered == list(range(16))
+    at_once = read(wanted, tmp_path / "refs")
+    for name in ("mean", "half_1", "half_2", "variance"):
+        assert np.array_equal(getattr(extended, name), getattr(at_once, name))
+
+
+def test_an_interrupted_reference_goes_on_where_it_was(made, tmp_path, monkeypatch):
+    whole, _, _ = made(64)
+    expected = read(whole, tmp_path / "refs").mean
+    for path in sorted((tmp_path / "refs").glob("*/*/*")):
+        path.unlink()
+    monkeypatch.setattr(references, "SAVE_EVERY_SECONDS", 0.0)
+
+    class Interrupt(list):
+        def append(self, done):
+            if done == 5:
+                raise KeyboardInterrupt
+            super().append(done)
+
+    with pytest.raises(KeyboardInterrupt):
+        made(64, Interrupt())
+    assert not references.ready(whole, tmp_path / "refs")
+    wanted, _, rendered = made(64)
+    assert rendered == [5, 6, 7]
+    assert np.array_equal(read(wanted, tmp_path / "refs").mean, expected)
+
+
+def test_a_stale_reference_is_refused(made, tmp_path):
+    wanted, _, _ = made(8)
+    root = tmp_path / "refs"
+    with pytest.raises(ConfigError, match="the scene has changed since this reference was made"):
+        references.read(wanted.folder(root), wanted.reference_id, "0" * 64)
+    moved = replace(wanted, asked={**wanted.asked, "seed": 1})
+    moved.folder(root).parent.mkdir(parents=True, exist_ok=True)
+    wanted.folder(root).rename(moved.folder(root))
+    with pytest.raises(ConfigError, match="stale: it holds another reference"):
+        references.ready(moved, root)
+
+
+def test_a_damaged_reference_is_refused_with_what_to_do(made, tmp_path):
+    wanted, meta, _ = made(8)
+    folder = wanted.folder(tmp_path / "refs")
+    data = bytearray((folder / meta["file"]).read_bytes())
+    data[len(data) // 2] ^= 1
+    (folder / meta["file"]).write_bytes(data)
+    with pytest.raises(ConfigError, match=f"its checksum is not the recorded one: remove {folder}"):
+        read(wanted, tmp_path / "refs")
+    (folder / "meta.json").write_text("{")
+    with pytest.raises(ConfigError, match=f"remove {folder} to make it anew"):
+        references.ready(wanted, tmp_path / "refs")
+
+
+def test_results_find_their_references(tmp_path):
+    path, out = sweeping.write(tmp_path), tmp_path / "results" / "small"
+    sweeping.run(path, out, ["repeats=1"])
+    (event,) = [e for e in store.read_events(out) if e["event"] == "reference"]
+    assert event["spp"] == 64 and (event["width"], event["height"]) == (12, 8) and event["seconds"] > 0
+    assert (out / event["folder"]).resolve().parent.parent == tmp_path / "results" / "references"
+    reference = store.reference_arrays(out, event["reference_id"])
+    assert reference.mean.shape == (8, 12, 3)
+    assert np.allclose(read_film_layers(out / event["folder"] / "reference.exr").mean, reference.mean, atol=1e-6)
+    meta = json.loads((out / event["folder"] / "meta.json").read_text())
+    assert meta["machine"]["cpu"] and meta["asked"]["seed"] == 9000
+    with pytest.raises(ConfigError, match="no reference 'nothing' is named"):
+        store.reference_arrays(out, "nothing")

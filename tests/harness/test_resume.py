@@ -1,0 +1,139 @@
+"""After kill -9 at any moment, a second run ends with exactly the rows of an undisturbed one."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+import sweeping
+
+from harness import store
+
+MOMENTS = 20
+SCRIPT = """
+import sys
+from pathlib import Path
+import sweeping
+from harness import metrics
+metrics.measure = lambda image, reference, epsilon: {"relmse_e0.01": float(((image - reference.mean) ** 2).mean())}
+outcome, listener = sweeping.run(Path(sys.argv[1]), Path(sys.argv[2]))
+print(outcome.measured, "measured", *listener.notes, file=sys.stderr)
+"""
+"""A run with one cheap metric: the moments of interest are those of the store, not of SSIM's imports."""
+TEXT = sweeping.EXPERIMENT.replace("Steady', 'fake_engines:Other", "Phased', 'fake_engines:Other").replace(
+    "images: none", "images: last"
+)
+
+
+def start(path, out):
+    command = [sys.executable, "-c", SCRIPT, str(path), str(out)]
+    return subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True)
+
+
+def ours(out):
+    """Worker processes that log to this results folder."""
+    found = []
+    for process in psutil.process_iter(["cmdline"]):
+        try:
+            if "harness.worker" in (process.info["cmdline"] or []) and str(out) in str(process.open_files()):
+                found.append(process.pid)
+        except psutil.Error:
+            continue
+    return found
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The rows of a run that nobody killed, and how long it took."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    path = sweeping.write(folder, TEXT)
+    began = time.monotonic()
+    run = start(path, folder / "out")
+    _, said = run.communicate(timeout=60)
+    assert run.returncode == 0, said
+    return sweeping.rows(folder / "out"), time.monotonic() - began
+
+
+def test_killed_at_random_moments_a_run_ends_with_the_rows_of_an_undisturbed_one(tmp_path, undisturbed):
+    """A folder is killed until it is complete in spite of it, then the next one: every kill hits a run at work."""
+    rows, seconds = undisturbed
+    moments = random.Random(2017)
+    path, folders, killed = sweeping.write(tmp_path, TEXT), [tmp_path / "out0"], 0
+    while killed < MOMENTS:
+        run = start(path, folders[-1])
+        time.sleep(moments.uniform(0.1, 1.0) * seconds)
+        run.kill()
+        run.communicate()
+        killed += run.returncode == -signal.SIGKILL
+        if run.returncode == 0:
+            folders.append(tmp_path / f"out{len(folders)}")
+    for out in folders:
+        run = start(path, out)
+        _, said = run.communicate(timeout=60)
+        assert run.returncode == 0, said
+        assert sweeping.rows(out) == rows
+        assert_nothing_twice(out)
+
+
+def assert_nothing_twice(out):
+    events = store.read_events(out)
+    done = [event["cell_id"] for event in events if event["event"] == "cell"]
+    assert len(done) == len(set(done))
+    assert sum(event["event"] == "reference" for event in events) == 1
+    for event in store.latest_cells(events).values():
+        kept = sorted((out / "images" / event["cell_id"]).iterdir())
+        assert [str(p.relative_to(out)) for p in kept] == [p["image"] for p in event["points"] if p["image"]]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux kills children with their parent")
+def test_no_worker_outlives_a_killed_run(tmp_path):
+    out = tmp_path / "out"
+    path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Phased", "fake_engines:Hanging"))
+    run = start(path, out)
+    deadline = time.monotonic() + 20
+    while not ours(out) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert ours(out)
+    os.kill(run.pid, signal.SIGKILL)
+    run.communicate()
+    deadline = time.monotonic() + 5
+    while ours(out) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert ours(out) == []
+
+
+def test_a_torn_last_line_is_reported_and_its_cell_measured_again(tmp_path, undisturbed):
+    out, path = tmp_path / "out", sweeping.write(tmp_path, TEXT)
+    assert start(path, out).wait(60) == 0
+    data = (out / store.EVENTS).read_bytes()
+    (out / store.EVENTS).write_bytes(data[:-40])
+    run = start(path, out)
+    _, said = run.communicate(timeout=60)
+    assert run.returncode == 0 and "1 measured" in said and "cut short" in said
+    assert sweeping.rows(out) == undisturbed[0]
+    for line in (out / store.EVENTS).read_text().splitlines():
+        json.loads(line)
+
+
+def test_an_interrupt_keeps_what_was_measured_and_ends_at_once(tmp_path):
+    out = tmp_path / "out"
+    path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Other", "fake_engines:Hanging"))
+    command = [sys.executable, "-m", "harness", "run", str(path), "--out", str(out), "--allow-imports"]
+    run = subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        time.sleep(0.1)
+        if (out / store.EVENTS).exists() and '"start"' in (out / store.EVENTS).read_text():
+            break
+    time.sleep(0.3)
+    run.send_signal(signal.SIGINT)
+    began = time.monotonic()
+    _, said = run.communicate(timeout=20)
+    assert run.returncode == 130 and time.monotonic() - began < 5
+    assert "the same command goes on from there" in said and "Traceback" not in said
+    assert ours(out) == [] and not store.is_locked(out)
