@@ -67,8 +67,8 @@ def one_of(*names: Any) -> Callable[[Any], str | None]:
 
 
 def _point_or_none(value: Any) -> str | None:
-    number = number(-1e300, 1e300)
-    good = value is None or (isinstance(value, (list, tuple)) and len(value) == 3 and all(not number(x) for x in value))
+    wrong = number(-1e300, 1e300)
+    good = value is None or (isinstance(value, (list, tuple)) and len(value) == 3 and not any(map(wrong, value)))
     return None if good else "three numbers, or null for the scene's own bounds"
 
 
