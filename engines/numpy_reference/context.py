@@ -56,8 +56,8 @@ class Context:
     def unoccluded(self, surface: Surface, direction: Array, distance: Array) -> Mask:
         """(n,) whether nothing lies between points of a surface and a light `distance` away from them.
 
-        The ray starts off the surface, by as much nearer to the light: it ends that much earlier too, or the light's own
-        surface would stand in the way.
+        The ray starts off the surface, by as much nearer to the light: it ends that much earlier too, or the light's
+        own surface would stand in the way.
         """
         self.rays += direction.shape[1]
         reach = distance * (1.0 - OFFSET) - surface.offset

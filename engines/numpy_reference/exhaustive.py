@@ -10,7 +10,7 @@ import numpy as np
 from engines.numpy_reference.nearest import Nearest, Primitives
 from engines.numpy_reference.vectors import Array, Indices
 
-TILE = 16_384
+TILE = 32_768
 """Pairs of ray and primitive a tile: with more, temporaries leave the cache; with fewer, calls cost more than work."""
 
 

@@ -13,8 +13,8 @@ from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.nearest import Nearest
 from engines.numpy_reference.vectors import Array
 
-AUTO_LIMIT = 24
-"""Spheres and triangles up to which `auto` takes `none`: where the two were measured to be equally fast."""
+AUTO_LIMIT = 48
+"""Spheres and triangles up to which `auto` takes `none`: about where both were measured to be equally fast."""
 
 
 class Tracer:

@@ -40,7 +40,7 @@ def unit(a: Array) -> Array:
 def frame(n: Array) -> tuple[Array, Array]:
     """Two unit vectors that make a right-handed orthonormal basis (t1, t2, n) with unit `n` (Duff et al. 2017).
 
-    The two charts meet at n.z = -0.7, not at 0: many a facet lies along z, and must not turn on the sign of a rounding error.
+    The two charts meet at n.z = -0.7, not at 0: many a facet lies along z, and must not turn on the sign of an error.
     """
     sign = np.where(n[2] < -0.7, -1.0, 1.0)
     a = -1.0 / (sign + n[2])
