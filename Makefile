@@ -14,7 +14,7 @@ help:
 	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
 	@echo "make lint        ruff and pyright"
 	@echo "make microbench  time the parts: tests/benchmarks"
-	@echo "make clean       remove the environment, the caches and $(OUT)"
+	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
 	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
 
 bench: .venv/.installed
