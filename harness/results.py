@@ -214,16 +214,18 @@ def settings_of(cell: Event) -> Settings:
 
 
 def _contenders(cells: Sequence[Event]) -> list[Contender]:
-    """Cells by configuration, named by what differs among those that were measured."""
+    """Cells by configuration, named by what differs among those that were measured, or from them."""
     groups: dict[Settings, list[Event]] = {}
     for cell in cells:
         groups.setdefault(settings_of(cell), []).append(cell)
     scenes = list(dict.fromkeys(settings.scene for settings in groups))
     contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
                   for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
-    varying = {axis for axis in AXES if len({getattr(c.settings, axis) for c in contenders}) > 1} | {"engine"}
+    measured = [contender for contender in contenders if contender.done] or contenders
+    values = {axis: {getattr(contender.settings, axis) for contender in measured} for axis in AXES}
     for contender in contenders:
-        contender.name = short_name(contender.settings, varying)
+        shown = {axis for axis in AXES if len(values[axis] | {getattr(contender.settings, axis)}) > 1}
+        contender.name = short_name(contender.settings, shown | {"engine"})
     return contenders
 
 

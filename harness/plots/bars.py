@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
-from harness.plots.panels import Panel
+from harness.plots.panels import MOST_CURVES, Panel
 from harness.plots.style import FAINT, GRID, INK, Palette, new_figure
 from harness.results import PHASES
 from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
@@ -55,7 +55,7 @@ def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Pa
         axis.plot(quality.median, row, "o", color=colour, markerfacecolor=colour if filled else "white", zorder=3)
         _interval(axis, row, quality, colour)
     if warm.reached < warm.seeds or warm.at_first:
-        axis.annotate(warm.verdict().replace(" reached", ""), (cold.median, row), xytext=(5, 0), fontsize=6,
+        axis.annotate(warm.verdict(), (cold.median, row), xytext=(5, 0), fontsize=6,
                       textcoords="offset points", va="center", color=INK)  # fmt: skip
 
 
@@ -95,7 +95,9 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
     if not scenes:
         return None
     columns = min(len(scenes), 3)
-    height = 3.0 + 0.11 * max(sum(family[0].settings.scene == scene for family in families) for scene in scenes)
+    most = max(sum(family[0].settings.scene == scene for family in families) for scene in scenes)
+    many = most > MOST_CURVES
+    height = 3.0 + (0.5 if many else 0.11 * most)
     rows = math.ceil(len(scenes) / columns)
     figure = new_figure(max(7.2, 3.4 * columns), height * rows)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
@@ -110,8 +112,11 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
         axis.set_title(scene, fontsize=9)
         axis.set_xlabel("threads")
         axis.xaxis.set_major_locator(FixedLocator(counts))
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=7)
+        if not many:
+            axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=7)
     grid[0].set_ylabel("speed-up")
+    if many:
+        figure.legend(handles=palette.key([family[0] for family in families]), loc="outside lower center", ncols=6)
     return figure
 
 

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from harness.analysis import Analysis, Verdict, error_targets
-from harness.plots.panels import Facet, Panel, facets, reference_noise
+from harness.plots.panels import MOST_CURVES, Facet, Panel, facets, reference_noise
 from harness.plots.style import FAINT, GRID, INK, Palette, new_figure
 from harness.results import Results, point_error
 from harness.statistics import ecdf, median_interval, pareto_front
@@ -62,8 +61,8 @@ def error_curves(analysis: Analysis, panel: Panel, palette: Palette, x: str) -> 
         _frame(axis, analysis.results, panel, bottom)
         axis.set_xlabel(X_LABELS[x])
         axis.set_title(part.title, fontsize=9)
-        _legend(axis, len(parts))
     axes[0].set_ylabel(error_label(analysis.results.metric))
+    _legend(figure, axes, palette, panel.verdicts)
     return figure
 
 
@@ -101,7 +100,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     axis.set_xlabel(X_LABELS["seconds"])
     axis.set_ylabel(error_label(analysis.results.metric))
     axis.plot([], [], "o", color=FAINT, alpha=0.4, markersize=3, label="surely beaten by another")
-    _legend(axis, 1)
+    _legend(figure, [axis], palette, panel.verdicts)
     return figure
 
 
@@ -129,8 +128,8 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
         axis.set_ylim(0, 1.02)
         axis.set_xlabel(X_LABELS["seconds"])
         axis.set_title(part.title, fontsize=9)
-        _legend(axis, len(parts))
     axes[0].set_ylabel("share of scenes × targets × seeds reached")
+    _legend(figure, axes, palette, [verdicts[0] for verdicts in solvers.values()])
     return figure
 
 
@@ -206,12 +205,15 @@ def _frame(axis: Axes, results: Results, panel: Panel, bottom: float) -> None:
     axis.set_ylim(bottom=floor)
 
 
-def _legend(axis: Axes, count: int) -> None:
-    """Beside a single plot, beneath each of several."""
-    handles, labels = axis.get_legend_handles_labels()
-    lines = [handle for handle in handles if not isinstance(handle, Line2D) or handle.get_label() in labels]
-    if count == 1:
-        axis.legend(lines, labels, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
-    else:
-        columns = 1 + (len(labels) > 12)
-        axis.legend(lines, labels, loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize=7, ncols=columns)
+def _legend(figure: Figure, axes: list[Axes], palette: Palette, verdicts: list[Verdict]) -> None:
+    """An entry a curve beside the plot if they are few; else one a colour, line, marker and width, beneath."""
+    if len(verdicts) <= MOST_CURVES:
+        axes[0].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
+        return
+    handles = palette.key([verdict.contender for verdict in verdicts])
+    labels = [str(handle.get_label()) for handle in handles]
+    for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
+        if label.startswith(("noise of", "surely beaten")):
+            handles.append(handle)
+            labels.append(label)
+    figure.legend(handles, labels, loc="outside lower center", ncols=6)

@@ -7,11 +7,12 @@ that print in black and white stays readable. Files are the same to the byte at 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from harness.results import Contender, Results
 
@@ -82,6 +83,27 @@ class Palette:
     def colour(self, engine: str) -> str:
         return self.engines.get(engine, FAINT)
 
+    def key(self, contenders: Sequence[Contender]) -> list[Line2D]:
+        """Legend entries for what looks mean, instead of one entry a curve: only what differs among the contenders."""
+        entries: list[Line2D] = []
+        kinds: list[tuple[str, dict[str, Any]]] = [
+            ("engine", {"linewidth": 2.5, "marker": "", "linestyle": "-"}), ("sampler", {"color": INK, "marker": ""}),
+            ("accelerator", {"color": INK, "linestyle": "none"}),
+            ("threads", {"color": INK, "linestyle": "-", "marker": ""}),
+            ("precision", {"color": INK, "linestyle": "none", "marker": "o"}),
+        ]  # fmt: skip
+        for axis, fixed in kinds:
+            examples = {getattr(c.settings, axis): self.look(c) for c in reversed(contenders)}
+            if len(examples) < 2:
+                continue
+            for value in sorted(examples):
+                look = examples[value].line_style() | {"markeredgecolor": INK} | fixed
+                if look["markerfacecolor"] != "white" or axis != "precision":
+                    look["markerfacecolor"] = INK
+                label = f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value)
+                entries.append(Line2D([], [], **look, label=label))
+        return entries
+
 
 def new_figure(width: float = 7.2, height: float = 4.2) -> Figure:
     """A figure in inches with automatic layout, without pyplot's global state."""
@@ -90,6 +112,8 @@ def new_figure(width: float = 7.2, height: float = 4.2) -> Figure:
 
 def save(figure: Figure, folder: Path, name: str) -> str:
     """Writes svg, png and pdf and returns the svg text."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # the layout is found; finding it again for each format would take half the time
     for suffix in ("png", "pdf"):
         figure.savefig(folder / f"{name}.{suffix}", metadata=NO_DATES[suffix])
     buffer = io.StringIO()

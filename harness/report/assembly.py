@@ -132,14 +132,14 @@ def inline_svg(plot: Plot, index: int) -> str:
     """A plot's SVG for the page: own ids, two decimals, colours that follow dark mode, a name for screen readers."""
     svg = plot.svg[plot.svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.S)
-    svg = re.sub(r"(-?\d+\.\d{2})\d+", r"\1", svg)
+    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\d\.\d{2})\d+", r"\1", tag.group(0)), svg)
     svg = re.sub(r'\bid="', f'id="p{index}-', svg)
     svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>p{index}-", svg)
     for colour, name in ((INK, "ink"), (FAINT, "faint"), (GRID, "grid"), ("#ffffff", "paper")):
         svg = svg.replace(colour, f"var(--{name})")
     label = Markup.escape(f"{plot.title}. {plot.description}")
     width = re.search(r'width="([\d.]+)pt"', svg)
-    size = f'style="max-width:{1.5 * float(width.group(1)):.0f}px"' if width else ""
+    size = f'style="max-width:{2 * float(width.group(1)):.0f}px"' if width else ""
     box = re.search(r'viewBox="[^"]*"', svg)
     spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
     opening = f'<svg {box.group(0) if box else ""} {size} role="img" aria-label="{label}" {spaces}>'

@@ -1,6 +1,6 @@
 // From radiance to display: each view writes red, green and blue (0-255) of one pixel.
 
-const ERROR_DECADES = [-4, 1];
+const ERROR_DECADES = [-5, 0];
 const LUMINANCE_STOPS = [-8, 4];
 
 function srgb(x) {
@@ -34,7 +34,7 @@ function mapped(stops, share) {
 function viewPixel(view, radiance, other, i, gain, epsilon, maps) {
   if (!Number.isFinite(radiance[i] + radiance[i + 1] + radiance[i + 2])) return [255, 0, 255];
   if (view === "error" && other) {
-    const decade = Math.log10(Math.max(relativeSquaredError(radiance, other, i, epsilon), 1e-12));
+    const decade = Math.log10(Math.max(gain * relativeSquaredError(radiance, other, i, epsilon), 1e-12));
     return mapped(maps.magma, (decade - ERROR_DECADES[0]) / (ERROR_DECADES[1] - ERROR_DECADES[0]));
   }
   if (view === "signed" && other) return mapped(maps.signed, 0.5 + 0.5 * gain * signedDifference(radiance, other, i));
@@ -47,9 +47,10 @@ function viewPixel(view, radiance, other, i, gain, epsilon, maps) {
 
 function scaleWords(view, gain) {
   const limit = (1 / gain).toPrecision(3);
+  const ends = ERROR_DECADES.map((decade) => (10 ** decade / gain).toExponential(1));
   return {
     radiance: null,
-    error: ["magma", `(A−R)² / (R² + ε), mean of channels, 1e${ERROR_DECADES[0]} … 1e${ERROR_DECADES[1]}, logarithmic`],
+    error: ["magma", `(A−R)² / (R² + ε), mean of channels, ${ends[0]} … ${ends[1]}, logarithmic`],
     signed: ["signed", `luminance (A−R) / (|R| + 0.05), −${limit} (blue, too dark) … +${limit} (red, too bright)`],
     luminance: ["magma", `luminance 2^${LUMINANCE_STOPS[0]} … 2^${LUMINANCE_STOPS[1]}, over 2^exposure, logarithmic`],
   }[view];

@@ -56,12 +56,20 @@ def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup
 
 
 def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]]:
-    """(image, words) of up to nine contenders: the best of every engine first, then by final error."""
+    """(image, words) of up to nine contenders: the best of every engine first, then by final error.
+
+    Threads change no image: of contenders that differ in them alone, one is enough.
+    """
     ranked = sorted(panel.verdicts, key=lambda v: (math.isnan(v.final_error.value), v.final_error.value))
     engines = list(dict.fromkeys(v.contender.settings.engine for v in ranked))
     best = [next(v for v in ranked if v.contender.settings.engine == engine) for engine in engines]
     found = []
+    seen = set()
     for verdict in [*best, *(v for v in ranked if v not in best)]:
+        same_image = verdict.contender.settings._replace(threads=0)
+        if same_image in seen:
+            continue
+        seen.add(same_image)
         for cell in verdict.contender.done[:1]:
             point = next((p for p in reversed(cell["points"]) if p.get("image")), None)
             image = results.image(point) if point else None

@@ -31,9 +31,8 @@ class QualityTime:
     crossings: tuple[float, ...]
 
     def verdict(self) -> str:
-        """`5/5 reached`, the words the tables print; `≤` says that some times are upper bounds."""
-        bound = ", ≤" if self.at_first else ""
-        return f"{self.reached}/{self.seeds} reached{bound}"
+        """`5/5`, as the tables print it; `5/5 ≤` says that some times are upper bounds."""
+        return f"{self.reached}/{self.seeds}{' ≤' if self.at_first else ''}"
 
 
 def reliable_errors(error: ArrayLike, se: ArrayLike) -> NDArray[np.float64]:

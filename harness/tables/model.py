@@ -102,17 +102,21 @@ def number_text(value: float) -> str:
     for limit, divisor, suffix in ((999.5e6, 1e9, "G"), (999.5e3, 1e6, "M"), (9995.0, 1e3, "k")):
         if size >= limit:
             return f"{_digits(value / divisor)}{suffix}"
-    return f"{value:.2e}" if 0 < size < 1e-3 else _digits(value)
+    if size < 9995.0 and value == round(value):
+        return str(round(value))
+    return f"{value:.2e}" if size < 1e-3 else _digits(value)
 
 
 def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", zero: str = "0") -> str:
-    """`0.98 [0.95, 1.02]`; without an interval the value alone; words for an infinite value and for zero."""
+    """`0.98 [0.95, 1.02]`; without an interval the value alone; `> 3.1` where that alone is sure."""
     value, low, high = estimate[:3]
     if math.isnan(value):
         return "–"
     text = infinite if math.isinf(value) else zero if value == 0 else number_text(value)
-    if math.isnan(low) or math.isnan(high) or (low == high and (value == 0 or math.isinf(value))):
+    if math.isnan(low) or math.isnan(high) or low == high:
         return text
+    if math.isinf(value):
+        return f"> {number_text(low)}"
     closing = ")" if math.isinf(high) else "]"
     return f"{text} [{number_text(low)}, {number_text(high)}{closing}"
 
@@ -135,9 +139,7 @@ def latex_escape(text: str) -> str:
 
 
 def _digits(value: float) -> str:
-    """Three significant digits without an exponent."""
-    if value == 0:
-        return "0"
+    """Three significant digits of a value that is not zero, without an exponent."""
     decimals = max(2 - math.floor(math.log10(abs(value))), 0)
     return f"{value:.{decimals}f}"
 

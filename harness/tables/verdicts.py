@@ -35,7 +35,8 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("speedup", "Warm time of the baseline over this one, paired by block.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown.",
                 title="verdict"),
-         Column("bias", "Relative bias against the reference from pairs of seeds; flagged above 3 standard errors."),
+         Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
+                "< says what would have been seen."),
          Column("agreement", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
          Column("warnings", "What else to know before believing the row."),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed")],
@@ -211,19 +212,19 @@ def failures(analysis: Analysis) -> Table:
 
 
 def bias_text(verdict: Verdict) -> str:
-    """`none seen (< 0.5 %)`, `2.9 %, flagged` or `unknown`."""
+    """`< 0.5 %`: none seen, that much would have been; `2.9 %, flagged`; or `unknown`."""
     bias = verdict.bias
     if bias is None or math.isnan(bias.squared):
         return "unknown"
     if bias.biased:
         return f"{100 * bias.root:.2g} %, flagged"
     seen = math.sqrt(max(bias.squared, 0.0) + 3 * bias.se)
-    return f"none seen (< {100 * seen:.2g} %)"
+    return f"< {100 * seen:.2g} %"
 
 
 def agreement_text(verdict: Verdict) -> str:
     if verdict.baseline is None:
-        return "is the baseline"
+        return "baseline"
     return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"
 
 
