@@ -16,7 +16,7 @@ from engines.numpy_reference.nearest import Nearest
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.surface import OFFSET, Surface, surface_at
 from engines.numpy_reference.tracer import Tracer
-from engines.numpy_reference.vectors import Array, Mask
+from engines.numpy_reference.vectors import Array, Mask, norm
 from engines.scene.model import Scene
 
 
@@ -54,14 +54,18 @@ class Context:
         return surface_at(self.geometry, origin, direction, hits)
 
     def unoccluded(self, surface: Surface, direction: Array, distance: Array) -> Mask:
-        """(n,) whether nothing lies between points of a surface and a light `distance` away from them.
+        """(n,) whether nothing lies between points of a surface and points of lights, `distance` (inf too) away from them.
 
-        The ray starts off the surface, by as much nearer to the light: it ends that much earlier too, or the light's
-        own surface would stand in the way.
+        The ray starts off the surface and is aimed anew from there: parallel to the old direction it would meet a light
+        that is seen from the side much earlier than it ends.
         """
         self.rays += direction.shape[1]
-        reach = distance * (1.0 - OFFSET) - surface.offset
-        return ~self.tracer.occluded(surface.leave(), direction, reach, self.check)
+        with np.errstate(invalid="ignore"):
+            aim = distance * direction - surface.offset * surface.geometric
+            length = norm(aim)
+            aim = np.where(np.isinf(distance), direction, aim / length)
+        reach = length * (1.0 - OFFSET) - surface.offset
+        return ~self.tracer.occluded(surface.leave(), aim, np.where(np.isinf(distance), np.inf, reach), self.check)
 
     def sky(self, direction: Array) -> Array:
         """(3, n) radiance of all environments together from unit directions."""

@@ -100,7 +100,10 @@ class PluginContext:
         )  # fmt: skip
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, distances: ArrayLike = np.inf) -> NDArray[np.bool_]:
-        """(n,) whether anything lies on the way to lights at these distances (the last 512 ulps are left out)."""
+        """(n,) whether anything lies on the way to lights at these distances, but for the last ulps of the way.
+
+        Sample lights from the origins of the shadow rays, `Seen.outside`: they are not quite the points of the surface.
+        """
         origin = _columns(origins)
         distance = np.broadcast_to(np.asarray(distances, np.float64), origin.shape[1])
         distance = distance * (1.0 - OFFSET) - OFFSET * np.abs(origin).max(axis=0)
