@@ -19,7 +19,7 @@ from harness import config as configs
 from harness import plan as plans
 from harness import progress, store, sweep
 from harness.config import Experiment
-from harness.plan import Plan, flow, state_of
+from harness.plan import Plan, state_of, words
 from harness.sweep import Options, Outcome
 
 WIDTH_WITHOUT_TERMINAL = 160
@@ -54,8 +54,9 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
             _warn(plan, stderr)
             with progress.Terminal(stderr) as terminal:
                 outcome = sweep.run(plan, folder, options, terminal)
-            stderr.print(f"{outcome.measured} cells measured; writing tables, plots and report ...")
-            _write_derived(folder)
+            if not store.derived_is_fresh(folder):
+                stderr.print(f"{outcome.measured} cells measured; writing tables, plots and report ...")
+                _write_derived(folder)
     except KeyboardInterrupt:
         stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
         return 130
@@ -127,7 +128,7 @@ def _plan_references(console: Console, made: Plan, folder: Path) -> None:
 
     for wanted in made.references.values():
         state = "ready" if references.ready(wanted, folder.parent / "references") else "to be rendered"
-        what = f"{wanted.describe()}, {flow(wanted.asked['shader'])}, by {wanted.asked['engine']}"
+        what = f"{wanted.describe()}, {words(wanted.asked['shader'])}, by {wanted.asked['engine']}"
         console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
 
 
@@ -154,8 +155,8 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
 def _columns(cell: plans.Cell) -> tuple[str, ...]:
     settings = cell.settings
     return (
-        cell.scene.name, cell.engine_name, flow(settings["accelerator"]), flow(settings["shader"]),
-        flow(settings["sampler"]), settings["precision"], str(settings["threads"]),
+        cell.scene.name, cell.engine_name, words(settings["accelerator"]), words(settings["shader"]),
+        words(settings["sampler"]), settings["precision"], str(settings["threads"]),
         f"{settings['width']}x{settings['height']}", cell.label or "",
     )  # fmt: skip
 

@@ -85,6 +85,12 @@ def flow(choice: Mapping[str, Any]) -> str:
     return "{" + ", ".join(pairs) + "}"
 
 
+def words(choice: Mapping[str, Any]) -> str:
+    """A choice as people read it: path_tracer(max_depth=6)."""
+    options = ", ".join(f"{key}={value}" for key, value in choice.items() if key != "name")
+    return f"{choice['name']}({options})" if options else str(choice["name"])
+
+
 def make(experiment: Experiment, allow_imports: bool = False) -> Plan:
     """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
     known = _Known(experiment, allow_imports)

@@ -60,7 +60,7 @@ def render(request: Request) -> Film:
     plain = engine_settings(settings, request.seed, request.allow_imports)
     why_not = engine.why_not(scene, plain)
     if why_not:
-        raise Unsupported(f"{request.engine}: {why_not}")
+        raise Unsupported(why_not)
     renderer, build, compilation = measure.prepare(engine, scene, plain)
     console.print(f"{scene.name}: built in {duration(build)}, compiled in {duration(compilation)}", markup=False)
     start = perf_counter()

@@ -162,6 +162,15 @@ def clear(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
+def derived_is_fresh(folder: Path) -> bool:
+    """Whether the report, which is written last, is younger than all that it is made from."""
+    try:
+        made = (folder / "report.html").stat().st_mtime_ns
+        return made > max((folder / name).stat().st_mtime_ns for name in (EVENTS, MANIFEST))
+    except OSError:
+        return False
+
+
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Keeps a second run out of the folder; the kernel lets go of the lock when the process ends, however it ends."""

@@ -7,6 +7,7 @@ computes errors or draws progress no ray is traced.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -102,11 +103,7 @@ class Sweep:
         self._revive()
         todo = self.todo()
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        store.write_json(self.folder / store.MANIFEST, {
-            "raybench_results": 1, "name": experiment.name, "config_name": experiment.name, "time": now,
-            "command": list(self.options.command), "config": dict(experiment.resolved), "env_id": self.env_id,
-            "machine": machine.provenance(), "cell_ids": [cell.cell_id for cell in self.plan.cells],
-        })  # fmt: skip
+        self._write_manifest(now, bool(todo))
         if todo:
             run_id = digest([now, *(cell.cell_id for cell in todo)])
             self.append({
@@ -123,6 +120,20 @@ class Sweep:
         for cell in self.plan.cells:
             if cell.skip and not up_to_date(cell, self.latest.get(cell.cell_id), self.metric):
                 self.append(self.event(cell, "skipped", cell.skip))
+
+    def _write_manifest(self, now: str, running: bool) -> None:
+        """Replaces the manifest where it would say something else, or something is going to be measured."""
+        experiment = self.plan.experiment
+        same = {
+            "raybench_results": 1, "name": experiment.name, "config_name": experiment.name,
+            "config": json.loads(json.dumps(experiment.resolved)), "env_id": self.env_id,
+            "cell_ids": [cell.cell_id for cell in self.plan.cells],
+        }  # fmt: skip
+        path = self.folder / store.MANIFEST
+        before = store.read_manifest(self.folder) if path.exists() else {}
+        if running or any(before.get(key) != value for key, value in same.items()):
+            told = {"time": now, "command": list(self.options.command), "machine": machine.provenance()}
+            store.write_json(path, {**same, **told})
 
     def _revive(self) -> None:
         """Results that a changed plan had put aside count again when they are asked for again."""

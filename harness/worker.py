@@ -25,6 +25,8 @@ from time import perf_counter
 from typing import Any
 
 PR_SET_PDEATHSIG = 1
+TIMED_HERE = ("build_seconds", "compile_seconds")
+"""Counters that are not passed on: the phases of the first renderer are what was waited for."""
 
 
 class Pipes:
@@ -145,7 +147,8 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     schedule = measure.Schedule(**request["schedule"])
     for point in measure.timed_points(renderer, schedule, estimate, disturbance):
         hand_over(pipes, point.film, request["scratch"], point.spp, seconds=point.seconds, rays=point.rays)
-    pipes.send(did="end", counters=measure.counters(renderer), machine=disturbance.report())
+    counters = {key: value for key, value in measure.counters(renderer).items() if key not in TIMED_HERE}
+    pipes.send(did="end", counters=counters, machine=disturbance.report())
 
 
 def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:

@@ -1,0 +1,187 @@
+"""The command line, as a shell sees it: exit codes, messages without tracebacks, files."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+import sweeping
+from sweeping import raybench
+
+from engines.image import read_film_layers, read_provenance
+
+VERBS = ("run", "plan", "reference", "render", "report", "rescore", "status", "list", "schema")
+
+
+def ended(done, code):
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    return done.stdout + done.stderr
+
+
+def test_help_is_there_at_once():
+    command, environment = [sys.executable, "-m", "harness", "--help"], sweeping.environment()
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        said = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+        times.append(time.perf_counter() - start)
+    assert all(verb in said for verb in VERBS) and "Exit codes" in said
+    assert min(times) < 0.5
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(verb):
+    ended(raybench(verb, "--help"), 0)
+
+
+def test_nothing_heavy_is_imported_for_help():
+    script = "import sys, harness.cli; print([m for m in ('numpy', 'numba', 'engines') if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=sweeping.environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "quikc"], "unknown experiment 'quikc': did you mean 'quick'?"),
+        (["run", "no/such.yaml"], "experiment 'no/such.yaml': there is no such file"),
+        (["run", "quick", "--set", "repeets=2"], "--set repeets: unknown key: did you mean 'repeats'?"),
+        (["run", "quick", "--retry", "all"], "--retry all: 'failed' is the only thing to retry"),
+        (["run", "quick", "--frsh"], "--fresh"),
+        (["run"], "Missing argument"),
+        (["rum"], "run"),
+        (["render", "cornel_box"], "unknown scene 'cornel_box': did you mean 'cornell_box'?"),
+        (["render", "cornell_box", "--engine", "numpie"], "unknown engine 'numpie': did you mean 'numpy'?"),
+        (["render", "cornell_box", "--shader", "path_tracr"], "did you mean 'path_tracer'?"),
+        (["render", "cornell_box", "--shader", "{name: path_tracer, max_dept: 3}"], "did you mean 'max_depth'?"),
+        (["render", "cornell_box", "--shader", "{name: path_tracer, max_depth: 0}"], "must be an integer in [1,"),
+        (["render", "cornell_box", "--shader", "{max_depth: 3}"], "a name, or {name: ..., option: value}, is wanted"),
+        (["render", "cornell_box", "--shader", "my:shader"], "run with --allow-imports if you trust it"),
+        (["render", "cornell_box", "--engine", "my:engine"], "run with --allow-imports if you trust it"),
+        (["render", "cornell_box", "--size", "16"], "--size 16: must look like 256x256"),
+        (["render", "cornell_box", "--size", "0x4"], "settings.width = 0: must be an integer in [1, 65536]"),
+        (["render", "cornell_box", "--spp", "0"], "--spp 0: must be in [1,"),
+        (["render", "cornell_box", "--spp", "many"], "Invalid value for '--spp'"),
+        (["render", "cornell_box", "--threads", "0"], "settings.threads = 0"),
+        (["render", "cornell_box", "--seed", "-1"], "settings.seed = -1"),
+        (["render", "cornell_box", "--precision", "half"], "settings.precision = 'half'"),
+        (["render", "cornell_box", "--tone-mapper", "acse"], "unknown tone mapper 'acse': did you mean 'aces'?"),
+        (["render", "cornell_box", "-o", "image.bmpp"], "must end in one of .exr"),
+        (["render", "cornell_box", "-o", "no/folder/a.exr"], "the folder no/folder does not exist"),
+        (["render", "cornell_box", "--engine", "numpy", "--precision", "float32"], "computes in float64 only"),
+        (["report", "nowhere"], "nowhere: no events.jsonl is there"),
+        (["status", "nowhere"], "nowhere: no events.jsonl is there"),
+    ],
+)
+def test_wrong_input_is_one_message_and_exit_code_2(arguments, message, tmp_path):
+    said = ended(raybench(*arguments, cwd=tmp_path), 2)
+    assert message in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_broken_scene_is_one_message_and_exit_code_2(tmp_path):
+    path = sweeping.write(tmp_path)
+    (tmp_path / "ball.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: -1"))
+    said = ended(raybench("run", path, "--allow-imports", cwd=tmp_path), 2)
+    assert "ball.yaml:5" in said and "radius" in said
+
+
+@pytest.mark.parametrize("suffix", ["exr", "png"])
+def test_render_writes_an_image_that_says_where_it_comes_from(tmp_path, suffix):
+    out = tmp_path / f"a.{suffix}"
+    arguments = ["--engine", "numpy", "--shader", "{name: path_tracer, max_depth: 3}", "--spp", "2", "--seed", "5"]
+    said = ended(raybench("render", "cornell_box", *arguments, "--size", "16x12", "-o", out), 0)
+    assert "16x12, 2 spp in" in said and "million paths/s" in said
+    told = read_provenance(out)
+    assert told["engine"] == "numpy" and told["spp"] == 2 and told["seed"] == 5
+    assert told["settings"]["shader"]["max_depth"] == 3
+    if suffix == "exr":
+        assert read_film_layers(out).mean.shape == (12, 16, 3)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cli")
+    text = sweeping.EXPERIMENT.replace("'fake_engines:Other'", "'fake_engines:Other', 'fake_engines:Picky'")
+    path = sweeping.write(folder, text)
+    ended(raybench("plan", path, "--allow-imports", cwd=folder), 0)
+    return path, folder, raybench("run", path, "--allow-imports", cwd=folder)
+
+
+def test_run_writes_its_files_where_the_name_says(finished):
+    _, folder, done = finished
+    assert "4 done, 2 skipped" in ended(done, 0)
+    for name in ("manifest.json", "events.jsonl", "points.csv", "ttq.csv", "phases.csv", "report.html"):
+        assert (folder / "results" / "small" / name).stat().st_size > 0
+    manifest = json.loads((folder / "results" / "small" / "manifest.json").read_text())
+    assert manifest["command"][:2] == ["raybench", "run"]
+    assert (folder / "results" / "references").is_dir()
+
+
+def test_the_second_run_touches_nothing(finished):
+    path, folder, _ = finished
+    files = [p for p in (folder / "results").rglob("*") if p.is_file() and p.name not in (".lock", "worker.log")]
+    before = {p: p.stat().st_mtime_ns for p in files}
+    said = ended(raybench("run", path, "--allow-imports", cwd=folder), 0)
+    assert "4 done, 2 skipped" in said and "writing" not in said
+    assert {p: p.stat().st_mtime_ns for p in files} == before
+
+
+def test_plan_shows_states_reasons_and_time(finished):
+    path, folder, _ = finished
+    more = ["--set", "repeats=3", "--set", "control=false"]
+    said = ended(raybench("plan", path, "--allow-imports", *more, cwd=folder), 0)
+    assert "9 cells in 3 blocks: 4 done, 2 queued, 3 skipped" in said
+    assert "it never feels like it" in said and "2 to measure:" in said and "as measured before" in said
+    assert "reference of ball 12x8 64 spp" in said and "ready" in said
+
+
+def test_status_and_report_read_the_folder(finished):
+    _, folder, _ = finished
+    results = folder / "results" / "small"
+    assert "small: 4 done, 2 skipped; not running." in ended(raybench("status", results), 0)
+    (results / "report.html").unlink()
+    ended(raybench("report", results), 0)
+    assert (results / "report.html").exists()
+
+
+def test_reference_renders_references_alone(tmp_path):
+    path = sweeping.write(tmp_path)
+    for words in ("made in", "ready in"):
+        assert words in ended(raybench("reference", path, "--allow-imports", cwd=tmp_path), 0)
+    assert not (tmp_path / "results" / "small" / "events.jsonl").exists()
+
+
+def test_a_failed_cell_makes_exit_code_1_and_is_named(tmp_path):
+    path, out = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace(":Other", ":Broken")), tmp_path / "out"
+    out.mkdir()
+    (out / "report.html").touch()
+    os.utime(out / "report.html", (2**33, 2**33))  # a report younger than all results: none is written, which is slow
+    said = ended(raybench("run", path, "--allow-imports", "--out", out, cwd=tmp_path), 1)
+    assert "3 done, 1 failed" in said and "ValueError: the tree fell over" in said and "--retry failed" in said
+    assert "failed: ball broken seed 2: ValueError" in ended(raybench("status", out), 0)
+
+
+def test_list_names_everything():
+    said = ended(raybench("list"), 0)
+    names = ["numpy", "numba", "embree", "path_tracer", "max_depth", "sobol", "bvh", "cornell_box", "quick", "aces"]
+    assert [name for name in names if name not in said] == []
+
+
+def test_the_schema_is_json():
+    assert json.loads(ended(raybench("schema"), 0))["title"] == "raybench experiment"
+
+
+def test_a_closed_pipe_is_no_error():
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "harness", "list"]
+    environment = sweeping.environment()
+    done = subprocess.run(command, env=environment, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert "Traceback" not in done.stderr
