@@ -57,9 +57,10 @@ def whitted(max_depth=6, ambient=0.0):
 
 
 def z_score(replicates, truth, largest_error=2e-3):
-    """Of independent estimates against their true mean; the standard error must be small enough to tell."""
-    error = replicates.std(ddof=1) / np.sqrt(replicates.size)
-    assert error < largest_error
+    """Of independent estimates against their true mean; the standard error must be small enough to tell. Estimators
+    without variance are held to 1e-12."""
+    error = max(replicates.std(ddof=1) / np.sqrt(replicates.size), 1e-12)
+    assert error < largest_error, error
     return (replicates.mean() - truth) / error
 
 
