@@ -164,6 +164,16 @@ def select(typing, condition, yes, no):
 
 
 @intrinsic
+def fma(typing, a, b, c):
+    """a b + c, rounded once."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.fma(*arguments)
+
+    return a(a, a, a), generate
+
+
+@intrinsic
 def const(typing, value, like):
     """The number `value` in the type of `like`: a bare Python literal would turn float32 arithmetic into float64."""
     kind = getattr(like, "dtype", like)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.kernels.jit import const, inline, select
+from engines.kernels.jit import const, fma, inline, select
 from engines.kernels.vector import Vec3, cross, dot
 
 
@@ -52,10 +52,21 @@ class Weights(NamedTuple):
 
 
 @inline
+def difference_of_products(a, b, c, d):
+    """a b - c d to 1.5 ulp (Kahan; Jeannerod et al. 2013): its sign is exact, and it is 0 only where the true value is."""
+    product = c * d
+    return fma(a, b, -product) + fma(-c, d, product)
+
+
+@inline
 def edge_weights(a, b, c):
-    """Edge functions of sheared vertices. A product's rounding is monotonic, so a sign is right or the value is 0, and
-    zero counts as inside: no ray slips between triangles that share an edge or a vertex. (Never contract these to FMAs.)"""
-    return Weights(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x)
+    """Edge functions of sheared vertices. Their signs are exact and zero counts as inside, so no ray slips between
+    triangles that share an edge or a vertex, and no tiny triangle is hit by a ray that passes far from it."""
+    return Weights(
+        difference_of_products(c.x, b.y, c.y, b.x),
+        difference_of_products(a.x, c.y, a.y, c.x),
+        difference_of_products(b.x, a.y, b.y, a.x),
+    )
 
 
 @inline

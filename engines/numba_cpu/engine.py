@@ -41,11 +41,12 @@ class Engine:
         lacking = why_not(scene, chosen, self.name)
         if lacking:
             raise Unsupported(lacking)
-        accelerator: Any = chosen.accelerator
-        name = accelerator.name
+        wanted: Any = chosen.accelerator
+        name = wanted.name
         if name == "auto":
             name = "none" if _primitives(scene) <= LIST_LIMIT else "bvh"
-        return Renderer(scene, chosen, MADE[name](accelerator.options), plugins(chosen))
+        make = wanted.plugin.make if wanted.plugin is not None else MADE[name]
+        return Renderer(scene, chosen, make(wanted.options), plugins(chosen))
 
 
 def _primitives(scene: Scene) -> int:

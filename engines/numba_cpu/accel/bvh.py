@@ -12,6 +12,7 @@ import numpy as np
 from engines.kernels import block as at
 from engines.kernels.jit import LANES, compile_stage, const, fetch, get, get_int, inline, keep, pointer, put, put_int, select
 from engines.kernels.linear import closest_planes, occluded_planes
+from engines.kernels.vector import Vec3
 from engines.kernels.world import (
     ACCELERATOR,
     SPHERE_RANK,
@@ -93,11 +94,12 @@ def _lower(a, b):
 
 
 @inline
-def _through_box(nodes, base, planes, ray, t):
-    """(near, far) of the ray in a box of six numbers; missed where near > far."""
-    x0, x1 = (fetch(nodes, base + planes[0]) - ray.o.x) * ray.inverse.x, (fetch(nodes, base + planes[3]) - ray.o.x) * ray.inverse.x
-    y0, y1 = (fetch(nodes, base + planes[1]) - ray.o.y) * ray.inverse.y, (fetch(nodes, base + planes[4]) - ray.o.y) * ray.inverse.y
-    z0, z1 = (fetch(nodes, base + planes[2]) - ray.o.z) * ray.inverse.z, (fetch(nodes, base + planes[5]) - ray.o.z) * ray.inverse.z
+def _through_box(nodes, base, planes, first, last, ray, t):
+    """(near, far) of the ray in a box of six numbers; missed where near > far. `first` and `last` are the ray's origin,
+    moved back and forth by its slack, which widens the box at no cost."""
+    x0, x1 = (fetch(nodes, base + planes[0]) - first.x) * ray.inverse.x, (fetch(nodes, base + planes[3]) - last.x) * ray.inverse.x
+    y0, y1 = (fetch(nodes, base + planes[1]) - first.y) * ray.inverse.y, (fetch(nodes, base + planes[4]) - last.y) * ray.inverse.y
+    z0, z1 = (fetch(nodes, base + planes[2]) - first.z) * ray.inverse.z, (fetch(nodes, base + planes[5]) - last.z) * ray.inverse.z
     return _higher(_higher(x0, y0), _higher(z0, const(0.0, t))), _lower(_lower(x1, y1), _lower(z1, t))
 
 
@@ -107,11 +109,13 @@ def _walk(ray, t, left, tree, triangles, spheres, any_hit, widen, real):
     rank = np.int64(-1)
     nx, ny, nz = ray.inverse.x < real(0), ray.inverse.y < real(0), ray.inverse.z < real(0)
     planes = (3 if nx else 0, 4 if ny else 1, 5 if nz else 2, 0 if nx else 3, 1 if ny else 4, 2 if nz else 5)
+    slack = Vec3(-ray.slack if nx else ray.slack, -ray.slack if ny else ray.slack, -ray.slack if nz else ray.slack)
+    origin_near, origin_far = ray.o + slack, ray.o - slack
     top, node = 0, np.int64(0)
     while True:
         if node >= 0:
-            near0, far0 = _through_box(tree.nodes, node * 12, planes, ray, t)
-            near1, far1 = _through_box(tree.nodes, node * 12 + 6, planes, ray, t)
+            near0, far0 = _through_box(tree.nodes, node * 12, planes, origin_near, origin_far, ray, t)
+            near1, far1 = _through_box(tree.nodes, node * 12 + 6, planes, origin_near, origin_far, ray, t)
             hit0, hit1 = near0 <= far0 * widen, near1 <= far1 * widen
             child0, child1 = np.int64(fetch(tree.children, 2 * node)), np.int64(fetch(tree.children, 2 * node + 1))
             if hit0 and hit1:  # the nearer child now, the other one later
@@ -125,8 +129,8 @@ def _walk(ray, t, left, tree, triangles, spheres, any_hit, widen, real):
                 node = child0 if hit0 else child1
                 continue
         else:
-            first = (-1 - node) >> 4
-            for k in range(first, first + ((-1 - node) & 15)):
+            start = (-1 - node) >> 4
+            for k in range(start, start + ((-1 - node) & 15)):
                 this = np.int64(fetch(tree.ranks, k))
                 distance, valid = t, False
                 if triangles and (not spheres or fetch(tree.which, k) < 0):
@@ -149,8 +153,8 @@ def _walk(ray, t, left, tree, triangles, spheres, any_hit, widen, real):
 
 
 def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any) -> Any:
-    size = np.dtype(real).itemsize
-    widen = real(1 + 4 * float(np.finfo(real).eps))
+    size, eps = np.dtype(real).itemsize, float(np.finfo(real).eps)
+    widen = real(1 + 16 * eps)
     origin, direction, reach = (
         (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T) if shadow else (at.ORIGIN, at.DIRECTION, at.T)
     )
@@ -167,7 +171,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any)
             t = get(lanes, reach, lane)
             rank = np.int64(-1)
             if (triangles or spheres) and t > real(0):
-                ray = ray_of(lanes, lane, origin, direction)
+                ray = ray_of(lanes, lane, origin, direction, eps, real)
                 left = np.int64(get_int(lanes, at.LEFT, lane))
                 t, rank = _walk(ray, t, left, tree, triangles, spheres, shadow, widen, real)
             if shadow:

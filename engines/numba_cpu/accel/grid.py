@@ -26,7 +26,7 @@ from engines.kernels.world import (
     count,
     table,
 )
-from engines.numba_cpu.accel.primitives import ball_distance, boxes, corner_distance, corners, ray_of
+from engines.numba_cpu.accel.primitives import ball_distance, boxes, corner_distance, corners, padding, ray_of
 
 BOX, CELLS, MEMBERS, CORNERS, RANKS, SIZE_X, SIZE_Y, SIZE_Z = (ACCELERATOR + k for k in range(8))
 DENSITY = 4.0
@@ -50,10 +50,11 @@ class Accelerator:
     def build(self, world: World, threads: int) -> None:
         start = time.perf_counter()
         box = boxes(world)
-        bounds = np.zeros(6, world.real)
+        bounds = np.zeros(7, world.real)
         if len(box):
-            bounds[:3], bounds[3:] = box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
-        size = _resolution(bounds.astype(np.float64), len(box), self._density)
+            bounds[:3], bounds[3:6] = box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
+            bounds[6] = padding(world)
+        size = _resolution(bounds[:6].astype(np.float64), len(box), self._density)
         starts = np.zeros(int(size.prod()) + 1, np.int64)
         _count_members(box, bounds, size, starts)
         np.cumsum(starts, out=starts)
@@ -149,7 +150,7 @@ def _wall(low, high, cells, cell, forward, o, inverse):
 
 
 @inline
-def _walk(ray, t, left, grid, triangles, spheres, any_hit, real):
+def _walk(ray, t, left, grid, triangles, spheres, any_hit, widen, real):
     """(distance, rank) of the closest hit nearer than t, or with `any_hit` of any such; rank -1 for none."""
     rank = np.int64(-1)
     lx, ly, lz = fetch(grid.box, 0), fetch(grid.box, 1), fetch(grid.box, 2)
@@ -161,7 +162,7 @@ def _walk(ray, t, left, grid, triangles, spheres, any_hit, real):
     leave = min(t, ((hx if px else lx) - ray.o.x) * ray.inverse.x)
     leave = min(leave, ((hy if py else ly) - ray.o.y) * ray.inverse.y)
     leave = min(leave, ((hz if pz else lz) - ray.o.z) * ray.inverse.z)
-    if not enter <= leave * real(1 + 1e-6):
+    if not enter <= leave * widen + ray.slack:
         return t, rank
     x = _cell(ray.o.x + ray.d.x * enter, lx, hx, grid.nx)
     y = _cell(ray.o.y + ray.d.y * enter, ly, hy, grid.ny)
@@ -186,7 +187,7 @@ def _walk(ray, t, left, grid, triangles, spheres, any_hit, real):
         ty = _wall(ly, hy, grid.ny, y, py, ray.o.y, ray.inverse.y)
         tz = _wall(lz, hz, grid.nz, z, pz, ray.o.z, ray.inverse.z)
         exit_ = min(tx, min(ty, tz))
-        if t < exit_:
+        if t * widen + ray.slack + fetch(grid.box, 6) < exit_:
             return t, rank
         if tx <= ty and tx <= tz:
             x += 1 if px else -1
@@ -204,6 +205,8 @@ def _walk(ray, t, left, grid, triangles, spheres, any_hit, real):
 
 
 def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any) -> Any:
+    eps = float(np.finfo(real).eps)
+    widen = real(1 + 16 * eps)
     origin, direction, reach = (
         (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T) if shadow else (at.ORIGIN, at.DIRECTION, at.T)
     )
@@ -219,9 +222,9 @@ def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any)
             t = get(lanes, reach, lane)
             rank = np.int64(-1)
             if (triangles or spheres) and t > real(0):
-                ray = ray_of(lanes, lane, origin, direction)
+                ray = ray_of(lanes, lane, origin, direction, eps, real)
                 left = np.int64(get_int(lanes, at.LEFT, lane))
-                t, rank = _walk(ray, t, left, grid, triangles, spheres, shadow, real)
+                t, rank = _walk(ray, t, left, grid, triangles, spheres, shadow, widen, real)
             if shadow:
                 put_int(lanes, at.OCCLUDED, lane, 1 if rank >= 0 else 0)
             else:

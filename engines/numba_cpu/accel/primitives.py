@@ -15,19 +15,21 @@ from engines.kernels import block as at
 from engines.kernels.jit import const, fetch, inline, kernel
 from engines.kernels.shapes import Frame, ray_frame, shear, sphere_distance, triangle_distance
 from engines.kernels.surface import row3, wide
-from engines.kernels.vector import Vec3
+from engines.kernels.vector import Vec3, extent
 from engines.kernels.world import SPHERE_REALS, SPHERES, TRIANGLES, VERTICES, World
 
-PAD_ULPS = 8.0
+PAD_ULPS = 16.0
 
 
 class Ray(NamedTuple):
-    """One lane's ray: origin, unit direction, 1/direction (finite), and its shear frame."""
+    """One lane's ray: origin, unit direction, 1/direction (finite), its shear frame, and `slack`: how far rounding may shift
+    what is seen from this origin, in metres."""
 
     o: Vec3
     d: Vec3
     inverse: Vec3
     frame: Frame
+    slack: float
 
 
 @inline
@@ -40,9 +42,10 @@ def _inverse(x):
 
 
 @inline
-def ray_of(lanes, lane, origin, direction):
+def ray_of(lanes, lane, origin, direction, eps, real):
     o, d = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane)
-    return Ray(o, d, Vec3(_inverse(d.x), _inverse(d.y), _inverse(d.z)), ray_frame(d))
+    inverse = Vec3(_inverse(d.x), _inverse(d.y), _inverse(d.z))
+    return Ray(o, d, inverse, ray_frame(d), extent(o) * real(PAD_ULPS * eps))
 
 
 @inline
@@ -69,12 +72,16 @@ def boxes(world: World) -> NDArray[Any]:
     """(n, 6) lower and upper corners of triangles, then spheres, padded, in the tracing precision."""
     real = world.real
     result = np.empty((len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES]), 6), real)
-    size = float(np.abs(world.bounds - world.center).max()) + float(np.ptp(world.bounds, axis=0).max())
     _fill_boxes(
-        world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES], real(size * PAD_ULPS * np.finfo(real).eps),
-        result,
+        world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES], real(padding(world)), result
     )  # fmt: skip
     return result
+
+
+def padding(world: World) -> float:
+    """Metres by which boxes are padded."""
+    size = float(np.abs(world.bounds - world.center).max()) + float(np.ptp(world.bounds, axis=0).max())
+    return size * PAD_ULPS * float(np.finfo(world.real).eps)
 
 
 @kernel

@@ -1,0 +1,60 @@
+"""What a plugin for the jitted engines is written with: one lane's vectors and selections, and the objects that carry it.
+
+A shader is a function `step(hit, material, light, draws, path, options, needs) -> Step` (see `engines.kernels.shaders.step`),
+decorated with `inline`, in a `Shader`; a sampler is `draw(pixel, sample, dimension, seed_key) -> float in [0, 1)`. Sixteen
+lanes run as vector code when the function has no branches: use `select`. With branches it stays right and is slower.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from engines.kernels.jit import const, inline, select
+from engines.kernels.materials import cosine_direction, cosine_pdf, mirrored, refracted
+from engines.kernels.shaders.step import Draws, Hit, Light, Material, Path, Step, finish
+from engines.kernels.vector import Vec3, cross, dot, largest, length, select3, tangents, total, unit
+
+
+@dataclass(frozen=True, slots=True)
+class Shader:
+    """A shader as a plugin: give it to `Settings.shader`, or name it in YAML as `module:attribute`.
+
+    `jitted` is the step of the numba and embree engines, `numpy` the function of the reference (either may be missing:
+    then that engine says so by `why_not`). The step's `options` argument holds eight numbers: the values of `options` in
+    order. `lights`: "one" light sample a vertex, or "all" for a call per light.
+    """
+
+    name: str
+    jitted: Callable[..., Any] | None = None
+    numpy: Callable[..., Any] | None = None
+    options: Mapping[str, float] = field(default_factory=dict)
+    lights: str = "one"
+
+
+@dataclass(frozen=True, slots=True)
+class Sampler:
+    """A sampler as a plugin: pure functions of (pixel, sample, dimension, seed); see `Shader` for the two engines."""
+
+    name: str
+    jitted: Callable[..., Any] | None = None
+    numpy: Callable[..., Any] | None = None
+    options: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A camera as a plugin: `jitted(x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)`, float64, pixels from the
+    top left; `numpy(x, y, width, height, options)` the same over arrays, giving origins and directions (n, 3)."""
+
+    name: str
+    jitted: Callable[..., Any] | None = None
+    numpy: Callable[..., Any] | None = None
+
+
+__all__ = [
+    "Camera", "Draws", "Hit", "Light", "Material", "Path", "Sampler", "Shader", "Step", "Vec3", "const", "cosine_direction",
+    "cosine_pdf", "cross", "dot", "finish", "inline", "largest", "length", "mirrored", "refracted", "select", "select3",
+    "tangents", "total", "unit",
+]  # fmt: skip

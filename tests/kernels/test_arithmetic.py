@@ -1,0 +1,83 @@
+"""The lanes' arithmetic against NumPy, in both precisions."""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from engines.choices import Choice
+from engines.kernels import samplers
+from engines.kernels.materials import refracted
+from engines.kernels.vector import Vec3, dot, sin_cos_turn, tangents
+
+TYPES = [np.float32, np.float64]
+
+
+@njit
+def _sin_cos(u):
+    s, c = np.empty_like(u), np.empty_like(u)
+    for i in range(len(u)):
+        s[i], c[i] = sin_cos_turn(u[i])
+    return s, c
+
+
+@pytest.mark.parametrize("real", TYPES)
+def test_sine_and_cosine_of_a_turn_are_within_two_ulps_of_one(real):
+    u = np.concatenate([np.linspace(0, 1, 4097)[:-1], [1 - 2.0**-24]]).astype(real)
+    for got, want in zip(_sin_cos(u), (np.sin, np.cos), strict=True):
+        exact = want(2 * np.pi * u.astype(np.float64))
+        assert got.dtype == real
+        assert np.abs(got - exact).max() < 4 * np.finfo(real).eps
+
+
+@njit
+def _frame_defect(n):
+    worst = 0.0
+    for i in range(len(n)):
+        normal = Vec3(n[i, 0], n[i, 1], n[i, 2])
+        t, b = tangents(normal)
+        for x in (dot(t, b), dot(t, normal), dot(b, normal), dot(t, t) - 1.0, dot(b, b) - 1.0):
+            worst = max(worst, abs(x))
+    return worst
+
+
+def test_the_local_frame_is_orthonormal_for_every_normal():
+    n = np.random.default_rng(1).normal(size=(20_000, 3))
+    n = np.concatenate([n / np.linalg.norm(n, axis=1)[:, None], np.eye(3), -np.eye(3)])
+    hard = [(0.00038527316, 0.00038460016, -0.99999988079), (-0.00019813581, -0.00008946839, -0.99999988079)]
+    hard = np.array(hard) / np.linalg.norm(hard, axis=1)[:, None]
+    assert _frame_defect(n) < 1e-14
+    assert _frame_defect(hard) < 1e-10
+
+
+@njit
+def _reflectance(cos, eta):
+    return refracted(Vec3(np.sqrt(1.0 - cos * cos), 0.0, -cos), Vec3(0.0, 0.0, 1.0), eta).reflectance
+
+
+@pytest.mark.parametrize(
+    ("degrees", "expected"),
+    [(0, 0.04), (30, 0.04152262597582152), (45, 0.05023991101223595), (60, 0.08918671280221274), (75, 0.2530605629903197),
+     (80, 0.3877043546914725), (89, 0.9041849497801886)],
+)  # fmt: skip
+def test_fresnel_reflectance_from_outside_glass(degrees, expected):
+    assert _reflectance(np.cos(np.radians(degrees)), 1.5) == pytest.approx(expected, rel=1e-12)
+
+
+def test_total_reflection_begins_at_the_critical_angle_and_is_never_nan():
+    critical = np.degrees(np.arcsin(1 / 1.5))
+    assert _reflectance(np.cos(np.radians(41.8)), 1 / 1.5) == pytest.approx(0.8907719215, rel=1e-8)
+    assert all(_reflectance(np.cos(np.radians(a)), 1 / 1.5) == 1.0 for a in (critical + 1e-9, 60.0, 89.999, 90.0))
+    assert np.isfinite([_reflectance(c, e) for c in (0.0, 1e-300, 1e-9, 1.0) for e in (1.0, 1.5, 1 / 1.5)]).all()
+
+
+def test_tabulated_halton_points_start_as_they_must():
+    table = samplers.points(Choice("halton", {"scramble": "none"}), 0, 5) / 2.0**32
+    expected = [(0, 0), (1 / 2, 1 / 3), (1 / 4, 2 / 3), (3 / 4, 1 / 9), (1 / 8, 4 / 9)]
+    assert np.allclose(table[:, :2], expected, atol=2.0**-31)
+
+
+def test_tabulated_sobol_points_equal_scipys():
+    qmc = pytest.importorskip("scipy.stats").qmc
+    theirs = qmc.Sobol(8, scramble=False, bits=32).random(64)
+    ours = samplers.points(Choice("sobol", {"scramble": "none"}), 0, 64)[:, :8] / 2.0**32
+    assert sorted(map(tuple, ours)) == sorted(map(tuple, theirs))
