@@ -54,7 +54,7 @@ class Context:
         return surface_at(self.geometry, origin, direction, hits)
 
     def unoccluded(self, surface: Surface, direction: Array, distance: Array) -> Mask:
-        """(n,) whether nothing lies between points of a surface and points of lights, `distance` (inf too) away from them.
+        """(n,) whether nothing lies between points of a surface and of lights, `distance` (inf too) away from them.
 
         The ray starts off the surface and is aimed anew from there: parallel to the old direction it would meet a light
         that is seen from the side much earlier than it ends.
