@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -119,7 +120,7 @@ def status(folder: Folder) -> None:
 
 
 @app.command(name="list")
-def list_(allow_imports: AllowImports = False) -> None:
+def list_() -> None:
     """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""
     from harness.listing import show
 
@@ -141,6 +142,7 @@ def main() -> None:
     # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be; it
     # is part of the key of its cache, so every process of ours says the same.
     os.environ.setdefault("NUMBA_CPU_NAME", "")
+    warnings.formatwarning = lambda message, *_, **__: f"raybench: warning: {message}\n"
     try:
         app()
     except BrokenPipeError:

@@ -42,7 +42,7 @@ def results_folder(experiment: Experiment, out: Path | None) -> Path:
 def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
     """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted."""
     stdout, stderr = consoles()
-    _allow_here(options.allow_imports)
+    allow_here(options.allow_imports)
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
     signal.signal(signal.SIGTERM, _interrupt)
@@ -68,7 +68,7 @@ def _interrupt(signum: int, frame: Any) -> None:
     raise KeyboardInterrupt
 
 
-def _allow_here(allow_imports: bool) -> None:
+def allow_here(allow_imports: bool) -> None:
     """Code that files name may lie in the working directory."""
     here = str(Path.cwd())
     if allow_imports and here not in sys.path:
@@ -102,7 +102,7 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
 def plan(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> None:
     """Prints the configurations of an experiment with their states, and how long what is left may take."""
     stdout, stderr = consoles()
-    _allow_here(allow_imports)
+    allow_here(allow_imports)
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
     made = plans.make(experiment, allow_imports)
@@ -170,7 +170,7 @@ def reference(given: str, out: Path | None, overrides: Sequence[str], allow_impo
     from harness.pool import Pool, WorkerFailed
 
     stdout, stderr = consoles()
-    _allow_here(allow_imports)
+    allow_here(allow_imports)
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
     root = folder.parent / "references"

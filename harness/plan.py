@@ -51,9 +51,8 @@ class Cell:
     reference_id: str | None
     skip: str | None
 
-    @property
-    def command(self) -> str:
-        """The command that renders this cell's first samples again."""
+    def command(self, spp: int) -> str:
+        """The command that renders `spp` samples of this cell again, to the bit."""
         from shlex import quote
 
         plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")}
@@ -62,7 +61,7 @@ class Cell:
             words += [f"--{kind}", flow(choice)]
         words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
         words += ["--size", f"{self.settings['width']}x{self.settings['height']}", "--seed", str(self.seed)]
-        return " ".join(quote(word) for word in [*words, "--spp", str(self.budget.max_spp), "-o", "image.exr"])
+        return " ".join(quote(word) for word in [*words, "--spp", str(spp), "-o", "image.exr"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,10 +153,12 @@ def _resolves(engine: Engine, given: Mapping[str, Any]) -> bool:
     return True
 
 
-def default_precision(engine: Engine) -> str:
-    """The precision of an engine where none is asked for: its attribute `precision`, else float64."""
-    found = getattr(engine, "precision", None)
-    return found if found in ("float32", "float64") else "float64"
+def _precision(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str:
+    """The precision where none is asked for: float64, the same for all engines, but for one that has float32 alone."""
+    double = {**settings, "precision": "float64"}
+    single = {**settings, "precision": "float32"}
+    able = _why_not(engine, scene, double, allow_imports) is None
+    return "float64" if able or _why_not(engine, scene, single, allow_imports) else "float32"
 
 
 def _configured(
@@ -170,9 +171,11 @@ def _configured(
     width, height = combination["resolution"] or scene.camera.resolution
     settings = {
         "shader": combination["shader"], "sampler": combination["sampler"], "accelerator": accelerator,
-        "precision": combination["precision"] or default_precision(engine), "threads": combination["threads"],
+        "precision": combination["precision"] or "float64", "threads": combination["threads"],
         "width": int(width), "height": int(height),
     }  # fmt: skip
+    if combination["precision"] is None and not lacking:
+        settings["precision"] = _precision(engine, scene, settings, known.allow_imports)
     skip = lacking or _why_not(engine, scene, settings, known.allow_imports)
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
@@ -204,10 +207,11 @@ def _reference(
     accelerator = {"name": given.accelerator} if isinstance(given.accelerator, str) else given.accelerator
     sampler = {"name": given.sampler} if isinstance(given.sampler, str) else given.sampler
     asked_of = {
-        **settings, "precision": given.precision or default_precision(engine), "threads": 1,
+        **settings, "precision": given.precision, "threads": 1,
         "sampler": choices.resolve("sampler", sampler, choices.SAMPLERS).describe(),
         "accelerator": _resolved(engine, accelerator),
     }  # fmt: skip
+    asked_of["precision"] = given.precision or _precision(engine, scene, asked_of, known.allow_imports)
     why_not = _why_not(engine, scene, asked_of, known.allow_imports)
     if why_not:
         return None, f"no reference by {given.engine}: {why_not}"

@@ -19,7 +19,7 @@ from engines.scene import load_scene
 from engines.scene.yaml_file import parse_yaml
 from engines.tonemap import tone_mapper
 from harness import catalog, machine, measure
-from harness.commands import consoles
+from harness.commands import allow_here, consoles
 from harness.progress import duration
 from harness.settings import engine_settings, require_imports
 
@@ -50,6 +50,7 @@ def render(request: Request) -> Film:
     path = catalog.find("scenes", request.scene)
     output = request.output or Path(f"{path.stem}.exr")
     _check_output(output)
+    allow_here(request.allow_imports)
     require_imports(request.engine, request.allow_imports)
     engine = engine_of(request.engine)
     settings = _settings(request)

@@ -240,20 +240,22 @@ class Sweep:
         except WorkerTimeout:
             state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
         record.keep_last_image()
+        spp = record.points[-1]["spp"] if record.points else 0
         return {
-            **self.event(cell, state, message), "phases": record.phases, "points": record.points,
+            **self.event(cell, state, message, spp), "phases": record.phases, "points": record.points,
             "counters": record.counters, "machine": record.disturbance, "sentinel_seconds": sentinel,
             "wall_seconds": monotonic() - began,
         }  # fmt: skip
 
-    def event(self, cell: Cell, state: str, message: str) -> dict[str, Any]:
-        """An event that says everything about a cell but what was measured."""
+    def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
+        """An event that says everything about a cell but what was measured; `spp` are those of its last image."""
         return {
             "event": "cell", "cell_id": cell.cell_id, "configuration": cell.configuration, "env_id": self.env_id,
             "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
             "seed": cell.seed, "scene": cell.scene.name, "scene_path": cell.scene.path, "scene_hash": cell.scene_hash,
             "engine": cell.engine_name, "engine_version": cell.asked["engine_version"], **cell.settings,
-            "reference_id": cell.reference_id, "asked": dict(cell.asked), "command": cell.command,
+            "reference_id": cell.reference_id, "asked": dict(cell.asked),
+            "command": cell.command(spp or cell.budget.max_spp),
             "time": datetime.now(UTC).isoformat(timespec="seconds"), "phases": {}, "points": [], "counters": {},
             "machine": {},
         }  # fmt: skip

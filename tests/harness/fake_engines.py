@@ -93,6 +93,13 @@ class Picky(Steady):
         raise Unsupported("it never feels like it")
 
 
+class Single(Steady):
+    name = "single"
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        return "it has float32 alone" if settings.precision == "float64" else None
+
+
 class Broken(Steady):
     """Fails when it renders with the seed of the second block."""
 

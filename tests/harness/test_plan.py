@@ -9,6 +9,7 @@ import sweeping
 
 from engines.errors import RaybenchError
 from harness import config, plan
+from harness.catalog import shipped
 from harness.identity import canonical_json, digest
 
 
@@ -112,6 +113,15 @@ def test_an_accelerator_of_one_engine_is_skipped_by_another(tmp_path):
     assert reasons == {"other": None, "steady": "the engine fake_engines:Steady has no accelerator tree"}
 
 
+def test_precision_is_float64_unless_asked_for_or_there_is_only_float32(tmp_path):
+    text = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Single")
+    assert {(c.engine_name, c.settings["precision"]) for c in planned(tmp_path, text).cells} == {
+        ("steady", "float64"), ("single", "float32"),
+    }  # fmt: skip
+    cells = planned(tmp_path, text, ["precision=float64"]).cells
+    assert {c.skip for c in cells if c.engine_name == "single"} == {"it has float32 alone"}
+
+
 def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
     made = planned(tmp_path, overrides=["reference.engine=fake_engines:Picky"])
     assert {cell.skip for cell in made.cells} == {"no reference by fake_engines:Picky: it never feels like it"}
@@ -162,3 +172,13 @@ def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
     for cell in planned(tmp_path).cells:
         assert digest(json.loads(json.dumps(cell.asked))) == cell.cell_id
         assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.asked)
+
+
+@pytest.mark.parametrize("name", sorted(shipped("configs")))
+def test_every_shipped_experiment_can_be_planned_and_says_its_question(name):
+    experiment = config.load(name)
+    text = shipped("configs")[name].read_text()
+    assert experiment.name == name and experiment.question and text.startswith(f"# {experiment.question}")
+    assert experiment.warnings == ()
+    made = plan.make(experiment)
+    assert made.warnings == () and not [cell.skip for cell in made.cells if cell.skip]

@@ -46,7 +46,7 @@ def test_an_event_says_all_that_was_asked_and_measured(finished):
         assert [point["spp"] for point in event["points"]] == [1, 2, 4, 8]
         assert {"load_1m", "steal_seconds", "involuntary_switches", "contended"} <= set(event["machine"])
         assert event["sentinel_seconds"] > 0 and event["counters"]["rays"] == 8 * 96
-        assert event["command"].startswith("raybench render ")
+        assert event["command"].startswith("raybench render ") and "--spp 8 " in event["command"]
 
 
 def test_phases_are_those_of_the_engine_and_warm_rendering_is_alone_on_the_clock(finished):
