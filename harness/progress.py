@@ -10,7 +10,8 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.table import Column
 
 from harness.plan import Cell, flow
 
@@ -42,13 +43,13 @@ class Terminal:
 
     def __init__(self, console: Console) -> None:
         self.console = console
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        words = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
         self._bar = Progress(
-            *columns, TextColumn("{task.fields[left]}"), console=console, auto_refresh=False, transient=True,
-            disable=not console.is_terminal,
+            BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("{task.fields[left]}"), words,
+            console=console, auto_refresh=False, transient=True, disable=not console.is_terminal,
         )  # fmt: skip
         self._task = self._bar.add_task("", total=None, left="")
-        self._number, self._total = 0, 0
+        self._number, self._total, self._words = 0, 0, ""
 
     def __enter__(self) -> Terminal:
         self._bar.start()
@@ -61,15 +62,16 @@ class Terminal:
         self.console.print(escape(text), style="yellow", highlight=False, soft_wrap=True)
 
     def reference(self, name: str, done: int, wanted: int) -> None:
-        self._draw(f"reference {name}", done, wanted, "")
+        self._draw(f"reference {name}", done, wanted, "replicates")
         if not self.console.is_terminal and done in (0, wanted):
             self.console.print(f"reference {escape(name)}: {'begins' if done == 0 else 'ready'}", highlight=False)
 
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None:
-        self._number, self._total = number, total
-        self._draw(describe(cell), number, total, f"at most {duration(seconds_left)} left")
+        self._number, self._total, self._words = number, total, describe(cell)
+        self._draw(self._words, number, total, f"at most {duration(seconds_left)} left")
 
     def point(self, spp: int, seconds: float) -> None:
+        self._bar.update(self._task, description=f"{self._words}: {spp} spp in {duration(seconds)}")
         if self.console.is_terminal:
             self._bar.refresh()
 
@@ -85,6 +87,6 @@ class Terminal:
                                soft_wrap=True)  # fmt: skip
 
     def _draw(self, words: str, done: int, total: int, left: str) -> None:
-        self._bar.update(self._task, description=escape(words), completed=done, total=total, left=left)
+        self._bar.update(self._task, description=words, completed=done, total=total, left=left)
         if self.console.is_terminal:
             self._bar.refresh()
