@@ -211,8 +211,16 @@ def _make_sphere_query(any_hit: bool) -> Any:
         for i in range(n):
             if fetch(valid, i) == 0:
                 continue
-            o = Vec3(np.float64(fetch(packet, ORG_X * n + i)), np.float64(fetch(packet, ORG_Y * n + i)), np.float64(fetch(packet, ORG_Z * n + i)))
-            d = Vec3(np.float64(fetch(packet, DIR_X * n + i)), np.float64(fetch(packet, DIR_Y * n + i)), np.float64(fetch(packet, DIR_Z * n + i)))
+            o = Vec3(
+                np.float64(fetch(packet, ORG_X * n + i)),
+                np.float64(fetch(packet, ORG_Y * n + i)),
+                np.float64(fetch(packet, ORG_Z * n + i)),
+            )
+            d = Vec3(
+                np.float64(fetch(packet, DIR_X * n + i)),
+                np.float64(fetch(packet, DIR_Y * n + i)),
+                np.float64(fetch(packet, DIR_Z * n + i)),
+            )
             t = np.float32(sphere_distance(o, d, center, radius))
             if t < fetch(packet, T_FAR * n + i):
                 if any_hit:
@@ -232,6 +240,6 @@ _CALLBACK = types.void(types.int64)
 def sphere_callbacks() -> tuple[Any, Any, Any]:
     """(bounds, intersect, occluded), compiled."""
     return tuple(  # type: ignore[return-value]
-        jit.compile_function(f, _CALLBACK) for f in (_sphere_bounds, _make_sphere_query(False), _make_sphere_query(True))
+        jit.compile_function(f, _CALLBACK)
+        for f in (_sphere_bounds, _make_sphere_query(False), _make_sphere_query(True))
     )
-

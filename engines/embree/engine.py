@@ -15,7 +15,9 @@ from engines.scene.model import Scene
 
 _OPTIONS = {
     "quality": Option("medium", "Embree's build quality", one_of(*QUALITIES)),
-    "robust": Option(True, "watertight traversal; without it rays aimed at edges may slip through", one_of(True, False)),
+    "robust": Option(
+        True, "watertight traversal; without it rays aimed at edges may slip through", one_of(True, False)
+    ),
 }
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
 

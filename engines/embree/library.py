@@ -109,10 +109,9 @@ class EmbreeScene:
         """Copies (n, 3) vertices and (m, 3) faces."""
         geometry = self._embree.rtcNewGeometry(self._device, _TRIANGLES)
         for buffer, form, array in (
-            (_VERTEX_BUFFER, _FLOAT3, np.asarray(vertices, np.float32)),
-            (_INDEX_BUFFER, _UINT3, np.asarray(faces, np.uint32)),
+            (_VERTEX_BUFFER, _FLOAT3, np.ascontiguousarray(vertices, np.float32)),
+            (_INDEX_BUFFER, _UINT3, np.ascontiguousarray(faces, np.uint32)),
         ):
-            array = np.ascontiguousarray(array)
             memory = self._embree.rtcSetNewGeometryBuffer(geometry, buffer, 0, form, 12, len(array))
             ctypes.memmove(memory, array.ctypes.data, array.nbytes)
         self._attach(geometry, TRIANGLE_GEOMETRY)

@@ -11,13 +11,24 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from engines.kernels import block as at
 from engines.kernels.block import STACK_FIELDS, STACK_FIRST
-from engines.kernels.jit import LANES, call_stage, fetch_add, get, get_int, inline, kernel, pointer, put, put_int, select
+from engines.kernels.jit import (
+    LANES,
+    call_stage,
+    fetch_add,
+    get,
+    get_int,
+    inline,
+    kernel,
+    pointer,
+    put,
+    put_int,
+)
 from engines.kernels.vector import Vec3, select3
 
 # places in the array of stage addresses
@@ -98,14 +109,98 @@ def _pop(lanes, lane, one, turns):
     put_int(lanes, at.STACK, lane, waiting)
 
 
+class Pass(NamedTuple):
+    """What a tile has to do: a rectangle of pixels, and samples first .. first + samples - 1 of each."""
+
+    x0: int
+    y0: int
+    columns: int
+    rows: int
+    width: int
+    first: int
+    samples: int
+
+
+class Rule(NamedTuple):
+    """What the scene and its shader ask of the driver."""
+
+    lit: bool
+    """There are lights to sample."""
+    shadows: bool
+    branches: bool
+    """Two rays may follow from one hit."""
+    turns: int
+    """Light samples at a vertex."""
+
+
+@inline
+def _refill(lanes, work, issued, one):
+    """Gives a sample to each lane that has none; returns (samples issued, whether any is new, lanes at work)."""
+    fresh, working = False, 0
+    pixels = work.columns * work.rows
+    for lane in range(np.uint64(LANES)):
+        if get_int(lanes, at.ALIVE, lane) != 0:
+            put_int(lanes, at.NEW, lane, 0)
+            working += 1
+        elif issued < work.samples * pixels:
+            sample, pixel = issued // pixels, issued % pixels
+            row = pixel // work.columns
+            column = pixel - row * work.columns
+            _start(lanes, lane, one, issued, work.x0 + column, work.y0 + row, work.width, work.first + sample)
+            fresh = True
+            working += 1
+            issued += 1
+        else:
+            _idle(lanes, lane, one)
+    return issued, fresh, working
+
+
+@inline
+def _advance(lanes, stages, block, world, rule, fresh, zero):
+    """One segment of every path; returns the shadow rays that were traced."""
+    if fresh:
+        call_stage(stages[DRAW_PIXEL], block, world)
+        call_stage(stages[BEGIN], block, world)
+    call_stage(stages[CLOSEST], block, world)
+    call_stage(stages[SURFACE], block, world)
+    call_stage(stages[DRAW_VERTEX], block, world)
+    shadow_rays = 0
+    if rule.lit:
+        call_stage(stages[LIGHT], block, world)
+    call_stage(stages[SHADE], block, world)
+    if rule.lit:
+        if rule.shadows:
+            for lane in range(np.uint64(LANES)):
+                shadow_rays += 1 if get(lanes, at.SHADOW_T, lane) > zero else 0
+            call_stage(stages[OCCLUDED], block, world)
+        _settle(lanes, zero)
+    return shadow_rays
+
+
+@inline
+def _retire(lanes, rule, buffer, one):
+    """Lanes whose path has ended hand in their radiance, or take up a ray that waits."""
+    for lane in range(np.uint64(LANES)):
+        if rule.branches and get_int(lanes, at.BRANCH, lane) != 0:
+            _push(lanes, lane)
+        if get_int(lanes, at.DONE, lane) != 0:
+            if rule.branches and get_int(lanes, at.STACK, lane) > 0:
+                _pop(lanes, lane, one, rule.turns)
+            else:
+                slot = get_int(lanes, at.SLOT, lane)
+                for channel in range(3):
+                    buffer[slot, channel] = get(lanes, at.RADIANCE + channel, lane)
+                put_int(lanes, at.ALIVE, lane, 0)
+
+
 @cache
 def driver(real: Any) -> Any:
     """The kernel that one thread runs: pulls tiles until there are none, or until it is told to stop."""
     one, zero = real(1), real(0)
 
     def drive(
-        stages, block, world, lit, shadows, branches, turns, tiles, done, target, chunk, width,
-        control, sums, squares, even_sums, counts, buffer, totals,
+        stages, block, world, rule, tiles, done, target, chunk, width, control,
+        sums, squares, even_sums, counts, buffer, totals,
     ):  # fmt: skip
         lanes = pointer(block, real)
         next_tile = control.ctypes.data + 8 * NEXT_TILE
@@ -113,84 +208,35 @@ def driver(real: Any) -> Any:
             tile = fetch_add(next_tile, 1)
             if tile >= len(tiles):
                 return
-            x0, y0, columns, rows = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2], tiles[tile, 3]
-            pixels = columns * rows
             while done[tile] < target:
                 first = done[tile]
-                samples = min(chunk, target - first)
-                jobs = samples * pixels
-                issued, column, row, sample = 0, 0, 0, 0
+                x0, y0, columns, rows = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2], tiles[tile, 3]
+                work = Pass(x0, y0, columns, rows, width, first, min(chunk, target - first))
                 for lane in range(np.uint64(LANES)):
                     _idle(lanes, lane, one)
-                while True:
+                issued, working = 0, 1
+                while working > 0:
                     if control[STOP] != 0:
-                        return
-                    # refill
-                    fresh, working = False, 0
-                    for lane in range(np.uint64(LANES)):
-                        if get_int(lanes, at.ALIVE, lane) != 0:
-                            put_int(lanes, at.NEW, lane, 0)
-                            working += 1
-                        elif issued < jobs:
-                            _start(lanes, lane, one, issued, x0 + column, y0 + row, width, first + sample)
-                            fresh = True
-                            working += 1
-                            issued += 1
-                            column += 1
-                            if column == columns:
-                                column = 0
-                                row += 1
-                                if row == rows:
-                                    row = 0
-                                    sample += 1
-                        else:
-                            _idle(lanes, lane, one)
-                    if working == 0:
-                        break
-                    if fresh:
-                        call_stage(stages[DRAW_PIXEL], block, world)
-                        call_stage(stages[BEGIN], block, world)
-                    call_stage(stages[CLOSEST], block, world)
-                    call_stage(stages[SURFACE], block, world)
-                    call_stage(stages[DRAW_VERTEX], block, world)
-                    if lit:
-                        call_stage(stages[LIGHT], block, world)
-                    call_stage(stages[SHADE], block, world)
-                    totals[RAYS] += working
-                    if lit:
-                        if shadows:
-                            for lane in range(np.uint64(LANES)):
-                                totals[RAYS] += 1 if get(lanes, at.SHADOW_T, lane) > zero else 0
-                            call_stage(stages[OCCLUDED], block, world)
-                        _settle(lanes, zero)
-                    # retire
-                    for lane in range(np.uint64(LANES)):
-                        if branches and get_int(lanes, at.BRANCH, lane) != 0:
-                            _push(lanes, lane)
-                        if get_int(lanes, at.DONE, lane) != 0:
-                            if branches and get_int(lanes, at.STACK, lane) > 0:
-                                _pop(lanes, lane, one, turns)
-                            else:
-                                slot = get_int(lanes, at.SLOT, lane)
-                                buffer[slot, 0] = get(lanes, at.RADIANCE, lane)
-                                buffer[slot, 1] = get(lanes, at.RADIANCE + 1, lane)
-                                buffer[slot, 2] = get(lanes, at.RADIANCE + 2, lane)
-                                put_int(lanes, at.ALIVE, lane, 0)
-                _commit(buffer, first, samples, x0, y0, columns, rows, width, sums, squares, even_sums, counts, totals)
-                done[tile] = first + samples
+                        return  # what this pass has gathered is dropped: the film holds whole passes
+                    issued, fresh, working = _refill(lanes, work, issued, one)
+                    if working > 0:
+                        totals[RAYS] += working + _advance(lanes, stages, block, world, rule, fresh, zero)
+                        _retire(lanes, rule, buffer, one)
+                _commit(buffer, work, sums, squares, even_sums, counts, totals)
+                done[tile] = first + work.samples
 
     return kernel(drive)
 
 
 @inline
-def _commit(buffer, first, samples, x0, y0, columns, rows, width, sums, squares, even_sums, counts, totals):
+def _commit(buffer, work, sums, squares, even_sums, counts, totals):
     """Adds a finished pass of a tile to the film, samples in order; a sample that is not finite counts as black."""
     slot = 0
-    for sample in range(samples):
-        even = (first + sample) % 2 == 0
-        for row in range(rows):
-            for column in range(columns):
-                pixel = (y0 + row) * width + x0 + column
+    for sample in range(work.samples):
+        even = (work.first + sample) % 2 == 0
+        for row in range(work.rows):
+            for column in range(work.columns):
+                pixel = (work.y0 + row) * work.width + work.x0 + column
                 r, g, b = np.float64(buffer[slot, 0]), np.float64(buffer[slot, 1]), np.float64(buffer[slot, 2])
                 slot += 1
                 if not (math.isfinite(r) and math.isfinite(g) and math.isfinite(b)):
@@ -216,7 +262,9 @@ def _ray(origins, directions, reach, center, i):
     x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
     big = max(abs(x), abs(y), abs(z))
     ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
-    good = math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and reach[i] > 0.0
+    good = (
+        math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and reach[i] > 0.0
+    )
     if not good:
         return Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0), -1.0, 1.0
     scale = 1.0 / big if big > 1e-300 else 1e300
@@ -254,7 +302,9 @@ def tracer(real: Any) -> Any:
                     rank[i] = get_int(lanes, at.RANK, lane)
                     t[i] = np.float64(get(lanes, at.T, lane)) / lengths[lane] if hit else math.inf
                     n = at.get3(lanes, at.GEOMETRIC, lane)
-                    normal[i, 0], normal[i, 1], normal[i, 2] = (n.x, n.y, n.z) if hit else (one - one, one - one, one - one)
+                    normal[i, 0], normal[i, 1], normal[i, 2] = (
+                        (n.x, n.y, n.z) if hit else (one - one, one - one, one - one)
+                    )
                     u[i] = get(lanes, at.U, lane) if hit else one - one
                     v[i] = get(lanes, at.V, lane) if hit else one - one
 

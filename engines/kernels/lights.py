@@ -57,7 +57,7 @@ from engines.kernels.world import (
 
 
 class Cone(NamedTuple):
-    """The cone under which a sphere is seen: `pdf` per solid angle, 0 from inside or on it; `k` is 1 - cos of its half angle."""
+    """The cone under which a sphere is seen: `pdf` per solid angle, 0 from inside; `k` is 1 - cos of its half angle."""
 
     pdf: float
     k: float
@@ -133,71 +133,95 @@ def sample_sphere(p, center, radius, emission, two_sided, u0, u1):
     return LightSample(select3(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
 
 
+@inline
+def _from_delta(kind, place, colour, falloff, p, needs, old):
+    """Point and directional lights."""
+    one, infinite = const(1.0, kind), const(math.inf, kind)
+    result = old
+    if needs.point:
+        to = place - p
+        square = dot(to, to)
+        distance = np.sqrt(square)
+        scale = one / select(falloff > const(0.0, kind), square, one)
+        spot = LightSample(to * (one / distance), distance, colour * scale, infinite)
+        result = _choose_sample(kind == const(POINT_LIGHT, kind), spot, result)
+    if needs.directional:
+        sun = LightSample(place, infinite, colour, infinite)
+        result = _choose_sample(kind == const(DIRECTIONAL_LIGHT, kind), sun, result)
+    return result
+
+
+@inline
+def _from_sky(colour, normal, u0, u1):
+    """A constant environment, by the cosine rule."""
+    zero, one = const(0.0, u0), const(1.0, u0)
+    wi = cosine_direction(normal, u0, u1)
+    pdf = cosine_pdf(normal, wi)
+    scale = select(pdf > zero, one / pdf, zero)
+    return LightSample(wi, const(math.inf, u0), colour * scale, pdf)
+
+
+@inline
+def _from_face(world, face, area, p, u0, u1, real):
+    """A mesh's face of rank `face`, uniform in area; `area` is that of the whole light."""
+    primitives, faces = table(world, PRIMITIVES, np.int32), table(world, TRIANGLES, np.int32)
+    vertices, materials = table(world, VERTICES, real), table(world, MATERIALS, real)
+    row = (face if face >= 0 else np.int64(0)) * PRIMITIVE_INTS
+    corner = 3 * np.int64(fetch(primitives, row + 1)) if face >= 0 else np.int64(0)
+    skin = np.int64(fetch(primitives, row + 2)) * MATERIAL_REALS
+    a, b, c = (
+        _vertex(vertices, faces, corner),
+        _vertex(vertices, faces, corner + 1),
+        _vertex(vertices, faces, corner + 2),
+    )
+    wi, distance, facing = sample_triangle(p, a, b, c, u0, u1)
+    lit = (facing > real(0)) | (fetch(materials, skin + 14) > real(0))
+    emission = Vec3(fetch(materials, skin + 11), fetch(materials, skin + 12), fetch(materials, skin + 13))
+    weight = abs(facing) * area / (distance * distance)
+    return LightSample(wi, distance, emission * select(lit, weight, real(0)), real(1) / weight)
+
+
+@inline
+def _choose_sample(condition, yes, no):
+    return LightSample(
+        select3(condition, yes.wi, no.wi),
+        select(condition, yes.distance, no.distance),
+        select3(condition, yes.radiance, no.radiance),
+        select(condition, yes.pdf, no.pdf),
+    )
+
+
 def _make(needs: Needs, every: bool, real: Any) -> Any:
     zero, one, infinite = real(0), real(1), real(np.inf)
-    any_face = needs.face_lights
 
     def light(block, world):
         lanes = pointer(block, real)
         lights = table(world, LIGHTS, real)
-        primitives, faces = table(world, PRIMITIVES, np.int32), table(world, TRIANGLES, np.int32)
-        vertices, materials = table(world, VERTICES, real), table(world, MATERIALS, real)
         n = count(world, N_LIGHTS)
-        _choose(lanes, world, n, needs.many_lights, any_face, every, real)
+        _choose(lanes, world, n, needs.many_lights, needs.face_lights, every, real)
         share = one if every else one / real(n)
         for lane in range(np.uint64(LANES)):
             row = np.int64(get_int(lanes, at.CHOSEN, lane)) * LIGHT_REALS
-            kind = fetch(lights, row)
-            p, normal = at.get3(lanes, at.POINT, lane), at.get3(lanes, at.NORMAL, lane)
-            u0, u1 = get(lanes, at.DRAW, lane), get(lanes, at.DRAW + 1, lane)
+            kind, size = fetch(lights, row), fetch(lights, row + 7)
             place = Vec3(fetch(lights, row + 1), fetch(lights, row + 2), fetch(lights, row + 3))
             colour = Vec3(fetch(lights, row + 4), fetch(lights, row + 5), fetch(lights, row + 6))
-            size = fetch(lights, row + 7)
-            wi, distance, radiance, pdf = Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite
-            if needs.point:
-                this = kind == real(POINT_LIGHT)
-                to = place - p
-                square = dot(to, to)
-                distance = select(this, np.sqrt(square), distance)
-                wi = select3(this, to * (one / np.sqrt(square)), wi)
-                radiance = select3(this, colour * (one / select(size > zero, square, one)), radiance)
-            if needs.directional:
-                this = kind == real(DIRECTIONAL_LIGHT)
-                wi = select3(this, place, wi)
-                radiance = select3(this, colour, radiance)
+            p, normal = at.get3(lanes, at.POINT, lane), at.get3(lanes, at.NORMAL, lane)
+            u0, u1 = get(lanes, at.DRAW, lane), get(lanes, at.DRAW + 1, lane)
+            sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
+            sample = _from_delta(kind, place, colour, size, p, needs, sample)
             if needs.constant_sky:
-                this = kind == real(CONSTANT_SKY)
-                sky = cosine_direction(normal, u0, u1)
-                sky_pdf = cosine_pdf(normal, sky)
-                wi = select3(this, sky, wi)
-                radiance = select3(this & (sky_pdf > zero), colour * (one / sky_pdf), radiance)
-                pdf = select(this, sky_pdf, pdf)
+                sample = _choose_sample(kind == real(CONSTANT_SKY), _from_sky(colour, normal, u0, u1), sample)
             if needs.sphere_lights:
-                this = kind == real(SPHERE_LIGHT)
                 ball = sample_sphere(p, place, size, colour, fetch(lights, row + 9), u0, u1)
-                wi = select3(this, ball.wi, wi)
-                distance = select(this, ball.distance, distance)
-                radiance = select3(this, ball.radiance, radiance)
-                pdf = select(this, ball.pdf, pdf)
-            if any_face:
+                sample = _choose_sample(kind == real(SPHERE_LIGHT), ball, sample)
+            if needs.face_lights:
                 face = np.int64(get_int(lanes, at.FACE, lane))
-                this = face >= 0
-                rank = face if this else np.int64(0)
-                corner = (np.int64(fetch(primitives, rank * PRIMITIVE_INTS + 1)) if this else np.int64(0)) * 3
-                skin = np.int64(fetch(primitives, rank * PRIMITIVE_INTS + 2)) * MATERIAL_REALS
-                a, b, c = _vertex(vertices, faces, corner), _vertex(vertices, faces, corner + 1), _vertex(vertices, faces, corner + 2)
-                towards, far, facing = sample_triangle(p, a, b, c, u0, u1)
-                lit = (facing > zero) | (fetch(materials, skin + 14) > zero)
-                emitted = Vec3(fetch(materials, skin + 11), fetch(materials, skin + 12), fetch(materials, skin + 13))
-                weight = abs(facing) * fetch(lights, row + 8) / (far * far)
-                wi = select3(this, towards, wi)
-                distance = select(this, far, distance)
-                radiance = select3(this, emitted * select(lit, weight, zero), radiance)
-                pdf = select(this, one / weight, pdf)
-            at.put3(lanes, at.TO_LIGHT, lane, wi)
-            put(lanes, at.DISTANCE, lane, distance)
-            at.put3(lanes, at.INCIDENT, lane, radiance * (one / share))
-            put(lanes, at.SAMPLE_PDF, lane, pdf * share)
+                mesh = _from_face(world, face, fetch(lights, row + 8), p, u0, u1, real)
+                sample = _choose_sample(face >= 0, mesh, sample)
+            at.put3(lanes, at.TO_LIGHT, lane, sample.wi)
+            put(lanes, at.DISTANCE, lane, sample.distance)
+            at.put3(lanes, at.INCIDENT, lane, sample.radiance * (one / share))
+            put(lanes, at.SAMPLE_PDF, lane, sample.pdf * share)
         if needs.image_sky:
             _image_sky(lanes, world, share, real)
 

@@ -40,9 +40,7 @@ def refracted(d, n, eta):
     reflectance = select(total, one, half * across * across + half * along * along)
     bent = d * (one / eta) + n * (c1 / eta - c2)
     mirror = mirrored(d, n)
-    direction = Vec3(
-        select(total, mirror.x, bent.x), select(total, mirror.y, bent.y), select(total, mirror.z, bent.z)
-    )
+    direction = Vec3(select(total, mirror.x, bent.x), select(total, mirror.y, bent.y), select(total, mirror.z, bent.z))
     return Refraction(reflectance, direction, total, select(total, one, one / (eta * eta)))
 
 

@@ -134,7 +134,16 @@ class Renderer:
         else:
             shade = shading.plugin_stage(self._plugins["shader"], every, needs, self._lit, self._tracing, real)
         light = lights.stage(needs, every, real) if self._lit else shade
-        order = [draw_pixel, self._camera_stage(), closest, surface.stage(needs, self._tracing, real), draw_vertex, light, shade, occluded]
+        order = [
+            draw_pixel,
+            self._camera_stage(),
+            closest,
+            surface.stage(needs, self._tracing, real),
+            draw_vertex,
+            light,
+            shade,
+            occluded,
+        ]
         self._kept = order  # machine code lives as long as its stage
         self._addresses = np.array([stage.address for stage in order], np.int64)
         self._compile_seconds += time.perf_counter() - start
@@ -207,13 +216,14 @@ class Renderer:
         self._control[driver.NEXT_TILE] = 0
         stages, kernel = self._stages(), driver.driver(self._real)
         width, _ = self.settings.size(self._scene)
+        rule = driver.Rule(self._lit, self._shadows, self._branches, self._turns)
         sums = [array.reshape(-1, 3) for array in (film.sums, film.squares, film.even_sums)]
 
         def work(memory: NDArray[np.uint8]) -> NDArray[np.int64]:
             totals = np.zeros(2, np.int64)
             buffer = np.empty((CHUNK * TILE * TILE, 3), self._real)
             kernel(
-                stages, memory.ctypes.data, self._world.address, self._lit, self._shadows, self._branches, self._turns,
+                stages, memory.ctypes.data, self._world.address, rule,
                 tiles, done, target, CHUNK, width, self._control, *sums, film.counts.reshape(-1), buffer, totals,
             )  # fmt: skip
             return totals
@@ -303,7 +313,11 @@ def _rays(origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> tuple[
 def _tiles(width: int, height: int) -> NDArray[np.int32]:
     """(n, 4) x, y, columns, rows of the tiles that cover an image."""
     return np.array(
-        [(x, y, min(TILE, width - x), min(TILE, height - y)) for y in range(0, height, TILE) for x in range(0, width, TILE)],
+        [
+            (x, y, min(TILE, width - x), min(TILE, height - y))
+            for y in range(0, height, TILE)
+            for x in range(0, width, TILE)
+        ],
         np.int32,
     )
 

@@ -32,7 +32,9 @@ def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
     for part, function in plugins(settings).items():
         if function is None:
-            return f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
+            return (
+                f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
+            )
     if isinstance(scene.camera, CustomCamera) and getattr(scene.camera.plugin, "jitted", None) is None:
         return f"the camera has no `jitted` function, which the engine {engine} needs"
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:

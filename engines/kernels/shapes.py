@@ -1,4 +1,4 @@
-"""Intersection of one ray of one lane with one primitive; every intersector uses these, so their distances agree bit for bit."""
+"""One ray of one lane against one primitive. Every intersector uses these, so their distances agree bit for bit."""
 
 from __future__ import annotations
 

@@ -143,7 +143,14 @@ def flatten(scene: Scene, real: type, tracing: type) -> World:
     center = _recentre(bounds, tracing)
     lights = _Lights(scene, pieces, center)
     world = World(
-        real, center, _needs(scene, pieces, lights), pieces.joined(pieces.shape), pieces.joined(pieces.local), {}, {}, bounds
+        real,
+        center,
+        _needs(scene, pieces, lights),
+        pieces.joined(pieces.shape),
+        pieces.joined(pieces.local),
+        {},
+        {},
+        bounds,
     )
     _bind_shapes(world, pieces)
     _bind_surfaces(world, scene, pieces, lights)
@@ -194,7 +201,9 @@ class _Pieces:
             self.spheres.append(np.column_stack([shape.centers, shape.radii]))
             self._primitives(shape_index, SPHERE, len(shape.radii), shape.material)
         elif isinstance(shape, Triangle):
-            self._triangles(shape_index, np.array([shape.a, shape.b, shape.c]), None, np.array([[0, 1, 2]]), shape.material)
+            self._triangles(
+                shape_index, np.array([shape.a, shape.b, shape.c]), None, np.array([[0, 1, 2]]), shape.material
+            )
         else:
             self._triangles(shape_index, shape.vertices, shape.normals, shape.faces, shape.materials)
 
@@ -238,7 +247,9 @@ class _Lights:
         for shape, first in zip(scene.shapes, pieces.first_rank, strict=True):
             self._add_shape(scene.materials, shape, first)
 
-    def _row(self, kind: int, place: Any, colour: Any, size: float = 0, area: float = 0, two_sided: bool = False) -> None:
+    def _row(
+        self, kind: int, place: Any, colour: Any, size: float = 0, area: float = 0, two_sided: bool = False
+    ) -> None:
         self.rows.append([kind, *place, *colour, size, area, float(two_sided), 0, 0])
         if len(self.ranges) < len(self.rows):
             self.ranges.append((0, 0))

@@ -50,5 +50,7 @@ class Engine:
 
 
 def _primitives(scene: Scene) -> int:
-    sizes = (len(s.faces) if isinstance(s, Mesh) else len(s.radii) if isinstance(s, SphereSet) else 1 for s in scene.shapes)
+    sizes = (
+        len(s.faces) if isinstance(s, Mesh) else len(s.radii) if isinstance(s, SphereSet) else 1 for s in scene.shapes
+    )
     return sum(sizes)

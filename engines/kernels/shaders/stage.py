@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from engines.choices import Choice
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, pointer, put, put_int, select
+from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, pointer, put, put_int, select
 from engines.kernels.materials import cosine_pdf
 from engines.kernels.shaders import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.shaders.step import Draws, Hit, Light, Material, Path
 from engines.kernels.surface import OFFSET_ULPS
-from engines.kernels.vector import Vec3, select3
+from engines.kernels.vector import Vec3, length, select3
 from engines.kernels.world import N_LIGHTS, OPTIONS, Needs, count, table
 
 SHADERS: Mapping[str, Any] = {
@@ -44,7 +44,9 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
-def _make(step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool, tracing: Any, real: Any) -> Any:
+def _make(
+    step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool, tracing: Any, real: Any
+) -> Any:
     """`lit`: there are lights to sample; `every`: the step is called once for each of them."""
     zero, one, infinite = real(0), real(1), real(math.inf)
     reach = real(1 - OFFSET_ULPS * float(np.finfo(tracing).eps))
@@ -66,7 +68,14 @@ def _make(step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shado
             point, normal = at.get3(lanes, at.POINT, lane), at.get3(lanes, at.NORMAL, lane)
             geometric, direction = at.get3(lanes, at.GEOMETRIC, lane), at.get3(lanes, at.DIRECTION, lane)
             hit = Hit(
-                miss, get(lanes, at.T, lane), point, normal, geometric, direction, at.get3(lanes, at.ORIGIN, lane), front
+                miss,
+                get(lanes, at.T, lane),
+                point,
+                normal,
+                geometric,
+                direction,
+                at.get3(lanes, at.ORIGIN, lane),
+                front,
             )
             ior, fresnel = one, False
             if needs.mirror or needs.refraction:
@@ -115,10 +124,20 @@ def _make(step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shado
             if lit:
                 sent = working & ((result.direct.x > zero) | (result.direct.y > zero) | (result.direct.z > zero))
                 at.put3(lanes, at.DIRECT, lane, select3(sent, result.direct, none))
-                put(lanes, at.SHADOW_T, lane, select(sent & shadows, light.distance * reach - offset, -one))
+                # aimed anew from where it starts: a parallel ray would meet a light seen from the side too early
+                aim = light.wi * light.distance - geometric * offset
+                way, endless = length(aim), light.distance == infinite
+                at.put3(lanes, at.TO_LIGHT, lane, select3(endless, light.wi, aim * (one / way)))
+                way = select(endless, infinite, way * reach - offset)
+                put(lanes, at.SHADOW_T, lane, select(sent & shadows, way, -one))
             goes = working & result.alive & (not stays)
             put_int(lanes, at.LEFT, lane, get_int(lanes, at.RANK, lane))
-            put_int(lanes, at.DONE, lane, select(working & (not result.alive) & (not stays), depth - depth + 1, depth - depth))
+            put_int(
+                lanes,
+                at.DONE,
+                lane,
+                select(working & (not result.alive) & (not stays), depth - depth + 1, depth - depth),
+            )
             if branches:
                 put_int(lanes, at.BRANCH, lane, select(goes & result.branch, depth - depth + 1, depth - depth))
                 at.put3(lanes, at.BRANCH_DIRECTION, lane, result.branch_direction)

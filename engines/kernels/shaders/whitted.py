@@ -33,7 +33,12 @@ def step(hit, material, light, draws, path, options, needs):
     mirror, bent, through, scale, ks, kt = none, none, False, one, none, none
     if needs.mirror or needs.refraction:
         glass = refracted(hit.direction, hit.normal, material.ior)
-        mirror, bent, scale, through = mirrored(hit.direction, hit.normal), glass.direction, glass.scale, not glass.total
+        mirror, bent, scale, through = (
+            mirrored(hit.direction, hit.normal),
+            glass.direction,
+            glass.scale,
+            not glass.total,
+        )
         f = select(material.fresnel, glass.reflectance, one)
         g = select(material.fresnel, one - glass.reflectance, one)
         ks, kt = path.throughput * material.ks * f, path.throughput * material.kt * (g * scale)

@@ -10,7 +10,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, const, fetch, get, get_int, inline, keep, pointer, put, put_int, select
+from engines.kernels.jit import (
+    LANES,
+    compile_stage,
+    const,
+    fetch,
+    get,
+    get_int,
+    inline,
+    keep,
+    pointer,
+    put,
+    put_int,
+    select,
+)
 from engines.kernels.linear import closest_planes, occluded_planes
 from engines.kernels.vector import Vec3
 from engines.kernels.world import (
@@ -97,9 +110,18 @@ def _lower(a, b):
 def _through_box(nodes, base, planes, first, last, ray, t):
     """(near, far) of the ray in a box of six numbers; missed where near > far. `first` and `last` are the ray's origin,
     moved back and forth by its slack, which widens the box at no cost."""
-    x0, x1 = (fetch(nodes, base + planes[0]) - first.x) * ray.inverse.x, (fetch(nodes, base + planes[3]) - last.x) * ray.inverse.x
-    y0, y1 = (fetch(nodes, base + planes[1]) - first.y) * ray.inverse.y, (fetch(nodes, base + planes[4]) - last.y) * ray.inverse.y
-    z0, z1 = (fetch(nodes, base + planes[2]) - first.z) * ray.inverse.z, (fetch(nodes, base + planes[5]) - last.z) * ray.inverse.z
+    x0, x1 = (
+        (fetch(nodes, base + planes[0]) - first.x) * ray.inverse.x,
+        (fetch(nodes, base + planes[3]) - last.x) * ray.inverse.x,
+    )
+    y0, y1 = (
+        (fetch(nodes, base + planes[1]) - first.y) * ray.inverse.y,
+        (fetch(nodes, base + planes[4]) - last.y) * ray.inverse.y,
+    )
+    z0, z1 = (
+        (fetch(nodes, base + planes[2]) - first.z) * ray.inverse.z,
+        (fetch(nodes, base + planes[5]) - last.z) * ray.inverse.z,
+    )
     return _higher(_higher(x0, y0), _higher(z0, const(0.0, t))), _lower(_lower(x1, y1), _lower(z1, t))
 
 

@@ -186,7 +186,7 @@ def _walk(ray, t, left, grid, triangles, spheres, any_hit, widen, real):
         tx = _wall(lx, hx, grid.nx, x, px, ray.o.x, ray.inverse.x)
         ty = _wall(ly, hy, grid.ny, y, py, ray.o.y, ray.inverse.y)
         tz = _wall(lz, hz, grid.nz, z, pz, ray.o.z, ray.inverse.z)
-        exit_ = min(tx, min(ty, tz))
+        exit_ = min(tx, ty, tz)
         if t * widen + ray.slack + fetch(grid.box, 6) < exit_:
             return t, rank
         if tx <= ty and tx <= tz:

@@ -60,9 +60,7 @@ class Accelerator:
 
 @inline
 def _read_frame(lanes, lane):
-    return Frame(
-        at.get3(lanes, at.FRAME, lane), at.get3(lanes, at.FRAME + 3, lane), at.get3(lanes, at.FRAME + 6, lane)
-    )
+    return Frame(at.get3(lanes, at.FRAME, lane), at.get3(lanes, at.FRAME + 3, lane), at.get3(lanes, at.FRAME + 6, lane))
 
 
 @inline
@@ -105,12 +103,20 @@ def _make_closest(triangles: bool, spheres: bool, planes: bool, real: Any) -> An
             faces, ranks = table(world, FACES, np.int32), table(world, TRIANGLE_RANK, np.int32)
             _make_frames(lanes, at.DIRECTION)
             for chunk in range(count(world, CHUNKS)):
-                _shear_corners(lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), at.ORIGIN)
+                _shear_corners(
+                    lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), at.ORIGIN
+                )
                 for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
-                    a, b, c = 48 * np.int64(fetch(faces, 3 * f)), 48 * np.int64(fetch(faces, 3 * f + 1)), 48 * np.int64(fetch(faces, 3 * f + 2))
+                    a, b, c = (
+                        48 * np.int64(fetch(faces, 3 * f)),
+                        48 * np.int64(fetch(faces, 3 * f + 1)),
+                        48 * np.int64(fetch(faces, 3 * f + 2)),
+                    )
                     rank = fetch(ranks, f)
                     for lane in range(np.uint64(LANES)):
-                        t = triangle_distance(_sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane))
+                        t = triangle_distance(
+                            _sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane)
+                        )
                         best, held = get(lanes, at.T, lane), get_int(lanes, at.RANK, lane)
                         better = (t > real(0)) & (t < best) & (rank != get_int(lanes, at.LEFT, lane))
                         put(lanes, at.T, lane, select(better, t, best))
@@ -136,14 +142,26 @@ def _make_occluded(triangles: bool, spheres: bool, planes: bool, real: Any) -> A
             faces, ranks = table(world, FACES, np.int32), table(world, TRIANGLE_RANK, np.int32)
             _make_frames(lanes, at.TO_LIGHT)
             for chunk in range(count(world, CHUNKS)):
-                _shear_corners(lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), at.SHADOW_ORIGIN)
+                _shear_corners(
+                    lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), at.SHADOW_ORIGIN
+                )
                 for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
-                    a, b, c = 48 * np.int64(fetch(faces, 3 * f)), 48 * np.int64(fetch(faces, 3 * f + 1)), 48 * np.int64(fetch(faces, 3 * f + 2))
+                    a, b, c = (
+                        48 * np.int64(fetch(faces, 3 * f)),
+                        48 * np.int64(fetch(faces, 3 * f + 1)),
+                        48 * np.int64(fetch(faces, 3 * f + 2)),
+                    )
                     rank = fetch(ranks, f)
                     for lane in range(np.uint64(LANES)):
-                        t = triangle_distance(_sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane))
+                        t = triangle_distance(
+                            _sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane)
+                        )
                         hidden = get_int(lanes, at.OCCLUDED, lane)
-                        blocked = (t > real(0)) & (t < get(lanes, at.SHADOW_T, lane)) & (rank != get_int(lanes, at.LEFT, lane))
+                        blocked = (
+                            (t > real(0))
+                            & (t < get(lanes, at.SHADOW_T, lane))
+                            & (rank != get_int(lanes, at.LEFT, lane))
+                        )
                         put_int(lanes, at.OCCLUDED, lane, select(blocked, hidden - hidden + 1, hidden))
         if spheres:
             occluded_spheres(lanes, world, real)

@@ -91,8 +91,8 @@ def _fill_boxes(vertices, triangles, spheres, pad, result):
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
         for axis in range(3):
             x, y, z = vertices[a, axis], vertices[b, axis], vertices[c, axis]
-            result[i, axis] = min(x, min(y, z)) - pad
-            result[i, 3 + axis] = max(x, max(y, z)) + pad
+            result[i, axis] = min(x, y, z) - pad
+            result[i, 3 + axis] = max(x, y, z) + pad
     for i in range(len(spheres)):
         for axis in range(3):
             result[n + i, axis] = spheres[i, axis] - spheres[i, 3] - pad
