@@ -55,7 +55,7 @@ class Contender:
     @property
     def runs(self) -> list[Event]:
         """Cells that had their chance: done, and those out of time (what they have counts, the rest is open)."""
-        return [cell for cell in self.cells if cell["state"] == "timeout" or cell in self.done]
+        return [c for c in self.cells if c["state"] == "timeout" or (c["state"] == "done" and c.get("points"))]
 
     def fixed_seconds(self, cell: Event) -> float:
         """Import, scene load, build and compilation: what a cold start pays before its first ray."""
@@ -221,19 +221,50 @@ def _contenders(cells: Sequence[Event]) -> list[Contender]:
     scenes = list(dict.fromkeys(settings.scene for settings in groups))
     contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
                   for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
-    measured = [contender for contender in contenders if contender.done] or contenders
-    values = {axis: {getattr(contender.settings, axis) for contender in measured} for axis in AXES}
-    for contender in contenders:
-        shown = {axis for axis in AXES if len(values[axis] | {getattr(contender.settings, axis)}) > 1}
-        contender.name = short_name(contender.settings, shown | {"engine"})
+    choices = choices_of(contenders)
+    words = [name_words(contender, choices) for contender in contenders]
+    measured = [bool(contender.done) for contender in contenders]
+    seen: dict[tuple[str, str], set[str]] = {}
+    for contender, own, done in zip(contenders, words, measured, strict=True):
+        if done or not any(measured):
+            for axis in AXES:
+                seen.setdefault(scope(axis, contender), set()).add(own[axis])
+    for contender, own in zip(contenders, words, strict=True):
+        shown = [own[a] for a in AXES if a == "engine" or seen.get(scope(a, contender), set()) - {own[a]}]
+        contender.name = " ".join(word for word in shown if word)
     return contenders
 
 
-def short_name(settings: Settings, varying: set[str]) -> str:
-    """`numba bvh sobol 2 threads`: the engine and the axes that vary; no accelerator that is named as its engine."""
-    words = []
-    for axis in AXES:
-        value = getattr(settings, axis)
-        if axis in varying and value != "" and (axis != "accelerator" or value != settings.engine):
-            words.append(f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value))
-    return " ".join(words)
+def scope(axis: str, contender: Contender) -> tuple[str, str]:
+    """Among whom an axis has to be told apart: all contenders, but for accelerators those of one engine."""
+    return axis, contender.settings.engine if axis == "accelerator" else ""
+
+
+def choices_of(contenders: Sequence[Contender]) -> dict[tuple[str, str], list[Any]]:
+    """The different choices of accelerators, shaders and samplers in each scope."""
+    found: dict[tuple[str, str], list[Any]] = {}
+    for contender in contenders:
+        for axis in ("accelerator", "shader", "sampler"):
+            known = found.setdefault(scope(axis, contender), [])
+            if contender.cells[0].get(axis) not in known:
+                known.append(contender.cells[0].get(axis))
+    return found
+
+
+def name_words(contender: Contender, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
+    """Axis -> the word for it in a name. Options are said only where they tell two choices of one name apart."""
+    settings = contender.settings
+    words = {axis: str(getattr(settings, axis)) for axis in AXES}
+    words["threads"] = f"{settings.threads} thread{'s' if settings.threads != 1 else ''}"
+    for axis in ("accelerator", "shader", "sampler"):
+        words[axis] = brief_choice(contender.cells[0].get(axis), choices[scope(axis, contender)])
+    return words
+
+
+def brief_choice(choice: Any, others: Sequence[Any]) -> str:
+    """`choice_text` with only those options that differ among the choices of the same name."""
+    if not isinstance(choice, Mapping):
+        return choice_text(choice)
+    same = [other for other in others if isinstance(other, Mapping) and other.get("name") == choice.get("name")]
+    differing = {key: choice[key] for key in choice if any(other.get(key) != choice[key] for other in same)}
+    return choice_text({"name": choice.get("name"), **differing})

@@ -11,7 +11,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.plots.panels import MOST_CURVES, Panel
-from harness.plots.style import FAINT, GRID, INK, Palette, new_figure
+from harness.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure
 from harness.results import PHASES
 from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
 from harness.tables.verdicts import thread_families
@@ -31,7 +31,7 @@ def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure |
     for index, (axis, target) in enumerate(zip(axes, targets, strict=True)):
         for row, verdict in enumerate(panel.verdicts):
             _quality_row(axis, row, verdict, index, palette)
-        axis.set_xscale("log")
+        log_scales(axis)
         axis.set_title(f"until {target:g}", fontsize=9)
         axis.set_xlabel("time [s]")
         axis.grid(axis="y", visible=False)

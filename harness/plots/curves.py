@@ -6,12 +6,13 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis, Verdict, error_targets
 from harness.plots.panels import MOST_CURVES, Facet, Panel, facets, reference_noise
-from harness.plots.style import FAINT, GRID, INK, Palette, new_figure
+from harness.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure
 from harness.results import Results, point_error
 from harness.statistics import ecdf, median_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
@@ -124,7 +125,7 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
             x = [*times[:1], *times, latest] if times.size else [latest]
             y = [0.0, *share, share[-1]] if times.size else [0.0]
             axis.step(x, y, where="post", color=look.colour, linestyle=look.line, linewidth=look.width, label=name)
-        axis.set_xscale("log")
+        log_scales(axis)
         axis.set_ylim(0, 1.02)
         axis.set_xlabel(X_LABELS["seconds"])
         axis.set_title(part.title, fontsize=9)
@@ -190,8 +191,7 @@ def _grey_curve(axis: Axes, data: Band) -> None:
 
 def _frame(axis: Axes, results: Results, panel: Panel, bottom: float) -> None:
     """Log-log axes, targets, and the noise of the reference where it is in sight."""
-    axis.set_xscale("log")
-    axis.set_yscale("log")
+    log_scales(axis, y=True)
     for target in error_targets(results):
         axis.axhline(target, color=INK, linewidth=0.8, linestyle=(0, (2, 2)))
         axis.annotate(f"{target:g}", (1.0, target), xycoords=("axes fraction", "data"), fontsize=7, ha="right",
@@ -210,7 +210,7 @@ def _legend(figure: Figure, axes: list[Axes], palette: Palette, verdicts: list[V
     if len(verdicts) <= MOST_CURVES:
         axes[0].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
         return
-    handles = palette.key([verdict.contender for verdict in verdicts])
+    handles: list[Artist] = list(palette.key([verdict.contender for verdict in verdicts]))
     labels = [str(handle.get_label()) for handle in handles]
     for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
         if label.startswith(("noise of", "surely beaten")):

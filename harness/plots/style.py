@@ -11,8 +11,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from harness.results import Contender, Results
 
@@ -97,7 +99,7 @@ class Palette:
             if len(examples) < 2:
                 continue
             for value in sorted(examples):
-                look = examples[value].line_style() | {"markeredgecolor": INK} | fixed
+                look: dict[str, Any] = examples[value].line_style() | {"markeredgecolor": INK} | fixed
                 if look["markerfacecolor"] != "white" or axis != "precision":
                     look["markerfacecolor"] = INK
                 label = f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value)
@@ -120,6 +122,15 @@ def save(figure: Figure, folder: Path, name: str) -> str:
     figure.savefig(buffer, format="svg", metadata=NO_DATES["svg"], transparent=True)
     (folder / f"{name}.svg").write_text(buffer.getvalue(), encoding="utf-8")
     return buffer.getvalue()
+
+
+def log_scales(axis: Axes, x: bool = True, y: bool = False) -> None:
+    """Logarithmic scales with plain labels such as 0.01, which are set faster than powers and read as easily."""
+    for wanted, scaled, set_scale in ((x, axis.xaxis, axis.set_xscale), (y, axis.yaxis, axis.set_yscale)):
+        if wanted:
+            set_scale("log")
+            scaled.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            scaled.set_minor_formatter(NullFormatter())
 
 
 def file_stem(*words: str) -> str:

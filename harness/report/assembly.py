@@ -39,13 +39,14 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 700 * len(cells.rows)
     groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
     results = analysis.results
+    floors = {scene: 100 * math.expm1(floor) for scene, floor in analysis.floors.items()}
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return _environment().get_template("report.html.j2").render(
         title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
         machines=_machines(analysis), runs=results.runs, references=list(results.references.values()),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
-        metric=results.metric, floors=analysis.floors, style=Markup(_asset("report.css")),
+        metric=results.metric, floors=floors, style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
     )  # fmt: skip
 

@@ -128,7 +128,9 @@ def _equal_time_crops(results: Results, panel: Panel, reference: Reference | Non
     cells = [(verdict, points) for verdict, points in cells if points]
     if not cells:
         return math.nan, []
-    seconds = max(points[0]["seconds"] for _, points in cells)
+    # The time of the contender that ends first; later where another has no picture by then.
+    first_end = min(points[-1]["seconds"] for _, points in cells)
+    seconds = max(first_end, *(points[0]["seconds"] for _, points in cells))
     taken = [(verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"]))
              for verdict, points in cells]  # fmt: skip
     taken.sort(key=lambda pair: point_error(pair[1], results.metric)[0])

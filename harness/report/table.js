@@ -6,9 +6,13 @@ function cellKey(row, column) {
   return number === undefined ? cell.textContent.trim() : parseFloat(number.replace("inf", "Infinity"));
 }
 
-function compareKeys(a, b) {
-  if (typeof a === "number" && typeof b === "number") return a === b ? 0 : a < b ? -1 : 1;
-  return String(a).localeCompare(String(b), "en", { numeric: true });
+// Infinite keys (unknown, not reached) come last in both directions.
+function compareKeys(a, b, falling) {
+  const direction = falling ? -1 : 1;
+  if (typeof a !== "number" || typeof b !== "number") return direction * String(a).localeCompare(String(b), "en", { numeric: true });
+  if (a === b) return 0;
+  if (a === Infinity || b === Infinity) return a === Infinity ? 1 : -1;
+  return a < b ? -direction : direction;
 }
 
 function sortTable(table, column) {
@@ -16,7 +20,7 @@ function sortTable(table, column) {
   const falling = headings[column].getAttribute("aria-sort") === "ascending";
   const body = table.tBodies[0];
   const keyed = Array.from(body.rows, (row) => [cellKey(row, column), row]);
-  keyed.sort((a, b) => (falling ? -1 : 1) * compareKeys(a[0], b[0]));
+  keyed.sort((a, b) => compareKeys(a[0], b[0], falling));
   body.append(...keyed.map((pair) => pair[1]));
   for (const heading of headings) heading.setAttribute("aria-sort", "none");
   headings[column].setAttribute("aria-sort", falling ? "descending" : "ascending");

@@ -122,12 +122,12 @@ def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", ze
 
 
 def sort_value(value: Any) -> float | str:
-    """What a column is sorted by: the value of an estimate; unknown values come last."""
+    """What a column is sorted by: the value of an estimate; what is unknown or was not reached is infinite."""
     if isinstance(value, tuple):
         value = value[0]
     if isinstance(value, (int, float)):
         return math.inf if math.isnan(value) else float(value)
-    return "" if value is None else str(value)
+    return math.inf if value is None else str(value)
 
 
 def latex_escape(text: str) -> str:

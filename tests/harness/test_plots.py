@@ -1,0 +1,113 @@
+"""Plots: all are drawn, the same at every run, one colour an engine, readable with many curves, never in the way."""
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from harness.analysis import analyse
+from harness.plots import Palette, write_plots
+from harness.plots.curves import band, error_curves
+from harness.plots.panels import facets, panels
+from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem
+from harness.results import load_results, results_of
+from tests.harness.synthetic import SMALL, done_cell, write_folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("plots"), seeds=3, with_images=False)
+
+
+@pytest.fixture(scope="module")
+def analysis(folder):
+    return analyse(load_results(folder))
+
+
+@pytest.fixture(scope="module")
+def plots(analysis, folder):
+    return write_plots(analysis, folder)
+
+
+def test_every_plot_comes_as_svg_png_and_pdf(plots, folder):
+    names = {plot.name for plot in plots}
+    for scene in ("cornell_box", "two_spheres"):
+        kinds = ("error-over-time", "error-over-samples", "error-over-rays", "time-to-quality", "pareto", "phases")
+        assert {f"{kind}-{scene}" for kind in kinds} <= names
+    assert {"targets-over-time", "speed-up-over-threads", "sentinel"} <= names
+    for name in names:
+        for suffix in ("svg", "png", "pdf"):
+            assert (folder / "plots" / f"{name}.{suffix}").stat().st_size > 1000
+        ElementTree.parse(folder / "plots" / f"{name}.svg")
+
+
+def test_plots_are_the_same_at_every_run(plots, analysis, folder):
+    before = {path.name: path.read_bytes() for path in (folder / "plots").iterdir()}
+    (folder / "plots" / "stale.svg").write_text("old")
+    write_plots(analysis, folder)
+    assert {path.name: path.read_bytes() for path in (folder / "plots").iterdir()} == before
+
+
+def test_every_plot_says_what_it_shows(plots):
+    assert all(len(plot.description) > 40 and plot.title for plot in plots)
+
+
+def test_an_engine_has_one_colour_and_others_move_none(tmp_path):
+    def palette(*engines):
+        cells = [{"event": "cell", "cell_id": engine, "state": "skipped", "scene": "s", "engine": engine}
+                 for engine in engines]  # fmt: skip
+        return Palette(results_of(tmp_path, {}, cells))
+
+    few, more = palette("zeta", "numba"), palette("zeta", "numba", "alpha", "mitsuba")
+    assert few.colour("zeta") == more.colour("zeta") == OTHER_COLOURS[0] and more.colour("alpha") == OTHER_COLOURS[1]
+    assert {engine: more.colour(engine) for engine in ("numba", "mitsuba")}.items() <= ENGINE_COLOURS.items()
+
+
+def test_looks_differ_by_more_than_colour(analysis):
+    palette = Palette(analysis.results)
+    same_engine = {c.settings: palette.look(c) for c in analysis.results.of_scene("cornell_box")
+                   if c.settings.engine == "numba" and not c.settings.label}  # fmt: skip
+    assert len({(str(look.line), look.marker, look.width) for look in same_engine.values()}) == len(same_engine)
+
+
+def test_the_band_holds_the_median_and_stops_where_half_the_seeds_did(analysis):
+    verdict = analysis.verdicts[0]
+    data = band(analysis.results, verdict, "seconds")
+    assert (data.low <= data.error).all() and (data.error <= data.high).all() and (np.diff(data.x) > 0).all()
+
+
+def test_many_curves_are_split_into_facets_that_hold_each_once(analysis):
+    verdicts = analysis.verdicts * 4
+    parts = facets(verdicts)
+    assert len(parts) == 3 and sum(len(part.verdicts) for part in parts) == len(verdicts)
+    assert len(facets(verdicts[:10])) == 1
+
+
+def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
+    panel = panels(analysis)[0]
+    cell = panel.verdicts[0].contender.done[0]
+    point = cell["points"][-1]
+    kept = dict(point["metrics"])
+    try:
+        for other in panel.verdicts[0].contender.done:
+            other["points"][-1]["metrics"] = kept | {"relmse_e0.01_se": 1.0}
+        assert band(analysis.results, panel.verdicts[0], "spp").noisy[-1]
+        assert error_curves(analysis, panel, Palette(analysis.results), "spp") is not None
+    finally:
+        point["metrics"] = kept
+
+
+def test_results_without_targets_threads_or_sentinels_draw_what_is_left(tmp_path):
+    rng = np.random.default_rng(1)
+    case = ("cornell_box", "numba", "bvh", "random", 1, None)
+    cells = [done_cell(tmp_path, case, block, 1.0, SMALL, rng, False) for block in range(2)]
+    cells = [cell | {"sentinel_seconds": None} for cell in cells]
+    (tmp_path / "events.jsonl").write_text("".join(json.dumps(cell) + "\n" for cell in cells))
+    names = {plot.name for plot in write_plots(analyse(load_results(tmp_path)), tmp_path)}
+    assert "error-over-time-cornell_box" in names and "phases-cornell_box" in names
+    assert not {"sentinel", "speed-up-over-threads", "targets-over-time"} & names
+
+
+def test_file_names_are_safe():
+    assert file_stem("pareto", "a b/c: d(e=1)") == "pareto-a_b_c__d_e_1_"

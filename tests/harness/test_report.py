@@ -1,0 +1,242 @@
+"""The report: one file that needs nothing else, complete, safe against odd input, rebuildable from little."""
+
+import base64
+import html.parser
+import json
+import re
+import shutil
+import zlib
+
+import numpy as np
+import pytest
+
+from engines.errors import ConfigError
+from harness.plots import Plot
+from harness.report import write_derived
+from harness.report.assembly import inline_svg, repeat_command
+from harness.report.pictures import busiest, packed, shrunk
+from tests.harness.synthetic import Size, write_folder
+
+DERIVED = ("points.csv", "ttq.csv", "phases.csv", "report.html", "tables/time_to_quality.md", "tables/columns.md")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("report"), Size(64, 48), seeds=3)
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return write_derived(folder).read_text(encoding="utf-8")
+
+
+class Outline(html.parser.HTMLParser):
+    """Tags, ids and addresses of a document; `open` tracks nesting."""
+
+    VOID = frozenset(("meta", "input", "img", "br", "link", "hr", "path", "use"))
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.addresses, self.images, self.svgs, self.stack, self.tags = [], [], [], [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.tags.append(tag)
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.addresses += [attributes[key] for key in ("src", "href", "xlink:href") if key in attributes]
+        if tag == "img":
+            self.images.append(attributes)
+        if tag == "svg":
+            self.svgs.append(attributes)
+        if tag not in self.VOID:
+            self.stack.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.stack.pop()
+
+    def handle_endtag(self, tag):
+        assert self.stack.pop() == tag
+
+
+def payload_of(page):
+    return json.loads(re.search(r'<script type="application/json" id="pictures">(.*?)</script>', page, re.S).group(1))
+
+
+def test_everything_derived_is_written(page, folder):
+    assert all((folder / name).exists() for name in DERIVED)
+    assert len(page) < 10_000_000
+
+
+def test_the_document_is_well_formed_with_unique_ids_and_nothing_outside(page):
+    outline = Outline(page)
+    assert outline.stack == [] and len(outline.ids) == len(set(outline.ids))
+    assert all(address.startswith(("#", "data:")) for address in outline.addresses)
+    assert not re.search(r"""(src|href)=["']https?:|@import|url\(["']?http""", page)
+    targets = {address[1:] for address in outline.addresses if address.startswith("#")}
+    assert targets <= set(outline.ids)
+
+
+def test_pictures_and_plots_have_words_for_those_who_cannot_see_them(page):
+    outline = Outline(page)
+    assert outline.images and all(len(image["alt"]) > 10 for image in outline.images)
+    assert len(outline.svgs) == 15 and all(svg["role"] == "img" and len(svg["aria-label"]) > 40 for svg in outline.svgs)
+
+
+def test_verdicts_come_first_and_every_part_is_there(page):
+    places = [page.index(f'<section id="{name}"') for name in
+              ("verdicts", "plots", "images", "tables", "failures", "cells", "provenance")]  # fmt: skip
+    assert places == sorted(places)
+    assert "biased by" in page and "raybench render" in page and "0123abc" in page
+
+
+def test_input_is_escaped(page):
+    assert "<small> cannot" not in page and "&lt;small&gt; cannot hold" in page
+
+
+def test_every_cell_has_a_row_with_its_command(page, folder):
+    events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    cells = {event["cell_id"] for event in events if event["event"] == "cell"}
+    table = page[page.index('<table id="table-cells"') :]
+    assert table[: table.index("</table>")].count('class="copy"') == len(cells)
+
+
+def test_pictures_decode_to_the_images(page, folder):
+    payload = payload_of(page)
+    assert [group["title"] for group in payload["groups"]] == ["cornell_box", "two_spheres"]
+    group = payload["groups"][0]
+    assert group["has_reference"] and (group["width"], group["height"], group["factor"]) == (64, 48, 1)
+    from harness.results import load_results
+
+    results = load_results(folder)
+    reference = results.reference(results.contenders[0].cells[0]["reference_id"])
+    assert unpacked(group["pictures"][0]["data"], (48, 64, 3)) == pytest.approx(reference.mean, rel=5e-3)
+    names = [picture["name"] for picture in group["pictures"]]
+    assert names[0] == "reference" and {name.split()[0] for name in names[1:4]} == {"numpy", "numba", "embree"}
+    assert len(names) <= 10
+
+
+def unpacked(data, shape):
+    """What the viewer's JavaScript does: high bytes, then low bytes, of half floats."""
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(data)), np.uint8).astype(np.uint16)
+    half = planes.size // 2
+    return ((planes[:half] << 8) | planes[half:]).view(np.float16).astype(np.float64).reshape(shape)
+
+
+def test_packing_keeps_extremes():
+    image = np.array([[[0.0, 1e6, -3.0], [np.nan, np.inf, 1.0]]])
+    found = unpacked(packed(image), image.shape)
+    assert found[0, 0].tolist() == [0, 65024, -3] and np.isnan(found[0, 1, 0]) and np.isposinf(found[0, 1, 1])
+    values = np.geomspace(1e-3, 6e4, 3000).reshape(10, 100, 3)
+    assert unpacked(packed(values), values.shape) == pytest.approx(values, rel=5e-3)
+
+
+def test_shrinking_averages_whole_blocks():
+    image = np.arange(5 * 7 * 3, dtype=float).reshape(5, 7, 3)
+    assert shrunk(image, 2).shape == (2, 3, 3)
+    assert shrunk(image, 2)[0, 0] == pytest.approx(image[:2, :2].mean(axis=(0, 1)))
+    assert shrunk(image, 9).shape == (1, 1, 3)
+
+
+def test_the_crop_shows_the_busiest_part():
+    image = np.zeros((200, 200, 3))
+    image[130:150, 120:160:2] = 1.0
+    y, x = busiest(image)
+    assert y <= 130 < y + 48 and x <= 121 < x + 48 and busiest(image[:20, :20]) == (0, 0)
+
+
+def test_a_plot_keeps_its_text_and_gets_its_own_ids():
+    text = '<?xml version="1.0"?><svg width="72pt" viewBox="0 0 9 9"><g id="a" fill="#222222" d="1.23456"/>' \
+           '<use xlink:href="#a"/><text>0.00123</text></svg>'  # fmt: skip
+    svg = inline_svg(Plot("n", 'T "quoted"', "d", text), 3)
+    assert 'id="p3-a"' in svg and "#p3-a" in svg and "0.00123" in svg and "1.23" in svg and "1.234" not in svg
+    assert "var(--ink)" in svg and "&#34;quoted&#34;" in svg and svg.startswith("<svg")
+
+
+def test_a_command_is_made_where_none_was_stored():
+    shader = {"name": "whitted", "max_depth": 3}
+    command = repeat_command({"scene": "my scene", "engine": "numba", "shader": shader, "width": 8, "height": 6})
+    assert all(part in command for part in ("'my scene'", f"'{json.dumps(shader)}'", "--size 8x6"))
+
+
+# What may be missing
+
+
+def rewritten(folder, target, change):
+    """A copy of the results whose events went through `change`."""
+    shutil.copytree(folder, target, ignore=shutil.ignore_patterns("plots", "tables", "*.csv", "report.html"))
+    events = [json.loads(line) for line in (target / "events.jsonl").read_text().splitlines()]
+    (target / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in change(events)))
+    return target
+
+
+def test_the_report_is_rebuilt_from_manifest_events_and_images_alone(folder, page, tmp_path):
+    copy = rewritten(folder, tmp_path / "copy", lambda events: events)
+    assert write_derived(copy).read_text(encoding="utf-8") == page
+
+
+def test_no_cell_done(folder, tmp_path):
+    copy = rewritten(folder, tmp_path / "copy", lambda events: [e for e in events if e.get("state") != "done"])
+    text = write_derived(copy).read_text(encoding="utf-8")
+    assert "nothing to compare yet" in text and "mitsuba" in text
+
+
+def test_no_events_but_the_run(folder, tmp_path):
+    copy = rewritten(folder, tmp_path / "copy", lambda events: events[:1])
+    (copy / "manifest.json").unlink()
+    assert "none yet" in write_derived(copy).read_text(encoding="utf-8")
+
+
+def test_images_and_references_gone(folder, tmp_path):
+    copy = rewritten(folder, tmp_path / "copy", few_cells)
+    shutil.rmtree(copy / "images")
+    shutil.rmtree(copy / "references")
+    text = write_derived(copy).read_text(encoding="utf-8")
+    assert 'id="images"' not in text and "unknown" in (copy / "tables" / "time_to_quality.md").read_text()
+
+
+def test_a_damaged_image_and_no_reference(folder, tmp_path):
+    copy = rewritten(folder, tmp_path / "copy", few_cells)
+    shutil.rmtree(copy / "references")
+    for image in sorted(copy.glob("images/*numba*-0/*.exr")):
+        image.write_bytes(b"no image")
+    payload = payload_of(write_derived(copy).read_text(encoding="utf-8"))
+    assert payload["groups"] and not payload["groups"][0]["has_reference"]
+
+
+def few_cells(events):
+    """One scene and two engines: enough to draw, quick to do."""
+
+    def wanted(event):
+        return event["scene"] == "cornell_box" and event["engine"] in ("numba", "numpy") and event["threads"] == 1
+
+    return [event for event in events if event["event"] != "cell" or wanted(event)]
+
+
+def test_nonfinite_metrics_and_points_do_not_break_it(folder, tmp_path):
+    bad = {"relmse_e0.01_corrected": float("inf"), "relmse_e0.01_se": float("nan"), "nonfinite": 3.0}
+
+    def spoil(events):
+        for event in few_cells(events):
+            for point in event.get("points", [])[-1:]:
+                point["metrics"] |= bad
+            yield event
+
+    copy = rewritten(folder, tmp_path / "copy", spoil)
+    assert "non-finite pixels" in write_derived(copy).read_text(encoding="utf-8")
+
+
+def test_results_of_two_machines_carry_a_banner(folder, tmp_path):
+    def move(events):
+        for event in few_cells(events):
+            yield event | {"env_id": "other"} if event.get("block") == 1 and event["event"] == "cell" else event
+
+    report = write_derived(rewritten(folder, tmp_path / "copy", move))
+    assert "must not be compared" in report.read_text(encoding="utf-8")
+
+
+def test_a_folder_without_events_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"events\.jsonl"):
+        write_derived(tmp_path)

@@ -1,0 +1,137 @@
+"""The report in a headless Chromium with the network off: no error, and the viewer and tables do what they say."""
+
+import pytest
+
+from harness.report import write_derived
+from tests.harness.chromium import PROGRAM, Browser
+from tests.harness.synthetic import Size, write_folder
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
+
+READY = "document.getElementById('viewer-canvas').dataset.ready"
+LABEL = "document.getElementById('viewer-canvas').getAttribute('aria-label')"
+PIXELS = """(() => { const c = document.getElementById('viewer-canvas');
+  const d = c.getContext('2d').getImageData(0, 30, c.width, c.height - 30).data;
+  let sum = 0; for (let i = 0; i < d.length; i += 97) sum = (sum * 31 + d[i]) % 1000003; return sum; })()"""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    folder = write_folder(tmp_path_factory.mktemp("browser"), Size(64, 48), seeds=2, threads=(1,))
+    report = write_derived(folder)
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        browser.report = report
+        yield browser
+
+
+@pytest.fixture
+def page(browser):
+    browser.open(browser.report)
+    browser.wait_for(READY)
+    browser.evaluate("document.getElementById('viewer-canvas').focus()")
+    return browser
+
+
+def test_it_opens_offline_without_errors_and_asks_for_nothing(page):
+    assert page.problems == []
+    assert {url for url in page.requests if not url.startswith("data:")} == {f"file://{page.report}"}
+
+
+@pytest.mark.parametrize("width", [1280, 420])
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_sticks_out_sideways(page, width, dark):
+    page.open(page.report, width=width, dark=dark)
+    page.wait_for(READY)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (colour == "rgb(255, 255, 255)") != dark
+
+
+def test_every_plot_is_visible(page):
+    boxes = page.evaluate("Array.from(document.querySelectorAll('.plot svg'), s => s.getBoundingClientRect().height)")
+    assert len(boxes) >= 12 and min(boxes) > 100
+
+
+def test_number_keys_flip_and_zero_is_the_reference(page):
+    seen = {}
+    for key in ("1", "2", "0"):
+        page.press(key)
+        seen[key] = page.evaluate(LABEL), page.evaluate(PIXELS)
+    assert "reference" in seen["0"][0] and len(set(seen.values())) == 3
+    assert page.evaluate("document.querySelector('#viewer-choices [aria-pressed=true]').textContent").startswith("0")
+
+
+def test_zoom_pan_and_exposure_change_the_picture_and_fit_restores_it(page):
+    pictures = [page.evaluate(PIXELS)]
+    for key in ("+", "ArrowLeft", "]"):
+        page.press(key)
+        pictures.append(page.evaluate(PIXELS))
+    assert len(set(pictures)) == 4
+    page.press("[")
+    page.press("f")
+    assert page.evaluate(PIXELS) == pictures[0]
+
+
+def test_zoom_is_shared_between_pictures(page):
+    page.press("+")
+    zoomed = page.evaluate("document.getElementById('viewer-status').textContent.match(/Zoom [0-9]+/)[0]")
+    page.press("2")
+    assert page.evaluate("document.getElementById('viewer-status').textContent.match(/Zoom [0-9]+/)[0]") == zoomed
+
+
+def test_wipe_grid_and_error_map_are_drawn_and_named(page):
+    plain = page.evaluate(PIXELS)
+    for key, control in (("w", "[data-mode=wipe]"), ("g", "[data-mode=grid]")):
+        page.press(key)
+        assert page.evaluate(f"document.querySelector('{control}').getAttribute('aria-pressed')") == "true"
+        assert page.evaluate(PIXELS) != plain
+    page.press("g")
+    page.press("e")
+    assert "R² + ε" in page.evaluate("document.getElementById('viewer-scale').textContent")
+    assert page.evaluate(PIXELS) != plain
+
+
+def test_the_pixel_under_the_pointer_is_told(page):
+    box = page.evaluate("""(() => { const c = document.getElementById('viewer-canvas'); c.scrollIntoView();
+        const r = c.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()""")
+    page.mouse("mouseMoved", *box)
+    text = page.evaluate("document.getElementById('viewer-status').textContent")
+    assert text.startswith("(32, 24)") and "reference: " in text and "relative squared error" in text
+
+
+def test_another_scene_can_be_opened(page):
+    page.evaluate("(() => { const s = document.getElementById('viewer-group'); s.value = '1';"
+                  "s.dispatchEvent(new Event('change')); })()")  # fmt: skip
+    page.wait_for(f"{READY} === document.getElementById('viewer-group').selectedOptions[0].textContent")
+    assert page.evaluate(LABEL).startswith(page.evaluate(READY))
+
+
+def test_tables_sort_by_number_both_ways(page):
+    column = "Array.from(document.querySelectorAll('#table-cells tbody tr'), r => parseFloat(r.cells[6].dataset.sort))"
+    for direction in ("ascending", "descending"):
+        page.evaluate("document.querySelectorAll('#table-cells th button')[6].click()")
+        values = [v for v in page.evaluate(column) if v is not None]  # unknown ones come as null
+        assert len(values) > 20 and values == sorted(values, reverse=direction == "descending")
+        assert page.evaluate("document.querySelectorAll('#table-cells th')[6].getAttribute('aria-sort')") == direction
+
+
+def test_search_shows_the_rows_that_hold_all_words(page):
+    page.evaluate("(() => { const i = document.querySelector('[data-filter=table-cells]'); i.value = 'numpy SOBOL';"
+                  "i.dispatchEvent(new Event('input')); })()")  # fmt: skip
+    shown = page.evaluate("Array.from(document.querySelectorAll('#table-cells tbody tr'))"
+                          ".filter(r => !r.hidden).map(r => r.cells[2].textContent)")  # fmt: skip
+    assert len(shown) == 4 and all("numpy" in name and "sobol" in name for name in shown)
+    assert page.evaluate("document.querySelector('[data-count=table-cells]').textContent").startswith("4 of")
+
+
+def test_the_theme_button_turns_light_to_dark(page):
+    before = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    page.evaluate("document.getElementById('theme').click()")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") != before
+
+
+def test_controls_have_names(page):
+    unnamed = page.evaluate("""Array.from(document.querySelectorAll('button, input, select, canvas'))
+        .filter(e => !(e.textContent.trim() || e.getAttribute('aria-label') || e.labels?.length))
+        .map(e => e.outerHTML)""")
+    assert unnamed == []
