@@ -11,7 +11,7 @@
 """
 
 from harness.statistics.bias import BiasEstimate, bias_estimate, on_bias_floor, too_good_per_sample
-from harness.statistics.comparison import Speedup, noise_floor, paired_speedup
+from harness.statistics.comparison import Speedup, noise_floor, paired_speedup, unpaired_ratio
 from harness.statistics.convergence import Crossing, Slope, convergence_slope, first_crossing, monotone_fit
 from harness.statistics.equivalence import Equivalence, equivalence
 from harness.statistics.fronts import ecdf, pareto_front
@@ -46,4 +46,5 @@ __all__ = [
     "reliable_errors",
     "time_to_quality",
     "too_good_per_sample",
+    "unpaired_ratio",
 ]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 
-from harness.statistics.intervals import LEVEL, mean_interval
+from harness.statistics.intervals import LEVEL, NOTHING, Estimate, mean_interval
 
 
 class Speedup(NamedTuple):
@@ -43,6 +43,23 @@ def paired_speedup(baseline: Mapping[int, float], other: Mapping[int, float], fl
         enough = logs.size >= 2
     verdict = "unknown" if not enough else "faster" if low > floor else "slower" if high < -floor else "tie"
     return Speedup(_exp(value), _exp(low), _exp(high), len(blocks), verdict)
+
+
+def unpaired_ratio(before: Sequence[float], after: Sequence[float], level: float = LEVEL) -> Estimate:
+    """exp(mean log after - mean log before) with Welch's interval: for measurements that share no blocks.
+
+    Values that are not positive and finite are left out; NaN below two on either side.
+    """
+    a, b = (np.log([value for value in values if value > 0 and math.isfinite(value)]) for values in (before, after))
+    n = min(a.size, b.size)
+    if n < 2:
+        return NOTHING
+    share_a, share_b = a.var(ddof=1) / a.size, b.var(ddof=1) / b.size
+    se = math.sqrt(share_a + share_b)
+    difference = float(b.mean() - a.mean())
+    freedom = se**4 / (share_a**2 / (a.size - 1) + share_b**2 / (b.size - 1)) if se > 0 else 1.0
+    half = float(stats.t.ppf((1 + level) / 2, freedom)) * se
+    return Estimate(_exp(difference), _exp(difference - half), _exp(difference + half), n)
 
 
 def noise_floor(first: Mapping[int, float], second: Mapping[int, float], level: float = LEVEL) -> float:

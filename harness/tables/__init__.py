@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness.analysis import Analysis
+from harness.tables.changes import changes
 from harness.tables.model import Column, Table, cell_text, csv_text, latex_text, markdown_text, sort_value
 from harness.tables.tidy import phase_rows, points, quality_times
 from harness.tables.verdicts import all_tables, thread_families
 
-__all__ = ["Column", "Table", "all_tables", "cell_text", "columns", "sort_value", "thread_families", "write_tables"]
+__all__ = ["Column", "Table", "all_tables", "cell_text", "changes", "columns", "sort_value", "thread_families", "write_tables"]
 
 TEXTS = {"csv": csv_text, "md": markdown_text, "tex": latex_text}
 

@@ -24,6 +24,7 @@ from harness.statistics import (
     reliable_errors,
     time_to_quality,
     too_good_per_sample,
+    unpaired_ratio,
 )
 from harness.statistics.convergence import curve
 
@@ -215,6 +216,15 @@ def test_a_difference_inside_the_noise_floor_is_a_tie():
     assert paired_speedup(base, other).verdict == "faster"
     assert paired_speedup(base, other, floor=0.05).verdict == "tie"
     assert paired_speedup(other, base, floor=0.05).verdict == "tie"
+
+
+def test_unpaired_ratios_cover():
+    def trial(rng):
+        estimate = unpaired_ratio(rng.lognormal(0, 0.05, 5), 1.2 * rng.lognormal(0, 0.1, 6))
+        return estimate.low, 1.2, estimate.high
+
+    assert coverage(trial, 600) > 0.92
+    assert math.isnan(unpaired_ratio([1.0], [1.0, 2.0]).value)
 
 
 def test_the_noise_floor_bounds_an_a_a_control():

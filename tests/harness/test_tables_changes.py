@@ -1,0 +1,62 @@
+"""Comparing two folders: what was made slower or worse is found, equal ones are left in peace."""
+
+import json
+
+import pytest
+
+from harness.results import load_results
+from harness.tables import changes
+from tests.harness.synthetic import write_folder
+
+
+@pytest.fixture(scope="module")
+def before(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("before"), with_images=False)
+
+
+def altered(folder, target, change):
+    target.mkdir()
+    events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    for event in events:
+        if event["event"] == "cell" and event["state"] == "done":
+            change(event)
+    (target / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
+    return load_results(target)
+
+
+def verdicts(table, measure):
+    return {(row["scene"], row["contender"]): row["verdict"] for row in table.rows if row.get("measure") == measure}
+
+
+def test_equal_folders_show_no_change(before, tmp_path):
+    table = changes(load_results(before), altered(before, tmp_path / "after", lambda event: None))
+    assert {row["verdict"] for row in table.rows} == {"no change"}
+
+
+def test_a_slower_engine_is_found_and_only_it(before, tmp_path):
+    def slow(event):
+        if event["engine"] == "numba":
+            for point in event["points"]:
+                point["seconds"] *= 1.6
+
+    found = verdicts(changes(load_results(before), altered(before, tmp_path / "after", slow)), "seconds per sample")
+    assert all((verdict == "slower") == key[1].startswith("numba") for key, verdict in found.items())
+
+
+def test_a_worse_estimator_is_found(before, tmp_path):
+    def worse(event):
+        if event["engine"] == "embree":
+            for point in event["points"]:
+                point["metrics"]["relmse_e0.01_corrected"] *= 1.5
+
+    found = verdicts(changes(load_results(before), altered(before, tmp_path / "after", worse)), "error")
+    assert all((verdict == "worse") == key[1].startswith("embree") for key, verdict in found.items())
+
+
+def test_contenders_of_one_folder_are_named(before, tmp_path):
+    def rename(event):
+        if event["engine"] == "embree":
+            event["engine"] = "other"
+
+    table = changes(load_results(before), altered(before, tmp_path / "after", rename))
+    assert {"only before", "only after"} <= {row["verdict"] for row in table.rows}
