@@ -72,9 +72,13 @@ def wide(v):
 
 
 class Place(NamedTuple):
-    """Where a ray hit: distance, barycentric weights, point, unit normal of the front side, and the interpolated one."""
+    """Where a ray hit: distance, barycentric weights, point, unit normal of the front side, and the interpolated one.
+
+    `size` is the largest number that rounding has scaled with, besides coordinates and distance: a sphere's radius.
+    """
 
     t: float
+    size: float
     u: float
     v: float
     point: Vec3
@@ -112,7 +116,7 @@ def _on_triangle(o, d, face, world, smooth, real):
         good = square > real(0)
         shading = select3(good, bent * (real(1) / np.sqrt(select(good, square, real(1)))), stored)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
-    return Place(t, u, v, a * (w.a * inverse) + b * u + c * v, stored, shading)
+    return Place(t, real(0), u, v, a * (w.a * inverse) + b * u + c * v, stored, shading)
 
 
 @inline
@@ -123,7 +127,7 @@ def _on_sphere(o, d, row, world, real):
     t = sphere_distance(wide(o), wide(d), center, radius)
     out = unit(wide(o) + wide(d) * t - center)
     normal = narrow(out, real)
-    return Place(real(t), real(0), real(0), narrow(center + out * radius, real), normal, normal)
+    return Place(real(t), real(radius), real(0), real(0), narrow(center + out * radius, real), normal, normal)
 
 
 @inline
@@ -134,13 +138,14 @@ def _on_plane(o, d, row, world, real):
     spot = wide(o) + wide(d) * t
     spot = spot + upright * dot(upright, anchor - spot)
     normal = narrow(upright, real)
-    return Place(real(t), real(0), real(0), narrow(spot, real), normal, normal)
+    return Place(real(t), real(0), real(0), real(0), narrow(spot, real), normal, normal)
 
 
 @inline
 def _choose(condition, yes, no):
     return Place(
         select(condition, yes.t, no.t),
+        select(condition, yes.size, no.size),
         select(condition, yes.u, no.u),
         select(condition, yes.v, no.v),
         select3(condition, yes.point, no.point),
@@ -158,6 +163,7 @@ def _put_place(lanes, lane, place, o, d, miss, offset_scale):
     reach, start = extent(place.point), extent(o)
     reach = select(start > reach, start, reach)
     reach = select(place.t > reach, place.t, reach)
+    reach = select(place.size > reach, place.size, reach)
     put_int(lanes, at.MISS, lane, np.int32(1) if miss else np.int32(0))
     put_int(lanes, at.FRONT, lane, np.int32(1) if front else np.int32(0))
     put(lanes, at.T, lane, select(miss, const(math.inf, place.t), place.t))
@@ -219,7 +225,7 @@ def _make(needs: Needs, tracing: Any, real: Any) -> Any:
             kind, index = fetch(primitives, row), np.int64(fetch(primitives, row + 1))
             material, light = np.int64(fetch(primitives, row + 2)), np.int64(fetch(primitives, row + 3))
             o, d = at.get3(lanes, at.ORIGIN, lane), at.get3(lanes, at.DIRECTION, lane)
-            place = Place(infinite, zero, zero, o, Vec3(zero, zero, one), Vec3(zero, zero, one))
+            place = Place(infinite, zero, zero, zero, o, Vec3(zero, zero, one), Vec3(zero, zero, one))
             if needs.triangles:
                 face = (index if kind == TRIANGLE else np.int64(0)) * 3
                 place = _on_triangle(o, d, face, world, needs.smooth, real)

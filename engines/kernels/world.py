@@ -88,7 +88,7 @@ class World:
     arrays: dict[int, NDArray[Any]]
     counts: dict[int, int]
     bounds: NDArray[np.float64]
-    """(2, 3) box of all finite shapes, in scene coordinates; zeros where there are none."""
+    """(2, 3) box of all finite shapes, in scene coordinates; NaN where there are none."""
     table: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SLOTS, np.int64))
 
     def bind(self, slot: int, value: NDArray[Any] | int) -> None:
@@ -228,7 +228,7 @@ class _Pieces:
         vertices, spheres = self.joined(self.vertices), self.joined(self.spheres)
         low = np.concatenate([vertices, spheres[:, :3] - spheres[:, 3:]])
         high = np.concatenate([vertices, spheres[:, :3] + spheres[:, 3:]])
-        return np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.zeros((2, 3))
+        return np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.full((2, 3), np.nan)
 
 
 class _Lights:

@@ -47,6 +47,8 @@ def surface_at(geometry: Geometry, origin: Array, direction: Array, hits: Neares
     shading = _shading_normals(geometry, origin, direction, hits.rank, outward)
     normal = np.where(dot(shading, geometric) < 0.0, -shading, shading)
     reach = np.maximum(np.maximum(np.abs(point).max(axis=0), np.abs(origin).max(axis=0)), hits.t)
+    ball = np.flatnonzero(geometry.kind[hits.rank] == SPHERE)
+    reach[ball] = np.maximum(reach[ball], geometry.spheres.radius[geometry.index[hits.rank[ball]]])
     return Surface(point, geometric, normal, front, geometry.material[hits.rank], hits.rank, OFFSET * reach)
 
 

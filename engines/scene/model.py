@@ -151,7 +151,7 @@ class Orthographic:
 
 @dataclass(frozen=True, slots=True)
 class CustomCamera:
-    """A camera plugin (see `engines.interface.CameraPlugin`) with its options."""
+    """A camera plugin (see `engines.plugin.Camera`) with its options."""
 
     plugin: Any
     options: Mapping[str, Any]

@@ -40,7 +40,8 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     elif shader.name in ("whitted", "no_shadows"):
         row[1] = options["ambient"]
     elif shader.name == "depth_map":
-        row[3:6] = np.subtract(bounds[1] if options["max_point"] is None else options["max_point"], center)
+        corner = bounds[1] if options["max_point"] is None else options["max_point"]
+        row[3:6] = np.subtract(corner, center)  # NaN where there is no finite shape, and then the image is black
     return row
 
 
