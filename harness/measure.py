@@ -99,6 +99,7 @@ def timed_points(
 ) -> Iterator[Point]:
     """Renders checkpoint after checkpoint until the budget is spent; the caller's work in between is off the clock."""
     done, seconds = 0, 0.0
+    gc.collect()  # once: before every pass it would empty the caches that the renderer has filled
     rays_before = float(renderer.counters().get("rays", 0.0))
     for wanted in checkpoints(schedule):
         target = shortened(wanted, done, seconds, seconds_per_spp, schedule.max_time_seconds)
@@ -114,7 +115,6 @@ def timed_points(
 
 def timed_call(render: Callable[..., Film], spp: int, disturbance: Disturbance) -> tuple[Film, float]:
     """One call of `render` on the clock, with the garbage collector at rest."""
-    gc.collect()
     gc.disable()
     try:
         disturbance.start()

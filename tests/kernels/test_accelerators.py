@@ -96,7 +96,9 @@ def test_float64_hits_equal_the_references(name):
     theirs = engines.engine("numpy").prepare(scene, Settings(8, 8, shader="albedo")).trace(origins, directions)
     assert np.array_equal(np.isfinite(ours.t), np.isfinite(theirs.t))
     hit = np.isfinite(ours.t)
-    assert np.allclose(ours.t[hit], theirs.t[hit], rtol=1e-9)  # which of two coplanar faces wins is a matter of the last bit
+    assert np.allclose(
+        ours.t[hit], theirs.t[hit], rtol=1e-9
+    )  # which of two coplanar faces wins is a matter of the last bit
 
 
 def test_ties_go_to_the_lower_shape_then_the_lower_primitive():
@@ -111,12 +113,16 @@ def test_ties_go_to_the_lower_shape_then_the_lower_primitive():
 def test_a_sphere_mesh_far_from_the_origin_has_no_hole():
     """Two hundred rings at (148376, 1234, -223423), seen from within (Woop's own test)."""
     rings, sectors, center = 200, 64, np.array([148376.0, 1234.0, -223423.0])
-    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, sectors + 1)[:-1], indexing="ij")
+    theta, phi = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, sectors + 1)[:-1], indexing="ij"
+    )
     points = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1).reshape(-1, 3)
     points = center + 2 * points
     row, column = np.meshgrid(np.arange(rings), np.arange(sectors), indexing="ij")
     a, b = row * sectors + column, row * sectors + (column + 1) % sectors
-    faces = np.concatenate([np.stack([a, b, a + sectors], -1), np.stack([b, b + sectors, a + sectors], -1)]).reshape(-1, 3)
+    faces = np.concatenate([np.stack([a, b, a + sectors], -1), np.stack([b, b + sectors, a + sectors], -1)]).reshape(
+        -1, 3
+    )
     scene = _scene({"mesh": {"vertices": points, "faces": faces}})
     rng = np.random.default_rng(6)
     origins = center + rng.uniform(-0.5, 0.5, (4000, 3))

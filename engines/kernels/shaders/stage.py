@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.choices import Choice
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, pointer, put, put_int, select
+from engines.kernels.jit import LANES, compile_stage, const, fetch, get, get_int, inline, pointer, put, put_int, select
 from engines.kernels.materials import cosine_pdf
 from engines.kernels.shaders import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.shaders.step import Draws, Hit, Light, Material, Path
@@ -45,13 +45,101 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
-def _make(
-    step: Any, needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool, tracing: Any, real: Any
-) -> Any:
-    """`lit`: there are lights to sample; `every`: the step is called once for each of them."""
-    zero, one, infinite = real(0), real(1), real(math.inf)
+class Traits(NamedTuple):
+    """What the stage is compiled for, besides what the scene needs."""
+
+    lit: bool
+    """There are lights to sample."""
+    every: bool
+    """The step is called once for each light."""
+    branches: bool
+    """Two rays may follow from one hit."""
+    shadows: bool
+
+
+@inline
+def _read_hit(lanes, lane):
+    return Hit(
+        get_int(lanes, at.MISS, lane) != 0, get(lanes, at.T, lane), at.get3(lanes, at.POINT, lane),
+        at.get3(lanes, at.NORMAL, lane), at.get3(lanes, at.GEOMETRIC, lane), at.get3(lanes, at.DIRECTION, lane),
+        at.get3(lanes, at.ORIGIN, lane), get_int(lanes, at.FRONT, lane) != 0,
+    )  # fmt: skip
+
+
+@inline
+def _read_material(lanes, lane, front, needs, none):
+    ior, fresnel = const(1.0, none.x), False
+    if needs.mirror or needs.refraction:
+        stored = get(lanes, at.IOR, lane)
+        ior = select(front, stored, const(1.0, stored) / stored)
+        fresnel = get(lanes, at.FRESNEL, lane) > const(0.0, stored)
+    return Material(
+        at.get3(lanes, at.KD, lane) if needs.diffuse else none,
+        at.get3(lanes, at.KS, lane) if needs.mirror else none,
+        at.get3(lanes, at.KT, lane) if needs.refraction else none,
+        ior, fresnel, at.get3(lanes, at.EMISSION, lane), get(lanes, at.LIGHT_PDF, lane),
+    )  # fmt: skip
+
+
+@inline
+def _read_light(lanes, lane, lit, none):
+    if not lit:
+        return Light(none, const(0.0, none.x), none, const(0.0, none.x))
+    incident, pdf = at.get3(lanes, at.INCIDENT, lane), get(lanes, at.SAMPLE_PDF, lane)
+    return Light(at.get3(lanes, at.TO_LIGHT, lane), get(lanes, at.DISTANCE, lane), incident, pdf)
+
+
+@inline
+def _read_draws(lanes, lane):
+    lobe, roulette = get(lanes, at.DRAW + 3, lane), get(lanes, at.DRAW + 6, lane)
+    return Draws(lobe, get(lanes, at.DRAW + 4, lane), get(lanes, at.DRAW + 5, lane), roulette)
+
+
+@inline
+def _next_turn(lanes, lane, working, miss, n_lights):
+    """For shaders that visit every light: (this one's number, whether the lane stays for the next one)."""
+    turn = get_int(lanes, at.LIGHT, lane)
+    stays = working & (not miss) & (turn + 1 < n_lights)
+    put_int(lanes, at.HELD, lane, select(stays, get_int(lanes, at.RANK, lane), turn - turn - 1))
+    put_int(lanes, at.LIGHT, lane, select(stays, turn + 1, turn - turn))
+    return turn, stays
+
+
+@inline
+def _put_shadow_ray(lanes, lane, hit, light, direct, offset, reach, working, shadows):
+    """What waits for the shadow ray, and the ray: aimed anew from where it starts, since a parallel one would meet a
+    light that is seen from the side too early."""
+    zero, infinite = const(0.0, offset), const(math.inf, offset)
+    sent = working & (not ((direct.x <= zero) & (direct.y <= zero) & (direct.z <= zero)))  # NaN is sent, to be counted
+    at.put3(lanes, at.DIRECT, lane, select3(sent, direct, Vec3(zero, zero, zero)))
+    aim = light.wi * light.distance - hit.geometric * offset
+    way, endless = length(aim), light.distance == infinite
+    at.put3(lanes, at.TO_LIGHT, lane, select3(endless, light.wi, aim * (const(1.0, way) / way)))
+    way = select(endless, infinite, way * reach - offset)
+    put(lanes, at.SHADOW_T, lane, select(sent & shadows, way, const(-1.0, way)))
+
+
+@inline
+def _put_next_ray(lanes, lane, hit, path, result, goes, offset, turns, turn, depth):
+    """The ray that goes on, from the side of the surface on which it leaves."""
+    step = select(result.through, -offset, offset)
+    at.put3(lanes, at.ORIGIN, lane, select3(goes, hit.point + hit.geometric * step, hit.origin))
+    at.put3(lanes, at.DIRECTION, lane, select3(goes, result.direction, hit.direction))
+    at.put3(lanes, at.THROUGHPUT, lane, select3(goes, result.throughput, path.throughput))
+    put(lanes, at.PDF, lane, select(goes, result.pdf, path.pdf))
+    put(lanes, at.COS_PDF, lane, cosine_pdf(hit.normal, result.direction))
+    put_int(lanes, at.LEFT, lane, get_int(lanes, at.RANK, lane))
+    depth = select(goes, depth + 1, depth)
+    put_int(lanes, at.DEPTH, lane, depth)
+    put_int(lanes, at.DIMENSION, lane, 2 + 8 * ((depth - 1) * turns + turn))
+    put(lanes, at.T, lane, select(goes, const(math.inf, offset), const(-1.0, offset)))
+
+
+def _make(step: Any, needs: Needs, traits: Traits, tracing: Any, real: Any) -> Any:
+    zero = real(0)
     reach = real(1 - OFFSET_ULPS * float(np.finfo(tracing).eps))
-    branches = branches and needs.mirror and needs.refraction
+    lit, every, branches, shadows = traits
+    every, branches = every and lit, branches and needs.mirror and needs.refraction
 
     def shade(block, world):
         lanes = pointer(block, real)
@@ -64,96 +152,35 @@ def _make(
         none = Vec3(zero, zero, zero)
         for lane in range(np.uint64(LANES)):
             # what the lane knows
-            miss, front = get_int(lanes, at.MISS, lane) != 0, get_int(lanes, at.FRONT, lane) != 0
-            working = get_int(lanes, at.ALIVE, lane) != 0
-            point, normal = at.get3(lanes, at.POINT, lane), at.get3(lanes, at.NORMAL, lane)
-            geometric, direction = at.get3(lanes, at.GEOMETRIC, lane), at.get3(lanes, at.DIRECTION, lane)
-            hit = Hit(
-                miss,
-                get(lanes, at.T, lane),
-                point,
-                normal,
-                geometric,
-                direction,
-                at.get3(lanes, at.ORIGIN, lane),
-                front,
-            )
-            ior, fresnel = one, False
-            if needs.mirror or needs.refraction:
-                stored = get(lanes, at.IOR, lane)
-                ior, fresnel = select(front, stored, one / stored), get(lanes, at.FRESNEL, lane) > zero
-            material = Material(
-                at.get3(lanes, at.KD, lane) if needs.diffuse else none,
-                at.get3(lanes, at.KS, lane) if needs.mirror else none,
-                at.get3(lanes, at.KT, lane) if needs.refraction else none,
-                ior, fresnel, at.get3(lanes, at.EMISSION, lane), get(lanes, at.LIGHT_PDF, lane),
-            )  # fmt: skip
-            light = Light(direction, zero, none, zero)
-            if lit:
-                light = Light(
-                    at.get3(lanes, at.TO_LIGHT, lane), get(lanes, at.DISTANCE, lane), at.get3(lanes, at.INCIDENT, lane),
-                    get(lanes, at.SAMPLE_PDF, lane),
-                )  # fmt: skip
-            draws = Draws(
-                get(lanes, at.DRAW + 3, lane), get(lanes, at.DRAW + 4, lane), get(lanes, at.DRAW + 5, lane),
-                get(lanes, at.DRAW + 6, lane),
-            )  # fmt: skip
-            depth = get_int(lanes, at.DEPTH, lane)
-            throughput = at.get3(lanes, at.THROUGHPUT, lane)
-            path = Path(throughput, real(depth), get(lanes, at.PDF, lane))
+            working, depth = get_int(lanes, at.ALIVE, lane) != 0, get_int(lanes, at.DEPTH, lane)
+            hit = _read_hit(lanes, lane)
+            material = _read_material(lanes, lane, hit.front, needs, none)
+            light, draws = _read_light(lanes, lane, lit, none), _read_draws(lanes, lane)
+            path = Path(at.get3(lanes, at.THROUGHPUT, lane), real(depth), get(lanes, at.PDF, lane))
 
             # what the shader makes of it
             result = step(hit, material, light, draws, path, options, needs)
 
             # what the lane does next
-            turn, turns, first, stays = depth - depth, 1, True, False
-            if every and lit:
-                turn, turns = get_int(lanes, at.LIGHT, lane), n_lights
-                first = turn == 0
-                stays = working & (not miss) & (turn + 1 < turns)
-                rank = get_int(lanes, at.RANK, lane)
-                put_int(lanes, at.HELD, lane, select(stays, rank, turn - turn - 1))
-                turn = select(stays, turn + 1, turn - turn)
-                put_int(lanes, at.LIGHT, lane, turn)
-            at.put3(
-                lanes, at.RADIANCE, lane,
-                at.get3(lanes, at.RADIANCE, lane) + select3(first & working, result.radiance, none),
-            )  # fmt: skip
+            turn, turns, stays = depth - depth, 1, False
+            if every:
+                turns = n_lights
+                turn, stays = _next_turn(lanes, lane, working, hit.miss, n_lights)
+            old = at.get3(lanes, at.RADIANCE, lane)
+            at.put3(lanes, at.RADIANCE, lane, old + select3(working & (turn == 0), result.radiance, none))
             offset = get(lanes, at.OFFSET, lane)
-            near_side = point + geometric * offset
-            at.put3(lanes, at.SHADOW_ORIGIN, lane, near_side)
+            at.put3(lanes, at.SHADOW_ORIGIN, lane, hit.point + hit.geometric * offset)
             if lit:
-                sent = working & ((result.direct.x > zero) | (result.direct.y > zero) | (result.direct.z > zero))
-                at.put3(lanes, at.DIRECT, lane, select3(sent, result.direct, none))
-                # aimed anew from where it starts: a parallel ray would meet a light seen from the side too early
-                aim = light.wi * light.distance - geometric * offset
-                way, endless = length(aim), light.distance == infinite
-                at.put3(lanes, at.TO_LIGHT, lane, select3(endless, light.wi, aim * (one / way)))
-                way = select(endless, infinite, way * reach - offset)
-                put(lanes, at.SHADOW_T, lane, select(sent & shadows, way, -one))
-            goes = working & result.alive & (not stays)
-            put_int(lanes, at.LEFT, lane, get_int(lanes, at.RANK, lane))
-            put_int(
-                lanes,
-                at.DONE,
-                lane,
-                select(working & (not result.alive) & (not stays), depth - depth + 1, depth - depth),
-            )
+                _put_shadow_ray(lanes, lane, hit, light, result.direct, offset, reach, working, shadows)
+            ends = working & (not stays)
+            goes = ends & result.alive
+            put_int(lanes, at.DONE, lane, select(ends & (not result.alive), depth - depth + 1, depth - depth))
             if branches:
                 put_int(lanes, at.BRANCH, lane, select(goes & result.branch, depth - depth + 1, depth - depth))
                 at.put3(lanes, at.BRANCH_DIRECTION, lane, result.branch_direction)
                 at.put3(lanes, at.BRANCH_THROUGHPUT, lane, result.branch_throughput)
-            origin = select3(result.through, point - geometric * offset, near_side)
-            at.put3(lanes, at.ORIGIN, lane, select3(goes, origin, hit.origin))
-            at.put3(lanes, at.DIRECTION, lane, select3(goes, result.direction, direction))
-            at.put3(lanes, at.THROUGHPUT, lane, select3(goes, result.throughput, throughput))
-            put(lanes, at.PDF, lane, select(goes, result.pdf, path.pdf))
-            if needs.constant_sky:
-                put(lanes, at.COS_PDF, lane, cosine_pdf(normal, result.direction))
-            depth = select(goes, depth + 1, depth)
-            put_int(lanes, at.DEPTH, lane, depth)
-            put_int(lanes, at.DIMENSION, lane, 2 + 8 * ((depth - 1) * turns + turn))
-            put(lanes, at.T, lane, select(goes, infinite, -one))
+            following = select(stays, turn + 1, turn - turn)
+            _put_next_ray(lanes, lane, hit, path, result, goes, offset, turns, following, depth)
 
     return shade
 
@@ -162,11 +189,11 @@ def _make(
 def stage(name: str, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
     """The shade stage of a built-in shader."""
     rule = SHADERS[name]
-    shadows = name != "no_shadows"
-    return compile_stage(_make(rule.step, needs, lit, rule.EVERY_LIGHT, rule.BRANCHES, shadows, tracing, real))
+    traits = Traits(lit, rule.EVERY_LIGHT, rule.BRANCHES, name != "no_shadows")
+    return compile_stage(_make(rule.step, needs, traits, tracing, real))
 
 
 @cache
 def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
     """The shade stage of a user's `@njit` step; `every`: it is called once for each light."""
-    return compile_stage(_make(step, needs, lit, every, True, True, tracing, real), on_disk=False)
+    return compile_stage(_make(step, needs, Traits(lit, every, True, True), tracing, real), on_disk=False)
