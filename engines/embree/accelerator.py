@@ -14,7 +14,20 @@ from numba.extending import intrinsic
 from engines.embree.library import SPHERE_GEOMETRY, TRIANGLE_GEOMETRY, EmbreeScene, address
 from engines.kernels import block as at
 from engines.kernels import jit
-from engines.kernels.jit import LANES, compile_stage, fetch, get, inline, keep, pointer, put, put_int, select
+from engines.kernels.jit import (
+    LANES,
+    compile_stage,
+    count,
+    fetch,
+    get,
+    inline,
+    keep,
+    pointer,
+    put,
+    put_int,
+    select,
+    table,
+)
 from engines.kernels.linear import closest_planes, occluded_planes
 from engines.kernels.shapes import sphere_distance
 from engines.kernels.surface import row3
@@ -29,8 +42,6 @@ from engines.kernels.world import (
     VERTICES,
     Needs,
     World,
-    count,
-    table,
 )
 
 INTERSECT, OCCLUDE, SCENE = (ACCELERATOR + k for k in range(3))

@@ -281,6 +281,31 @@ def fetch(typing, table, index):
     return table.dtype(table, types.int64), generate
 
 
+def _slot_value(builder: Any, arguments: Any) -> Any:
+    slots = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+    return _load(builder, builder.gep(slots, [arguments[1]]), False)
+
+
+@intrinsic
+def table(typing, world, slot, kind):
+    """A typed pointer to the array in a slot of the world at address `world`."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(_slot_value(builder, arguments), context.get_value_type(signature.return_type))
+
+    return types.CPointer(kind.dtype)(types.int64, types.int64, kind), generate
+
+
+@intrinsic
+def count(typing, world, slot):
+    """The number in a slot of the world at address `world`."""
+
+    def generate(context, builder, signature, arguments):
+        return _slot_value(builder, arguments)
+
+    return types.int64(types.int64, types.int64), generate
+
+
 @intrinsic
 def keep(typing, table, index, value):
     """Writes `table[index]` of scratch memory."""

@@ -14,6 +14,7 @@ from engines.kernels.jit import (
     LANES,
     compile_stage,
     const,
+    count,
     fetch,
     get,
     get_int,
@@ -22,6 +23,7 @@ from engines.kernels.jit import (
     put,
     put_int,
     select,
+    table,
 )
 from engines.kernels.materials import cosine_direction, cosine_pdf
 from engines.kernels.vector import Vec3, dot, length, select3, sin_cos_turn, tangents, unit
@@ -51,8 +53,6 @@ from engines.kernels.world import (
     TRIANGLES,
     VERTICES,
     Needs,
-    count,
-    table,
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, fetch, get, get_int, inline, put, put_int, select
+from engines.kernels.jit import LANES, count, fetch, get, get_int, inline, put, put_int, select, table
 from engines.kernels.shapes import plane_distance, sphere_distance
 from engines.kernels.surface import row3, wide
 from engines.kernels.world import (
@@ -17,8 +17,6 @@ from engines.kernels.world import (
     SPHERE_RANK,
     SPHERE_REALS,
     SPHERES,
-    count,
-    table,
 )
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from engines.choices import Choice
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, const, fetch, get_int, inline, pointer, put
-from engines.kernels.world import FIRST_SAMPLE, OPTIONS, POINTS, POINTS_STRIDE, SEED_KEY, count, table
+from engines.kernels.jit import LANES, compile_stage, const, count, fetch, get_int, inline, pointer, put, table
+from engines.kernels.world import FIRST_SAMPLE, OPTIONS, POINTS, POINTS_STRIDE, SEED_KEY
 from engines.sobol_numbers import DIRECTIONS
 
 RANDOM, CONSTANT, SOBOL, HALTON, STRATIFIED = range(5)

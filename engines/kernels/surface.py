@@ -17,6 +17,7 @@ from engines.kernels.jit import (
     LANES,
     compile_stage,
     const,
+    count,
     fetch,
     get,
     get_int,
@@ -25,6 +26,7 @@ from engines.kernels.jit import (
     put,
     put_int,
     select,
+    table,
 )
 from engines.kernels.lights import cone
 from engines.kernels.shapes import edge_weights, plane_distance, ray_frame, shear, sphere_distance, triangle_normal
@@ -53,8 +55,6 @@ from engines.kernels.world import (
     VERTEX_NORMALS,
     VERTICES,
     Needs,
-    count,
-    table,
 )
 
 OFFSET_ULPS = 256.0

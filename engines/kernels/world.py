@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from engines.kernels import environment
@@ -106,32 +104,6 @@ class World:
     @property
     def bytes(self) -> int:
         return sum(array.nbytes for array in self.arrays.values())
-
-
-@intrinsic
-def table(typing, world, slot, kind):
-    """A typed pointer to the array in a slot of the world at address `world`."""
-    from llvmlite import ir
-
-    def generate(context, builder, signature, arguments):
-        word = ir.IntType(64)
-        slots = builder.inttoptr(arguments[0], word.as_pointer())
-        value = builder.load(builder.gep(slots, [arguments[1]]))
-        return builder.inttoptr(value, context.get_value_type(signature.return_type))
-
-    return types.CPointer(kind.dtype)(types.int64, types.int64, kind), generate
-
-
-@intrinsic
-def count(typing, world, slot):
-    """The number in a slot of the world at address `world`."""
-    from llvmlite import ir
-
-    def generate(context, builder, signature, arguments):
-        slots = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
-        return builder.load(builder.gep(slots, [arguments[1]]))
-
-    return types.int64(types.int64, types.int64), generate
 
 
 def flatten(scene: Scene, real: type, tracing: type) -> World:

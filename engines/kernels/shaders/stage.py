@@ -12,13 +12,27 @@ from numpy.typing import NDArray
 
 from engines.choices import Choice
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, const, fetch, get, get_int, inline, pointer, put, put_int, select
+from engines.kernels.jit import (
+    LANES,
+    compile_stage,
+    const,
+    count,
+    fetch,
+    get,
+    get_int,
+    inline,
+    pointer,
+    put,
+    put_int,
+    select,
+    table,
+)
 from engines.kernels.materials import cosine_pdf
 from engines.kernels.shaders import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.shaders.step import Draws, Hit, Light, Material, Path
 from engines.kernels.surface import OFFSET_ULPS
 from engines.kernels.vector import Vec3, length, select3
-from engines.kernels.world import N_LIGHTS, OPTIONS, Needs, count, table
+from engines.kernels.world import N_LIGHTS, OPTIONS, Needs
 
 SHADERS: Mapping[str, Any] = {
     "path_tracer": path_tracer, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map, "albedo": albedo,

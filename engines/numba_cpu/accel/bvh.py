@@ -23,19 +23,11 @@ from engines.kernels.jit import (
     put,
     put_int,
     select,
+    table,
 )
 from engines.kernels.linear import closest_planes, occluded_planes
 from engines.kernels.vector import Vec3
-from engines.kernels.world import (
-    ACCELERATOR,
-    SPHERE_RANK,
-    SPHERES,
-    TRIANGLE_RANK,
-    TRIANGLES,
-    Needs,
-    World,
-    table,
-)
+from engines.kernels.world import ACCELERATOR, SPHERE_RANK, SPHERES, TRIANGLE_RANK, TRIANGLES, Needs, World
 from engines.numba_cpu.accel import bvh_build
 from engines.numba_cpu.accel.primitives import ball_distance, boxes, corner_distance, corners, ray_of
 

@@ -13,19 +13,23 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, const, fetch, get, get_int, inline, kernel, pointer, put, put_int
-from engines.kernels.linear import closest_planes, occluded_planes
-from engines.kernels.world import (
-    ACCELERATOR,
-    N_TRIANGLES,
-    SPHERE_RANK,
-    SPHERES,
-    TRIANGLE_RANK,
-    Needs,
-    World,
+from engines.kernels.jit import (
+    LANES,
+    compile_stage,
+    const,
     count,
+    fetch,
+    get,
+    get_int,
+    inline,
+    kernel,
+    pointer,
+    put,
+    put_int,
     table,
 )
+from engines.kernels.linear import closest_planes, occluded_planes
+from engines.kernels.world import ACCELERATOR, N_TRIANGLES, SPHERE_RANK, SPHERES, TRIANGLE_RANK, Needs, World
 from engines.numba_cpu.accel.primitives import ball_distance, boxes, corner_distance, corners, padding, ray_of
 
 BOX, CELLS, MEMBERS, CORNERS, RANKS, SIZE_X, SIZE_Y, SIZE_Z = (ACCELERATOR + k for k in range(8))

@@ -13,11 +13,25 @@ from typing import Any
 import numpy as np
 
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, keep, pointer, put, put_int, select
+from engines.kernels.jit import (
+    LANES,
+    compile_stage,
+    count,
+    fetch,
+    get,
+    get_int,
+    inline,
+    keep,
+    pointer,
+    put,
+    put_int,
+    select,
+    table,
+)
 from engines.kernels.linear import closest_planes, closest_spheres, occluded_planes, occluded_spheres
 from engines.kernels.shapes import Frame, ray_frame, shear, triangle_distance
 from engines.kernels.vector import Vec3
-from engines.kernels.world import ACCELERATOR, TRIANGLE_RANK, TRIANGLES, VERTICES, Needs, World, count, table
+from engines.kernels.world import ACCELERATOR, TRIANGLE_RANK, TRIANGLES, VERTICES, Needs, World
 
 CHUNKS, RANGES, CORNERS, FACES = (ACCELERATOR + k for k in range(4))
 CHUNK = 64
