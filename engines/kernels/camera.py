@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, pointer, put_int, select, table
+from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, pointer, put, put_int, select, table
 from engines.kernels.vector import Vec3, select3, unit
 from engines.kernels.world import CAMERA
 from engines.scene.model import CustomCamera, Orthographic, Perspective
@@ -51,6 +51,30 @@ def _put_new(lanes, field, lane, new, value, real):
     at.put3(lanes, field, lane, select3(new, fresh, old))
 
 
+@inline
+def _put_new_int(lanes, field, lane, new, value):
+    old = get_int(lanes, field, lane)
+    put_int(lanes, field, lane, select(new, old - old + value, old))
+
+
+@inline
+def _put_path(lanes, lane, new, real):
+    """A fresh path in the lanes that are NEW."""
+    one, zero = Vec3(real(1), real(1), real(1)), Vec3(real(0), real(0), real(0))
+    _put_new(lanes, at.THROUGHPUT, lane, new, one, real)
+    _put_new(lanes, at.RADIANCE, lane, new, zero, real)
+    put(lanes, at.T, lane, select(new, real(math.inf), get(lanes, at.T, lane)))
+    put(lanes, at.PDF, lane, select(new, real(math.inf), get(lanes, at.PDF, lane)))
+    put(lanes, at.COS_PDF, lane, select(new, real(0), get(lanes, at.COS_PDF, lane)))
+    _put_new_int(lanes, at.LEFT, lane, new, -1)
+    _put_new_int(lanes, at.HELD, lane, new, -1)
+    _put_new_int(lanes, at.DEPTH, lane, new, 1)
+    _put_new_int(lanes, at.LIGHT, lane, new, 0)
+    _put_new_int(lanes, at.STACK, lane, new, 0)
+    _put_new_int(lanes, at.DIMENSION, lane, new, 2)
+    put_int(lanes, at.NEW, lane, 0)
+
+
 def _make(kind: int, real: Any) -> Any:
     def begin(block, world):
         lanes = pointer(block, real)
@@ -68,8 +92,7 @@ def _make(kind: int, real: Any) -> Any:
             origin, ray = (eye, unit(forward + shift)) if kind == PERSPECTIVE else (eye + shift, forward)
             _put_new(lanes, at.ORIGIN, lane, new, origin, real)
             _put_new(lanes, at.DIRECTION, lane, new, ray, real)
-            dimension = get_int(lanes, at.DIMENSION, lane)
-            put_int(lanes, at.DIMENSION, lane, select(new, dimension - dimension + 2, dimension))
+            _put_path(lanes, lane, new, real)
 
     return begin
 
@@ -93,8 +116,7 @@ def _make_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
             origin = Vec3(o[0] + fetch(camera, 0), o[1] + fetch(camera, 1), o[2] + fetch(camera, 2))
             _put_new(lanes, at.ORIGIN, lane, new, origin, real)
             _put_new(lanes, at.DIRECTION, lane, new, unit(Vec3(o[3], o[4], o[5])), real)
-            dimension = get_int(lanes, at.DIMENSION, lane)
-            put_int(lanes, at.DIMENSION, lane, select(new, dimension - dimension + 2, dimension))
+            _put_path(lanes, lane, new, real)
 
     return begin
 

@@ -19,12 +19,14 @@ from engines.kernels import block as at
 from engines.kernels.block import STACK_FIELDS, STACK_FIRST
 from engines.kernels.jit import (
     LANES,
+    bits_set,
     call_stage,
     fetch_add,
     get,
     get_int,
     inline,
     kernel,
+    lowest_bit,
     pointer,
     put,
     put_int,
@@ -35,6 +37,8 @@ from engines.kernels.vector import Vec3, select3
 DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED = range(8)
 # places in the control array that threads share
 STOP, NEXT_TILE = 0, 1
+EVERY_LANE = (1 << LANES) - 1
+
 # totals of a thread
 RAYS, BAD_SAMPLES = 0, 1
 
@@ -44,32 +48,24 @@ def _idle(lanes, lane, one):
     """A lane without work still runs through the stages: give it a harmless ray that is not traced."""
     put_int(lanes, at.ALIVE, lane, 0)
     put_int(lanes, at.NEW, lane, 0)
+    put_int(lanes, at.DONE, lane, 0)
     put(lanes, at.T, lane, -one)
     put(lanes, at.SHADOW_T, lane, -one)
     put_int(lanes, at.HELD, lane, -1)
 
 
 @inline
-def _start(lanes, lane, one, slot, column, row, width, sample):
-    zero = one - one
+def _start(lanes, lane, one, work, issued):
+    """Gives a lane its next sample; the stage `begin` sets up the path of every lane that is NEW."""
+    column, row = work.x0 + issued.column, work.y0 + issued.row
     put_int(lanes, at.ALIVE, lane, 1)
     put_int(lanes, at.NEW, lane, 1)
-    put_int(lanes, at.SLOT, lane, slot)
-    put_int(lanes, at.PIXEL, lane, row * width + column)
+    put_int(lanes, at.SLOT, lane, issued.count)
+    put_int(lanes, at.PIXEL, lane, row * work.width + column)
     put(lanes, at.COLUMN, lane, one * column)
     put(lanes, at.ROW, lane, one * row)
-    put_int(lanes, at.SAMPLE, lane, sample)
+    put_int(lanes, at.SAMPLE, lane, work.first + issued.sample)
     put_int(lanes, at.DIMENSION, lane, 0)
-    put(lanes, at.T, lane, one * math.inf)
-    put_int(lanes, at.LEFT, lane, -1)
-    put_int(lanes, at.HELD, lane, -1)
-    put_int(lanes, at.DEPTH, lane, 1)
-    at.put3(lanes, at.THROUGHPUT, lane, Vec3(one, one, one))
-    at.put3(lanes, at.RADIANCE, lane, Vec3(zero, zero, zero))
-    put(lanes, at.PDF, lane, one * math.inf)
-    put(lanes, at.COS_PDF, lane, zero)
-    put_int(lanes, at.LIGHT, lane, 0)
-    put_int(lanes, at.STACK, lane, 0)
 
 
 @inline
@@ -133,26 +129,50 @@ class Rule(NamedTuple):
     """Light samples at a vertex."""
 
 
+class Issued(NamedTuple):
+    """Samples of a pass that lanes have taken, and where the next one lies in the tile."""
+
+    count: int
+    column: int
+    row: int
+    sample: int
+
+
 @inline
-def _refill(lanes, work, issued, one):
-    """Gives a sample to each lane that has none; returns (samples issued, whether any is new, lanes at work)."""
-    fresh, working = False, 0
-    pixels = work.columns * work.rows
+def _next_sample(issued, work):
+    column, row, sample = issued.column + 1, issued.row, issued.sample
+    if column == work.columns:
+        column = 0
+        row += 1
+        if row == work.rows:
+            row = 0
+            sample += 1
+    return Issued(issued.count + 1, column, row, sample)
+
+
+@inline
+def _lanes_with(lanes, field):
+    """A word with a bit for each lane whose integer in `field` is not 0."""
+    bits = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        if get_int(lanes, at.ALIVE, lane) != 0:
-            put_int(lanes, at.NEW, lane, 0)
-            working += 1
-        elif issued < work.samples * pixels:
-            sample, pixel = issued // pixels, issued % pixels
-            row = pixel // work.columns
-            column = pixel - row * work.columns
-            _start(lanes, lane, one, issued, work.x0 + column, work.y0 + row, work.width, work.first + sample)
-            fresh = True
-            working += 1
-            issued += 1
+        bits |= np.int64(1 if get_int(lanes, field, lane) != 0 else 0) << np.int64(lane)
+    return bits
+
+
+@inline
+def _refill(lanes, work, issued, free, one):
+    """Gives a sample to each lane of the word `free`; returns what is issued now, and the lanes that stay without."""
+    idle = np.int64(0)
+    while free != 0:
+        lane = np.uint64(lowest_bit(free))
+        free &= free - 1
+        if issued.count < work.samples * work.columns * work.rows:
+            _start(lanes, lane, one, work, issued)
+            issued = _next_sample(issued, work)
         else:
             _idle(lanes, lane, one)
-    return issued, fresh, working
+            idle |= np.int64(1) << np.int64(lane)
+    return issued, idle
 
 
 @inline
@@ -179,18 +199,23 @@ def _advance(lanes, stages, block, world, rule, fresh, zero):
 
 @inline
 def _retire(lanes, rule, buffer, one):
-    """Lanes whose path has ended hand in their radiance, or take up a ray that waits."""
-    for lane in range(np.uint64(LANES)):
-        if rule.branches and get_int(lanes, at.BRANCH, lane) != 0:
-            _push(lanes, lane)
-        if get_int(lanes, at.DONE, lane) != 0:
-            if rule.branches and get_int(lanes, at.STACK, lane) > 0:
-                _pop(lanes, lane, one, rule.turns)
-            else:
-                slot = get_int(lanes, at.SLOT, lane)
-                for channel in range(3):
-                    buffer[slot, channel] = get(lanes, at.RADIANCE + channel, lane)
-                put_int(lanes, at.ALIVE, lane, 0)
+    """Lanes whose path has ended hand in their radiance, or take up a ray that waits; returns those that are free."""
+    if rule.branches:
+        for lane in range(np.uint64(LANES)):
+            if get_int(lanes, at.BRANCH, lane) != 0:
+                _push(lanes, lane)
+    done, free = _lanes_with(lanes, at.DONE), np.int64(0)
+    while done != 0:
+        lane = np.uint64(lowest_bit(done))
+        done &= done - 1
+        if rule.branches and get_int(lanes, at.STACK, lane) > 0:
+            _pop(lanes, lane, one, rule.turns)
+            continue
+        slot = get_int(lanes, at.SLOT, lane)
+        for channel in range(3):
+            buffer[slot, channel] = get(lanes, at.RADIANCE + channel, lane)
+        free |= np.int64(1) << np.int64(lane)
+    return free
 
 
 @cache
@@ -212,16 +237,17 @@ def driver(real: Any) -> Any:
                 first = done[tile]
                 x0, y0, columns, rows = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2], tiles[tile, 3]
                 work = Pass(x0, y0, columns, rows, width, first, min(chunk, target - first))
-                for lane in range(np.uint64(LANES)):
-                    _idle(lanes, lane, one)
-                issued, working = 0, 1
-                while working > 0:
+                issued, free, idle = Issued(0, 0, 0, 0), EVERY_LANE, np.int64(0)
+                while True:
                     if control[STOP] != 0:
                         return  # what this pass has gathered is dropped: the film holds whole passes
-                    issued, fresh, working = _refill(lanes, work, issued, one)
-                    if working > 0:
-                        totals[RAYS] += working + _advance(lanes, stages, block, world, rule, fresh, zero)
-                        _retire(lanes, rule, buffer, one)
+                    issued, idle_now = _refill(lanes, work, issued, free, one)
+                    idle |= idle_now
+                    if idle == EVERY_LANE:
+                        break
+                    totals[RAYS] += _advance(lanes, stages, block, world, rule, free != idle_now, zero)
+                    totals[RAYS] += LANES - bits_set(idle)
+                    free = _retire(lanes, rule, buffer, one)
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)
                 done[tile] = first + work.samples
 

@@ -140,6 +140,26 @@ def call_stage(typing, stage, block, world):
 
 
 @intrinsic
+def lowest_bit(typing, word):
+    """The index of the lowest bit that is set in a word that is not 0."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def bits_set(typing, word):
+    """How many bits of a word are set."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
 def fetch_add(typing, address, amount):
     """Adds to the int64 at `address` atomically and returns what was there before."""
 
