@@ -1,4 +1,4 @@
-"""The engines against each other on the shipped scenes: equal to rounding where they share arithmetic, statistically elsewhere."""
+"""The engines against each other: equal to rounding where they share arithmetic, statistically elsewhere."""
 
 import warnings
 
@@ -62,7 +62,8 @@ def _everything():
         "camera": {"type": "orthographic", "eye": [0, 2, 8], "target": [0, 1, 0], "up": [0, 1, 0], "height": 4},
         "materials": {
             "floor": {"kd": [0.6, 0.5, 0.4]}, "coat": {"kd": 0.4, "ks": 0.5, "ior": 1.4, "fresnel": True},
-            "mirror": {"ks": 0.9}, "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True}, "gel": {"kt": 0.7, "ks": 0.2, "ior": 1.2},
+            "mirror": {"ks": 0.9}, "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
+            "gel": {"kt": 0.7, "ks": 0.2, "ior": 1.2},
             "lamp": {"emission": [6, 5, 4]}, "glow": {"emission": [1, 2, 3], "two_sided": True, "kd": 0.2},
         },
         "shapes": [

@@ -37,6 +37,7 @@ from engines.kernels.world import N_LIGHTS, OPTIONS, Needs
 SHADERS: Mapping[str, Any] = {
     "path_tracer": path_tracer, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map, "albedo": albedo,
 }  # fmt: skip
+PATH_TRACER, WHITTED, NO_SHADOWS, DEPTH_MAP, ALBEDO = range(5)
 SHADER_OPTIONS = 8
 """Numbers in the world's options that belong to the shader."""
 
@@ -149,65 +150,121 @@ def _put_next_ray(lanes, lane, hit, path, result, goes, offset, turns, turn, dep
     put(lanes, at.T, lane, select(goes, const(math.inf, offset), const(-1.0, offset)))
 
 
-def _make(step: Any, needs: Needs, traits: Traits, tracing: Any, real: Any) -> Any:
-    zero = real(0)
-    reach = real(1 - OFFSET_ULPS * float(np.finfo(tracing).eps))
-    lit, every, branches, shadows = traits
-    every, branches = every and lit, branches and needs.mirror and needs.refraction
+class State(NamedTuple):
+    """One lane before its step."""
+
+    working: bool
+    depth: int
+    hit: Hit
+    material: Material
+    light: Light
+    draws: Draws
+    path: Path
+
+
+@inline
+def _read(lanes, lane, needs, lit, real):
+    none = Vec3(real(0), real(0), real(0))
+    depth = get_int(lanes, at.DEPTH, lane)
+    hit = _read_hit(lanes, lane)
+    path = Path(at.get3(lanes, at.THROUGHPUT, lane), real(depth), get(lanes, at.PDF, lane))
+    return State(
+        get_int(lanes, at.ALIVE, lane) != 0, depth, hit, _read_material(lanes, lane, hit.front, needs, none),
+        _read_light(lanes, lane, lit, none), _read_draws(lanes, lane), path,
+    )  # fmt: skip
+
+
+@inline
+def _write(lanes, lane, before, result, n_lights, traits, reach, real):
+    """What the lane does next."""
+    working, depth, hit = before.working, before.depth, before.hit
+    turn, turns, stays = depth - depth, 1, False
+    if traits.every:
+        turns = n_lights
+        turn, stays = _next_turn(lanes, lane, working, hit.miss, n_lights)
+    added = select3(working & (turn == 0), result.radiance, Vec3(real(0), real(0), real(0)))
+    at.put3(lanes, at.RADIANCE, lane, at.get3(lanes, at.RADIANCE, lane) + added)
+    offset = get(lanes, at.OFFSET, lane)
+    at.put3(lanes, at.SHADOW_ORIGIN, lane, hit.point + hit.geometric * offset)
+    if traits.lit:
+        _put_shadow_ray(lanes, lane, hit, before.light, result.direct, offset, reach, working, traits.shadows)
+    ends = working & (not stays)
+    goes = ends & result.alive
+    put_int(lanes, at.DONE, lane, select(ends & (not result.alive), depth - depth + 1, depth - depth))
+    if traits.branches:
+        put_int(lanes, at.BRANCH, lane, select(goes & result.branch, depth - depth + 1, depth - depth))
+        at.put3(lanes, at.BRANCH_DIRECTION, lane, result.branch_direction)
+        at.put3(lanes, at.BRANCH_THROUGHPUT, lane, result.branch_throughput)
+    following = select(stays, turn + 1, turn - turn)
+    _put_next_ray(lanes, lane, hit, before.path, result, goes, offset, turns, following, depth)
+
+
+@inline
+def _eight_options(world, real):
+    numbers = table(world, OPTIONS, np.float64)
+    return (
+        real(fetch(numbers, 0)), real(fetch(numbers, 1)), real(fetch(numbers, 2)), real(fetch(numbers, 3)),
+        real(fetch(numbers, 4)), real(fetch(numbers, 5)), real(fetch(numbers, 6)), real(fetch(numbers, 7)),
+    )  # fmt: skip
+
+
+def _reach(tracing: Any, real: Any) -> Any:
+    """The share of the way to a light that a shadow ray covers."""
+    return real(1 - OFFSET_ULPS * float(np.finfo(tracing).eps))
+
+
+def _make(code: int, needs: Needs, traits: Traits, tracing: Any, real: Any) -> Any:
+    reach = _reach(tracing, real)
 
     def shade(block, world):
         lanes = pointer(block, real)
-        numbers = table(world, OPTIONS, np.float64)
-        options = (
-            real(fetch(numbers, 0)), real(fetch(numbers, 1)), real(fetch(numbers, 2)), real(fetch(numbers, 3)),
-            real(fetch(numbers, 4)), real(fetch(numbers, 5)), real(fetch(numbers, 6)), real(fetch(numbers, 7)),
-        )  # fmt: skip
-        n_lights = count(world, N_LIGHTS)
-        none = Vec3(zero, zero, zero)
+        options, n_lights = _eight_options(world, real), count(world, N_LIGHTS)
         for lane in range(np.uint64(LANES)):
-            # what the lane knows
-            working, depth = get_int(lanes, at.ALIVE, lane) != 0, get_int(lanes, at.DEPTH, lane)
-            hit = _read_hit(lanes, lane)
-            material = _read_material(lanes, lane, hit.front, needs, none)
-            light, draws = _read_light(lanes, lane, lit, none), _read_draws(lanes, lane)
-            path = Path(at.get3(lanes, at.THROUGHPUT, lane), real(depth), get(lanes, at.PDF, lane))
-
-            # what the shader makes of it
-            result = step(hit, material, light, draws, path, options, needs)
-
-            # what the lane does next
-            turn, turns, stays = depth - depth, 1, False
-            if every:
-                turns = n_lights
-                turn, stays = _next_turn(lanes, lane, working, hit.miss, n_lights)
-            old = at.get3(lanes, at.RADIANCE, lane)
-            at.put3(lanes, at.RADIANCE, lane, old + select3(working & (turn == 0), result.radiance, none))
-            offset = get(lanes, at.OFFSET, lane)
-            at.put3(lanes, at.SHADOW_ORIGIN, lane, hit.point + hit.geometric * offset)
-            if lit:
-                _put_shadow_ray(lanes, lane, hit, light, result.direct, offset, reach, working, shadows)
-            ends = working & (not stays)
-            goes = ends & result.alive
-            put_int(lanes, at.DONE, lane, select(ends & (not result.alive), depth - depth + 1, depth - depth))
-            if branches:
-                put_int(lanes, at.BRANCH, lane, select(goes & result.branch, depth - depth + 1, depth - depth))
-                at.put3(lanes, at.BRANCH_DIRECTION, lane, result.branch_direction)
-                at.put3(lanes, at.BRANCH_THROUGHPUT, lane, result.branch_throughput)
-            following = select(stays, turn + 1, turn - turn)
-            _put_next_ray(lanes, lane, hit, path, result, goes, offset, turns, following, depth)
+            now = _read(lanes, lane, needs, traits.lit, real)
+            # steps by their global names: a stage that closes over a jitted function is not cached across processes
+            if code == PATH_TRACER:
+                result = path_tracer.step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
+            elif code == WHITTED:
+                result = whitted.step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
+            elif code == NO_SHADOWS:
+                result = no_shadows.step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
+            elif code == DEPTH_MAP:
+                result = depth_map.step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
+            else:
+                result = albedo.step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
+            _write(lanes, lane, now, result, n_lights, traits, reach, real)
 
     return shade
+
+
+def _make_plugin(step: Any, needs: Needs, traits: Traits, tracing: Any, real: Any) -> Any:
+    reach = _reach(tracing, real)
+
+    def shade(block, world):
+        lanes = pointer(block, real)
+        options, n_lights = _eight_options(world, real), count(world, N_LIGHTS)
+        for lane in range(np.uint64(LANES)):
+            now = _read(lanes, lane, needs, traits.lit, real)
+            result = step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
+            _write(lanes, lane, now, result, n_lights, traits, reach, real)
+
+    return shade
+
+
+def _traits(needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool) -> Traits:
+    return Traits(lit, every and lit, branches and needs.mirror and needs.refraction, shadows)
 
 
 @cache
 def stage(name: str, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
     """The shade stage of a built-in shader."""
     rule = SHADERS[name]
-    traits = Traits(lit, rule.EVERY_LIGHT, rule.BRANCHES, name != "no_shadows")
-    return compile_stage(_make(rule.step, needs, traits, tracing, real))
+    traits = _traits(needs, lit, rule.EVERY_LIGHT, rule.BRANCHES, name != "no_shadows")
+    return compile_stage(_make(list(SHADERS).index(name), needs, traits, tracing, real))
 
 
 @cache
 def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
-    """The shade stage of a user's `@njit` step; `every`: it is called once for each light."""
-    return compile_stage(_make(step, needs, Traits(lit, every, True, True), tracing, real), on_disk=False)
+    """The shade stage of a user's jitted step; `every`: it is called once for each light."""
+    traits = _traits(needs, lit, every, True, True)
+    return compile_stage(_make_plugin(step, needs, traits, tracing, real), on_disk=False)

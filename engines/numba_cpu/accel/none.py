@@ -122,9 +122,9 @@ def _make_closest(triangles: bool, spheres: bool, planes: bool, real: Any) -> An
                 )
                 for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
                     a, b, c = (
-                        48 * np.int64(fetch(faces, 3 * f)),
-                        48 * np.int64(fetch(faces, 3 * f + 1)),
-                        48 * np.int64(fetch(faces, 3 * f + 2)),
+                        3 * LANES * np.int64(fetch(faces, 3 * f)),
+                        3 * LANES * np.int64(fetch(faces, 3 * f + 1)),
+                        3 * LANES * np.int64(fetch(faces, 3 * f + 2)),
                     )
                     rank = fetch(ranks, f)
                     for lane in range(np.uint64(LANES)):
@@ -161,9 +161,9 @@ def _make_occluded(triangles: bool, spheres: bool, planes: bool, real: Any) -> A
                 )
                 for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
                     a, b, c = (
-                        48 * np.int64(fetch(faces, 3 * f)),
-                        48 * np.int64(fetch(faces, 3 * f + 1)),
-                        48 * np.int64(fetch(faces, 3 * f + 2)),
+                        3 * LANES * np.int64(fetch(faces, 3 * f)),
+                        3 * LANES * np.int64(fetch(faces, 3 * f + 1)),
+                        3 * LANES * np.int64(fetch(faces, 3 * f + 2)),
                     )
                     rank = fetch(ranks, f)
                     for lane in range(np.uint64(LANES)):

@@ -1,0 +1,183 @@
+"""What the jitted engines promise beyond the conformance claims: plugins, caches, stopping, changing scenes."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings, Unsupported
+from engines.plugin import Camera, Sampler, Shader, Vec3, const, finish, inline, select3
+
+JITTED = ["numba", "embree"]
+
+
+def _renderer(engine="numba", scene="cornell_box", **settings):
+    settings = {"width": 40, "height": 30, "shader": "path_tracer", "sampler": "sobol", **settings}
+    return engines.engine(engine).prepare(engines.load_scene(scene), Settings(**settings))
+
+
+@inline
+def _normals(hit, material, light, draws, path, options, needs):
+    zero, half = const(0.0, hit.t), const(0.5, hit.t)
+    none = Vec3(zero, zero, zero)
+    colour = (hit.normal + Vec3(const(1.0, half), const(1.0, half), const(1.0, half))) * half * options[0]
+    return finish(hit.t, select3(hit.miss, none, colour), none)
+
+
+@pytest.mark.parametrize("engine", JITTED)
+def test_a_shader_of_ones_own_runs_in_the_same_lanes(engine):
+    shader = Shader("normals", jitted=_normals, options={"brightness": 2.0})
+    image = _renderer(engine, shader=shader, sampler="constant").render(1).mean()
+    settings = Settings(40, 30, shader="albedo", sampler="constant")
+    renderer = engines.engine("numba").prepare(engines.load_scene("cornell_box"), settings)
+    x, y = 0.5, 0.5  # the ray of the middle of the image
+    h = np.tan(np.radians(39.3077) / 2)
+    direction = [h * 40 / 30 * (2 * (20 + x) / 40 - 1), h * (1 - 2 * (15 + y) / 30), -1.0]
+    normal = renderer.trace([[0.0, 0.0, 3.9]], [direction]).normal[0]
+    assert image[15, 20] == pytest.approx(2 * (normal + 1) / 2, abs=1e-5)
+    assert image.std() > 0.1
+
+
+@inline
+def _always_a_quarter(pixel, sample, dimension, seed):
+    return 0.25
+
+
+def test_a_sampler_of_ones_own_equals_the_built_in_that_does_the_same():
+    own = _renderer(sampler=Sampler("quarter", jitted=_always_a_quarter)).render(1).mean()
+    built_in = _renderer(sampler={"name": "constant", "value": 0.25}).render(1).mean()
+    assert np.array_equal(own, built_in)
+
+
+@inline
+def _window(x, y, width, height, options):
+    return (2 * x / width - 1) * options[0], 1 - 2 * y / height, 3.0, 0.0, 0.0, -1.0
+
+
+def test_a_camera_of_ones_own_sees_what_it_is_told():
+    scene = {
+        "raybench_scene": 1, "name": "window", "camera": {"type": Camera("window", jitted=_window), "scale": 1.0},
+        "materials": {"red": {"kd": [0.5, 0, 0]}},
+        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 0.5}, "material": "red"}],
+    }  # fmt: skip
+    scene = engines.scene_from(scene, allow_imports=True)
+    settings = Settings(64, 64, shader="albedo", sampler="constant")
+    image = engines.engine("numba").prepare(scene, settings).render(1).mean()[..., 0]
+    assert (image > 0).mean() == pytest.approx(np.pi / 16, abs=0.01)
+
+
+def test_a_plugin_without_a_jitted_function_is_declined_in_a_sentence():
+    settings = Settings(8, 8, shader=Shader("only numpy", numpy=lambda *_: None))
+    scene = engines.load_scene("cornell_box")
+    sentence = engines.engine("numba").why_not(scene, settings)
+    assert sentence is not None
+    assert "only numpy" in sentence and "jitted" in sentence
+    with pytest.raises(Unsupported, match="only numpy"):
+        engines.engine("numba").prepare(scene, settings)
+
+
+@pytest.mark.parametrize("engine", JITTED)
+def test_stop_from_another_thread_ends_a_long_render_within_a_fifth_of_a_second(engine):
+    renderer = _renderer(engine, width=256, height=256, threads=2)
+    renderer.render(1)
+    called = []
+
+    def stop():
+        time.sleep(0.3)
+        called.append(time.perf_counter())
+        renderer.stop()
+
+    thread = threading.Thread(target=stop)
+    thread.start()
+    film = renderer.render(1_000_000)
+    took = time.perf_counter() - called[0]
+    thread.join()
+    assert took < 0.2
+    assert film.spp >= 1 and np.isfinite(film.mean()).all()
+
+
+@pytest.mark.parametrize("engine", JITTED)
+def test_a_render_that_goes_on_after_a_stop_ends_with_the_undisturbed_image(engine):
+    renderer = _renderer(engine, width=96, height=80, threads=2)
+    threading.Timer(0.05, renderer.stop).start()
+    renderer.render(100_000)
+    target = renderer.film.spp + 3
+    stopped = renderer.render(3).mean()
+    if int(renderer.film.counts.max()) == target:  # no tile had run ahead
+        assert np.array_equal(stopped, _renderer(engine, width=96, height=80).render(target).mean())
+    assert renderer.film.spp == target
+
+
+@pytest.mark.parametrize("engine", JITTED)
+def test_a_moved_camera_and_changed_shapes_give_the_image_of_a_new_renderer(engine):
+    import dataclasses
+
+    box, other = engines.load_scene("cornell_box"), engines.load_scene("cornell_spheres")
+    renderer = _renderer(engine)
+    renderer.render(2)
+    camera = dataclasses.replace(box.camera, eye=(0.2, 0.1, 3.5))
+    renderer.update(camera=camera)
+    moved = engines.engine(engine).prepare(dataclasses.replace(box, camera=camera), renderer.settings).render(2).mean()
+    assert np.array_equal(renderer.render(2).mean(), moved)
+    shapes = (*box.shapes[:-2], dataclasses.replace(other.shapes[0], material=0))
+    renderer.update(shapes=shapes)
+    scene = dataclasses.replace(box, camera=camera, shapes=shapes)
+    changed = engines.engine(engine).prepare(scene, renderer.settings).render(2).mean()
+    assert np.array_equal(renderer.render(2).mean(), changed)
+
+
+def test_built_in_combinations_come_from_the_disk_cache_in_a_second_process(tmp_path):
+    code = (
+        "import engines\n"
+        "r = engines.engine('numba').prepare(engines.load_scene('two_spheres'), engines.Settings(8, 8, precision='float32'))\n"
+        "r.warm_up(); r.render(1); print(r.counters()['compile_seconds'])\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+
+    def run():
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        return float(done.stdout), sorted(path.name for path in tmp_path.rglob("*.nbc"))
+
+    cold, written = run()
+    warm, after = run()
+    assert written and after == written, "the second process compiled nothing"
+    assert warm < cold
+
+
+def test_samples_that_are_not_finite_are_black_and_counted():
+    @inline
+    def broken(hit, material, light, draws, path, options, needs):
+        nan = const(np.nan, hit.t)
+        return finish(hit.t, Vec3(nan, nan, nan), Vec3(nan - nan, nan - nan, nan - nan))
+
+    renderer = _renderer(shader=Shader("broken", jitted=broken))
+    film = renderer.render(2)
+    assert not film.mean().any()
+    assert film.bad_samples == renderer.counters()["bad_samples"] == 2 * 40 * 30
+
+
+def test_a_scene_without_shapes_or_lights_is_black():
+    camera = {"type": "perspective", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0]}
+    empty = engines.scene_from({"raybench_scene": 1, "name": "empty", "camera": camera, "shapes": []})
+    for engine in JITTED:
+        for shader in ("path_tracer", "whitted", "depth_map"):
+            renderer = engines.engine(engine).prepare(empty, Settings(8, 8, shader=shader))
+            assert not renderer.render(2).mean().any()
+            assert np.isinf(renderer.trace([[0, 0, 1.0]], [[0, 0, -1.0]]).t).all()
+
+
+def test_a_missing_embree_library_is_named(monkeypatch):
+    from engines.embree import library
+
+    monkeypatch.setattr(library.metadata, "files", lambda name: [])
+    library.library.cache_clear()
+    try:
+        with pytest.raises(Unsupported, match="libembree4"):
+            engines.engine("embree").prepare(engines.load_scene("cornell_box"), Settings(8, 8))
+    finally:
+        library.library.cache_clear()
