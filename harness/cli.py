@@ -112,6 +112,19 @@ def rescore(folder: Folder) -> None:
 
 
 @app.command()
+def compare(
+    before: Folder,
+    after: Folder,
+    everything: Annotated[bool, typer.Option("--all", help="Show what did not change, too.")] = False,
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write it all: .csv, .md or .tex.")] = None,  # noqa: UP045
+) -> None:
+    """Say what changed significantly between two results folders: speed, start-up, error."""
+    from harness import commands
+
+    commands.compare(before, after, everything, output)
+
+
+@app.command()
 def status(folder: Folder) -> None:
     """Say how far the run of a results folder is, and what failed."""
     from harness import commands

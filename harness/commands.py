@@ -229,6 +229,32 @@ def _require_results(folder: Path) -> None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is wanted")
 
 
+def compare(before: Path, after: Path, everything: bool, output: Path | None) -> None:
+    """Prints what changed significantly between two results folders, or all that was compared."""
+    from harness.results import load_results
+    from harness.tables import TEXTS, cell_text, changes
+
+    text = None if output is None else TEXTS.get(output.suffix.removeprefix("."))
+    if output is not None and text is None:
+        raise ConfigError(f"--output {output}: must end in one of {', '.join(f'.{name}' for name in TEXTS)}")
+    for folder in (before, after):
+        _require_results(folder)
+    found = changes(load_results(before), load_results(after))
+    shown = [row for row in found.rows if everything or row["verdict"] not in ("no change", "unknown")]
+    console = consoles()[0]
+    console.print(found.note, markup=False, soft_wrap=True)
+    if shown:
+        table = Table(*(column.heading for column in found.columns), box=None, header_style="bold")
+        for row in shown:
+            table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in found.columns))
+        console.print(table)
+    counts = Counter(str(row["verdict"]) for row in found.rows)
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
+    if output is not None and text is not None:
+        output.write_text(text(found), encoding="utf-8")
+
+
 def status(folder: Path) -> None:
     """Prints states of the planned cells, what runs now, and what failed."""
     console = consoles()[0]

@@ -10,7 +10,10 @@ from harness.tables.model import Column, Table, cell_text, csv_text, latex_text,
 from harness.tables.tidy import phase_rows, points, quality_times
 from harness.tables.verdicts import all_tables, thread_families
 
-__all__ = ["Column", "Table", "all_tables", "cell_text", "changes", "columns", "sort_value", "thread_families", "write_tables"]
+__all__ = [
+    "TEXTS", "Column", "Table", "all_tables", "cell_text", "changes", "columns", "sort_value", "thread_families",
+    "write_tables",
+]  # fmt: skip
 
 TEXTS = {"csv": csv_text, "md": markdown_text, "tex": latex_text}
 

@@ -20,10 +20,11 @@ def changes(before: Results, after: Results) -> Table:
 
     Contenders match where scene, engine, settings and size are equal; machine and engine version may differ.
     Intervals are Welch's on logarithms and hold together at 95 %. A time within the A/A noise floor of either folder
-    has not changed.
+    has not changed. Where the metrics differ, errors are not compared; the note says so, and what else to beware of.
     """
     table = Table(
-        "changes", "What changed", f"{before.folder} before, {after.folder} after; ratios are after over before.",
+        "changes", "What changed",
+        " ".join([f"{before.folder} before, {after.folder} after; ratios are after over before.", *cautions(before, after)]),
         [Column("scene", "Scene."), Column("contender", "Engine and the settings that vary."),
          Column("measure", "seconds per sample (warm), start-up seconds, or error at the most samples that both have."),
          Column("ratio", "After over before; the intervals of all rows hold together at 95 %.", "estimate"),
@@ -43,6 +44,29 @@ def changes(before: Results, after: Results) -> Table:
     return table
 
 
+def cautions(before: Results, after: Results) -> list[str]:
+    """What stands in the way of a comparison: other machines, another metric, scenes with other content."""
+    machines, scenes = ([_seen(results, key) for results in (before, after)] for key in ("env_id", "scene_hash"))
+    found = []
+    if set().union(*machines[0].values()) != set().union(*machines[1].values()):
+        found.append("Measured on different machines or with other library versions: times say nothing about the code.")
+    if before.metric != after.metric:
+        found.append(f"Errors are {before.metric} before and {after.metric} after: not compared.")
+    moved = sorted(name for name in scenes[0].keys() & scenes[1].keys() if scenes[0][name] != scenes[1][name])
+    if moved:
+        found.append(f"Scenes whose content has changed: {', '.join(moved)}.")
+    return found
+
+
+def _seen(results: Results, key: str) -> dict[str, set[str]]:
+    """Scene -> the values of a key among its measured cells."""
+    found: dict[str, set[str]] = {}
+    for cell in results.cells:
+        if cell["state"] == "done":
+            found.setdefault(str(cell["scene"]), set()).add(str(cell.get(key)))
+    return found
+
+
 def matching(settings: Settings) -> Settings:
     """What has to be equal for two contenders to be the same."""
     return settings._replace(machine="")
@@ -51,7 +75,7 @@ def matching(settings: Settings) -> Settings:
 def _rows(
     before: Results, after: Results, old: Contender, new: Contender, level: float, floor: float
 ) -> list[dict[str, Any]]:  # fmt: skip
-    spp = max(_checkpoints(old) & _checkpoints(new), default=None)
+    spp = max(_checkpoints(old) & _checkpoints(new), default=None) if before.metric == after.metric else None
     measures = [
         ("seconds per sample", list(seconds_per_sample(old).values()), list(seconds_per_sample(new).values()), floor,
          ("faster", "slower")),

@@ -12,7 +12,7 @@ from sweeping import raybench
 
 from engines.image import read_film_layers, read_provenance
 
-VERBS = ("run", "plan", "reference", "render", "report", "rescore", "status", "list", "schema")
+VERBS = ("run", "plan", "reference", "render", "report", "rescore", "compare", "status", "list", "schema")
 
 
 def ended(done, code):
@@ -76,6 +76,7 @@ def test_nothing_heavy_is_imported_for_help():
         (["render", "cornell_box", "--engine", "numpy", "--precision", "float32"], "computes in float64 only"),
         (["report", "nowhere"], "nowhere: no events.jsonl is there"),
         (["status", "nowhere"], "nowhere: no events.jsonl is there"),
+        (["compare", "nowhere", "neither"], "nowhere: no events.jsonl is there"),
     ],
 )
 def test_wrong_input_is_one_message_and_exit_code_2(arguments, message, tmp_path):

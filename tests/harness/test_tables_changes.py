@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from sweeping import raybench
 
 from harness.results import load_results
 from harness.tables import changes
@@ -60,3 +61,43 @@ def test_contenders_of_one_folder_are_named(before, tmp_path):
 
     table = changes(load_results(before), altered(before, tmp_path / "after", rename))
     assert {"only before", "only after"} <= {row["verdict"] for row in table.rows}
+
+
+def test_other_machines_metrics_and_scenes_are_said(before, tmp_path):
+    def move(event):
+        event["env_id"] = "elsewhere"
+        if event["scene"] == "two_spheres":
+            event["scene_hash"] = "another"
+
+    def remade(results):
+        results.metric = "mse"
+        return results
+
+    first = load_results(before)
+    assert "different machines" not in changes(first, load_results(before)).note
+    table = changes(first, remade(altered(before, tmp_path / "after", move)))
+    assert "different machines" in table.note and "content has changed: two_spheres." in table.note
+    assert "relmse_e0.01 before and mse after" in table.note
+    assert {row["verdict"] for row in table.rows if row["measure"] == "error"} == {"unknown"}
+
+
+def test_the_command_prints_changes_and_ends_with_0(before, tmp_path):
+    def slow(event):
+        if event["engine"] == "numpy":
+            for point in event["points"]:
+                point["seconds"] *= 2
+
+    altered(before, tmp_path / "after", slow)
+    done = raybench("compare", before, tmp_path / "after", "-o", tmp_path / "changes.csv")
+    assert done.returncode == 0, done.stderr
+    rows = [line for line in done.stdout.splitlines() if "seconds per sample" in line]
+    assert rows and all("numpy" in row and "slower" in row for row in rows)
+    assert f"{len(rows)} slower" in done.stdout and "no change" in done.stdout
+    assert "no change" in (tmp_path / "changes.csv").read_text()
+    everything = raybench("compare", before, tmp_path / "after", "--all").stdout
+    assert len(everything.splitlines()) > len(done.stdout.splitlines()) + 10
+
+
+def test_a_table_in_no_known_format_is_refused(before, tmp_path):
+    done = raybench("compare", before, before, "--output", tmp_path / "changes.xls")
+    assert done.returncode == 2 and "must end in one of .csv, .md, .tex" in done.stderr
