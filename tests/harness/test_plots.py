@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from harness.analysis import analyse
-from harness.plots import Palette, write_plots
+from harness.plots import Palette, draw, write_plots
+from harness.plots.beside import Beside
 from harness.plots.curves import band, error_curves
 from harness.plots.panels import facets, panels
 from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem
@@ -47,6 +48,16 @@ def test_plots_are_the_same_at_every_run(plots, analysis, folder):
     (folder / "plots" / "stale.svg").write_text("old")
     write_plots(analysis, folder)
     assert {path.name: path.read_bytes() for path in (folder / "plots").iterdir()} == before
+
+
+def test_who_draws_makes_no_difference(plots, analysis, folder, tmp_path):
+    alone = draw(analysis, tmp_path, 1, 3)
+    with Beside(analysis, tmp_path / "nowhere", 1, 3) as failing:
+        failing._share = (analysis, tmp_path, 1, 3)
+        assert failing.drawn() == alone, "a second process that fails is replaced"
+    assert {plot.name: plot for plot in plots}.items() >= {plot.name: plot for plot in alone.values()}.items()
+    for path in tmp_path.iterdir():
+        assert path.read_bytes() == (folder / "plots" / path.name).read_bytes()
 
 
 def test_every_plot_says_what_it_shows(plots):
