@@ -112,6 +112,17 @@ def rescore(folder: Folder) -> None:
 
 
 @app.command()
+def merge(
+    folders: Annotated[list[Path], typer.Argument(help="Results folders.")],
+    out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
+) -> None:
+    """Put results of several machines into one folder and report; their times are kept apart."""
+    from harness import commands
+
+    commands.merge(folders, out)
+
+
+@app.command()
 def compare(
     before: Folder,
     after: Folder,

@@ -229,6 +229,23 @@ def _require_results(folder: Path) -> None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is wanted")
 
 
+def merge(folders: Sequence[Path], out: Path) -> None:
+    """Puts results folders together, machine beside machine, and reports."""
+    from harness.merge import merge as merged
+
+    for folder in folders:
+        _require_results(folder)
+    with store.locked(out):
+        counts = merged(folders, out)
+        _write_derived(out)
+    console = consoles()[0]
+    for env_id, count in counts.items():
+        console.print(f"{count} measured cells of machine {env_id}", soft_wrap=True)
+    if len(counts) > 1:
+        console.print("Times of different machines must not be compared; the report keeps them apart.")
+    console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
+
+
 def compare(before: Path, after: Path, everything: bool, output: Path | None) -> None:
     """Prints what changed significantly between two results folders, or all that was compared."""
     from harness.results import load_results

@@ -64,7 +64,10 @@ class Contender:
 
 @dataclass
 class Results:
-    """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last."""
+    """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
+
+    `environments` are the events that hold the preimages of environment ids.
+    """
 
     folder: Path
     manifest: Mapping[str, Any]
@@ -74,6 +77,7 @@ class Results:
     targets: list[float]
     sentinels: list[Event]
     runs: list[Event]
+    environments: dict[str, Event] = field(default_factory=dict)
     contenders: list[Contender] = field(default_factory=list)
 
     @property
@@ -144,7 +148,8 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
     cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
     results = Results(folder, manifest, cells, references, metric,
                       sorted(numbers, reverse=not higher_is_better(metric)),
-                      of_kind(events, "sentinel"), of_kind(events, "run"))  # fmt: skip
+                      of_kind(events, "sentinel"), of_kind(events, "run"),
+                      {event["env_id"]: event for event in of_kind(events, "environment")})  # fmt: skip
     results.contenders = _contenders(results.cells)
     return results
 

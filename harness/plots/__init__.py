@@ -23,6 +23,9 @@ WORTH_A_SECOND_PROCESS = 6
 """Figures from which on a second process, which needs a second to start, draws every other one."""
 
 
+OF_ALL_SCENES = ("targets-over-time", "speed-up-over-threads", "sentinel")
+
+
 class Sketch(NamedTuple):
     """A figure that is yet to be drawn: `make` gives None where the results do not allow it."""
 
@@ -55,8 +58,16 @@ def draw(analysis: Analysis, target: Path, first: int = 0, step: int = 1) -> dic
         for index, (name, title, description, make) in list(enumerate(_sketches(analysis)))[first::step]:
             figure = make()
             if figure is not None:
+                _mark_mixture(analysis, figure, name)
                 drawn[index] = Plot(name, title, description, save(figure, target, name))
     return drawn
+
+
+def _mark_mixture(analysis: Analysis, figure: Figure, name: str) -> None:
+    """A banner on figures of all scenes where several machines share their axes; panels belong to one machine each."""
+    count = len({verdict.contender.settings.machine for verdict in analysis.verdicts})
+    if count > 1 and name in OF_ALL_SCENES:
+        figure.suptitle(f"{count} machines: times must not be compared", color="#a6192e", fontsize=9, weight="bold")
 
 
 def _sketches(analysis: Analysis) -> list[Sketch]:

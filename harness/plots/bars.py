@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.plots.panels import MOST_CURVES, Panel
-from harness.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure
+from harness.plots.style import FAINT, GRID, INK, LINES, Palette, log_scales, new_figure
 from harness.results import PHASES
 from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
 from harness.tables.verdicts import thread_families
@@ -134,24 +136,36 @@ def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
 
 
 def sentinel_drift(analysis: Analysis) -> Figure | None:
-    """The fixed kernel's time over the run against its median: what moves here is the machine."""
-    blocks = [(float(event["block"]), float(event["seconds"])) for event in analysis.results.sentinels]
-    cells = [(float(cell.get("order") or 0), float(cell["sentinel_seconds"])) for cell in analysis.results.cells
-             if cell.get("sentinel_seconds") and cell["state"] == "done"]  # fmt: skip
+    """The fixed kernel's time over the run against its median on the same machine: what moves here is the machine."""
+    blocks = _deviations((e.get("env_id"), e["block"], e["seconds"]) for e in analysis.results.sentinels)
+    cells = _deviations((c.get("env_id"), c.get("order") or 0, c["sentinel_seconds"]) for c in analysis.results.cells
+                        if c.get("sentinel_seconds") and c["state"] == "done")  # fmt: skip
     if not blocks and not cells:
         return None
     series = [(name, data) for name, data in (("block", blocks), ("position of the cell in the run", cells)) if data]
     figure = new_figure(7.2, 2.6)
     axes = figure.subplots(1, len(series), squeeze=False, sharey=True)[0]
     for axis, (name, data) in zip(axes, series, strict=True):
-        x, seconds = np.array(sorted(data)).T
-        deviation = 100 * (seconds / np.median(seconds) - 1)
-        axis.plot(x, deviation, ".-" if name == "block" else ".", color=INK, markersize=4)
+        for index, (x, deviation) in enumerate(data):
+            line = LINES[index % len(LINES)] if name == "block" else "none"
+            axis.plot(x, deviation, ".", linestyle=line, color=INK, markersize=4)
         axis.axhline(0, color=FAINT, linewidth=0.8)
         axis.set_xlabel(name)
         if name == "block":
-            axis.xaxis.set_major_locator(FixedLocator(sorted(set(x))))
+            axis.xaxis.set_major_locator(FixedLocator(sorted({place for x, _ in data for place in x})))
             axis.xaxis.set_minor_locator(NullLocator())
             axis.xaxis.set_major_formatter(ScalarFormatter())
     axes[0].set_ylabel("sentinel, deviation\nfrom its median [%]")
     return figure
+
+
+def _deviations(samples: Iterable[tuple[Any, float, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(place, deviation from the median in percent) of each machine, from (machine, place, seconds)."""
+    machines: dict[Any, list[tuple[float, float]]] = {}
+    for machine, place, seconds in samples:
+        machines.setdefault(machine, []).append((float(place), float(seconds)))
+    found = []
+    for pairs in machines.values():
+        places, seconds = np.array(sorted(pairs)).T
+        found.append((places, 100 * (seconds / np.median(seconds) - 1)))
+    return found

@@ -1,4 +1,4 @@
-"""What shares a figure: the contenders of one scene, shader and size; and how many curves are split over subplots."""
+"""What shares a figure: the contenders of one scene, shader, size and machine; and how many curves are split over subplots."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FACET_AXES = ("engine", "sampler", "accelerator", "threads", "precision")
 
 @dataclass
 class Panel:
-    """Verdicts that may be compared in one picture. `title` names the scene, and shader and size where they vary."""
+    """Verdicts that may be compared in one picture. `title` names the scene; shader, size, machine where they vary."""
 
     title: str
     verdicts: list[Verdict]
@@ -39,14 +39,14 @@ class Facet:
 
 
 def panels(analysis: Analysis) -> list[Panel]:
-    """One panel a scene, shader and size, without the A/A control's second label."""
+    """One panel a scene, shader, size and machine, without the A/A control's second label."""
     measured = [v for v in analysis.verdicts if v.contender.done and not v.contender.settings.label]
-    keys = [(v.contender.settings.scene, v.contender.settings.shader, v.contender.settings.size) for v in measured]
-    varying = [len({key[i] for key in keys}) > 1 for i in range(3)]
-    groups: dict[tuple[str, str, str], list[Verdict]] = {}
+    keys = [(s.scene, s.shader, s.size, f"machine {s.machine}") for s in (v.contender.settings for v in measured)]
+    varying = [len({key[i] for key in keys}) > 1 for i in range(4)]
+    groups: dict[tuple[str, ...], list[Verdict]] = {}
     for key, verdict in zip(keys, measured, strict=True):
         groups.setdefault(key, []).append(verdict)
-    names = {key: " ".join([key[0], *(key[i] for i in (1, 2) if varying[i])]) for key in groups}
+    names = {key: " ".join([key[0], *(key[i] for i in (1, 2, 3) if varying[i])]) for key in groups}
     return [Panel(names[key], verdicts) for key, verdicts in groups.items()]
 
 

@@ -175,8 +175,19 @@ def _title(manifest: Mapping[str, Any], fallback: str) -> str:
 
 
 def _machines(analysis: Analysis) -> list[str]:
-    """Environment ids of the measured cells: more than one must not share a time axis in silence."""
-    return sorted({str(cell.get("env_id")) for cell in analysis.results.cells if cell["state"] == "done"})
+    """The measured cells' environments in words: more than one must not share a time axis in silence."""
+    results = analysis.results
+    found = sorted({str(cell.get("env_id")) for cell in results.cells if cell["state"] == "done"})
+    return [_machine_words(env_id, results.environments.get(env_id, {}).get("preimage") or {}) for env_id in found]
+
+
+def _machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
+    """`1a2b3c4d: AMD EPYC 7763, 2 cores, Linux 6.8, Python 3.12`, as far as it is known."""
+    cores, system = preimage.get("usable_cores"), f"{preimage.get('system', '')} {preimage.get('kernel', '')}".strip()
+    python = preimage.get("python")
+    told = [preimage.get("cpu"), f"{cores} cores" if cores else "", system, f"Python {python}" if python else ""]
+    words = ", ".join(str(word) for word in told if word)
+    return f"{env_id[:8]}: {words}" if words else env_id[:8]
 
 
 def _state_counts(analysis: Analysis) -> dict[str, int]:

@@ -12,7 +12,7 @@ from sweeping import raybench
 
 from engines.image import read_film_layers, read_provenance
 
-VERBS = ("run", "plan", "reference", "render", "report", "rescore", "compare", "status", "list", "schema")
+VERBS = ("run", "plan", "reference", "render", "report", "rescore", "merge", "compare", "status", "list", "schema")
 
 
 def ended(done, code):

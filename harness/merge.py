@@ -1,0 +1,134 @@
+"""One results folder from those of several machines. Machines stay apart: in names, in panels, under a banner.
+
+A cell's id says what was asked, not where it was measured: merged cells get ids of both, and keep their own as
+`measured_as`. The merged folder holds copies of images and references, and stands on its own.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from engines.errors import ConfigError
+from harness import store
+from harness.identity import digest
+from harness.results import Results, load_results, settings_of
+
+REFERENCES = "references"
+
+
+def merge(folders: Sequence[Path], out: Path) -> dict[str, int]:
+    """Writes manifest, events, images and references into the empty folder `out`; measured cells by environment id.
+
+    Raises `ConfigError` where metrics differ, or where one configuration was measured under different conditions
+    (budget, engine version) on one machine.
+    """
+    if out.exists() and any(path.name != store.LOCK for path in out.iterdir()):
+        raise ConfigError(f"{out}: is not empty: --out must be a new folder")
+    sources = [load_results(folder) for folder in folders]
+    for source in sources[1:]:
+        if source.metric != sources[0].metric:
+            raise ConfigError(
+                f"{source.folder}: its metric is {source.metric}, that of {sources[0].folder} {sources[0].metric}: "
+                "results of different metrics cannot stand in one report"
+            )
+    cells = _cells(sources)
+    _refuse_mixtures(cells.values())
+    out.mkdir(parents=True, exist_ok=True)
+    with store.Events(out) as events:
+        for event in _preamble(sources, out):
+            events.append(event)
+        for source, cell in cells.values():
+            events.append(_copied(source, cell, out))
+    store.write_json(out / store.MANIFEST, _manifest(sources, [_new_id(cell) for _, cell in cells.values()]))
+    counts: dict[str, int] = {}
+    for _, cell in cells.values():
+        counts[str(cell.get("env_id"))] = counts.get(str(cell.get("env_id")), 0) + (cell["state"] == "done")
+    return counts
+
+
+Owned = tuple[Results, Mapping[str, Any]]
+
+
+def _cells(sources: Sequence[Results]) -> dict[str, Owned]:
+    """Every cell once, by its new id; of a cell that two folders have from one machine the younger."""
+    found: dict[str, Owned] = {}
+    for source in sources:
+        for cell in source.cells:
+            known = found.get(_new_id(cell))
+            if known is None or str(cell.get("time")) > str(known[1].get("time")):
+                found[_new_id(cell)] = source, cell
+    return found
+
+
+def _new_id(cell: Mapping[str, Any]) -> str:
+    return digest([cell["cell_id"], str(cell.get("env_id"))])
+
+
+def _refuse_mixtures(cells: Any) -> None:
+    seen: dict[Any, Owned] = {}
+    for source, cell in cells:
+        other, twin = seen.setdefault((settings_of(cell), cell.get("block")), (source, cell))
+        if twin is not cell:
+            mine, theirs = cell.get("asked") or {}, twin.get("asked") or {}
+            differing = sorted(key for key in {*mine, *theirs} if mine.get(key) != theirs.get(key))
+            raise ConfigError(
+                f"{source.folder} and {other.folder}: {cell['scene']} {cell['engine']}, block {cell.get('block')}, was "
+                f"measured on one machine under different conditions ({', '.join(differing) or 'cell ids'})"
+            )
+
+
+def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
+    """The events that are no cells: runs, environments, targets, references, sentinels."""
+    found: dict[str, dict[str, Any]] = {}
+    for source in sources:
+        env_ids = {cell.get("env_id") for cell in source.cells if cell["state"] == "done"}
+        for event in store.read_events(source.folder):
+            if event["event"] == "sentinel" and len(env_ids) == 1:
+                event.setdefault("env_id", next(iter(env_ids)))
+            if event["event"] in ("run", "environment", "sentinel", "certificate"):
+                found.setdefault(json.dumps(event, sort_keys=True), event)
+    targets = sorted({target for source in sources for target in source.targets}, reverse=True)
+    known: dict[str, dict[str, Any]] = {}
+    for source in sources:
+        for reference_id, event in source.references.items():
+            if reference_id not in known:
+                known[reference_id] = {**event, "folder": _copied_reference(source, event, out)}
+    goals = {"event": "targets", "metric": sources[0].metric, "targets": targets}
+    return [*found.values(), goals, *known.values()]
+
+
+def _copied_reference(source: Results, event: Mapping[str, Any], out: Path) -> str:
+    """Copies a reference, where it is there; its folder relative to `out`."""
+    folder = (source.folder / event["folder"]).resolve()
+    target = Path(REFERENCES) / str(event["scene_hash"])[:16] / str(event["reference_id"])
+    if folder.is_dir():
+        shutil.copytree(folder, out / target)
+    return str(target)
+
+
+def _copied(source: Results, cell: Mapping[str, Any], out: Path) -> dict[str, Any]:
+    """The cell's event under its new id, its images copied."""
+    points = []
+    for point in cell.get("points") or []:
+        image = store.image_path(_new_id(cell), point["spp"]) if point.get("image") else None
+        if image is not None and (source.folder / point["image"]).is_file():
+            (out / image).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source.folder / point["image"], out / image)
+        points.append({**point, "image": image})
+    return {**cell, "cell_id": _new_id(cell), "measured_as": cell["cell_id"], "points": points}
+
+
+def _manifest(sources: Sequence[Results], cell_ids: list[str]) -> dict[str, Any]:
+    """A manifest that holds those of all folders; its own config is the first one's."""
+    first = sources[0].manifest
+    return {
+        "raybench_results": 1, "name": str(first.get("name") or sources[0].folder.name),
+        "config": first.get("config") or {}, "cell_ids": cell_ids,
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "merged": [{"folder": source.folder.name, **source.manifest} for source in sources],
+    }  # fmt: skip
