@@ -143,6 +143,26 @@ def status(folder: Folder) -> None:
     commands.status(folder)
 
 
+@app.command()
+def verify(
+    engine: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--engine", metavar="NAME", help="An engine, ours or module:attribute. May be repeated. [default: all]"),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
+    only: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--case", metavar="ID", help="A case or a section alone. May be repeated."),
+    ] = None,
+    out: Annotated[Optional[Path], typer.Option("--out", help="[default: results/verify]")] = None,  # noqa: UP045
+    allow_imports: AllowImports = False,
+) -> None:
+    """Hold engines to hard cases and known answers; exit code 1 where a promise is broken."""
+    from harness.verify.command import verify as verified
+
+    raise typer.Exit(verified(engine or [], quick, only or [], out, allow_imports))
+
+
 @app.command(name="list")
 def list_() -> None:
     """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""

@@ -1,0 +1,74 @@
+"""What an engine promises, by the precision in which it traces: one table, read by the battery, tests and docs.
+
+The unit of a promise says what the number bounds:
+
+- `relative`: |found - exact| / |exact|, the worst of all;  `eps`: |found - exact| in machine epsilons of the tracing
+  precision, coordinates being about 1;  `eps/cos`: the same times the cosine at the hit
+- `wrong`: how many rays, pixels or samples are wrong (the sum);  `share`: the share of them that are
+- `absolute`: |found - exact| of a radiance;  `z`: |mean - truth| in standard errors;  `p`: the smallest p value, which
+  must lie *above* what is allowed
+
+`None` where a precision cannot keep a case: it is measured and shown, and its verdict is "not promised". A mapping
+gives each parameter its own number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+Limit = float | None | Mapping[str, float | None]
+
+TRACING = {"embree": "float32"}
+"""Engines that trace in another precision than they shade in. A third party's says so by `tracing_precision`."""
+
+
+def tracing_precision(engine: Any, precision: str) -> str:
+    """The precision in which rays meet shapes: it sets the tolerances."""
+    return getattr(engine, "tracing_precision", None) or TRACING.get(engine.name, precision)
+
+
+class Promise(NamedTuple):
+    """Limits for engines that trace in float64 and in float32, and why they differ where they do."""
+
+    unit: str
+    float64: Limit
+    float32: Limit
+    why: str = ""
+
+    def limit(self, tracing: str, parameter: str) -> float | None:
+        """The number for a precision and a parameter; None: not promised."""
+        limit = self.float64 if tracing == "float64" else self.float32
+        return limit.get(parameter) if isinstance(limit, Mapping) else limit
+
+
+NEVER = Promise("wrong", 0, 0)
+Z = Promise("z", 4.5, 4.5, "a false alarm has probability 7e-6 a test of 1,024 replicates; seeds are fixed")
+EXACT = Promise("absolute", 1e-12, 1e-5)
+TIES = Promise("wrong", 0, None, "embree may answer with either of two hits at exactly one distance")
+
+PROMISES: dict[str, Promise] = {
+    # spheres
+    "S1": Promise("relative", 4e-15, 1e-6),
+    "S3": Promise("relative", {"R = 1e3": 1e-12, "R = 1e4": 1e-11, "R = 1e5": 1e-10, "R = 1e6": 1e-9}, 1e-6,
+                  "spheres are solved in float64 in every engine; float32 formulas are 3 to 7 % wrong at 1e6"),
+    "S4": Promise("relative", 1e-13, 1e-6),
+    "S5": Promise("eps/cos", 8, 8),
+    "S6": NEVER,
+    "S7": Promise("relative", 4e-15, 1e-6),
+    "S8": Promise("relative", 4e-15, 1e-6),
+    "S10": Promise("absolute", 1e-4, 1e-4),
+    # triangles
+    "T1": Promise("eps", 16, 16), "T2": NEVER, "T4": NEVER, "T5": NEVER, "T6": NEVER,
+    "T8": Promise("wrong", 0, {"height 1e-02": 0, "height 1e-08": 0, "height 1e-16": 0, "height 1e-30": None,
+                               "height 1e-44": None}, "float32 ends at 1e-38; products of edges end before"),
+    "T10": NEVER, "T11": TIES, "T12": NEVER, "T13": TIES, "T14": NEVER,
+    "T15": Promise("wrong", 0, {"scale 1e-20": None, "scale 1e-10": 0, "scale 1e+00": 0, "scale 1e+10": 0,
+                                "scale 1e+18": None}, "squares and products of coordinates leave float32's range"),
+    "T17": Promise("eps", 4, 4),
+    "T18": Promise("wrong", 0, None, "a float32 test may claim a skinny triangle that the ray misses"),
+    # boxes, trees, rays
+    "B1": NEVER, "B2": NEVER, "A1": NEVER, "A2": NEVER, "A3": NEVER, "A4": NEVER, "A5": NEVER, "A6": NEVER,
+    "R1": NEVER, "R2": Promise("relative", 1e-10, 1e-5), "R3": NEVER, "R4": NEVER,
+    "R5": Promise("relative", 2.5, 2.5),
+}  # fmt: skip

@@ -1,0 +1,95 @@
+"""Rays that make no sense, rays of any length, and the ends of the interval in which hits count."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from engines.scene import Plane
+from harness.verify import oracle
+from harness.verify.case import Measured, Section, measured
+from harness.verify.stage import box, sphere
+from harness.verify.subject import Subject
+
+SECTION = Section("rays", each_accelerator=True)
+SHAPES = (Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0), 0), sphere(), box((2, -1, -1), (3, 1, 1)))
+NAN, INF = np.nan, np.inf
+BAD = [
+    ((NAN, 0, 5), (0, 0, -1), INF), ((0, INF, 5), (0, 0, -1), INF), ((0, 0, 5), (0, 0, 0), INF),
+    ((0, 0, 5), (0, NAN, -1), INF), ((0, 0, 5), (0, 0, -INF), INF), ((0, 0, 5), (0, 0, -1), NAN),
+    ((0, 0, 5), (0, 0, -1), -1.0), ((0, 0, 5), (0, 0, -1), 0.0), ((0, 0, 5), (0, 0, -1), -INF),
+]  # fmt: skip
+
+
+@SECTION.case("R1", "Rays that are not finite, or zero, or end before they start, miss and disturb no other.",
+              "engines.interface")  # fmt: skip
+def nonsense(subject: Subject) -> Iterator[Measured]:
+    origins, directions, reach = (np.array(column, float) for column in zip(*BAD, strict=True))
+    good = [(0.0, 0.0, 5.0)], [(0.0, 0.0, -1.0)]
+    origins, directions = np.append(origins, good[0], axis=0), np.append(directions, good[1], axis=0)
+    reach = np.append(reach, INF)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        renderer = subject.tracer(*SHAPES)
+        hits, dark = renderer.trace(origins, directions, reach), renderer.occluded(origins, directions, reach)
+    yield measured(np.append(np.isfinite(hits.t[:-1]) | (hits.shape[:-1] >= 0), hits.t[-1] != 4.0), "trace")
+    yield measured(np.append(dark[:-1], not dark[-1]), "occluded")
+
+
+@SECTION.case("R2", "Directions of length 1e-30 and 1e30 find what others find.", "ACCURACY 1, rays")
+def any_length(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(1), subject.count(2000)
+    origins, directions = subject.cast(rng.uniform(-2, 2, (n, 3))), subject.cast(rng.normal(size=(n, 3)))
+    renderer = subject.tracer(sphere())
+    for length in (1e-30, 1e30):
+        scaled = subject.cast(directions * length)
+        hits = renderer.trace(origins, scaled)
+        near, far = (root.astype(float) for root in oracle.sphere_roots((0, 0, 0), 1.0, origins, scaled))
+        t = np.where(near > 0, near, np.where(far > 0, far, INF))
+        with np.errstate(invalid="ignore"):
+            chord = (far - near) * np.linalg.norm(scaled, axis=1)
+        clear = np.isinf(near) | (chord > 1e-2)  # tangents may go either way
+        found, both = hits.t[clear], np.isfinite(hits.t[clear]) & np.isfinite(t[clear])
+        errors = np.where(np.isfinite(found) == np.isfinite(t[clear]), 0.0, INF)
+        errors[both] = np.abs(found[both] / t[clear][both] - 1)
+        yield measured(errors, f"length {length:.0e}")
+
+
+@SECTION.case("R3", "The interval is open at t_max, for trace and occluded alike.", "engines.interface")
+def open_interval(subject: Subject) -> Iterator[Measured]:
+    renderer = subject.tracer(*SHAPES)
+    ray = [(0.0, 0.0, 5.0)], [(0.0, 0.0, -2.0)]
+    wrong = []
+    for reach, hit in ((2.0, False), (2.00001, True), (1.99999, False), (INF, True)):
+        found = renderer.trace(*ray, reach).t[0]
+        wrong += [(found == 2.0) != hit, bool(renderer.occluded(*ray, reach)[0]) != hit]
+    yield measured(wrong)
+
+
+@SECTION.case("R4", "No rays and no shapes are legal.", "ACCURACY 6")
+def nothing(subject: Subject) -> Iterator[Measured]:
+    none = np.zeros((0, 3))
+    full, empty = subject.tracer(*SHAPES), subject.tracer()
+    yield measured([
+        full.trace(none, none).t.shape != (0,), full.occluded(none, none).shape != (0,),
+        not np.isinf(empty.trace([(0, 0, 0)], [(0, 0, 1)]).t).all(), empty.occluded([(0, 0, 0)], [(0, 0, 1)]).any(),
+    ])  # fmt: skip
+
+
+@SECTION.case("R5", "A NaN among the rays makes no ray slower than 2.5 times.", "ACCURACY 1, rays", full_only=True)
+def no_slowdown(subject: Subject) -> Iterator[Measured]:
+    rng = np.random.default_rng(5)
+    origins, directions = rng.uniform(-2, 2, (40_000, 3)), rng.normal(size=(40_000, 3))
+    bad = origins.copy()
+    bad[::2] = NAN
+    renderer = subject.tracer(*SHAPES)
+    seconds = [[], []]
+    for _ in range(5):
+        for kind, start in enumerate((origins, bad)):
+            since = time.perf_counter()
+            renderer.trace(start, directions)
+            seconds[kind].append(time.perf_counter() - since)
+    yield measured(min(seconds[1]) / min(seconds[0]))

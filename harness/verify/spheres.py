@@ -1,0 +1,105 @@
+"""Spheres: near, far, huge, from inside, at a tangent, far from the origin, and almost touching one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from harness.verify import oracle
+from harness.verify.case import Array, Measured, Section, measured
+from harness.verify.stage import sphere, unit
+from harness.verify.subject import Subject
+
+SECTION = Section("spheres", each_accelerator=True)
+SOURCE = "Haines, Günther and Akenine-Möller 2019 (Ray Tracing Gems, 7)"
+
+
+def _against(subject: Subject, center: Array, radius: float, origins: Array, directions: Array, parameter: str,
+             far: bool = False) -> Measured:  # fmt: skip
+    """Relative errors of t against the nearer root, or the farther one."""
+    hits = subject.trace([sphere(center, radius)], origins, directions)
+    exact = oracle.sphere_roots(center, radius, origins, directions)[int(far)]
+    return measured(oracle.relative(hits.t, exact), parameter, oracle.ulps(hits.t, exact, subject.kind))
+
+
+@SECTION.case("S1", "A unit sphere is hit from any distance to the last digits.", SOURCE)
+def distant(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(3), subject.count(400)
+    for power in range(2, 8):
+        impact, angle = 0.95 * np.sqrt(rng.random(n)), 2 * np.pi * rng.random(n)
+        start = np.stack([impact * np.cos(angle), impact * np.sin(angle), np.full(n, 10.0**power)], -1)
+        ahead = np.tile([0.0, 0.0, -1.0], (n, 1))
+        yield _against(subject, np.zeros(3), 1.0, subject.cast(start), ahead, f"from 1e{power}")
+
+
+@SECTION.case("S3", "A sphere as large as a floor is hit where it is.", "ACCURACY 1, S3")
+def huge(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(4), subject.count(400)
+    turn = 2 * np.pi * rng.random(n)
+    directions = subject.cast(np.stack([np.cos(turn), np.full(n, -0.5), np.sin(turn)], -1))
+    for power in range(3, 7):
+        center = np.array([0.0, -(10.0**power), 0.0])
+        yield _against(subject, center, 10.0**power, np.tile([0.0, 1.5, 0.0], (n, 1)), directions, f"R = 1e{power}")
+
+
+@SECTION.case("S4", "From inside, the far side is hit.", "ACCURACY 1, S4")
+def inside(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(4), subject.count(400)
+    origins = subject.cast(0.9 * rng.random((n, 1)) * unit(rng.normal(size=(n, 3))))
+    directions = subject.cast(rng.normal(size=(n, 3)))
+    yield _against(subject, np.zeros(3), 1.0, origins, directions, "", far=True)
+
+
+@SECTION.case("S5", "From the surface inwards, the far side is hit.", "ACCURACY 1, S5")
+def from_the_surface(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(5), subject.count(800)
+    origins, directions = subject.cast(unit(rng.normal(size=(n, 3)))), subject.cast(unit(rng.normal(size=(n, 3))))
+    cosines = (origins * directions).sum(axis=1)
+    directions = np.where(cosines[:, None] > 0, -directions, directions)
+    kept = np.abs(cosines) > 1e-2
+    found = subject.trace([sphere()], origins[kept], directions[kept])
+    near, far = oracle.sphere_roots(np.zeros(3), 1.0, origins[kept], directions[kept])
+    touched = (near > 0) & (found.t < 1e-3)  # rounded, the origin may lie outside: then the near root is one too
+    exact = np.where(touched, near, far)
+    errors = oracle.absolute(found.t, exact) * np.abs(cosines[kept]) / subject.eps
+    yield measured(errors, "", oracle.ulps(found.t, far, subject.kind)[~touched])
+
+
+@SECTION.case("S6", "A ray at a tangent hits at the right distance or misses; nothing is NaN.", "ACCURACY 1, S6")
+def tangent(subject: Subject) -> Iterator[Measured]:
+    heights = [1.0, *(float(np.nextafter(subject.kind(1), subject.kind(side))) for side in (0, 2))]
+    for distance in (3.0, 1e3, 1e6):
+        origins = np.array([(0.0, height, distance) for height in heights])
+        hits = subject.trace([sphere()], origins, np.tile([0.0, 0.0, -1.0], (3, 1)))
+        close = np.abs(hits.t - distance) <= max(2 * np.sqrt(subject.eps), 4 * subject.eps * distance)
+        yield measured(~(np.isinf(hits.t) | close) | np.isnan(hits.normal).any(axis=1), f"from {distance:.0e}")
+
+
+@SECTION.case("S7", "The length of a direction does not move the hit.", "ACCURACY 1, S7")
+def scaled(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(7), subject.count(200)
+    origins = subject.cast(4 * unit(rng.normal(size=(n, 3))))
+    toward = 0.9 * unit(rng.normal(size=(n, 3))) * rng.random((n, 1)) - origins
+    for power in (-10, -3, 3, 10):
+        directions = subject.cast(toward * 10.0**power)
+        yield _against(subject, np.zeros(3), 1.0, origins, directions, f"length 1e{power}")
+
+
+@SECTION.case("S8", "A scene a million metres off the origin is hit as exactly.", "ACCURACY 1, S8")
+def far_scene(subject: Subject) -> Iterator[Measured]:
+    rng, n = np.random.default_rng(8), subject.count(400)
+    origins = subject.cast(1e6 + 5 * unit(rng.normal(size=(n, 3))))
+    directions = subject.cast(1e6 + 0.5 * rng.uniform(-1, 1, (n, 3)) - origins)
+    yield _against(subject, np.full(3, 1e6), 1.0, origins, directions, "")
+
+
+@SECTION.case("S10", "Of two overlapping spheres met almost at a tangent the nearer one is hit.", "Embree issue 676")
+def overlapping(subject: Subject) -> Iterator[Measured]:
+    spheres = [sphere(subject.cast(center), 9.0) for center in (
+        (9.66870880, -16.3965702, 3.93995930), (10.0441875, -9.69345284, 3.94893074))]  # fmt: skip
+    hits = subject.trace(
+        spheres, subject.cast([(14.8001127, -9.01768494, 3.47012758)]),
+        subject.cast([(-0.989340246, -0.0190101117, -0.144376263)]),
+    )  # fmt: skip
+    yield measured(np.where(hits.shape == 0, np.abs(hits.t - 10.2983), np.inf))
