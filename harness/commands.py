@@ -165,7 +165,7 @@ def _columns(cell: plans.Cell) -> tuple[str, ...]:
 
 
 def reference(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> int:
-    """Renders the references that an experiment needs; 1 where one failed."""
+    """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
     from harness import references
     from harness.pool import Pool, WorkerFailed
 
@@ -182,13 +182,13 @@ def reference(given: str, out: Path | None, overrides: Sequence[str], allow_impo
             for wanted in made.references.values():
                 where = wanted.folder(root)
                 name = wanted.describe()
-                if references.ready(wanted, root):
-                    stdout.print(f"{name}: ready in {where}", soft_wrap=True)
-                    continue
                 try:
-                    with progress.Terminal(stderr) as terminal:
-                        _make_reference(wanted, root, pool, allow_imports, terminal, name)
-                    stdout.print(f"{name}: made in {where}", soft_wrap=True)
+                    ready = references.ready(wanted, root)
+                    if not ready:
+                        with progress.Terminal(stderr) as terminal:
+                            _make_reference(wanted, root, pool, allow_imports, terminal, name)
+                    stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}", soft_wrap=True)
+                    failed += _certified(wanted, root, pool, allow_imports, stdout, stderr)
                 except WorkerFailed as error:
                     failed += 1
                     stdout.print(f"{name}: failed: {error}", markup=False, soft_wrap=True)
@@ -202,6 +202,23 @@ def _make_reference(wanted: Any, root: Path, pool: Any, allow_imports: bool, ter
     from harness import references
 
     references.make(wanted, root, pool, allow_imports, lambda done, count: terminal.reference(name, done, count))
+
+
+def _certified(
+    wanted: Any, root: Path, pool: Any, allow_imports: bool, stdout: Console, stderr: Console
+) -> bool:  # fmt: skip
+    """Certifies a reference if that is asked for; whether the second engine makes another image."""
+    from harness import certify
+
+    if wanted.certifier is None:
+        return False
+    found = certify.existing(wanted, root)
+    if found is None:
+        name = f"certificate of {wanted.describe()}"
+        with progress.Terminal(stderr) as terminal:
+            found = certify.make(wanted, root, pool, allow_imports, lambda i, n: terminal.reference(name, i, n))
+    stdout.print(f"{wanted.describe()}: {certify.words(found)}", markup=False, soft_wrap=True)
+    return found["verdict"] == "different"
 
 
 def report(folder: Path) -> None:

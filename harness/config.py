@@ -35,7 +35,10 @@ class Checkpoints:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceAsked:
-    """How the image compared with is made. `threads` 0 means every core; it changes no pixel."""
+    """How the image compared with is made. `threads` 0 means every core; it changes no pixel.
+
+    `certify` names a second engine that is to make the same image from other random numbers.
+    """
 
     engine: str = "embree"
     spp: int = 8192
@@ -44,6 +47,7 @@ class ReferenceAsked:
     accelerator: Mapping[str, Any] | str = "auto"
     precision: str | None = None
     threads: int = 0
+    certify: str | None = None
 
     @property
     def replicates(self) -> tuple[int, int]:
@@ -159,6 +163,10 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     combinations, warnings = axes.expand(root, folder, budget)
     read = {key: reader(top[key]) for key, reader in _SCALARS.items() if key in top}
     reference = _section(top, "reference", _REFERENCE, ReferenceAsked)
+    if reference.certify == reference.engine:
+        raise root.at(("reference", "certify")).refuse(
+            f"another engine than the reference's, {reference.engine}, is wanted"
+        )
     quality = _quality(top)
     repeats, seed = read.get("repeats", 3), read.get("seed", 1)
     _seeds_differ(root, seed, repeats, reference)
@@ -205,6 +213,7 @@ _REFERENCE: dict[str, Any] = {
     "engine": _choice("engine"), "spp": fields.integer(2, 2**31), "seed": fields.integer(0, SEED_LIMIT),
     "sampler": _choice("sampler"), "accelerator": _choice("accelerator"), "precision": _choice("precision"),
     "threads": fields.integer(0, 1024),
+    "certify": lambda node: None if node.value is None else axes.read("engine", node, Path()),
 }  # fmt: skip
 SECTIONS = ("matrix", "zip", "exclude", "include", "extend", "checkpoints", "order", "reference", "quality")
 TOP_KEYS = ("raybench_experiment", *_SCALARS, *SECTIONS, *SETTINGS)

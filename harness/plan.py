@@ -21,7 +21,7 @@ from engines.registry import load_attribute
 from engines.scene import Scene, load_scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.identity import digest
-from harness.references import ReferenceWanted
+from harness.references import Certifier, ReferenceWanted
 from harness.settings import Budget, SceneFile, engine_settings, require_imports
 
 CONTROL_LABEL = "A/A"
@@ -116,7 +116,7 @@ class _Known:
         self.allow_imports = allow_imports
         names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
-        for name in [*names, experiment.reference.engine]:
+        for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
             require_imports(name, allow_imports)
             self.engines.setdefault(name, engine_of(name))
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
@@ -224,7 +224,19 @@ def _reference(
     from harness.machine import usable_cores
 
     threads = given.threads or len(usable_cores())
-    return ReferenceWanted(file.name, file.path, scene.content_hash, asked, {**asked_of, "threads": threads}), None
+    certifier = _certifier(given.certify, scene, {**asked_of, "threads": threads}, known) if given.certify else None
+    wanted = ReferenceWanted(
+        file.name, file.path, scene.content_hash, asked, {**asked_of, "threads": threads}, certifier
+    )  # fmt: skip
+    return wanted, None
+
+
+def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Known) -> Certifier:
+    """The second engine, with its own accelerator and precision."""
+    engine = known.engines[name]
+    given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
+    given["precision"] = _precision(engine, scene, given, known.allow_imports)
+    return Certifier(name, str(engine.version), given, _why_not(engine, scene, given, known.allow_imports))
 
 
 def _code(settings: Mapping[str, Any]) -> dict[str, Any]:

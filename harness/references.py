@@ -17,7 +17,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -43,6 +43,16 @@ Report = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
+class Certifier:
+    """A second engine that is to make the same image; `why_not` says why it cannot."""
+
+    engine: str
+    version: str
+    settings: Mapping[str, Any]
+    why_not: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class ReferenceWanted:
     """A reference that cells need: `asked` is the preimage of its id, `settings` what the engine gets."""
 
@@ -51,6 +61,7 @@ class ReferenceWanted:
     scene_hash: str
     asked: Mapping[str, Any]
     settings: Mapping[str, Any]
+    certifier: Certifier | None = None
 
     @property
     def reference_id(self) -> str:
@@ -87,28 +98,42 @@ def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, r
     """Renders what is missing and returns its metadata. Raises `WorkerFailed` when the engine fails."""
     folder = wanted.folder(root)
     film, seconds = _start(wanted, root)
-    missing = list(range(film.spp, wanted.asked["replicates"]))
-    if missing:
-        worker = pool.worker(wanted.asked["engine"])
-        worker.ask({
-            "do": "reference", "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash,
-            "settings": dict(wanted.settings), "allow_imports": allow_imports, "scratch": str(pool.scratch),
-            "spp": wanted.asked["replicate_spp"], "seeds": [wanted.asked["seed"] + index for index in missing],
-        })  # fmt: skip
+    first, count = film.spp, wanted.asked["replicates"]
+    if first < count:
+        report(first, count)
         saved = monotonic()
-        for index in missing:
-            report(index, wanted.asked["replicates"])
-            seconds += worker.receive(FOREVER)["seconds"]
-            _add(film, film_of(pool.scratch), wanted)
+        seeds = range(wanted.asked["seed"] + first, wanted.asked["seed"] + count)
+        for replicate, more in replicates(wanted, seeds, pool, allow_imports):
+            seconds += more
+            _add(film, replicate, wanted)
             if monotonic() - saved > SAVE_EVERY_SECONDS:
                 _save(folder, wanted, film, seconds)
                 saved = monotonic()
-            worker.ask({"do": "go"})
-        worker.receive(FOREVER)
+            if film.spp < count:
+                report(film.spp, count)
     meta = _save(folder, wanted, film, seconds)
     film.save(folder / "reference.exr", provenance=_text(meta))
-    report(wanted.asked["replicates"], wanted.asked["replicates"])
+    report(count, count)
     return meta
+
+
+def replicates(
+    wanted: ReferenceWanted, seeds: Iterable[int], pool: Pool, allow_imports: bool, engine: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Iterator[tuple[Film, float]]:  # fmt: skip
+    """The reference's image under each seed, with the seconds it took; by another engine where one is named."""
+    worker = pool.worker(engine or wanted.asked["engine"])
+    seeds = list(seeds)
+    worker.ask({
+        "do": "reference", "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash,
+        "settings": dict(settings or wanted.settings), "allow_imports": allow_imports, "scratch": str(pool.scratch),
+        "spp": wanted.asked["replicate_spp"], "seeds": seeds,
+    })  # fmt: skip
+    for _ in seeds:
+        seconds = worker.receive(FOREVER)["seconds"]
+        yield film_of(pool.scratch), seconds
+        worker.ask({"do": "go"})
+    worker.receive(FOREVER)
 
 
 def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:

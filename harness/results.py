@@ -66,7 +66,7 @@ class Contender:
 class Results:
     """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
 
-    `environments` are the events that hold the preimages of environment ids.
+    `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids.
     """
 
     folder: Path
@@ -78,6 +78,7 @@ class Results:
     sentinels: list[Event]
     runs: list[Event]
     environments: dict[str, Event] = field(default_factory=dict)
+    certificates: dict[str, Event] = field(default_factory=dict)
     contenders: list[Contender] = field(default_factory=list)
 
     @property
@@ -149,7 +150,8 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
     results = Results(folder, manifest, cells, references, metric,
                       sorted(numbers, reverse=not higher_is_better(metric)),
                       of_kind(events, "sentinel"), of_kind(events, "run"),
-                      {event["env_id"]: event for event in of_kind(events, "environment")})  # fmt: skip
+                      {event["env_id"]: event for event in of_kind(events, "environment")},
+                      {event["reference_id"]: event for event in of_kind(events, "certificate")})  # fmt: skip
     results.contenders = _contenders(results.cells)
     return results
 

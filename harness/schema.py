@@ -35,6 +35,7 @@ def experiment_schema() -> dict[str, Any]:
             "engine": settings["engine"], "spp": {"type": "integer", "minimum": 2}, "seed": _SEED,
             "sampler": settings["sampler"], "accelerator": settings["accelerator"],
             "precision": settings["precision"], "threads": {"type": "integer", "minimum": 0},
+            "certify": {"anyOf": [settings["engine"], {"const": None}]},
         }),
         "quality": _object({
             "metric": {"enum": list(METRICS)}, "epsilon": {"type": "number", "exclusiveMinimum": 0},

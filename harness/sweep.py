@@ -16,7 +16,7 @@ from statistics import median
 from time import monotonic
 from typing import Any, Protocol
 
-from harness import machine, references, store
+from harness import certify, machine, references, store
 from harness.identity import digest
 from harness.plan import WARM_UP_SEED, Cell, Plan, expected_seconds, up_to_date
 from harness.pool import Pool, WorkerFailed, WorkerTimeout, film_of
@@ -188,12 +188,32 @@ class Sweep:
                 continue
             if reference_id not in named and references.ready(wanted, self.root):
                 self.append(references.event(wanted, self.root, self.folder))
+            self._certify(wanted, pool)
 
     def _make_reference(self, wanted: references.ReferenceWanted, pool: Pool) -> None:
         references.make(
             wanted, self.root, pool, self.options.allow_imports,
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
         )  # fmt: skip
+
+    def _certify(self, wanted: references.ReferenceWanted, pool: Pool) -> None:
+        """Has the reference compared with a second engine's image, once, and says what came out."""
+        if wanted.certifier is None or not references.ready(wanted, self.root):
+            return
+        found = certify.existing(wanted, self.root)
+        try:
+            found = found or certify.make(
+                wanted, self.root, pool, self.options.allow_imports,
+                lambda done, count: self.listener.reference(f"certificate of {wanted.describe()}", done, count),
+            )  # fmt: skip
+        except (WorkerFailed, WorkerTimeout) as error:
+            self.listener.note(f"{wanted.describe()}: no certificate: {error}")
+            return
+        said = [e["certificate_id"] for e in self.history if e["event"] == "certificate"]
+        if found["certificate_id"] not in said:
+            self.append({key: value for key, value in found.items() if key != "machine"})
+            if found["verdict"] != "equivalent":
+                self.listener.note(f"reference of {wanted.describe()}: {certify.words(found)}")
 
     def _without_reference(self, reference_id: str, message: str) -> None:
         self.listener.note(message)

@@ -18,7 +18,7 @@ from harness.plots import Plot
 from harness.plots.panels import Panel, panels
 from harness.plots.style import FAINT, GRID, INK
 from harness.report.pictures import picture_groups
-from harness.results import Contender, Event, point_error
+from harness.results import Contender, Event, Results, point_error
 from harness.statistics import QualityTime
 from harness.tables import Column, Table, cell_text, sort_value
 from harness.tables.model import estimate_text
@@ -44,7 +44,7 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     return _environment().get_template("report.html.j2").render(
         title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
-        machines=_machines(analysis), runs=results.runs, references=list(results.references.values()),
+        machines=_machines(analysis), runs=results.runs, references=_references(results),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
         metric=results.metric, floors=floors, style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
@@ -172,6 +172,20 @@ def _script_json(value: Any) -> Markup:
 
 def _title(manifest: Mapping[str, Any], fallback: str) -> str:
     return str((manifest.get("config") or {}).get("name") or fallback)
+
+
+def _references(results: Results) -> list[dict[str, Any]]:
+    """The events of references, each with what its certificate says and whether that is bad news."""
+    from harness.certify import words
+
+    found = []
+    for reference_id, event in results.references.items():
+        certificate = results.certificates.get(reference_id)
+        said = words(dict(certificate)) if certificate else "not certified by a second engine"
+        found.append(
+            {**event, "certificate": said, "refuted": bool(certificate and certificate["verdict"] == "different")}
+        )
+    return found
 
 
 def _machines(analysis: Analysis) -> list[str]:

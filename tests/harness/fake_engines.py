@@ -83,6 +83,19 @@ class Other(Steady):
         return {"none": {}, "tree": {}}
 
 
+class Brighter(Steady):
+    """Makes an image that is 3 % too bright."""
+
+    name = "brighter"
+    factor = 1.03
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        add = renderer.film.add
+        renderer.film.add = lambda samples: add(self.factor * samples)
+        return renderer
+
+
 class Picky(Steady):
     name = "picky"
 

@@ -1,0 +1,90 @@
+"""Certificates: an engine that makes the same image certifies a reference, another one does not, and the report says so.
+
+Seeds are fixed; false alarms are set to 0.1 % a scale.
+"""
+
+import fake_engines
+import pytest
+import sweeping
+from sweeping import raybench
+
+from engines.errors import ConfigError
+from harness import certify, config, plan, references, store
+from harness.pool import Pool
+from harness.report import write_derived
+
+
+def certified_by(engine, spp=4096):
+    asked = f"engine: 'fake_engines:Steady', spp: {spp}, certify: 'fake_engines:{engine}'"
+    return sweeping.EXPERIMENT.replace("engine: 'fake_engines:Steady', spp: 64", asked)
+
+
+@pytest.fixture
+def made(tmp_path):
+    """(what was wanted, the certificate) of a reference and the engine that is to certify it."""
+
+    def make(engine, spp=4096):
+        path = sweeping.write(tmp_path, certified_by(engine, spp))
+        (wanted,) = plan.make(config.load(path), True).references.values()
+        with Pool(True, tmp_path / "log") as pool:
+            references.make(wanted, tmp_path / "refs", pool, True, lambda done, count: None)
+            return wanted, certify.make(wanted, tmp_path / "refs", pool, True, lambda done, count: None)
+
+    return make
+
+
+def test_an_equal_engine_certifies(made):
+    _, found = made("Other")
+    assert found["verdict"] == "equivalent" and -0.01 < found["low"] <= found["difference"] <= found["high"] < 0.01
+    assert found["difference"] != 0, "the second engine draws other random numbers"
+    assert found["spp"] == 2048 and certify.words(found).startswith("certified by fake_engines:Other (2048 spp)")
+
+
+def test_a_brighter_engine_does_not(made):
+    _, found = made("Brighter")
+    assert found["verdict"] == "different"
+    assert found["difference"] == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
+    assert "NOT certified" in certify.words(found)
+
+
+def test_few_samples_are_inconclusive(made):
+    _, found = made("Other", spp=8)
+    assert found["verdict"] == "inconclusive" and "more samples are needed" in certify.words(found)
+
+
+def test_an_engine_that_cannot_says_why(made):
+    _, found = made("Picky", spp=8)
+    assert found["verdict"] == "impossible" and certify.words(found) == "not certified: it never feels like it"
+
+
+def test_certifying_changes_no_id_and_a_certificate_is_found_again(made, tmp_path):
+    wanted, found = made("Other", spp=64)
+    (plain,) = plan.make(config.load(sweeping.write(tmp_path)), True).references.values()
+    assert plain.reference_id == wanted.reference_id and plain.certifier is None
+    again = certify.existing(wanted, tmp_path / "refs")
+    assert again is not None and again["certificate_id"] == found["certificate_id"]
+    certify.path_of(wanted, tmp_path / "refs").write_text("{")
+    with pytest.raises(ConfigError, match="remove it to make it anew"):
+        certify.existing(wanted, tmp_path / "refs")
+
+
+def test_the_engine_itself_is_no_witness(tmp_path):
+    with pytest.raises(ConfigError, match=r"small\.yaml:9.*another engine than the reference's"):
+        config.load(sweeping.write(tmp_path, certified_by("Steady")))
+
+
+def test_a_run_records_it_once_and_the_report_says_it(tmp_path):
+    path, out = sweeping.write(tmp_path, certified_by("Brighter")), tmp_path / "results" / "small"
+    _, listener = sweeping.run(path, out, ["repeats=1"])
+    sweeping.run(path, out, ["repeats=1"])
+    (event,) = [e for e in store.read_events(out) if e["event"] == "certificate"]
+    assert event["verdict"] == "different" and "machine" not in event
+    assert any("NOT certified" in note for note in listener.notes)
+    text = write_derived(out).read_text()
+    assert "The reference of ball is in doubt. NOT certified: fake_engines:Brighter" in text
+
+
+def test_the_command_certifies_and_refuses(tmp_path):
+    for engine, code, said in (("Other", 0, ": certified by"), ("Brighter", 1, "NOT certified")):
+        done = raybench("reference", sweeping.write(tmp_path, certified_by(engine)), "--allow-imports", cwd=tmp_path)
+        assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
