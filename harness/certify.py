@@ -81,7 +81,6 @@ def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, r
         theirs = _images(
             replicates(wanted, again, pool, allow_imports, certifier.engine, certifier.settings), report, count, count
         )
-        report(2 * count, 2 * count)
         told.update(asdict(equivalence(ours, theirs, alpha=ALPHA)))
     write_json(path_of(wanted, root), {**told, "machine": machine.provenance()})
     return told

@@ -50,6 +50,8 @@ class Cell:
     budget: Budget
     reference_id: str | None
     skip: str | None
+    primitives: int = 0
+    """Triangles, spheres and planes of the scene."""
 
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit."""
@@ -190,8 +192,15 @@ def _configured(
         cell_id="", configuration=digest(asked), asked=asked, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
+        primitives=primitive_count(scene),
     )  # fmt: skip
     return cell, None if skip else wanted
+
+
+def primitive_count(scene: Scene) -> int:
+    """Triangles, spheres and planes: what a tree is built over."""
+    parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
+    return sum(1 if part is None else len(part) for part in parts)
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:

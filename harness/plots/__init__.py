@@ -14,6 +14,7 @@ from harness.analysis import Analysis
 from harness.machine import usable_cores
 from harness.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
 from harness.plots.curves import error_curves, pareto, target_ecdf
+from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import Panel, panels
 from harness.plots.style import STYLE, Palette, Plot, file_stem, save
 
@@ -23,7 +24,9 @@ WORTH_A_SECOND_PROCESS = 6
 """Figures from which on a second process, which needs a second to start, draws every other one."""
 
 
-OF_ALL_SCENES = ("targets-over-time", "speed-up-over-threads", "sentinel")
+OF_ALL_SCENES = (
+    "targets-over-time", "speed-up-over-threads", "cost-over-primitives", "cost-over-resolution", "sentinel",
+)  # fmt: skip
 
 
 class Sketch(NamedTuple):
@@ -82,6 +85,13 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
         Sketch("speed-up-over-threads", "Speed-up over threads",
                "Speed-up against the fewest threads, with intervals; dotted: ideal; serial fraction by Amdahl's law.",
                lambda: thread_speedups(analysis, palette)),
+        Sketch("cost-over-primitives", "Cost over the number of primitives",
+               "Rising curves on logarithmic axes: time of a path, and of building the accelerator, over the primitives "
+               "of the scenes; numbers in the legend are exponents of the path's time between the two largest scenes.",
+               lambda: cost_over_primitives(analysis, palette)),
+        Sketch("cost-over-resolution", "Cost over resolution and samples",
+               "Time of a path over the pixels of the image, and over the samples a pixel so far: flat where cost grows "
+               "in proportion.", lambda: cost_over_pixels(analysis, palette)),
         Sketch("sentinel", "Drift of the machine",
                "Time of a fixed kernel through the run, as deviation from its median in percent.",
                lambda: sentinel_drift(analysis)),

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis, Verdict, error_targets
 from harness.plots.panels import MOST_CURVES, Facet, Panel, facets, reference_noise
 from harness.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure
-from harness.results import Results, point_error
+from harness.results import Contender, Results, point_error
 from harness.statistics import ecdf, median_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
 
@@ -206,11 +206,15 @@ def _frame(axis: Axes, results: Results, panel: Panel, bottom: float) -> None:
 
 
 def _legend(figure: Figure, axes: list[Axes], palette: Palette, verdicts: list[Verdict]) -> None:
+    finish_legend(figure, axes, palette, [verdict.contender for verdict in verdicts])
+
+
+def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contenders: list[Contender]) -> None:
     """An entry a curve beside the plot if they are few; else one a colour, line, marker and width, beneath."""
-    if len(verdicts) <= MOST_CURVES:
+    if len(contenders) <= MOST_CURVES:
         axes[0].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
         return
-    handles: list[Artist] = list(palette.key([verdict.contender for verdict in verdicts]))
+    handles: list[Artist] = list(palette.key(contenders))
     labels = [str(handle.get_label()) for handle in handles]
     for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
         if label.startswith(("noise of", "surely beaten")):

@@ -10,6 +10,7 @@ from harness.analysis import analyse
 from harness.plots import Palette, draw, write_plots
 from harness.plots.beside import Beside
 from harness.plots.curves import band, error_curves
+from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import facets, panels
 from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem
 from harness.results import load_results, results_of
@@ -118,6 +119,24 @@ def test_results_without_targets_threads_or_sentinels_draw_what_is_left(tmp_path
     names = {plot.name for plot in write_plots(analyse(load_results(tmp_path)), tmp_path)}
     assert "error-over-time-cornell_box" in names and "phases-cornell_box" in names
     assert not {"sentinel", "speed-up-over-threads", "targets-over-time"} & names
+
+
+def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):
+    rng = np.random.default_rng(1)
+    case = ("cornell_box", "numba", "bvh", "random", 1, None)
+    cells = []
+    for count in (100, 1000, 10_000):
+        for block in range(3):
+            cell = done_cell(tmp_path, case, block, 1.0, SMALL, rng, False)
+            for point in cell["points"]:
+                point["seconds"] = 1e-6 * point["spp"] * count**0.5
+            more = {"scene": f"ball{count}", "primitives": count, "cell_id": f"{count}/{block}"}
+            cells.append(cell | more)
+    analysis = analyse(results_of(tmp_path, {}, cells))
+    figure = cost_over_primitives(analysis, Palette(analysis.results))
+    assert figure is not None and cost_over_pixels(analysis, Palette(analysis.results)) is None
+    assert figure.axes[0].get_legend_handles_labels()[1] == ["numba (0.50)"]
+    assert cost_over_primitives(analyse(results_of(tmp_path, {}, cells[:6])), Palette(analysis.results)) is None
 
 
 def test_file_names_are_safe():
