@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.interface import Hits
 from engines.scene import Mesh, Shape, Triangle
@@ -89,7 +91,7 @@ def _nasty(subject: Subject) -> Iterator[tuple[str, list[Shape]]]:
 UNIT_UP = Triangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 
 
-def _triangles(corners: Array) -> Mesh:
+def _triangles(corners: NDArray[Any]) -> Mesh:
     return mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
 

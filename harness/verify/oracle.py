@@ -35,7 +35,7 @@ def exactly(function: Callable[P, R]) -> Callable[P, R]:
 
 def lift(values: ArrayLike) -> Exact:
     """The floats as decimals, without rounding."""
-    return np.frompyfunc(decimal.Decimal, 1, 1)(np.asarray(values, np.float64).astype(object))
+    return np.asarray(np.frompyfunc(decimal.Decimal, 1, 1)(np.asarray(values, np.float64).astype(object)), object)
 
 
 _root = np.frompyfunc(lambda x: x.sqrt() if x >= 0 else NONE, 1, 1)
@@ -95,7 +95,7 @@ def relative(found: ArrayLike, exact: Exact) -> Array:
 
 @exactly
 def absolute(found: ArrayLike, exact: Exact) -> Array:
-    return _distance(found, exact, _where(exact == exact, decimal.Decimal(1), exact))
+    return _distance(found, exact, 1)
 
 
 @exactly
@@ -106,7 +106,7 @@ def ulps(found: ArrayLike, exact: Exact, kind: Any) -> Array:
 
 def _distance(found: ArrayLike, exact: Exact, unit: Any) -> Array:
     given = np.broadcast_to(np.asarray(found, np.float64), np.shape(exact))
-    truth = exact.astype(np.float64)
+    truth, unit = exact.astype(np.float64), np.broadcast_to(unit, np.shape(exact))
     usable = np.isfinite(given) & np.isfinite(truth)
     errors = np.where(np.isinf(given) & np.isinf(truth), 0.0, np.inf)
     errors[usable] = (abs(lift(given[usable]) - exact[usable]) / unit[usable]).astype(np.float64)

@@ -71,4 +71,24 @@ PROMISES: dict[str, Promise] = {
     "B1": NEVER, "B2": NEVER, "A1": NEVER, "A2": NEVER, "A3": NEVER, "A4": NEVER, "A5": NEVER, "A6": NEVER,
     "R1": NEVER, "R2": Promise("relative", 1e-10, 1e-5), "R3": NEVER, "R4": NEVER,
     "R5": Promise("relative", 2.5, 2.5),
+    # spawned rays
+    "L1": Promise("wrong", 0, {f"scale {scale}, gap {gap}": 0 if gap in ("1e-01", "1e-02", "1e-03") else None
+                               for scale in ("1e-04", "1e+00", "1e+03", "1e+06")
+                               for gap in ("1e-01", "1e-02", "1e-03", "1e-04", "1e-05")},
+                  "float32 offsets rays by 3e-5 of the largest coordinate"),
+    "L2": NEVER,
+    "L3": Promise("wrong", 0, None, "offset rays start inside the sphere within sqrt(2 r offset) of the contact"),
+    "S9": NEVER, "T7": NEVER,
+    # glass
+    "D0": EXACT, "D1": Promise("absolute", 1e-9, 1e-3, "the sky is steep there: 1 a texel of 22 degrees"),
+    "D2": Promise("absolute", 0, 0), "D3": EXACT, "b": Promise("absolute", 1e-11, 1e-4, "hundreds of events"),
+    "D5": Promise("absolute", 1e-12, {f"ior {ior}, impact {b}": 1e-5 if b < 0.9 else None
+                                      for ior in (1.5, 1.33, 2.4) for b in (0.1, 0.5, 0.9)},
+                  "the offset of float32 rays, 256 eps, moves the exit of a grazing ray by 1e-4"),
+    "D6": EXACT, "D9": EXACT, "k": EXACT, "l": EXACT,
+    # light
+    "a": Promise("absolute", 1e-12, 1e-5), "a.mis": Z, "rr": Z, "rr2": Z, "c": EXACT, "c.sky": Z, "d": EXACT, "d.off": Z,
+    "e": Z, "f": Z, "g": Z, "h": Z, "i": EXACT,
+    "j": Promise("absolute", 1e-9, 1e-4, "rays that graze run 65,000 times the distance of the planes"),
+    "m": NEVER, "wf": EXACT,
 }  # fmt: skip

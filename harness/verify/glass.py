@@ -1,0 +1,179 @@
+"""Mirrors and glass: Fresnel's equations, Snell's law, and scenes whose images are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from decimal import Decimal
+
+import numpy as np
+
+from engines.scene import EnvironmentLight, Perspective, Plane
+from harness.verify.case import Measured, Section, measured
+from harness.verify.stage import (
+    AHEAD,
+    FLOOR,
+    ORIGIN,
+    SKY,
+    ball,
+    box,
+    glass,
+    material,
+    path_tracer,
+    point_view,
+    sphere,
+    whitted,
+)  # fmt: skip
+from harness.verify.subject import Subject
+
+SECTION = Section("glass")
+LONG = path_tracer(2000)
+MIDDLE = {"sampler": "constant"}
+IORS = (1.5, 1.33, 2.4)
+
+
+def fresnel(sine: float, eta: float, cosine: float | None = None) -> float:
+    """Reflectance of unpolarised light, eta = n_t / n_i; a grazing ray is better given by its cosine too."""
+    c = Decimal(cosine) if cosine is not None else (1 - Decimal(sine) ** 2).sqrt()
+    n, squared = Decimal(eta), Decimal(eta) ** 2 - 1 + c * c  # (n cos t)^2
+    if squared <= 0:
+        return 1.0
+    s, p = (c - squared.sqrt()) / (c + squared.sqrt()), (n * n * c - squared.sqrt()) / (n * n * c + squared.sqrt())
+    return float((s * s + p * p) / 2)
+
+
+def _toward(degrees: float, below: bool = False, distance: float = 4.0) -> Perspective:
+    """Sees the origin of the floor at an angle to its normal."""
+    angle = math.radians(degrees)
+    height = math.cos(angle) * distance * (-1 if below else 1)
+    return point_view((math.sin(angle) * distance, height, 0.0), ORIGIN, up=(0.0, 0.0, 1.0))
+
+
+def _cosine(camera: Perspective) -> float:
+    d = [t - e for t, e in zip(camera.target, camera.eye, strict=True)]
+    return abs(d[1]) / math.hypot(*d)
+
+
+def _sine(camera: Perspective) -> float:
+    """Of the angle to the y axis of the view as the engine is given it."""
+    d = [t - e for t, e in zip(camera.target, camera.eye, strict=True)]
+    return math.hypot(d[0], d[2]) / math.hypot(*d)
+
+
+@SECTION.case("D0", "A pane reflects what Fresnel's equations say, from either side.", "Fresnel 1823")
+def reflectance(subject: Subject) -> Iterator[Measured]:
+    for ior in IORS:
+        pane = material(ks=1, ior=ior, fresnel=True)
+        for below, angles in ((False, (0, 30, 45, 60, 75, 80, 89)), (True, (0, 20, 24, 45, 60, 89))):
+            errors = []
+            for degrees in angles:
+                view = _toward(degrees, below)
+                seen = subject.image([FLOOR], [pane], [SKY], view, whitted(2), **MIDDLE)[0, 0]
+                errors.append(seen - fresnel(0.0, 1 / ior if below else ior, _cosine(view)))
+            yield measured(errors, f"ior {ior}, from {'inside' if below else 'outside'}")
+
+
+@SECTION.case("D1", "Glass of index 1 changes nothing.", "ACCURACY 2, D1")
+def index_one(subject: Subject) -> Iterator[Measured]:
+    rng = np.random.default_rng(1)
+    sky = EnvironmentLight((1.0, 0.8, 0.6), rng.random((8, 16, 3)))
+    shapes = [sphere(), box((-2, -2, -4), (2, 2, -2))]
+    for shader in (whitted(), path_tracer(8)):
+        seen, bare = (subject.image(held, [glass(1.0)], [sky], AHEAD, shader, seed=3) for held in (shapes, []))
+        yield measured(seen - bare, shader["name"])
+
+
+@SECTION.case("D2", "Light that is totally reflected for ever is black, and the loop ends.", "ACCURACY 2, D2")
+def trapped(subject: Subject) -> Iterator[Measured]:
+    inside = Perspective((0.9, 0.0, 0.0), (0.9, 1.0, 0.0), (0.0, 0.0, 1.0), 10.0, "y", (4, 4))
+    for shader in (LONG, whitted(32)):
+        yield measured(subject.image([sphere()], [glass()], [SKY], inside, shader), shader["name"])
+
+
+@SECTION.case("D3", "Radiance inside glass is greater by the square of its index.", "ACCURACY 2, D3")
+def inside_glass(subject: Subject) -> Iterator[Measured]:
+    view = Perspective(ORIGIN, (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), 60.0, "y", (8, 8))
+    for ior in IORS:
+        seen = subject.image([sphere()], [glass(ior)], [SKY], view, LONG)
+        yield measured(seen / ior**2 - 1, f"ior {ior}")
+
+
+@SECTION.case("b", "Lossless glass of any shape vanishes in a uniform sky.", "ACCURACY 3, b; D4")
+def vanishing(subject: Subject) -> Iterator[Measured]:
+    scenes = {"sphere": [sphere()], "box": [box()], "mesh": [ball(8)],
+              "nested": [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)]}  # fmt: skip
+    for name, shapes in scenes.items():
+        for ior in IORS[:2]:
+            yield measured(subject.image(shapes, [glass(ior)], [SKY], AHEAD, LONG, 4) - 1, f"{name}, ior {ior}")
+
+
+@SECTION.case("D5", "A ball lens bends a ray by 2 (asin b - asin(b/n)) and dims it by (1 - R)^2.", "Snell; ACCURACY 2, D5")
+def ball_lens(subject: Subject) -> Iterator[Measured]:
+    """A small lamp stands where the ray must arrive: seen in full, or not at all."""
+    for ior in IORS:
+        for impact in (0.1, 0.5, 0.9):
+            i, t = math.asin(impact), math.asin(impact / ior)
+            bend, tolerance = 2 * (i - t), 1e-9 if subject.tracing == "float64" else 1e-3
+            out = np.array([-math.cos(bend), -math.sin(bend)])
+            start = np.array([math.sqrt(1 - impact**2), impact])
+            inner = np.array([-math.cos(i - t), -math.sin(i - t)])
+            exit_ = start + 2 * math.cos(t) * inner
+            lamp = sphere((*(exit_ + 100 * out), 0.0), 100 * tolerance, 1)
+            view = point_view((5.0, impact, 0.0), (0.0, impact, 0.0))
+            seen = subject.image([sphere(), lamp], [glass(ior), material(emission=1)], [], view, whitted(3), **MIDDLE)
+            yield measured(seen - (1 - fresnel(impact, ior)) ** 2, f"ior {ior}, impact {impact}")
+
+
+@SECTION.case("D6", "A ray that grazes glass is refracted to its far side, by a finite amount.", "ACCURACY 2, D6")
+def grazing(subject: Subject) -> Iterator[Measured]:
+    pane, bed = material(kt=1, ior=1.5, fresnel=True), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 1)
+    errors = []
+    for degrees in (*np.linspace(85, 89.9, 8), *(90 - 10.0 ** -np.arange(2, 7))):
+        view = _toward(float(degrees))
+        seen = subject.image([FLOOR, bed], [pane, material(emission=1)], [], view, whitted(2), **MIDDLE)[0, 0]
+        errors.append(seen - (1 - fresnel(0.0, 1.5, _cosine(view))) / 2.25)
+    yield measured(errors)
+
+
+@SECTION.case("D9", "Whitted sees through the middle of a ball what its depth allows.", "ACCURACY 2, D9")
+def central(subject: Subject) -> Iterator[Measured]:
+    view = point_view((0.0, 0.0, 5.0), ORIGIN)
+    for ior in IORS:
+        r = ((ior - 1) / (ior + 1)) ** 2
+        for events in range(3):
+            truth = r + (1 - r) ** 2 * sum(r**k for k in range(events + 1))
+            seen = subject.image([sphere()], [glass(ior)], [SKY], view, whitted(3 + events), **MIDDLE)
+            yield measured(seen - truth, f"ior {ior}, {events} internal")
+
+
+@SECTION.case("k", "A corridor of mirrors dims by its reflectance with each bounce.", "ACCURACY 3, k")
+def corridor(subject: Subject) -> Iterator[Measured]:
+    walls = [Plane((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0), Plane((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0)]
+    for height, reflectance in ((10.0, 0.9), (7.0, 0.8)):
+        end = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), 1)
+        for degrees in (10, 30, 40, 60):
+            angle = math.radians(degrees)
+            view = point_view(ORIGIN, (math.sin(angle), 0.0, math.cos(angle)))
+            truth = reflectance ** math.floor((height * math.tan(angle) + 1) / 2)
+            for shader in (whitted(32), path_tracer(32)):
+                seen = subject.image([*walls, end], [material(ks=reflectance), material(emission=1)], [], view, shader,
+                                     **MIDDLE)  # fmt: skip
+                yield measured(seen - truth, f"{degrees} degrees, k {reflectance}, {shader['name']}")
+
+
+@SECTION.case("l", "A slab of glass moves a ray by t sin(i) (1 - cos(i) / sqrt(n^2 - sin^2 i)) and dims it by (1 - R)^2.",
+              "Snell; ACCURACY 3, l")  # fmt: skip
+def slab(subject: Subject) -> Iterator[Measured]:
+    """A small lamp stands where the moved ray must arrive; of the ray's branches only the straight one is followed."""
+    surfaces = [Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0), Plane((0.0, -0.5, 0.0), (0.0, -1.0, 0.0), 0)]
+    for ior in IORS:
+        for degrees in (0, 30, 60, 80):
+            view = _toward(degrees)
+            sine = _sine(view)
+            cosine = math.sqrt(1 - sine * sine)
+            shift = 0.5 * sine * (1 - cosine / math.sqrt(ior**2 - sine * sine))
+            along, aside = np.array([-sine, -cosine, 0.0]), np.array([cosine, -sine, 0.0])
+            radius = 20 * (1e-9 if subject.tracing == "float64" else 1e-3)
+            lamp = sphere(20 * along + shift * aside, radius, 1)
+            seen = subject.image([*surfaces, lamp], [glass(ior), material(emission=1)], [], view, whitted(3), **MIDDLE)
+            yield measured(seen - (1 - fresnel(sine, ior)) ** 2, f"ior {ior}, {degrees} degrees")
