@@ -1,0 +1,70 @@
+"""Compares the benchmarks with `baseline.json` at the end: `make microbench`, or `make microbench ARGS='-k bvh'`.
+
+The baseline holds no seconds but multiples of the harness's sentinel kernel, timed in the same session, so that it can be
+held against another machine, if roughly. `RAYBENCH_BASELINE=update make microbench` writes it anew;
+`RAYBENCH_BASELINE=1.5` makes anything slower by that factor an error.
+"""
+
+import json
+import os
+from pathlib import Path
+from statistics import median
+
+import pytest
+
+from harness.sentinel import sentinel_seconds
+
+BASELINE = Path(__file__).with_name("baseline.json")
+MODE = os.environ.get("RAYBENCH_BASELINE", "")
+NOTABLE = 1.3
+"""Changes below this factor are the noise of a shared machine."""
+yardsticks = []
+
+
+@pytest.fixture(autouse=True)
+def yardstick():
+    """The sentinel before every benchmark: the median over the session is the unit."""
+    yardsticks.append(median(sentinel_seconds() for _ in range(3)))
+
+
+def ratios(config):
+    """Name -> median over yardstick, of what was measured in this session."""
+    session = getattr(config, "_benchmarksession", None)
+    found = [bench for bench in (session.benchmarks if session else []) if bench.stats.data]
+    return {bench.name: bench.stats.median / median(yardsticks) for bench in sorted(found, key=lambda b: b.name)}
+
+
+def changes(found):
+    """(name, ratio, baseline's or None, factor or None), the most slowed first."""
+    known = json.loads(BASELINE.read_text())["ratios"] if BASELINE.exists() else {}
+    rows = [
+        (name, ratio, known.get(name), ratio / known[name] if name in known else None) for name, ratio in found.items()
+    ]
+    return sorted(rows, key=lambda row: -(row[3] or 0))
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    found = ratios(config)
+    if not found:
+        return
+    terminalreporter.section("against the baseline, in units of the sentinel kernel")
+    for name, ratio, before, factor in changes(found):
+        word = "new" if factor is None else "slower" if factor > NOTABLE else "faster" if factor < 1 / NOTABLE else ""
+        told = "" if factor is None else f"{before:10.3g} before  x {factor:.2f}"
+        terminalreporter.line(f"{name:58} {ratio:10.3g}  {told} {word}")
+    if MODE == "update":
+        known = json.loads(BASELINE.read_text())["ratios"] if BASELINE.exists() else {}
+        merged = {name: float(f"{ratio:.3g}") for name, ratio in sorted({**known, **found}.items())}
+        text = {"unit": "median seconds over those of harness.sentinel in the same session", "ratios": merged}
+        BASELINE.write_text(json.dumps(text, indent=2) + "\n")
+        terminalreporter.line(f"{BASELINE} written")
+
+
+def pytest_sessionfinish(session):
+    """An error where a factor was given and something is slower by more."""
+    try:
+        limit = float(MODE)
+    except ValueError:
+        return
+    if any(factor is not None and factor > limit for *_, factor in changes(ratios(session.config))):
+        session.exitstatus = 1
