@@ -50,6 +50,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
         with store.locked(folder):
             if fresh:
                 store.clear(folder)
+            _refuse_merged(folder)
             plan = plans.make(experiment, options.allow_imports)
             _warn(plan, stderr)
             with progress.Terminal(stderr) as terminal:
@@ -62,6 +63,12 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
         return 130
     _summary(stdout, outcome, folder)
     return 1 if outcome.failures else 0
+
+
+def _refuse_merged(folder: Path) -> None:
+    """A merged folder's cells have other ids: a run would put them all aside."""
+    if (folder / store.MANIFEST).exists() and "merged" in store.read_manifest(folder):
+        raise ConfigError(f"{folder}: was made by `raybench merge`: run into another folder and merge again")
 
 
 def _interrupt(signum: int, frame: Any) -> None:

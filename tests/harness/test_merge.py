@@ -142,3 +142,5 @@ def test_the_command_merges_and_reports(here, there, tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
     assert "20 done" in raybench("status", tmp_path / "out").stdout
     assert store.read_manifest(tmp_path / "out")["name"]
+    refused = raybench("run", "quick", "--out", tmp_path / "out")
+    assert refused.returncode == 2 and "was made by `raybench merge`" in refused.stderr
