@@ -146,3 +146,19 @@ def test_threads_and_the_splitting_of_calls_change_no_bit(engine):
         image = np.stack([film.sums, film.squares, film.even_sums])
         assert whole is None or np.array_equal(image, whole)
         whole = image
+
+
+@pytest.mark.parametrize("kind", ["glass", "mirror"])
+def test_numba_in_float64_equals_the_reference_on_smooth_mirrors_and_glass(kind):
+    materials = {"glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True}, "mirror": {"ks": 0.9}}
+    corners = np.array([*np.eye(3), *-np.eye(3)]) + np.array((0, 1, 0))  # an octahedron as coarse as can be
+    faces = [[a, b, c] for a in (0, 3) for b in (1, 4) for c in (2, 5)]
+    faces = [f if sum(x > 2 for x in f) % 2 == 0 else [f[0], f[2], f[1]] for f in faces]
+    ball = {"vertices": corners, "faces": faces, "smooth": True}
+    scene = engines.scene_from({
+        **_everything(), "materials": {**materials, "floor": {"kd": 0.5}},
+        "shapes": [{"mesh": ball, "material": kind},
+                   {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"}],
+    })  # fmt: skip
+    for shader in ("path_tracer", "whitted"):
+        _assert_equal(scene, ["bvh"], shader=shader, sampler="sobol")

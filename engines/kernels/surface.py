@@ -160,6 +160,7 @@ def _put_place(lanes, lane, place, o, d, miss, offset_scale):
     front = dot(d, place.stored) < const(0.0, place.t)
     geometric = select3(front, place.stored, -place.stored)
     normal = select3(dot(place.shading, geometric) < const(0.0, place.t), -place.shading, place.shading)
+    normal = select3(dot(d, normal) < const(0.0, place.t), normal, geometric)  # one that the viewer cannot see will not do
     reach, start = extent(place.point), extent(o)
     reach = select(start > reach, start, reach)
     reach = select(place.t > reach, place.t, reach)

@@ -46,6 +46,7 @@ def surface_at(geometry: Geometry, origin: Array, direction: Array, hits: Neares
     geometric = np.where(front, outward, -outward)
     shading = _shading_normals(geometry, origin, direction, hits.rank, outward)
     normal = np.where(dot(shading, geometric) < 0.0, -shading, shading)
+    normal = np.where(dot(direction, normal) < 0.0, normal, geometric)  # one that the viewer cannot see will not do
     reach = np.maximum(np.maximum(np.abs(point).max(axis=0), np.abs(origin).max(axis=0)), hits.t)
     ball = np.flatnonzero(geometry.kind[hits.rank] == SPHERE)
     reach[ball] = np.maximum(reach[ball], geometry.spheres.radius[geometry.index[hits.rank[ball]]])
