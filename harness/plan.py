@@ -11,6 +11,7 @@ import inspect
 import random
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from engines import choices
@@ -19,6 +20,7 @@ from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.registry import load_attribute
 from engines.scene import Scene, load_scene
+from harness import catalog
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
@@ -58,7 +60,7 @@ class Cell:
         from shlex import quote
 
         plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")}
-        words = ["raybench", "render", self.scene.path, "--engine", self.engine]
+        words = ["raybench", "render", _scene_word(self.scene), "--engine", self.engine]
         for kind, choice in plain.items():
             words += [f"--{kind}", flow(choice)]
         words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
@@ -74,6 +76,14 @@ class Plan:
     cells: tuple[Cell, ...]
     references: Mapping[str, ReferenceWanted]
     warnings: tuple[str, ...]
+
+
+def _scene_word(scene: SceneFile) -> str:
+    """A scene for a command line: its bare name where that finds it, else its path, from here if it lies below."""
+    path = Path(scene.path)
+    if scene.name in (known := catalog.shipped("scenes")) and known[scene.name].resolve() == path:
+        return scene.name
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def flow(choice: Mapping[str, Any]) -> str:

@@ -83,7 +83,7 @@ class Results:
 
     @property
     def scenes(self) -> list[str]:
-        """Scenes in the order in which they first appear."""
+        """Scenes in the order of the contenders: that of the config."""
         return list(dict.fromkeys(contender.settings.scene for contender in self.contenders))
 
     @property
@@ -152,8 +152,15 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
                       of_kind(events, "sentinel"), of_kind(events, "run"),
                       {event["env_id"]: event for event in of_kind(events, "environment")},
                       {event["reference_id"]: event for event in of_kind(events, "certificate")})  # fmt: skip
-    results.contenders = _contenders(results.cells)
+    results.contenders = _contenders(results.cells, _scenes_asked(manifest))
     return results
+
+
+def _scenes_asked(manifest: Mapping[str, Any]) -> list[str]:
+    """Scenes in the order of the config; none where the manifest does not say."""
+    combinations = (manifest.get("config") or {}).get("combinations") or []
+    scenes = [combination.get("scene") for combination in combinations]
+    return list(dict.fromkeys(str(scene["name"]) for scene in scenes if isinstance(scene, Mapping) and "name" in scene))
 
 
 def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
@@ -220,12 +227,15 @@ def settings_of(cell: Event) -> Settings:
     )  # fmt: skip
 
 
-def _contenders(cells: Sequence[Event]) -> list[Contender]:
-    """Cells by configuration, named by what differs among those that were measured, or from them."""
+def _contenders(cells: Sequence[Event], scenes_asked: Sequence[str]) -> list[Contender]:
+    """Cells by configuration, named by what differs among those that were measured, or from them.
+
+    Scenes come in the order in which they were asked for, others after them as they appear.
+    """
     groups: dict[Settings, list[Event]] = {}
     for cell in cells:
         groups.setdefault(settings_of(cell), []).append(cell)
-    scenes = list(dict.fromkeys(settings.scene for settings in groups))
+    scenes = list(dict.fromkeys([*scenes_asked, *(settings.scene for settings in groups)]))
     contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
                   for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
     choices = choices_of(contenders)

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter
 
 from harness.results import Contender, Results
 
@@ -130,7 +132,14 @@ def log_scales(axis: Axes, x: bool = True, y: bool = False) -> None:
         if wanted:
             set_scale("log")
             scaled.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            scaled.set_minor_formatter(NullFormatter())
+            scaled.set_minor_formatter(FuncFormatter(partial(_minor_label, scaled)))
+
+
+def _minor_label(scaled: Axis, value: float, _: int) -> str:
+    """2 and 5 of a decade where the axis spans so little that decades alone would leave it nearly bare."""
+    low, high = sorted(scaled.get_view_interval())
+    few = low > 0 and high < 30 * low
+    return f"{value:g}" if few and f"{value:.0e}"[0] in "25" else ""
 
 
 def file_stem(*words: str) -> str:

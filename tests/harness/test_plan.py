@@ -21,6 +21,15 @@ def ids(made):
     return {cell.cell_id for cell in made.cells}
 
 
+def test_a_command_names_a_shipped_scene_by_its_name_and_others_by_path(tmp_path):
+    shipped, own = (
+        plan.make(config.load(sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("ball.yaml", name))), True)
+        for name in ("cornell_box", "ball.yaml")
+    )
+    assert shipped.cells[0].command(4).startswith("raybench render cornell_box --engine")
+    assert own.cells[0].command(4).startswith(f"raybench render {tmp_path / 'ball.yaml'} --engine")
+
+
 def test_numbers_have_one_spelling():
     assert canonical_json({"b": 1.0, "a": [1e-3, 2]}) == '{"a":[0.001,2],"b":1}'
     assert digest({"x": 1e-3}) == digest({"x": 0.001}) == digest({"x": 1.0e-3})

@@ -12,7 +12,7 @@ from harness.plots.beside import Beside
 from harness.plots.curves import band, error_curves
 from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import facets, panels
-from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem
+from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem, log_scales, new_figure
 from harness.results import load_results, results_of
 from tests.harness.synthetic import SMALL, done_cell, write_folder
 
@@ -137,6 +137,17 @@ def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):
     assert figure is not None and cost_over_pixels(analysis, Palette(analysis.results)) is None
     assert figure.axes[0].get_legend_handles_labels()[1] == ["numba (0.50)"]
     assert cost_over_primitives(analyse(results_of(tmp_path, {}, cells[:6])), Palette(analysis.results)) is None
+
+
+def test_short_log_axes_have_numbers_of_their_own():
+    def labels(low, high):
+        axis = new_figure().subplots()
+        axis.plot([low, high], [1, 1])
+        log_scales(axis)
+        axis.figure.draw_without_rendering()
+        return [text.get_text() for text in axis.get_xticklabels(minor=True) if text.get_text()]
+
+    assert {"0.02", "0.05"} <= set(labels(0.015, 0.08)) and labels(1e-3, 1e2) == []
 
 
 def test_file_names_are_safe():
