@@ -163,6 +163,25 @@ def verify(
     raise typer.Exit(verified(engine or [], quick, only or [], out, allow_imports))
 
 
+@app.command()
+def equivalence(
+    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more; one twice is an A/A control.")],
+    replicates: Annotated[int, typer.Option(help="Independent images an engine.")] = 16,
+    spp: Annotated[int, typer.Option(help="Samples a pixel of each.")] = 16,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "64x64",
+    shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
+    margin: Annotated[float, typer.Option(help="Means within this share of each other count as equal.")] = 0.01,
+    seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
+    allow_imports: AllowImports = False,
+) -> None:
+    """Test whether engines make the same image: by pixels, by tiles and as a whole. Exit code 1 where they do not."""
+    from harness.verify.equivalent import Asked, compare
+
+    names = [name.strip() for name in engines.split(",") if name.strip()]
+    raise typer.Exit(compare(Asked(scene, names, replicates, spp, size, shader, margin, seed, allow_imports)))
+
+
 @app.command(name="list")
 def list_() -> None:
     """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from harness.verify.subject import Subject
 
 SECTION = Section("glass")
 LONG = path_tracer(2000)
-MIDDLE = {"sampler": "constant"}
+MIDDLE: dict[str, Any] = {"sampler": "constant"}
 IORS = (1.5, 1.33, 2.4)
 
 

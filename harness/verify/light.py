@@ -35,15 +35,16 @@ from harness.verify.subject import Subject
 SECTION = Section("light")
 STRATEGIES = ("light", "bsdf", "mis")
 LARGEST_ERROR = 2e-3
-MIDDLE = {"sampler": "constant"}
+MIDDLE: dict[str, Any] = {"sampler": "constant"}
 WARM = material(kd=0.5, emission=0.5, two_sided=True)
 CORNER = {"eye": (0.2, 0.1, 0.3), "target": (0.9, -0.2, 0.1)}
 
 
-def _z(replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR) -> Measured:
+def _z(subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR) -> Measured:
     """In standard errors; infinite where the standard error is too large to tell anything."""
     values = np.asarray(replicates).ravel()
-    error = max(float(values.std(ddof=1)) / math.sqrt(values.size), 1e-6 * max(abs(truth), 1e-6))
+    rounding = (1e-12 if subject.tracing == "float64" else 2e-6) * abs(truth)
+    error = max(float(values.std(ddof=1)) / math.sqrt(values.size), rounding)
     z = (values.mean() - truth) / error if error < largest else math.inf
     return measured(z, parameter, note=f"{values.mean():.6f} against {truth:.6f}, standard error {error:.1e}")
 
@@ -74,7 +75,7 @@ def furnace_mis(subject: Subject) -> Iterator[Measured]:
         for depth in (2, 3):
             view = point_view(**CORNER, side=32)
             seen = _point(subject, [hollow], [WARM], [], view, path_tracer(depth, "mis"), 32)
-            yield _z(seen, 1 - 0.5**depth, f"{name}, D {depth}")
+            yield _z(subject, seen, 1 - 0.5**depth, f"{name}, D {depth}")
 
 
 @SECTION.case("rr", "Russian roulette leaves the mean as it is.", "ACCURACY 3")
@@ -82,7 +83,7 @@ def roulette_mean(subject: Subject) -> Iterator[Measured]:
     for rr_depth in (1, 2, 4):
         shader = path_tracer(10_000, "bsdf", rr_depth)
         seen = _point(subject, [box()], [WARM], [], point_view(**CORNER, side=64), shader, 48)
-        yield _z(seen, 1.0, f"from segment {rr_depth}")
+        yield _z(subject, seen, 1.0, f"from segment {rr_depth}")
 
 
 @SECTION.case("rr2", "Russian roulette has the second moment that follows from its survival.", "ACCURACY 3")
@@ -92,7 +93,7 @@ def roulette_square(subject: Subject) -> Iterator[Measured]:
         walls = material(kd=rho, emission=1 - rho, two_sided=True)
         shader = path_tracer(10_000, "bsdf", 1)
         seen = _point(subject, [box()], [walls], [], point_view(**CORNER, side=256), shader, 1)
-        yield _z(seen**2, forms.roulette_second_moment(1 - rho, rho), f"rho {rho}", 2e-2)
+        yield _z(subject, seen**2, forms.roulette_second_moment(1 - rho, rho), f"rho {rho}", 2e-2)
 
 
 @SECTION.case("c", "Under a uniform sky a convex body is as bright as its albedo.", "ACCURACY 3, c")
@@ -125,7 +126,7 @@ def graded(subject: Subject) -> Iterator[Measured]:
         for direct in STRATEGIES:
             spp = 64 if direct == "light" else 16
             seen = _point(subject, [FLOOR], [material(kd=rho)], [sky], _floor_view(), path_tracer(2, direct), spp)
-            yield _z(seen, rho * (a + 2 * b / 3), f"a {a}, b {b}, {direct}")
+            yield _z(subject, seen, rho * (a + 2 * b / 3), f"a {a}, b {b}, {direct}")
 
 
 @SECTION.case("d", "A point light at the centre of a sphere: 1 - rho^k after k reflections.", "ACCURACY 3, d")
@@ -147,7 +148,7 @@ def off_centre(subject: Subject) -> Iterator[Measured]:
         truth = rho / math.pi * (float(to_light @ -point) / distance**3 + rho / (1 - rho))
         view = point_view((0.3, 0.0, 0.1), (0.3, 0.0, -1.0), 32)
         light = PointLight((0.0, y, 0.0), (1.0, 1.0, 1.0))
-        yield _z(_point(subject, [sphere()], [material(kd=rho)], [light], view, path_tracer(30), 8), truth, f"y {y}")
+        yield _z(subject, _point(subject, [sphere()], [material(kd=rho)], [light], view, path_tracer(30), 8), truth, f"y {y}")
 
 
 @SECTION.case("e", "A polygon light obeys Lambert's formula, clipped at the horizon too.", "Lambert 1760")
@@ -164,7 +165,7 @@ def polygons(subject: Subject) -> Iterator[Measured]:
         for direct in STRATEGIES:
             view = point_view((x - 2.0, 1.6, z + 3.0), (x, 0.0, z), 32)
             seen = _point(subject, [FLOOR, lamp], materials, [], view, path_tracer(2, direct), 64)
-            yield _z(seen, truth, f"{name}, {direct}")
+            yield _z(subject, seen, truth, f"{name}, {direct}")
 
 
 @SECTION.case("f", "A sphere light lights a floor as its closed form says, above the horizon and across it.",
@@ -178,7 +179,20 @@ def sphere_lights(subject: Subject) -> Iterator[Measured]:
         for direct in STRATEGIES:
             view = point_view((-4.0, 1.5, 1.0), ORIGIN, 32)
             seen = _point(subject, [FLOOR, lamp], materials, [], view, path_tracer(2, direct), 64)
-            yield _z(seen, truth, f"R {radius}, d {distance}, beta {degrees}, {direct}")
+            yield _z(subject, seen, truth, f"R {radius}, d {distance}, beta {degrees}, {direct}")
+
+
+@SECTION.case("sum", "Several lights add up, whichever of them a sample chooses.", "the sum of e, f and i")
+def many_lights(subject: Subject) -> Iterator[Measured]:
+    materials = [material(kd=0.8), material(emission=1.0)]
+    lamp, bulb, point = square(1.0, 0.4, 1, down=True, center=0.8), sphere((-1.5, 1.5, 0.0), 0.5, 1), (0.0, 2.0, 1.0)
+    beams = [PointLight(point, grey(0.7)), DirectionalLight((0.0, -0.8, 0.6), grey(0.2))]
+    received = [forms.polygon(lamp.vertices, (0.0, 1.0, 0.0)),
+                forms.sphere(0.5, math.hypot(1.5, 1.5), math.pi / 4), 0.7 * 2.0 / 5**1.5, 0.2 * 0.8]  # fmt: skip
+    for direct in STRATEGIES:
+        view = point_view((0.5, 3.0, -3.0), ORIGIN, 32)
+        seen = _point(subject, [FLOOR, lamp, bulb], materials, beams, view, path_tracer(2, direct), 64)
+        yield _z(subject, seen, 0.8 / math.pi * sum(received), direct)
 
 
 @SECTION.case("g", "A black sphere shades the sky: rho L (1 - r^2 h / (h^2 + x^2)^(3/2)).", "ACCURACY 3, g")
@@ -188,7 +202,7 @@ def shaded_sky(subject: Subject) -> Iterator[Measured]:
         view = point_view((x + 3.0, 1.5, 0.5), (x, 0.0, 0.0), 32)
         for direct in STRATEGIES:
             shapes, materials = [FLOOR, sphere((0.0, h, 0.0), r, 1)], [material(kd=1.0), material()]
-            yield _z(_point(subject, shapes, materials, [SKY], view, path_tracer(2, direct), 64), truth,
+            yield _z(subject, _point(subject, shapes, materials, [SKY], view, path_tracer(2, direct), 64), truth,
                      f"r {r}, h {h}, x {x}, {direct}")  # fmt: skip
 
 
@@ -217,7 +231,7 @@ def form_factors(subject: Subject) -> Iterator[Measured]:
         for direct in STRATEGIES[1:] if edge else STRATEGIES:
             means = [subject.image(shapes, [material(kd=1), material(emission=1)], [], camera, path_tracer(2, direct), 16,
                                    seed=seed, sampler="sobol").mean() for seed in range(32)]  # fmt: skip
-            yield _z(np.array(means), factor * share, f"{name}, {direct}")
+            yield _z(subject, np.array(means), factor * share, f"{name}, {direct}")
 
 
 @SECTION.case("i", "Lights without size light a floor by distance and cosine alone, in every shader.", "ACCURACY 3, i")

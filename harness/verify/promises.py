@@ -90,5 +90,5 @@ PROMISES: dict[str, Promise] = {
     "a": Promise("absolute", 1e-12, 1e-5), "a.mis": Z, "rr": Z, "rr2": Z, "c": EXACT, "c.sky": Z, "d": EXACT, "d.off": Z,
     "e": Z, "f": Z, "g": Z, "h": Z, "i": EXACT,
     "j": Promise("absolute", 1e-9, 1e-4, "rays that graze run 65,000 times the distance of the planes"),
-    "m": NEVER, "wf": EXACT,
+    "m": NEVER, "wf": EXACT, "sum": Z,
 }  # fmt: skip

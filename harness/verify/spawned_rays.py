@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from engines.scene import Perspective, PointLight, Shape
-from harness.verify.case import Array, Measured, Section, measured
+from harness.verify.case import Measured, Section, measured
 from harness.verify.stage import (
     FLOOR,
     SKY,
@@ -38,7 +38,7 @@ def _view(eye: Any, target: Any, fov: float, side: int, up: Any = (0.1, 1.0, 0.2
     return Perspective(triple(eye), triple(target), triple(up), float(fov), "y", (side, side))
 
 
-def _met_again(subject: Subject, shapes: list[Shape], camera: Perspective, direct: str, seed: int = 0) -> Array:
+def _met_again(subject: Subject, shapes: list[Shape], camera: Perspective, direct: str, seed: int = 0) -> Any:
     """Samples that are neither the albedo nor the sky; `light` asks shadow rays, `bsdf` scattered ones."""
     seen = subject.image(shapes, [material(kd=0.5)], [SKY], camera, path_tracer(2, direct), seed=seed).ravel()
     near = np.minimum(np.abs(seen - 0.5), np.abs(seen - 1.0))

@@ -1,0 +1,105 @@
+"""What `raybench equivalence` does: do engines make the same image of a scene, at the scale of pixels, tiles and image?"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from engines.errors import ConfigError, Unsupported
+from engines.interface import Engine, Settings
+from engines.registry import engine as engine_of
+from engines.scene import Scene, load_scene
+from harness import catalog
+from harness.commands import allow_here, consoles
+from harness.settings import require_imports
+from harness.statistics import Equivalence, equivalence
+from harness.tables.model import number_text
+
+COLOURS = {"equivalent": "green", "inconclusive": "yellow", "different": "bold red"}
+
+
+class Asked(NamedTuple):
+    """The command line: how many independent images of which size, and the margin within which means are the same."""
+
+    scene: str
+    engines: Sequence[str]
+    replicates: int = 16
+    spp: int = 16
+    size: str = "64x64"
+    shader: str = "path_tracer"
+    margin: float = 0.01
+    seed: int = 1
+    allow_imports: bool = False
+
+
+def compare(asked: Asked) -> int:
+    """Prints a row for every pair of engines; 1 where a pair is different."""
+    if len(asked.engines) < 2:
+        raise ConfigError(f"--engines {','.join(asked.engines)}: two or more are wanted, as in numpy,numba")
+    if asked.replicates < 2:
+        raise ConfigError(f"--replicates {asked.replicates}: two or more are wanted")
+    allow_here(asked.allow_imports)
+    for name in asked.engines:
+        require_imports(name, asked.allow_imports)
+    scene = load_scene(catalog.find("scenes", asked.scene), allow_imports=asked.allow_imports)
+    images = {
+        place: replicate_images(engine_of(name), scene, settings_of(asked), asked.replicates, place * asked.replicates)
+        for place, name in enumerate(asked.engines)
+    }
+    rows = [(asked.engines[a], asked.engines[b], equivalence(images[a], images[b], asked.margin))
+            for a, b in combinations(range(len(asked.engines)), 2)]  # fmt: skip
+    _show(scene, asked, rows)
+    return int(any(found.verdict == "different" for _, _, found in rows))
+
+
+def settings_of(asked: Asked) -> dict[str, Any]:
+    found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", asked.size)
+    if found is None:
+        raise ConfigError(f"--size {asked.size}: must look like 64x64")
+    width, height = int(found[1]), int(found[2])
+    return {"width": width, "height": height, "shader": asked.shader, "sampler": "random", "seed": asked.seed,
+            "spp": asked.spp}  # fmt: skip
+
+
+def replicate_images(
+    engine: Engine, scene: Scene, settings: Mapping[str, Any], replicates: int, first: int
+) -> NDArray[np.float64]:
+    """(replicates, height, width, 3) images with seeds of their own: no two engines share random numbers."""
+    return np.stack(list(_images(engine, scene, settings, replicates, first)))
+
+
+def _images(
+    engine: Engine, scene: Scene, settings: Mapping[str, Any], replicates: int, first: int
+) -> Iterator[NDArray[np.float64]]:
+    plain = {key: value for key, value in settings.items() if key not in ("spp", "seed")}
+    for k in range(replicates):
+        chosen = Settings(**plain, seed=settings["seed"] + first + k)
+        reason = engine.why_not(scene, chosen)
+        if reason is not None:
+            raise Unsupported(f"{engine.name}: {reason}")
+        yield np.array(engine.prepare(scene, chosen).render(settings["spp"]).mean(), np.float64)
+
+
+def _show(scene: Scene, asked: Asked, rows: Sequence[tuple[str, str, Equivalence]]) -> None:
+    stdout = consoles()[0]
+    names = ("A", "B", "pixels p", "tiles p", "image p", "KS p", "(B - A) / A", "90 % interval", "detectable", "verdict")
+    table = Table(*names, box=None, header_style="bold")
+    for first, second, found in rows:
+        numbers = (found.pixel_p, found.tile_p, found.image_p, found.ks_p)
+        shares = [f"{100 * share:+.3f} %" for share in (found.difference, found.low, found.high)]
+        table.add_row(first, second, *map(number_text, numbers), shares[0], f"{shares[1]} to {shares[2]}",
+                      f"{100 * found.detectable:.3f} %", f"[{COLOURS[found.verdict]}]{found.verdict}[/]")  # fmt: skip
+    stdout.print(table)
+    if rows:
+        found = rows[0][2]
+        words = (f"{scene.name}, {asked.size}, {asked.replicates} images of {asked.spp} spp an engine. "
+                 f"Different below p = {found.pixel_threshold:.1e} (pixels), {found.tile_threshold:.1e} (tiles), 0.01 (KS); "
+                 f"equivalent where the interval lies within {100 * asked.margin:g} %. "
+                 "Detectable: the bias of the mean seen with 80 % power.")  # fmt: skip
+        stdout.print(words, soft_wrap=True)

@@ -1,0 +1,89 @@
+"""Copies of the reference engine with one planted fault each, as packages of their own."""
+
+import importlib
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+SOURCES = Path(__file__).resolve().parents[2] / "engines" / "numpy_reference"
+
+
+class Fault(NamedTuple):
+    """`before` becomes `after` in `file`; `case` (with `accelerator`) must see it."""
+
+    name: str
+    file: str
+    before: str
+    after: str
+    case: str
+    accelerator: str = "auto"
+    also: tuple[str, str] = ("", "")
+
+
+FAULTS = [
+    Fault("sphere by b*b - 4ac", "sphere.py", "discriminant = radius * radius - dot(to_axis, to_axis)",
+          "discriminant = (b * b - a * (dot(f, f) - radius * radius)) / a", "S1", "none"),
+    Fault("sphere: nearer root only", "sphere.py", "np.where(near > 0.0, near, np.maximum(t0, t1))", "near", "S4", "none"),
+    Fault("triangle: hits behind the eye", "triangle.py", "inside & certain & (t > 0.0)", "inside", "B2", "none"),
+    Fault("triangle: strict edges", "triangle.py", "inside = np.minimum(np.minimum(u, v), w) >= 0.0",
+          "inside = np.minimum(np.minimum(u, v), w) > 0.0", "T4", "none"),
+    Fault("triangle: constant epsilon", "triangle.py", "inside & certain & (t > 0.0)",
+          "inside & (t > 1e-4)", "T15", "none"),
+    Fault("triangle: u and v swapped", "triangle.py", "return v / total, w / total",
+          "return w / total, v / total", "T1", "none"),
+    Fault("slab by min and max alone", "bvh.py", "np.abs(direction) < 1e-300, 1e-300, direction", "False, 0.0, direction",
+          "B1", "bvh", ("+ tree._reach) + 1e-300", "+ tree._reach) * 0.0")),
+    Fault("slab widened by nothing", "bvh.py", "pad = 32.0 * EPSILON", "pad = -32.0 * EPSILON", "B1", "bvh"),
+    Fault("constant offset of spawned rays", "surface.py", "OFFSET * reach", "np.full(reach.size, 1e-4)", "L1"),
+    Fault("no offset of spawned rays", "surface.py", "OFFSET * reach", "0.0 * reach", "L2"),
+    Fault("offset to the wrong side", "surface.py", "(-self.offset if inwards else self.offset)",
+          "(self.offset if inwards else -self.offset)", "L2"),
+    Fault("normal never turned to the ray", "surface.py", "geometric = np.where(front, outward, -outward)",
+          "geometric = outward", "d"),
+    Fault("point light without 1/d^2", "delta_lights.py", "dot(to_light, to_light), 1.0)", "1.0, 1.0)", "i"),
+    Fault("directional light backwards", "delta_lights.py", "self._towards = -np", "self._towards = np", "i"),
+    Fault("triangle light without its cosine", "area_lights.py", "(np.abs(cosine) * self._total_area[light])",
+          "self._total_area[light]", "e"),
+    Fault("triangle light: uniform weights wrong", "area_lights.py", "su = np.sqrt(u0)", "su = u0", "e"),
+    Fault("sphere light: cone pdf without 2", "area_lights.py", "1.0 / (2.0 * np.pi * spread)", "1.0 / (np.pi * spread)", "f"),
+    Fault("albedo not divided by pi", "path_tracer.py", "there.diffuse / np.pi", "there.diffuse", "i"),
+    Fault("bounce multiplied by pi", "path_tracer.py", "there.diffuse * (q / there.d)",
+          "there.diffuse * (np.pi * q / there.d)", "a"),
+    Fault("light choice without its probability", "path_tracer.py", "(cosine * count * weight)", "(cosine * weight)", "sum"),
+    Fault("emission counted twice", "path_tracer.py", "return np.where(only_way, 1.0, 0.0)", "return np.ones(pdf.size)", "e"),
+    Fault("mis weights that do not add up", "path_tracer.py", "weight = 1.0 / (1.0 + ratio * ratio)",
+          "weight = 1.0 / (1.0 + ratio)", "e"),
+    Fault("roulette divides by too much", "path_tracer.py", "paths.throughput / survival[kept]",
+          "paths.throughput / survival[kept] ** 2", "rr"),
+    Fault("roulette with another survival", "path_tracer.py", "paths.throughput.max(axis=0, initial=0.0), 0.95",
+          "paths.throughput.max(axis=0, initial=0.0), 0.6", "rr2"),
+    Fault("refraction without 1/eta^2", "material.py", "1.0 / (eta * eta)), total", "1.0 + 0.0 * eta), total", "D3"),
+    Fault("Fresnel for one polarisation", "material.py",
+          "mean = 0.5 * perpendicular * perpendicular + 0.5 * parallel * parallel",
+          "mean = perpendicular * perpendicular", "D0"),
+    Fault("index not inverted inside", "material.py", "np.where(surface.front, ior, 1.0 / ior)", "ior", "D9"),
+    Fault("mirror with the wrong sign", "material.py", "direction - 2.0 * dot", "direction + 2.0 * dot", "k"),
+    Fault("refracted to the wrong side", "material.py", "(c1 / eta - c2)", "(c1 / eta + c2)", "l"),
+]  # fmt: skip
+
+
+def mutated(fault, folder):
+    """The engine with the fault, imported from a copy under `folder`."""
+    package = "planted_" + re.sub(r"\W+", "_", fault.name)
+    copy = folder / package
+    shutil.copytree(SOURCES, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    file = copy / fault.file
+    source = file.read_text()
+    assert source.count(fault.before) >= 1, f"{fault.file} no longer holds {fault.before!r}"
+    assert fault.also[0] in source
+    file.write_text(source.replace(fault.before, fault.after).replace(*fault.also) if fault.also[0]
+                    else source.replace(fault.before, fault.after))  # fmt: skip
+    for path in copy.glob("*.py"):
+        path.write_text(path.read_text().replace("engines.numpy_reference", package))
+    sys.path.insert(0, str(folder))
+    try:
+        return importlib.import_module(package).Engine()
+    finally:
+        sys.path.remove(str(folder))
