@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -228,7 +228,13 @@ class Renderer:
             )  # fmt: skip
             return totals
 
-        totals = sum(self._pool.map(work, self._memory))
+        futures = [self._pool.submit(work, memory) for memory in self._memory]
+        try:
+            totals = sum(future.result() for future in futures)
+        except BaseException:  # an interrupt, say: the threads must not go on writing to the film
+            self._control[driver.STOP] = 1
+            wait(futures)
+            raise
         film.bad_samples += int(totals[driver.BAD_SAMPLES])
         return int(totals[driver.RAYS])
 

@@ -181,3 +181,17 @@ def test_a_missing_embree_library_is_named(monkeypatch):
             engines.engine("embree").prepare(engines.load_scene("cornell_box"), Settings(8, 8))
     finally:
         library.library.cache_clear()
+
+
+def test_an_interrupt_stops_the_threads_and_leaves_a_renderer_that_works():
+    code = (
+        "import engines, signal, threading, time\n"
+        "s = engines.Settings(128, 128, shader='albedo', sampler='random', threads=2)\n"
+        "r = engines.engine('numba').prepare(engines.load_scene('cornell_box'), s); r.warm_up()\n"
+        "threading.Timer(0.4, lambda: signal.raise_signal(signal.SIGINT)).start()\n"
+        "try:\n    r.render(10_000_000)\nexcept KeyboardInterrupt:\n    before = int(r.film.counts.max())\n"
+        "time.sleep(0.2); assert int(r.film.counts.max()) == before\n"
+        "spp = r.film.spp; assert r.render(2).spp == spp + 2; print('well')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout == "well\n", done.stderr
