@@ -1,0 +1,94 @@
+"""`raybench equivalence` on rendered images: planted faults are found, and an engine equals itself.
+
+False alarms of the test itself are counted by simulation in tests/harness/test_statistics_equivalence.py (family-wise
+1 % a scale); seeds here are fixed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from mutated import FAULTS, mutated
+from typer.testing import CliRunner
+
+import engines
+from harness.cli import app
+from harness.statistics import equivalence
+from harness.verify.equivalent import replicate_images
+
+SETTINGS = {"width": 32, "height": 32, "shader": {"name": "path_tracer", "max_depth": 3}, "sampler": "random", "seed": 1,
+            "spp": 64}  # fmt: skip
+
+
+@dataclass
+class Changed:
+    """An engine whose images are changed on their way out."""
+
+    engine: object
+    change: object
+    name: str = "changed"
+
+    def why_not(self, scene, settings):
+        return None
+
+    def prepare(self, scene, settings):
+        self.renderer = self.engine.prepare(scene, settings)
+        return self
+
+    def render(self, spp):
+        self.film = self.renderer.render(spp)
+        return self
+
+    def mean(self):
+        return self.change(self.film.mean())
+
+
+def two_lamps():
+    lamp = {"emission": 4, "two_sided": True}
+    return engines.scene_from({
+        "raybench_scene": 1, "name": "two lamps",
+        "camera": {"type": "perspective", "eye": [0, 2, 6], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40},
+        "materials": {"white": {"kd": 0.7}, "lamp": lamp},
+        "shapes": [
+            {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
+            {"sphere": {"center": [0, 0.7, 0], "radius": 0.7}, "material": "white"},
+            {"sphere": {"center": [-2, 3, 1], "radius": 0.5}, "material": "lamp"},
+            {"sphere": {"center": [2, 3, 1], "radius": 0.5}, "material": "lamp"},
+        ],
+    })  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return replicate_images(engines.engine("numpy"), two_lamps(), SETTINGS, 12, 0)
+
+
+def _against(truth, engine):
+    return equivalence(truth, replicate_images(engine, two_lamps(), SETTINGS, 12, 100))
+
+
+def test_an_engine_equals_itself(truth):
+    assert _against(truth, engines.engine("numpy")).verdict == "equivalent"
+
+
+def test_one_percent_of_brightness_is_found(truth):
+    found = _against(truth, Changed(engines.engine("numpy"), lambda image: 1.01 * image))
+    assert found.detectable < 0.01 and found.verdict != "equivalent" and found.image_p < 1e-3
+
+
+def test_a_shift_by_one_pixel_is_found(truth):
+    found = _against(truth, Changed(engines.engine("numpy"), lambda image: np.roll(image, 1, axis=1)))
+    assert found.verdict == "different" and found.pixels_outside > 10
+
+
+def test_a_wrong_count_of_lights_is_found(truth, tmp_path):
+    (fault,) = [fault for fault in FAULTS if fault.name == "light choice without its probability"]
+    assert _against(truth, mutated(fault._replace(name="wrong count"), tmp_path)).verdict == "different"
+
+
+def test_the_command_compares_and_refuses_one_engine_alone():
+    arguments = ["equivalence", "furnace", "--size", "16x16", "--spp", "4", "--replicates", "4", "--engines"]
+    done = CliRunner().invoke(app, [*arguments, "numpy,numpy"])
+    assert done.exit_code == 0 and "detectable" in done.output, done.output
+    refused = CliRunner().invoke(app, [*arguments, "numpy"])
+    assert refused.exit_code != 0 and "two or more" in str(refused.exception)
