@@ -91,4 +91,6 @@ PROMISES: dict[str, Promise] = {
     "e": Z, "f": Z, "g": Z, "h": Z, "i": EXACT,
     "j": Promise("absolute", 1e-9, 1e-4, "rays that graze run 65,000 times the distance of the planes"),
     "m": NEVER, "wf": EXACT, "sum": Z,
+    # sampling
+    "q.mean": Z, "q.slope": Promise("absolute", 0.15, 0.15),
 }  # fmt: skip
