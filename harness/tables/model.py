@@ -140,7 +140,8 @@ def latex_escape(text: str) -> str:
 
 def _digits(value: float) -> str:
     """Three significant digits of a value that is not zero, without an exponent."""
-    decimals = max(2 - math.floor(math.log10(abs(value))), 0)
+    rounded = float(f"{value:.3g}")  # 0.09997 is 0.100, not 0.1000
+    decimals = max(2 - math.floor(math.log10(abs(rounded))), 0)
     return f"{value:.{decimals}f}"
 
 

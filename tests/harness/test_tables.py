@@ -141,7 +141,7 @@ def test_latex_and_markdown_escape_what_would_break_them():
 @pytest.mark.parametrize(
     ("value", "text"),
     [(0.0123456, "0.0123"), (0.1, "0.100"), (12345.6, "12.3k"), (4.56e6, "4.56M"), (1.2e-5, "1.20e-05"), (0.0, "0"),
-     (256.0, "256"), (math.inf, "∞"), (math.nan, "–"), (-0.5, "-0.500"), (999.99, "1000")],
+     (256.0, "256"), (math.inf, "∞"), (math.nan, "–"), (-0.5, "-0.500"), (999.99, "1000"), (0.09997, "0.100")],
 )  # fmt: skip
 def test_numbers_have_three_digits(value, text):
     assert number_text(value) == text
