@@ -27,7 +27,7 @@ def _floor(cells: int, z: float = 0.0) -> Mesh:
 
 
 @SECTION.case("B1", "Rays in faces and along edges of boxes hit what the boxes hold, from 0, -0 and 1e-40 alike.",
-              "Ize 2013; ACCURACY 1, boxes")  # fmt: skip
+              "Ize 2013")  # fmt: skip
 def in_faces(subject: Subject) -> Iterator[Measured]:
     cells = 16
     inner = np.arange(1, cells) / cells
@@ -49,7 +49,7 @@ def in_faces(subject: Subject) -> Iterator[Measured]:
             yield measured(wrong, f"{name} across {'xyz'[(2 + axis) % 3]}")
 
 
-@SECTION.case("B2", "From inside a box every ray hits; from its faces outwards none does.", "ACCURACY 1, boxes")
+@SECTION.case("B2", "From inside a box every ray hits; from its faces outwards none does.", "raybench")
 def inside_out(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(2), subject.count(4000)
     renderer = subject.tracer(box())
@@ -115,7 +115,7 @@ def _differences(ours: Hits, theirs: Hits) -> Array:
 
 
 @SECTION.case("A1", "Every accelerator gives the same hits, t bit for bit, on scenes that trees trip over.",
-              "ACCURACY 1, A1")  # fmt: skip
+              "raybench, A1")  # fmt: skip
 def same_hits(subject: Subject) -> Iterator[Measured]:
     """Against the engine's first accelerator; where there is no other, `occluded` against `trace`."""
     first = accelerators(subject.engine)[0]
@@ -135,7 +135,7 @@ def _cast_meshes(subject: Subject, shapes: list[Shape]) -> list[Shape]:
 
 
 @SECTION.case("A2", "Rays along cell walls and through cell corners hit, whatever the grid; nothing loops.",
-              "ACCURACY 1, A2")  # fmt: skip
+              "raybench, A2")  # fmt: skip
 def cell_walls(subject: Subject) -> Iterator[Measured]:
     layers = [_floor(8, float(z)) for z in (-1.0, -0.5, 0.0)]
     rng, n = np.random.default_rng(22), subject.count(4000)
@@ -146,7 +146,7 @@ def cell_walls(subject: Subject) -> Iterator[Measured]:
         yield measured((np.abs(hits.t / away - 1) > 16 * subject.eps) | (hits.shape != 2), f"from {away:g}")
 
 
-@SECTION.case("A3", "A hit beyond the current cell is not taken before a nearer one.", "ACCURACY 1, A3")
+@SECTION.case("A3", "A hit beyond the current cell is not taken before a nearer one.", "raybench, A3")
 def not_early(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(33), subject.count(2000)
     slope = Triangle((-1.0, -1.0, -4.0), (3.0, -1.0, -4.0), (1.0, 3.0, 4.0), 0)
@@ -160,7 +160,7 @@ def not_early(subject: Subject) -> Iterator[Measured]:
         yield measured((both.t != nearer) & ~(np.abs(both.t - nearer) <= 32 * subject.eps * np.minimum(nearer, 10)))
 
 
-@SECTION.case("A4", "Primitives at 2^-k, each half as far as the last, are built and hit.", "ACCURACY 1, A4")
+@SECTION.case("A4", "Primitives at 2^-k, each half as far as the last, are built and hit.", "raybench, A4")
 def geometric(subject: Subject) -> Iterator[Measured]:
     sizes = 2.0 ** -np.arange(0, 60 if subject.tracing == "float64" else 30)
     corners = sizes[:, None, None] * np.array([[1.0, 0, 0], [1.0, 0.5, 0], [1.0, 0, 0.5]])
@@ -178,7 +178,7 @@ def planes(subject: Subject) -> Iterator[Measured]:
     yield measured((hits.t != 2.0) | (hits.shape != 0))
 
 
-@SECTION.case("A6", "Two builds, and one or two threads, give the same image bytes.", "ACCURACY 1, A6")
+@SECTION.case("A6", "Two builds, and one or two threads, give the same image bytes.", "raybench, A6")
 def same_bytes(subject: Subject) -> Iterator[Measured]:
     held = scene([soup(200, 0.3), FLOOR], lights=[SKY], camera=AHEAD)
     films = [subject.prepared(held, shader=path_tracer(3), threads=k, seed=5).render(2) for k in (1, 1, 2)]

@@ -74,7 +74,7 @@ def reflectance(subject: Subject) -> Iterator[Measured]:
             yield measured(errors, f"ior {ior}, from {'inside' if below else 'outside'}")
 
 
-@SECTION.case("D1", "Glass of index 1 changes nothing.", "ACCURACY 2, D1")
+@SECTION.case("D1", "Glass of index 1 changes nothing.", "raybench, D1")
 def index_one(subject: Subject) -> Iterator[Measured]:
     rng = np.random.default_rng(1)
     sky = EnvironmentLight((1.0, 0.8, 0.6), rng.random((8, 16, 3)))
@@ -84,14 +84,14 @@ def index_one(subject: Subject) -> Iterator[Measured]:
         yield measured(seen - bare, shader["name"])
 
 
-@SECTION.case("D2", "Light that is totally reflected for ever is black, and the loop ends.", "ACCURACY 2, D2")
+@SECTION.case("D2", "Light that is totally reflected for ever is black, and the loop ends.", "raybench, D2")
 def trapped(subject: Subject) -> Iterator[Measured]:
     inside = Perspective((0.9, 0.0, 0.0), (0.9, 1.0, 0.0), (0.0, 0.0, 1.0), 10.0, "y", (4, 4))
     for shader in (LONG, whitted(32)):
         yield measured(subject.image([sphere()], [glass()], [SKY], inside, shader), shader["name"])
 
 
-@SECTION.case("D3", "Radiance inside glass is greater by the square of its index.", "ACCURACY 2, D3")
+@SECTION.case("D3", "Radiance inside glass is greater by the square of its index.", "raybench, D3")
 def inside_glass(subject: Subject) -> Iterator[Measured]:
     view = Perspective(ORIGIN, (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), 60.0, "y", (8, 8))
     for ior in IORS:
@@ -99,7 +99,7 @@ def inside_glass(subject: Subject) -> Iterator[Measured]:
         yield measured(seen / ior**2 - 1, f"ior {ior}")
 
 
-@SECTION.case("b", "Lossless glass of any shape vanishes in a uniform sky.", "ACCURACY 3, b; D4")
+@SECTION.case("b", "Lossless glass of any shape vanishes in a uniform sky.", "raybench, b; D4")
 def vanishing(subject: Subject) -> Iterator[Measured]:
     scenes = {"sphere": [sphere()], "box": [box()], "mesh": [ball(8)],
               "nested": [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)]}  # fmt: skip
@@ -108,7 +108,7 @@ def vanishing(subject: Subject) -> Iterator[Measured]:
             yield measured(subject.image(shapes, [glass(ior)], [SKY], AHEAD, LONG, 4) - 1, f"{name}, ior {ior}")
 
 
-@SECTION.case("D5", "A ball lens bends a ray by 2 (asin b - asin(b/n)) and dims it by (1 - R)^2.", "Snell; ACCURACY 2, D5")
+@SECTION.case("D5", "A ball lens bends a ray by 2 (asin b - asin(b/n)) and dims it by (1 - R)^2.", "Snell")
 def ball_lens(subject: Subject) -> Iterator[Measured]:
     """A small lamp stands where the ray must arrive: seen in full, or not at all."""
     for ior in IORS:
@@ -125,7 +125,7 @@ def ball_lens(subject: Subject) -> Iterator[Measured]:
             yield measured(seen - (1 - fresnel(impact, ior)) ** 2, f"ior {ior}, impact {impact}")
 
 
-@SECTION.case("D6", "A ray that grazes glass is refracted to its far side, by a finite amount.", "ACCURACY 2, D6")
+@SECTION.case("D6", "A ray that grazes glass is refracted to its far side, by a finite amount.", "raybench, D6")
 def grazing(subject: Subject) -> Iterator[Measured]:
     pane, bed = material(kt=1, ior=1.5, fresnel=True), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 1)
     errors = []
@@ -136,7 +136,7 @@ def grazing(subject: Subject) -> Iterator[Measured]:
     yield measured(errors)
 
 
-@SECTION.case("D9", "Whitted sees through the middle of a ball what its depth allows.", "ACCURACY 2, D9")
+@SECTION.case("D9", "Whitted sees through the middle of a ball what its depth allows.", "raybench, D9")
 def central(subject: Subject) -> Iterator[Measured]:
     view = point_view((0.0, 0.0, 5.0), ORIGIN)
     for ior in IORS:
@@ -147,7 +147,7 @@ def central(subject: Subject) -> Iterator[Measured]:
             yield measured(seen - truth, f"ior {ior}, {events} internal")
 
 
-@SECTION.case("k", "A corridor of mirrors dims by its reflectance with each bounce.", "ACCURACY 3, k")
+@SECTION.case("k", "A corridor of mirrors dims by its reflectance with each bounce.", "raybench, k")
 def corridor(subject: Subject) -> Iterator[Measured]:
     walls = [Plane((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0), Plane((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0)]
     for height, reflectance in ((10.0, 0.9), (7.0, 0.8)):
@@ -163,7 +163,7 @@ def corridor(subject: Subject) -> Iterator[Measured]:
 
 
 @SECTION.case("l", "A slab of glass moves a ray by t sin(i) (1 - cos(i) / sqrt(n^2 - sin^2 i)) and dims it by (1 - R)^2.",
-              "Snell; ACCURACY 3, l")  # fmt: skip
+              "Snell")  # fmt: skip
 def slab(subject: Subject) -> Iterator[Measured]:
     """A small lamp stands where the moved ray must arrive; of the ray's branches only the straight one is followed."""
     surfaces = [Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0), Plane((0.0, -0.5, 0.0), (0.0, -1.0, 0.0), 0)]

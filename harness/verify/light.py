@@ -59,7 +59,7 @@ def _floor_view(x: float = 0.0, z: float = 0.0, side: int = 32) -> Any:
     return point_view((x + 0.3, 1.5, z + 4.0), (x, 0.0, z), side)
 
 
-@SECTION.case("a", "A closed furnace is E (1 - rho^D) / (1 - rho) bright, whatever its shape.", "ACCURACY 3, a")
+@SECTION.case("a", "A closed furnace is E (1 - rho^D) / (1 - rho) bright, whatever its shape.", "raybench, a")
 def furnace(subject: Subject) -> Iterator[Measured]:
     for name, hollow in (("box", box()), ("mesh", ball(8)), ("sphere", sphere())):
         for emission, rho, depth in ((0.5, 0.5, 1), (0.5, 0.5, 2), (0.5, 0.5, 5), (2.0, 0.8, 3), (0.3, 0.9, 20)):
@@ -69,7 +69,7 @@ def furnace(subject: Subject) -> Iterator[Measured]:
             yield measured(seen / truth - 1, f"{name}, E {emission}, rho {rho}, D {depth}")
 
 
-@SECTION.case("a.mis", "The furnace is as bright where lights are sampled too.", "ACCURACY 3, a")
+@SECTION.case("a.mis", "The furnace is as bright where lights are sampled too.", "raybench, a")
 def furnace_mis(subject: Subject) -> Iterator[Measured]:
     for name, hollow in (("box", box()), ("sphere", sphere())):
         for depth in (2, 3):
@@ -78,7 +78,7 @@ def furnace_mis(subject: Subject) -> Iterator[Measured]:
             yield _z(subject, seen, 1 - 0.5**depth, f"{name}, D {depth}")
 
 
-@SECTION.case("rr", "Russian roulette leaves the mean as it is.", "ACCURACY 3")
+@SECTION.case("rr", "Russian roulette leaves the mean as it is.", "raybench")
 def roulette_mean(subject: Subject) -> Iterator[Measured]:
     for rr_depth in (1, 2, 4):
         shader = path_tracer(10_000, "bsdf", rr_depth)
@@ -86,7 +86,7 @@ def roulette_mean(subject: Subject) -> Iterator[Measured]:
         yield _z(subject, seen, 1.0, f"from segment {rr_depth}")
 
 
-@SECTION.case("rr2", "Russian roulette has the second moment that follows from its survival.", "ACCURACY 3")
+@SECTION.case("rr2", "Russian roulette has the second moment that follows from its survival.", "raybench")
 def roulette_square(subject: Subject) -> Iterator[Measured]:
     """From the first segment on, survival is min(beta, 0.95) and the survivor's beta is max(beta, beta / 0.95)."""
     for rho in (0.5, 0.7):
@@ -96,7 +96,7 @@ def roulette_square(subject: Subject) -> Iterator[Measured]:
         yield _z(subject, seen**2, forms.roulette_second_moment(1 - rho, rho), f"rho {rho}", 2e-2)
 
 
-@SECTION.case("c", "Under a uniform sky a convex body is as bright as its albedo.", "ACCURACY 3, c")
+@SECTION.case("c", "Under a uniform sky a convex body is as bright as its albedo.", "raybench, c")
 def convex(subject: Subject) -> Iterator[Measured]:
     view = point_view((0.5, 3.0, 2.0), ORIGIN, 8)
     for rho in (0.3, 0.7, 1.0):
@@ -106,7 +106,7 @@ def convex(subject: Subject) -> Iterator[Measured]:
             yield measured(np.concatenate(seen).ravel() - rho, f"rho {rho}, {direct}")
 
 
-@SECTION.case("wf", "In a white sky every lossless material is white: white furnace.", "ACCURACY 3, b and c")
+@SECTION.case("wf", "In a white sky every lossless material is white: white furnace.", "raybench, b and c")
 def white(subject: Subject) -> Iterator[Measured]:
     """Diffuse and mirror lobes, alone and mixed, on a convex body; energy is neither lost nor made."""
     view = point_view((0.5, 3.0, 2.0), ORIGIN, 8)
@@ -118,7 +118,7 @@ def white(subject: Subject) -> Iterator[Measured]:
                 yield measured(seen - 1, f"kd {kd}, ks {ks}, {direct}")
 
 
-@SECTION.case("c.sky", "A sky a + b cos gives a floor rho (a + 2 b / 3).", "ACCURACY 3, c")
+@SECTION.case("c.sky", "A sky a + b cos gives a floor rho (a + 2 b / 3).", "raybench, c")
 def graded(subject: Subject) -> Iterator[Measured]:
     cosine = np.maximum(np.cos(np.pi * (np.arange(512) + 0.5) / 512), 0.0)
     for a, b, rho in ((0.2, 0.6, 0.8), (0.0, 1.0, 0.5)):
@@ -129,7 +129,7 @@ def graded(subject: Subject) -> Iterator[Measured]:
             yield _z(subject, seen, rho * (a + 2 * b / 3), f"a {a}, b {b}, {direct}")
 
 
-@SECTION.case("d", "A point light at the centre of a sphere: 1 - rho^k after k reflections.", "ACCURACY 3, d")
+@SECTION.case("d", "A point light at the centre of a sphere: 1 - rho^k after k reflections.", "raybench, d")
 def centred(subject: Subject) -> Iterator[Measured]:
     view = point_view((0.3, 0.0, 0.1), (0.5, 0.7, 0.2), 4)
     for rho in (0.5, 0.8):
@@ -139,7 +139,7 @@ def centred(subject: Subject) -> Iterator[Measured]:
             yield measured(seen - (1 - rho**k), f"rho {rho}, k {k}")
 
 
-@SECTION.case("d.off", "Off its centre: rho/pi (I cos/d^2 + rho/(1 - rho) I/r^2).", "ACCURACY 3, d")
+@SECTION.case("d.off", "Off its centre: rho/pi (I cos/d^2 + rho/(1 - rho) I/r^2).", "raybench, d")
 def off_centre(subject: Subject) -> Iterator[Measured]:
     point = np.array([0.3, 0.0, -math.sqrt(1 - 0.09)])
     for y, rho in ((0.5, 0.5), (-0.3, 0.3)):
@@ -169,7 +169,7 @@ def polygons(subject: Subject) -> Iterator[Measured]:
 
 
 @SECTION.case("f", "A sphere light lights a floor as its closed form says, above the horizon and across it.",
-              "Snyder 1996; ACCURACY 3, f")  # fmt: skip
+              "Snyder 1996")  # fmt: skip
 def sphere_lights(subject: Subject) -> Iterator[Measured]:
     materials = [material(kd=0.9), material(emission=1.0)]
     for radius, distance, degrees in ((1.0, 2.0, 0), (1.0, 2.0, 90), (1.0, 2.0, 75), (0.5, 3.0, 45), (1.0, 1.3, 60)):
@@ -195,7 +195,7 @@ def many_lights(subject: Subject) -> Iterator[Measured]:
         yield _z(subject, seen, 0.8 / math.pi * sum(received), direct)
 
 
-@SECTION.case("g", "A black sphere shades the sky: rho L (1 - r^2 h / (h^2 + x^2)^(3/2)).", "ACCURACY 3, g")
+@SECTION.case("g", "A black sphere shades the sky: rho L (1 - r^2 h / (h^2 + x^2)^(3/2)).", "raybench, g")
 def shaded_sky(subject: Subject) -> Iterator[Measured]:
     for r, h, x in ((1.0, 1.0, 1.0), (0.5, 2.0, 0.7)):
         truth = 1 - r * r * h / (h * h + x * x) ** 1.5
@@ -234,7 +234,7 @@ def form_factors(subject: Subject) -> Iterator[Measured]:
             yield _z(subject, np.array(means), factor * share, f"{name}, {direct}")
 
 
-@SECTION.case("i", "Lights without size light a floor by distance and cosine alone, in every shader.", "ACCURACY 3, i")
+@SECTION.case("i", "Lights without size light a floor by distance and cosine alone, in every shader.", "raybench, i")
 def small_lights(subject: Subject) -> Iterator[Measured]:
     shaders = [whitted(), *(path_tracer(2, direct) for direct in STRATEGIES), {"name": "no_shadows", "ambient": 0.0}]
     for h, x, rho in ((1.5, 0.7, 0.5), (3.0, 2.0, 0.9)):
@@ -245,7 +245,7 @@ def small_lights(subject: Subject) -> Iterator[Measured]:
             yield measured(np.array(seen) - rho / math.pi * truth, f"{type(light).__name__}, h {h}, x {x}")
 
 
-@SECTION.case("j", "Two infinite planes share their light.", "ACCURACY 3, j")
+@SECTION.case("j", "Two infinite planes share their light.", "raybench, j")
 def planes(subject: Subject) -> Iterator[Measured]:
     ceiling, floor = Plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), 0), Plane(ORIGIN, (0.0, 1.0, 0.0), 1)
     for rho, other in ((0.8, 0.5), (0.3, 0.9)):
@@ -257,7 +257,7 @@ def planes(subject: Subject) -> Iterator[Measured]:
             yield measured(seen - truth, f"rho {rho} and {other}, {'floor' if target[1] == 0 else 'ceiling'}")
 
 
-@SECTION.case("m", "A sphere's shadow under a point light ends at h tan(asin(r / (h - c))).", "ACCURACY 3, m")
+@SECTION.case("m", "A sphere's shadow under a point light ends at h tan(asin(r / (h - c))).", "raybench, m")
 def shadow(subject: Subject) -> Iterator[Measured]:
     for r, c, h in ((0.5, 1.0, 3.0), (0.2, 0.5, 1.0), (1.0, 1.5, 4.0)):
         edge = h * math.tan(math.asin(r / (h - c)))

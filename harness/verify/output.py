@@ -21,7 +21,7 @@ from harness.verify.battery import BROKEN, DECLINED, KEPT, NOT_PROMISED, Finding
 from harness.verify.promises import PROMISES
 
 COLUMNS = [
-    Column("case", "Id of the case; ACCURACY's where it has one."),
+    Column("case", "Id of the case."),
     Column("engine", "Engine."),
     Column("precision", "The setting: float64 or float32."),
     Column("tracing", "Precision in which rays meet shapes, which sets what is allowed."),
@@ -143,6 +143,8 @@ def page(found: Sequence[Finding], quick: bool) -> str:
     }  # fmt: skip
     return environment.get_template("verify.html.j2").render(
         sections=sections, engines=engines, matrix=matrix, counts=counts(found), quick=quick, promises=PROMISES,
-        number=number_text, limit=limit_text, condensed=condensed, isnan=math.isnan,
+        number=number_text, limit=limit_text, isnan=math.isnan,
+        worst=lambda given: [finding for finding, _ in condensed(given)],
+        has_ulps=lambda given: any(not math.isnan(finding.worst) for finding in given),
         failures=[f for f in found if f.verdict == BROKEN], lost=[f for f in found if f.verdict == NOT_PROMISED],
     )  # fmt: skip

@@ -39,7 +39,7 @@ def nonsense(subject: Subject) -> Iterator[Measured]:
     yield measured(np.append(dark[:-1], not dark[-1]), "occluded")
 
 
-@SECTION.case("R2", "Directions of length 1e-30 and 1e30 find what others find.", "ACCURACY 1, rays")
+@SECTION.case("R2", "Directions of length 1e-30 and 1e30 find what others find.", "raybench")
 def any_length(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(1), subject.count(2000)
     origins, directions = subject.cast(rng.uniform(-2, 2, (n, 3))), subject.cast(rng.normal(size=(n, 3)))
@@ -69,7 +69,7 @@ def open_interval(subject: Subject) -> Iterator[Measured]:
     yield measured(wrong)
 
 
-@SECTION.case("R4", "No rays and no shapes are legal.", "ACCURACY 6")
+@SECTION.case("R4", "No rays and no shapes are legal.", "raybench")
 def nothing(subject: Subject) -> Iterator[Measured]:
     none = np.zeros((0, 3))
     full, empty = subject.tracer(*SHAPES), subject.tracer()
@@ -79,7 +79,7 @@ def nothing(subject: Subject) -> Iterator[Measured]:
     ])  # fmt: skip
 
 
-@SECTION.case("R5", "A NaN among the rays makes no ray slower than 2.5 times.", "ACCURACY 1, rays", full_only=True)
+@SECTION.case("R5", "A NaN among the rays makes no ray slower than 2.5 times.", "raybench", full_only=True)
 def no_slowdown(subject: Subject) -> Iterator[Measured]:
     rng = np.random.default_rng(5)
     origins, directions = rng.uniform(-2, 2, (40_000, 3)), rng.normal(size=(40_000, 3))

@@ -33,7 +33,7 @@ def _errors(subject: Subject, sampler: str, seed: int) -> list[Array]:
     return errors
 
 
-@SECTION.case("q.mean", "Every sampler has the mean of the integral.", "ACCURACY 4")
+@SECTION.case("q.mean", "Every sampler has the mean of the integral.", "raybench")
 def means(subject: Subject) -> Iterator[Measured]:
     for sampler in SLOPES:
         last = np.concatenate([_errors(subject, sampler, seed)[-1] for seed in range(2)])
@@ -43,7 +43,7 @@ def means(subject: Subject) -> Iterator[Measured]:
 
 
 @SECTION.case("q.slope", "The error of a smooth integral falls with the samples at least as fast as the sampler's should.",
-              "Owen 1997; ACCURACY 4")  # fmt: skip
+              "Owen 1997")  # fmt: skip
 def slopes(subject: Subject) -> Iterator[Measured]:
     """Slope of log RMSE over log samples, 4 to 64, over 256 pixels and two seeds."""
     for sampler, expected in SLOPES.items():

@@ -45,7 +45,7 @@ def _met_again(subject: Subject, shapes: list[Shape], camera: Perspective, direc
     return ~(near <= 1e-4)
 
 
-@SECTION.case("L1", "No light leaks into the gap between two plates.", "ACCURACY 1, L1")
+@SECTION.case("L1", "No light leaks into the gap between two plates.", "raybench, L1")
 def leaks(subject: Subject) -> Iterator[Measured]:
     for scale in SCALES:
         for gap in GAPS:
@@ -58,7 +58,7 @@ def leaks(subject: Subject) -> Iterator[Measured]:
             yield measured(seen != 0, f"scale {scale:.0e}, gap {gap:.0e}")
 
 
-@SECTION.case("L2", "Rays that leave a convex body never meet it.", "ACCURACY 1, L2")
+@SECTION.case("L2", "Rays that leave a convex body never meet it.", "raybench, L2")
 def acne(subject: Subject) -> Iterator[Measured]:
     side = 64 if subject.quick else 256
     for name, body in (("sphere", sphere()), ("box", box()), ("mesh", ball(10))):
@@ -71,7 +71,7 @@ def acne(subject: Subject) -> Iterator[Measured]:
             yield measured(np.concatenate(wrong), f"{name}, scale {scale:.0e}, offset {far:.0e}")
 
 
-@SECTION.case("L3", "Light does not pass where a sphere rests on a plane.", "ACCURACY 1, L3")
+@SECTION.case("L3", "Light does not pass where a sphere rests on a plane.", "raybench, L3")
 def contact(subject: Subject) -> Iterator[Measured]:
     for scale in (1e-3, 1.0, 1e3):
         camera = _view(scale * np.array([0.3, 0.02, 0.0]), scale * np.array([0.05, 0.0, 0.0]), 10.0, 16)

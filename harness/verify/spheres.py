@@ -33,7 +33,7 @@ def distant(subject: Subject) -> Iterator[Measured]:
         yield _against(subject, np.zeros(3), 1.0, subject.cast(start), ahead, f"from 1e{power}")
 
 
-@SECTION.case("S3", "A sphere as large as a floor is hit where it is.", "ACCURACY 1, S3")
+@SECTION.case("S3", "A sphere as large as a floor is hit where it is.", "raybench, S3")
 def huge(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(4), subject.count(400)
     turn = 2 * np.pi * rng.random(n)
@@ -43,7 +43,7 @@ def huge(subject: Subject) -> Iterator[Measured]:
         yield _against(subject, center, 10.0**power, np.tile([0.0, 1.5, 0.0], (n, 1)), directions, f"R = 1e{power}")
 
 
-@SECTION.case("S4", "From inside, the far side is hit.", "ACCURACY 1, S4")
+@SECTION.case("S4", "From inside, the far side is hit.", "raybench, S4")
 def inside(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(4), subject.count(400)
     origins = subject.cast(0.9 * rng.random((n, 1)) * unit(rng.normal(size=(n, 3))))
@@ -51,7 +51,7 @@ def inside(subject: Subject) -> Iterator[Measured]:
     yield _against(subject, np.zeros(3), 1.0, origins, directions, "", far=True)
 
 
-@SECTION.case("S5", "From the surface inwards, the far side is hit.", "ACCURACY 1, S5")
+@SECTION.case("S5", "From the surface inwards, the far side is hit.", "raybench, S5")
 def from_the_surface(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(5), subject.count(800)
     origins, directions = subject.cast(unit(rng.normal(size=(n, 3)))), subject.cast(unit(rng.normal(size=(n, 3))))
@@ -66,7 +66,7 @@ def from_the_surface(subject: Subject) -> Iterator[Measured]:
     yield measured(errors, "", oracle.ulps(found.t, far, subject.kind)[~touched])
 
 
-@SECTION.case("S6", "A ray at a tangent hits at the right distance or misses; nothing is NaN.", "ACCURACY 1, S6")
+@SECTION.case("S6", "A ray at a tangent hits at the right distance or misses; nothing is NaN.", "raybench, S6")
 def tangent(subject: Subject) -> Iterator[Measured]:
     heights = [1.0, *(float(np.nextafter(subject.kind(1), subject.kind(side))) for side in (0, 2))]
     for distance in (3.0, 1e3, 1e6):
@@ -76,7 +76,7 @@ def tangent(subject: Subject) -> Iterator[Measured]:
         yield measured(~(np.isinf(hits.t) | close) | np.isnan(hits.normal).any(axis=1), f"from {distance:.0e}")
 
 
-@SECTION.case("S7", "The length of a direction does not move the hit.", "ACCURACY 1, S7")
+@SECTION.case("S7", "The length of a direction does not move the hit.", "raybench, S7")
 def scaled(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(7), subject.count(200)
     origins = subject.cast(4 * unit(rng.normal(size=(n, 3))))
@@ -86,7 +86,7 @@ def scaled(subject: Subject) -> Iterator[Measured]:
         yield _against(subject, np.zeros(3), 1.0, origins, directions, f"length 1e{power}")
 
 
-@SECTION.case("S8", "A scene a million metres off the origin is hit as exactly.", "ACCURACY 1, S8")
+@SECTION.case("S8", "A scene a million metres off the origin is hit as exactly.", "raybench, S8")
 def far_scene(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(8), subject.count(400)
     origins = subject.cast(1e6 + 5 * unit(rng.normal(size=(n, 3))))

@@ -16,7 +16,7 @@ SECTION = Section("triangles", each_accelerator=True)
 WATERTIGHT = "Woop, Benthin and Wald 2013"
 
 
-@SECTION.case("T1", "Distance, weights and place of a hit are right to the last digits.", "ACCURACY 1, T1")
+@SECTION.case("T1", "Distance, weights and place of a hit are right to the last digits.", "raybench, T1")
 def accurate(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(1), subject.count(1200)
     flat = rng.random((n, 2))
@@ -61,7 +61,7 @@ def shared_edges(subject: Subject) -> Iterator[Measured]:
         yield measured(np.isinf(hits.t), f"scale {scale:.0e}")
 
 
-@SECTION.case("T5", "The diagonal of a tilted quad is closed from every side.", "ACCURACY 1, T5")
+@SECTION.case("T5", "The diagonal of a tilted quad is closed from every side.", "raybench, T5")
 def diagonal(subject: Subject) -> Iterator[Measured]:
     corners, axis = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), np.ones(3) / np.sqrt(3.0)
     turned = subject.cast(np.cross(axis, corners) + np.outer(corners @ axis, axis))
@@ -76,7 +76,7 @@ def _line(subject: Subject) -> Triangle:
     return triangle(subject.cast([(x, y, z) for y in (-79.049614, -87.0922699, -79.2090149)]))
 
 
-@SECTION.case("T6", "A triangle without area is never hit.", "Embree's tests, ACCURACY 1, T6")
+@SECTION.case("T6", "A triangle without area is never hit.", "Embree's tests")
 def no_area(subject: Subject) -> Iterator[Measured]:
     origin = subject.cast([(-1081.47925, 99.9999542, 87.7701111)])
     direction = subject.cast([(-32.1072998, -183.355865, -144.607635)])
@@ -85,7 +85,7 @@ def no_area(subject: Subject) -> Iterator[Measured]:
     yield measured(found)
 
 
-@SECTION.case("T8", "A sliver is hit on its axis, however thin; nothing is NaN.", "ACCURACY 1, T8")
+@SECTION.case("T8", "A sliver is hit on its axis, however thin; nothing is NaN.", "raybench, T8")
 def slivers(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(8), subject.count(2000)
     for height in (1e-2, 1e-8, 1e-16, 1e-30, 1e-44):
@@ -99,7 +99,7 @@ def slivers(subject: Subject) -> Iterator[Measured]:
         yield measured(np.append(wrong, axis.t[0] != 1.0), f"height {height:.0e}")
 
 
-@SECTION.case("T10", "Faces without area beside a good one are skipped.", "ACCURACY 1, T10")
+@SECTION.case("T10", "Faces without area beside a good one are skipped.", "raybench, T10")
 def degenerate_faces(subject: Subject) -> Iterator[Measured]:
     point = triangle(np.zeros((3, 3)))
     good = mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1], [0, 1, 2], [2, 0, 2]])
@@ -111,7 +111,7 @@ def _copies(count: int) -> Mesh:
     return mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.tile([[0, 1, 2]], (count, 1)))
 
 
-@SECTION.case("T11", "Of one triangle repeated very often the lowest index is hit.", "ACCURACY 1, T11")
+@SECTION.case("T11", "Of one triangle repeated very often the lowest index is hit.", "raybench, T11")
 def repeated(subject: Subject) -> Iterator[Measured]:
     seconds, count, many = [], 1000, _copies(1000)
     for count in (1000,) if subject.accelerator == "none" or subject.quick else (1000, 4000, 100_000):
@@ -126,7 +126,7 @@ def repeated(subject: Subject) -> Iterator[Measured]:
     yield measured(np.isinf(hits.t) | (hits.primitive != 0), f"{count} copies")
 
 
-@SECTION.case("T12", "Triangles that no split separates are built and hit.", "ACCURACY 1, T12")
+@SECTION.case("T12", "Triangles that no split separates are built and hit.", "raybench, T12")
 def unsplittable(subject: Subject) -> Iterator[Measured]:
     a, b, c, d = (float(x) for x in subject.cast((-6.4000024, 25.6, 34.0, 57.6000022)))
     corners = [(b, d), (b, c), (a, d), (a, d)]
@@ -154,7 +154,7 @@ def both_sides(subject: Subject) -> Iterator[Measured]:
     yield measured((hits.shape != 0) | (hits.normal[:, 2] != np.sign(origins[:, 2])) | hits.normal[:, :2].any(axis=1))
 
 
-@SECTION.case("T15", "A cube is closed at every scale.", "ACCURACY 1, T15")
+@SECTION.case("T15", "A cube is closed at every scale.", "raybench, T15")
 def scales(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(15), subject.count(2000)
     inner, directions = rng.uniform(-0.9, 0.9, (n, 3)), subject.cast(rng.normal(size=(n, 3)))
@@ -167,7 +167,7 @@ def scales(subject: Subject) -> Iterator[Measured]:
         yield measured(outside | np.isinf(hits.t), f"scale {scale:.0e}")
 
 
-@SECTION.case("T17", "Each step of a flight of stairs is hit at its depth.", "ACCURACY 1, T17")
+@SECTION.case("T17", "Each step of a flight of stairs is hit at its depth.", "raybench, T17")
 def stairs(subject: Subject) -> Iterator[Measured]:
     n = 64
     steps = [[(-1.0, k / n, k / n), (1.0, k / n, k / n), (1.0, (k + 1) / n, k / n), (-1.0, (k + 1) / n, k / n)]
