@@ -165,7 +165,9 @@ def geometric(subject: Subject) -> Iterator[Measured]:
     sizes = 2.0 ** -np.arange(0, 60 if subject.tracing == "float64" else 30)
     corners = sizes[:, None, None] * np.array([[1.0, 0, 0], [1.0, 0.5, 0], [1.0, 0, 0.5]])
     aim = sizes[:, None] * (1.0, 0.125, 0.125)
-    hits = subject.trace([_triangles(corners)], aim + sizes[:, None] * (0.25, 0, 0), np.tile([-1.0, 0, 0], (len(aim), 1)))
+    hits = subject.trace(
+        [_triangles(corners)], aim + sizes[:, None] * (0.25, 0, 0), np.tile([-1.0, 0, 0], (len(aim), 1))
+    )
     yield measured((hits.primitive != np.arange(len(aim))) | (np.abs(hits.t / (0.25 * sizes) - 1) > 64 * subject.eps))
 
 

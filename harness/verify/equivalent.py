@@ -88,7 +88,18 @@ def _images(
 
 def _show(scene: Scene, asked: Asked, rows: Sequence[tuple[str, str, Equivalence]]) -> None:
     stdout = consoles()[0]
-    names = ("A", "B", "pixels p", "tiles p", "image p", "KS p", "(B - A) / A", "90 % interval", "detectable", "verdict")
+    names = (
+        "A",
+        "B",
+        "pixels p",
+        "tiles p",
+        "image p",
+        "KS p",
+        "(B - A) / A",
+        "90 % interval",
+        "detectable",
+        "verdict",
+    )
     table = Table(*names, box=None, header_style="bold")
     for first, second, found in rows:
         numbers = (found.pixel_p, found.tile_p, found.image_p, found.ks_p)

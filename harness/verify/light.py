@@ -148,7 +148,9 @@ def off_centre(subject: Subject) -> Iterator[Measured]:
         truth = rho / math.pi * (float(to_light @ -point) / distance**3 + rho / (1 - rho))
         view = point_view((0.3, 0.0, 0.1), (0.3, 0.0, -1.0), 32)
         light = PointLight((0.0, y, 0.0), (1.0, 1.0, 1.0))
-        yield _z(subject, _point(subject, [sphere()], [material(kd=rho)], [light], view, path_tracer(30), 8), truth, f"y {y}")
+        yield _z(
+            subject, _point(subject, [sphere()], [material(kd=rho)], [light], view, path_tracer(30), 8), truth, f"y {y}"
+        )
 
 
 @SECTION.case("e", "A polygon light obeys Lambert's formula, clipped at the horizon too.", "Lambert 1760")
@@ -241,7 +243,9 @@ def small_lights(subject: Subject) -> Iterator[Measured]:
         view = point_view((x, 5.0, 0.0), (x, 0.0, 0.0), up=(0.0, 0.0, 1.0))
         point, sun = PointLight((0.0, h, 0.0), grey(2)), DirectionalLight((0.6, -0.8, 0.0), grey(3))
         for light, truth in ((point, 2 * h / (h * h + x * x) ** 1.5), (sun, 3 * 0.8)):
-            seen = [subject.image([FLOOR], [material(kd=rho)], [light], view, shader, **MIDDLE)[0, 0] for shader in shaders]
+            seen = [
+                subject.image([FLOOR], [material(kd=rho)], [light], view, shader, **MIDDLE)[0, 0] for shader in shaders
+            ]
             yield measured(np.array(seen) - rho / math.pi * truth, f"{type(light).__name__}, h {h}, x {x}")
 
 

@@ -163,7 +163,9 @@ def scales(subject: Subject) -> Iterator[Measured]:
         origins = subject.cast(inner * size)
         hits = subject.trace([box((-size,) * 3, (size,) * 3)], origins, directions)
         with np.errstate(invalid="ignore"):
-            outside = np.abs(np.abs(origins + hits.t[:, None] * directions).max(axis=1) - size) > 64 * subject.eps * size
+            outside = (
+                np.abs(np.abs(origins + hits.t[:, None] * directions).max(axis=1) - size) > 64 * subject.eps * size
+            )
         yield measured(outside | np.isinf(hits.t), f"scale {scale:.0e}")
 
 

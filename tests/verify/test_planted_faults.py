@@ -19,7 +19,9 @@ BY_ID = {case.id: case for case in CASES}
 def _verdicts(engine, fault):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return {finding.verdict for finding in examine(BY_ID[fault.case], Subject(engine, "float64", fault.accelerator))}
+        return {
+            finding.verdict for finding in examine(BY_ID[fault.case], Subject(engine, "float64", fault.accelerator))
+        }
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
