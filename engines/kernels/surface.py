@@ -240,7 +240,9 @@ def _make(needs: Needs, tracing: Any, real: Any) -> Any:
                 place = _choose(
                     this, _on_plane(o, d, (index if this else np.int64(0)) * PLANE_REALS, world, real), place
                 )
-            put_int(lanes, at.RANK, lane, rank)
+            # a hit that the primitive itself does not confirm (Embree claims some on slivers) is none
+            miss = miss | (not (place.t < infinite))
+            put_int(lanes, at.RANK, lane, np.int64(-1) if miss else np.int64(rank))
             front = _put_place(lanes, lane, place, o, d, miss, offset_scale)
             skin = material * MATERIAL_REALS
             _put_material(lanes, lane, materials, skin, miss, needs, none)

@@ -297,11 +297,22 @@ def _bind_shapes(world: World, pieces: _Pieces) -> None:
         world.bind(slot, pieces.counts[kind])
     world.bind(VERTICES, (join(pieces.vertices) - world.center).astype(real))
     world.bind(VERTEX_NORMALS, join(pieces.normals).astype(real))
-    world.bind(TRIANGLES, join(pieces.faces).astype(np.int32))
+    world.bind(TRIANGLES, _without_slits(join(pieces.faces), world.arrays[VERTICES]).astype(np.int32))
     world.bind(SPHERES, join(pieces.spheres) - np.append(world.center, 0))
     world.bind(PLANES, join(pieces.planes) - np.append(world.center, np.zeros(3)))
     for slot, kind in ((TRIANGLE_RANK, TRIANGLE), (SPHERE_RANK, SPHERE), (PLANE_RANK, PLANE)):
         world.bind(slot, join(pieces.ranks[kind]).astype(np.int32))
+
+
+def _without_slits(faces: NDArray[np.int64], vertices: NDArray[Any]) -> NDArray[np.int64]:
+    """The faces, those without area (as the vertices are rounded) drawn together to a point, which no ray meets. Seen from
+    afar, rounding could open a slit."""
+    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        flat = ~np.cross(b - a, c - a).any(axis=1)
+    result = faces.copy()
+    result[flat, 1:] = faces[flat, :1]
+    return result
 
 
 def _bind_surfaces(world: World, scene: Scene, pieces: _Pieces, lights: _Lights) -> None:

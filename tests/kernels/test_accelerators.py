@@ -131,3 +131,21 @@ def test_a_sphere_mesh_far_from_the_origin_has_no_hole():
         renderer = engines.engine("numba").prepare(scene, Settings(8, 8, shader="albedo", precision=precision))
         for directions in (aimed, rng.normal(size=(4000, 3))):
             assert np.isfinite(renderer.trace(origins, directions).t).all(), precision
+
+
+def test_a_grid_of_large_triangles_that_overlap_stays_small():
+    scene = _scene(_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]] * 20_000))
+    renderer = engines.engine("numba").prepare(scene, Settings(8, 8, shader="albedo", accelerator="grid"))
+    assert renderer.counters()["accelerator_bytes"] < 20_000 * 400
+    assert renderer.trace([[0.2, 0.2, 1.0]], [[0.0, 0.0, -1.0]]).primitive[0] == 0
+
+
+def test_a_triangle_without_area_is_never_hit():
+    x, z = -1113.45459, -56.2431908
+    scene = _scene(_mesh([[x, -79.049614, z], [x, -87.0922699, z], [x, -79.2090149, z]], [[0, 1, 2]]))
+    for accelerator in ("none", "grid", "bvh"):
+        for precision in ("float32", "float64"):
+            settings = Settings(8, 8, shader="albedo", accelerator=accelerator, precision=precision)
+            renderer = engines.engine("numba").prepare(scene, settings)
+            origin, direction = [-1081.47925, 99.9999542, 87.7701111], [-32.1072998, -183.355865, -144.607635]
+            assert np.isinf(renderer.trace([origin], [direction], 0.9999).t).all()

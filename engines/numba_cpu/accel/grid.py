@@ -35,6 +35,8 @@ from engines.numba_cpu.accel.primitives import ball_distance, boxes, corner_dist
 BOX, CELLS, MEMBERS, CORNERS, RANKS, SIZE_X, SIZE_Y, SIZE_Z = (ACCELERATOR + k for k in range(8))
 DENSITY = 4.0
 """Cells a primitive."""
+MOST_CELLS = 32
+"""Cells that a primitive may touch on average; where large ones overlap, the grid is made coarser until they do not."""
 LARGEST = 512
 """Cells on an axis at the most."""
 
@@ -59,6 +61,8 @@ class Accelerator:
             bounds[:3], bounds[3:6] = box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
             bounds[6] = padding(world)
         size = _resolution(bounds[:6].astype(np.float64), len(box), self._density)
+        while size.max() > 1 and _memberships(box, bounds, size) > MOST_CELLS * len(box):
+            size = np.maximum(size // 2, 1)
         starts = np.zeros(int(size.prod()) + 1, np.int64)
         _count_members(box, bounds, size, starts)
         np.cumsum(starts, out=starts)
@@ -100,6 +104,19 @@ def _cell(x, low, high, cells):
         return np.int64(0)
     k = np.int64((x - low) / width * cells)
     return max(min(k, cells - 1), np.int64(0))
+
+
+@kernel
+def _memberships(box, bounds, size):
+    """Cells that all primitives touch together."""
+    total = 0.0
+    for i in range(len(box)):
+        cells = 1.0
+        for a in range(3):
+            low, high = bounds[a], bounds[a + 3]
+            cells *= _cell(box[i, a + 3], low, high, size[a]) - _cell(box[i, a], low, high, size[a]) + 1
+        total += cells
+    return total
 
 
 @kernel
