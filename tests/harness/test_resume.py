@@ -1,5 +1,6 @@
 """After kill -9 at any moment, a second run ends with exactly the rows of an undisturbed one."""
 
+import functools
 import json
 import os
 import random
@@ -122,7 +123,9 @@ def test_an_interrupt_keeps_what_was_measured_and_ends_at_once(tmp_path):
     out = tmp_path / "out"
     path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Other", "fake_engines:Hanging"))
     command = [sys.executable, "-m", "harness", "run", str(path), "--out", str(out), "--allow-imports"]
-    run = subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True)
+    # a background job of a shell ignores interrupts, and so would its children
+    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    run = subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True, preexec_fn=heed)  # noqa: PLW1509
     deadline = time.monotonic() + 30
     while time.monotonic() < deadline:
         time.sleep(0.1)

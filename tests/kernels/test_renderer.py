@@ -186,6 +186,7 @@ def test_a_missing_embree_library_is_named(monkeypatch):
 def test_an_interrupt_stops_the_threads_and_leaves_a_renderer_that_works():
     code = (
         "import engines, signal, threading, time\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a shell's background jobs ignore it
         "s = engines.Settings(128, 128, shader='albedo', sampler='random', threads=2)\n"
         "r = engines.engine('numba').prepare(engines.load_scene('cornell_box'), s); r.warm_up()\n"
         "threading.Timer(0.4, lambda: signal.raise_signal(signal.SIGINT)).start()\n"
