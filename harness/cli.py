@@ -96,11 +96,25 @@ def render(
 
 
 @app.command()
-def report(folder: Folder) -> None:
-    """Write tables, plots and report.html of a results folder anew, without rendering."""
+def report(
+    folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
+    chapter: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--chapter",
+            metavar="DIR",
+            help="Write the chapter there instead, a section a folder. [default folders: "
+            "results/dissertation and results/dahlquist]",
+        ),
+    ] = None,
+) -> None:
+    """Write tables, plots and report.html of results folders anew, without rendering; or a chapter about them."""
     from harness import commands
 
-    commands.report(folder)
+    if chapter is None:
+        commands.report(folders or [])
+    else:
+        commands.chapter(folders or [], chapter)
 
 
 @app.command()
@@ -147,7 +161,9 @@ def status(folder: Folder) -> None:
 def verify(
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option("--engine", metavar="NAME", help="An engine, ours or module:attribute. May be repeated. [default: all]"),
+        typer.Option(
+            "--engine", metavar="NAME", help="An engine, ours or module:attribute. May be repeated. [default: all]"
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
     only: Annotated[

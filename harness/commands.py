@@ -228,11 +228,36 @@ def _certified(
     return found["verdict"] == "different"
 
 
-def report(folder: Path) -> None:
-    """Writes everything derived from a results folder anew."""
-    _require_results(folder)
-    _write_derived(folder)
-    consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+CHAPTER_FOLDERS = (Path("results/dissertation"), Path("results/dahlquist"))
+
+
+def report(folders: Sequence[Path]) -> None:
+    """Writes everything derived from results folders anew."""
+    if not folders:
+        raise ConfigError("report: a results folder is missing")
+    for folder in folders:
+        _require_results(folder)
+    for folder in folders:
+        _write_derived(folder)
+        consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def chapter(folders: Sequence[Path], target: Path) -> None:
+    """Writes the chapter; without folders it is about those of `CHAPTER_FOLDERS` that have results."""
+    from harness.chapter import write_chapter
+
+    chosen = folders or [folder for folder in CHAPTER_FOLDERS if (folder / store.EVENTS).exists()]
+    if not chosen:
+        wanted = " nor ".join(map(str, CHAPTER_FOLDERS))
+        raise ConfigError(
+            f"--chapter {target}: neither {wanted} has results: name results folders, or run their configs"
+        )
+    for folder in chosen:
+        _require_results(folder)
+    if target.exists() and not target.is_dir():
+        raise ConfigError(f"--chapter {target}: is a file; a folder is wanted")
+    for written in write_chapter(chosen, target):
+        consoles()[0].print(str(written), soft_wrap=True)
 
 
 def rescore(folder: Path) -> None:

@@ -129,7 +129,7 @@ def repeat_command(cell: Event) -> str:
     return " ".join(quote(word) for word in words)
 
 
-def inline_svg(plot: Plot, index: int) -> str:
+def inline_svg(plot: Plot, index: int | str) -> str:
     """A plot's SVG for the page: own ids, two decimals, colours that follow dark mode, a name for screen readers."""
     svg = plot.svg[plot.svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.S)
