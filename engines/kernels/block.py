@@ -31,6 +31,7 @@ COLUMN = _field()
 ROW = _field()
 SAMPLE = _field()  # int: index of the sample
 DIMENSION = _field()  # int: first dimension of the next draws
+PIXEL_KEY = _field()  # int: the sampler's key of the pixel
 DRAW = _field(8)  # the draws of this vertex, [0, 1)
 
 # the ray, and what it hits
@@ -67,14 +68,23 @@ FRESNEL = _field()  # 1 or 0
 EMISSION = _field(3)  # towards the viewer; a miss emits the environment
 LIGHT_PDF = _field()  # with which the light strategy would have found this emission; 0 where it never does
 
+# what the stages read of the world before they compute, so that loops over lanes are vector code on any machine
+KIND = _field()  # int: of the primitive hit; of the light asked
+CORNER = _field(9)  # of a triangle
+CORNER_NORMAL = _field(9)
+TWO_SIDED = _field()  # 1 or 0
+LIGHT_ROW = _field()  # int: the light that a primitive belongs to, -1 for none
+LIGHT_PLACE = _field(3)
+LIGHT_SIZE = _field()
+LIGHT_AREA = _field()
+LIGHT_COLOUR = _field(3)
+WIDE = _field(12)  # six float64 numbers: a sphere's centre and radius, or a plane's point and normal
+
 # the light sample at the surface
 TO_LIGHT = _field(3)
 DISTANCE = _field()
 INCIDENT = _field(3)  # radiance over pdf
 SAMPLE_PDF = _field()  # solid angle, with the choice of the light; inf for delta lights
-FACE = _field()  # int: chosen face of a mesh light
-CHOSEN = _field()  # int: chosen light
-REST = _field()  # what is left of the draw that chose
 
 # the pending shadow ray
 SHADOW_ORIGIN = _field(3)

@@ -26,6 +26,7 @@ from engines.kernels.jit import (
     table,
 )
 from engines.kernels.materials import cosine_direction, cosine_pdf
+from engines.kernels.fetching import copy, fetch_corners
 from engines.kernels.vector import Vec3, dot, length, select3, sin_cos_turn, tangents, unit
 from engines.kernels.world import (
     CONSTANT_SKY,
@@ -50,8 +51,6 @@ from engines.kernels.world import (
     SKY_ROWS,
     SKY_WIDTH,
     SPHERE_LIGHT,
-    TRIANGLES,
-    VERTICES,
     Needs,
 )
 
@@ -136,18 +135,18 @@ def sample_sphere(p, center, radius, emission, two_sided, u0, u1):
 @inline
 def _from_delta(kind, place, colour, falloff, p, needs, old):
     """Point and directional lights."""
-    one, infinite = const(1.0, kind), const(math.inf, kind)
+    one, infinite = const(1.0, falloff), const(math.inf, falloff)
     result = old
     if needs.point:
         to = place - p
         square = dot(to, to)
         distance = np.sqrt(square)
-        scale = one / select(falloff > const(0.0, kind), square, one)
+        scale = one / select(falloff > const(0.0, falloff), square, one)
         spot = LightSample(to * (one / distance), distance, colour * scale, infinite)
-        result = _choose_sample(kind == const(POINT_LIGHT, kind), spot, result)
+        result = _choose_sample(kind == POINT_LIGHT, spot, result)
     if needs.directional:
         sun = LightSample(place, infinite, colour, infinite)
-        result = _choose_sample(kind == const(DIRECTIONAL_LIGHT, kind), sun, result)
+        result = _choose_sample(kind == DIRECTIONAL_LIGHT, sun, result)
     return result
 
 
@@ -162,23 +161,14 @@ def _from_sky(colour, normal, u0, u1):
 
 
 @inline
-def _from_face(world, face, area, p, u0, u1, real):
-    """A mesh's face of rank `face`, uniform in area; `area` is that of the whole light."""
-    primitives, faces = table(world, PRIMITIVES, np.int32), table(world, TRIANGLES, np.int32)
-    vertices, materials = table(world, VERTICES, real), table(world, MATERIALS, real)
-    row = (face if face >= 0 else np.int64(0)) * PRIMITIVE_INTS
-    corner = 3 * np.int64(fetch(primitives, row + 1)) if face >= 0 else np.int64(0)
-    skin = np.int64(fetch(primitives, row + 2)) * MATERIAL_REALS
-    a, b, c = (
-        _vertex(vertices, faces, corner),
-        _vertex(vertices, faces, corner + 1),
-        _vertex(vertices, faces, corner + 2),
-    )
+def _from_face(lanes, lane, colour, two_sided, p, u0, u1):
+    """A mesh's face, uniform in area, weighed by the area of the whole light."""
+    zero, one = const(0.0, u0), const(1.0, u0)
+    a, b, c = at.get3(lanes, at.CORNER, lane), at.get3(lanes, at.CORNER + 3, lane), at.get3(lanes, at.CORNER + 6, lane)
     wi, distance, facing = sample_triangle(p, a, b, c, u0, u1)
-    lit = (facing > real(0)) | (fetch(materials, skin + 14) > real(0))
-    emission = Vec3(fetch(materials, skin + 11), fetch(materials, skin + 12), fetch(materials, skin + 13))
-    weight = abs(facing) * area / (distance * distance)
-    return LightSample(wi, distance, emission * select(lit, weight, real(0)), real(1) / weight)
+    lit = (facing > zero) | (two_sided > zero)
+    weight = abs(facing) * get(lanes, at.LIGHT_AREA, lane) / (distance * distance)
+    return LightSample(wi, distance, colour * select(lit, weight, zero), one / weight)
 
 
 @inline
@@ -196,28 +186,24 @@ def _make(needs: Needs, every: bool, real: Any) -> Any:
 
     def light(block, world):
         lanes = pointer(block, real)
-        lights = table(world, LIGHTS, real)
         n = count(world, N_LIGHTS)
-        _choose(lanes, world, n, needs.many_lights, needs.face_lights, every, real)
+        _fetch_light(lanes, world, n, needs, every, real)
         share = one if every else one / real(n)
         for lane in range(np.uint64(LANES)):
-            row = np.int64(get_int(lanes, at.CHOSEN, lane)) * LIGHT_REALS
-            kind, size = fetch(lights, row), fetch(lights, row + 7)
-            place = Vec3(fetch(lights, row + 1), fetch(lights, row + 2), fetch(lights, row + 3))
-            colour = Vec3(fetch(lights, row + 4), fetch(lights, row + 5), fetch(lights, row + 6))
+            kind, size = get_int(lanes, at.KIND, lane), get(lanes, at.LIGHT_SIZE, lane)
+            place, colour = at.get3(lanes, at.LIGHT_PLACE, lane), at.get3(lanes, at.LIGHT_COLOUR, lane)
             p, normal = at.get3(lanes, at.POINT, lane), at.get3(lanes, at.NORMAL, lane)
             u0, u1 = get(lanes, at.DRAW, lane), get(lanes, at.DRAW + 1, lane)
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
             sample = _from_delta(kind, place, colour, size, p, needs, sample)
             if needs.constant_sky:
-                sample = _choose_sample(kind == real(CONSTANT_SKY), _from_sky(colour, normal, u0, u1), sample)
+                sample = _choose_sample(kind == CONSTANT_SKY, _from_sky(colour, normal, u0, u1), sample)
             if needs.sphere_lights:
-                ball = sample_sphere(p, place, size, colour, fetch(lights, row + 9), u0, u1)
-                sample = _choose_sample(kind == real(SPHERE_LIGHT), ball, sample)
+                ball = sample_sphere(p, place, size, colour, get(lanes, at.TWO_SIDED, lane), u0, u1)
+                sample = _choose_sample(kind == SPHERE_LIGHT, ball, sample)
             if needs.face_lights:
-                face = np.int64(get_int(lanes, at.FACE, lane))
-                mesh = _from_face(world, face, fetch(lights, row + 8), p, u0, u1, real)
-                sample = _choose_sample(face >= 0, mesh, sample)
+                mesh = _from_face(lanes, lane, colour, get(lanes, at.TWO_SIDED, lane), p, u0, u1)
+                sample = _choose_sample(kind == FACE_LIGHT, mesh, sample)
             at.put3(lanes, at.TO_LIGHT, lane, sample.wi)
             put(lanes, at.DISTANCE, lane, sample.distance)
             at.put3(lanes, at.INCIDENT, lane, sample.radiance * (one / share))
@@ -229,32 +215,42 @@ def _make(needs: Needs, every: bool, real: Any) -> Any:
 
 
 @inline
-def _vertex(vertices, faces, corner):
-    at_ = 3 * np.int64(fetch(faces, corner))
-    return Vec3(fetch(vertices, at_), fetch(vertices, at_ + 1), fetch(vertices, at_ + 2))
-
-
-@inline
-def _choose(lanes, world, n, many, any_face, every, real):
-    """Which light each lane asks, and for meshes which face: searches, so scalar code in a loop of its own."""
-    ranges, cdf = table(world, LIGHT_RANGE, np.int32), table(world, LIGHT_CDF, np.float64)
-    faces, lights = table(world, LIGHT_FACES, np.int32), table(world, LIGHTS, real)
+def _fetch_light(lanes, world, n, needs, every, real):
+    """Which light each lane asks, for meshes which face, and all that the world knows of it: searches and plain loads, so
+    in a loop of their own."""
+    lights = table(world, LIGHTS, real)
     for lane in range(np.uint64(LANES)):
         rest = np.float64(get(lanes, at.DRAW + 2, lane))
         chosen = np.int64(0)
         if every:
             chosen = np.int64(get_int(lanes, at.LIGHT, lane))
-        elif many:
+        elif needs.many_lights:
             scaled = rest * n
             chosen = min(np.int64(scaled), n - 1)
             rest = scaled - chosen
-        put_int(lanes, at.CHOSEN, lane, chosen)
-        if any_face:
-            found = np.int64(-1)
-            if fetch(lights, chosen * LIGHT_REALS) == real(FACE_LIGHT):
-                start, size = np.int64(fetch(ranges, 2 * chosen)), np.int64(fetch(ranges, 2 * chosen + 1))
-                found = np.int64(fetch(faces, start + environment.first_above(cdf, start, size, rest)))
-            put_int(lanes, at.FACE, lane, found)
+        row = chosen * LIGHT_REALS
+        kind = np.int32(fetch(lights, row))
+        put_int(lanes, at.KIND, lane, kind)
+        copy(lanes, at.LIGHT_PLACE, lane, lights, row + 1, 3)
+        copy(lanes, at.LIGHT_COLOUR, lane, lights, row + 4, 3)
+        put(lanes, at.LIGHT_SIZE, lane, fetch(lights, row + 7))
+        put(lanes, at.TWO_SIDED, lane, fetch(lights, row + 9))
+        if needs.face_lights and kind == FACE_LIGHT:
+            _fetch_face(lanes, lane, world, chosen, rest, real)
+
+
+@inline
+def _fetch_face(lanes, lane, world, light, rest, real):
+    """A face of the mesh, chosen in proportion to its area."""
+    ranges, cdf, ranks = table(world, LIGHT_RANGE, np.int32), table(world, LIGHT_CDF, np.float64), table(world, LIGHT_FACES, np.int32)
+    start, size = np.int64(fetch(ranges, 2 * light)), np.int64(fetch(ranges, 2 * light + 1))
+    rank = np.int64(fetch(ranks, start + environment.first_above(cdf, start, size, rest)))
+    primitives, materials = table(world, PRIMITIVES, np.int32), table(world, MATERIALS, real)
+    fetch_corners(lanes, lane, world, np.int64(fetch(primitives, rank * PRIMITIVE_INTS + 1)), real)
+    skin = np.int64(fetch(primitives, rank * PRIMITIVE_INTS + 2)) * MATERIAL_REALS
+    copy(lanes, at.LIGHT_COLOUR, lane, materials, skin + 11, 3)
+    put(lanes, at.TWO_SIDED, lane, fetch(materials, skin + 14))
+    put(lanes, at.LIGHT_AREA, lane, fetch(table(world, LIGHTS, real), light * LIGHT_REALS + 8))
 
 
 @inline
@@ -263,9 +259,8 @@ def _image_sky(lanes, world, share, real):
     image, density = table(world, SKY, np.float64), table(world, SKY_PDF, np.float64)
     rows, columns = table(world, SKY_ROWS, np.float64), table(world, SKY_COLUMNS, np.float64)
     width, height = count(world, SKY_WIDTH), count(world, SKY_HEIGHT)
-    lights = table(world, LIGHTS, real)
     for lane in range(np.uint64(LANES)):
-        if fetch(lights, np.int64(get_int(lanes, at.CHOSEN, lane)) * LIGHT_REALS) == real(IMAGE_SKY):
+        if get_int(lanes, at.KIND, lane) == IMAGE_SKY:
             u0, u1 = np.float64(get(lanes, at.DRAW, lane)), np.float64(get(lanes, at.DRAW + 1, lane))
             row = environment.first_above(rows, 0, height, u1)
             below = fetch(rows, row - 1) if row > 0 else 0.0

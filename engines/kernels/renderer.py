@@ -26,6 +26,7 @@ from engines.kernels.world import (
     POINTS,
     POINTS_STRIDE,
     SEED_KEY,
+    WANTED,
     Needs,
     World,
     flatten,
@@ -106,6 +107,7 @@ class Renderer:
             numbers[samplers.SAMPLER_OPTION] = (sampler.options["strata"].bit_length() - 1) // 2
         self._world.bind(OPTIONS, numbers)
         self._world.bind(SEED_KEY, samplers.seed_key(self.settings.seed))
+        self._world.bind(WANTED, shading.wanted_draws(shader, self._world.needs))
         self._bind_points(0, 1)
 
     def _bind_camera(self) -> None:
@@ -114,8 +116,9 @@ class Renderer:
 
     def _bind_points(self, first: int, last: int) -> None:
         points = samplers.points(self.settings.sampler, first, last)
-        self._world.bind(POINTS, points)
-        self._world.bind(POINTS_STRIDE, points.shape[1])
+        spare = np.zeros((len(points), samplers.DRAWS), np.uint32)  # a row is read to its end and beyond
+        self._world.bind(POINTS, np.hstack([points, spare]))
+        self._world.bind(POINTS_STRIDE, points.shape[1] + samplers.DRAWS)
         self._world.bind(FIRST_SAMPLE, first)
 
     def _stages(self) -> NDArray[np.int64]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from engines.choices import Choice
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, const, count, fetch, get_int, inline, pointer, put, table
-from engines.kernels.world import FIRST_SAMPLE, OPTIONS, POINTS, POINTS_STRIDE, SEED_KEY
+from engines.kernels.jit import LANES, compile_stage, const, count, fetch, get_int, inline, pointer, put, put_int, table
+from engines.kernels.world import FIRST_SAMPLE, OPTIONS, POINTS, POINTS_STRIDE, SEED_KEY, WANTED
 from engines.sobol_numbers import DIRECTIONS
 
 RANDOM, CONSTANT, SOBOL, HALTON, STRATIFIED = range(5)
@@ -25,6 +25,7 @@ SAMPLER_OPTION = 8
 
 GOLDEN = 0x9E3779B9
 DRAWS = 7
+ALL_WANTED = (1 << DRAWS) - 1
 SOBOL_DIMENSIONS = 64
 HALTON_DIMENSIONS = 32
 
@@ -102,41 +103,82 @@ def stratified_bits(pixel_key, key, sample, dimension, side_bits):
     return np.uint32(np.uint32(cell << np.uint32(np.uint32(32) - m)) | (random_bits(key, sample) >> m))
 
 
+@inline
+def _keys(lanes, seed_key):
+    """Writes each lane's pixel key; returns the largest dimension at which a lane starts."""
+    last = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        key = mix(np.uint32(mix(np.uint32(get_int(lanes, at.PIXEL, lane))) + seed_key))
+        put_int(lanes, at.PIXEL_KEY, lane, np.int32(key))
+        dimension = np.int64(get_int(lanes, at.DIMENSION, lane))
+        last = dimension if dimension > last else last
+    return last
+
+
+@inline
+def _fetch_points(lanes, points, stride, columns, first, draws):
+    """Copies the lanes' points into their draws: plain loads, for a table read inside the loop that scrambles would keep
+    it from becoming vector code where the machine has no fast gather."""
+    for lane in range(np.uint64(LANES)):
+        sample, dimension = np.int64(get_int(lanes, at.SAMPLE, lane)), np.int64(get_int(lanes, at.DIMENSION, lane))
+        row = (sample - first) * stride + (dimension if dimension < columns else columns)
+        for k in range(draws):
+            put_int(lanes, at.DRAW + k, lane, np.int32(fetch(points, row + k)))
+
+
 def _make(kind: int, scrambled: bool, draws: int, real: Any) -> Any:
-    """A stage that fills DRAW .. DRAW + draws - 1 from dimension DIMENSION on."""
+    """A stage that fills DRAW .. DRAW + draws - 1 from dimension DIMENSION on, those that WANTED has a bit for."""
     shift, scale = (8, 2.0**-24) if real == np.float32 else (0, 2.0**-32)
 
     def draw(block, world):
         lanes = pointer(block, real)
-        options = table(world, OPTIONS, np.float64)
-        seed_key = np.uint32(count(world, SEED_KEY))
-        points = table(world, POINTS, np.uint32)
-        stride, first = count(world, POINTS_STRIDE), count(world, FIRST_SAMPLE)
-        option = fetch(options, SAMPLER_OPTION)
-        for lane in range(np.uint64(LANES)):
-            dimension = np.uint32(get_int(lanes, at.DIMENSION, lane))
-            sample = np.uint32(get_int(lanes, at.SAMPLE, lane))
-            pixel_key = mix(np.uint32(mix(np.uint32(get_int(lanes, at.PIXEL, lane))) + seed_key))
-            for k in range(draws):
-                d = np.uint32(dimension + np.uint32(k))
+        wanted = count(world, WANTED) if draws == DRAWS else np.int64(ALL_WANTED)
+        option = fetch(table(world, OPTIONS, np.float64), SAMPLER_OPTION)
+        columns = count(world, POINTS_STRIDE) - DRAWS
+        last = _keys(lanes, np.uint32(count(world, SEED_KEY)))
+        if kind in (SOBOL, HALTON):
+            points = table(world, POINTS, np.uint32)
+            _fetch_points(lanes, points, columns + DRAWS, columns, count(world, FIRST_SAMPLE), draws)
+        for k in range(draws):
+            if (wanted >> k) & 1 == 0:
+                continue
+            # beyond the columns of the table there are random numbers; few paths get that far
+            beyond = kind in (SOBOL, HALTON) and last + k >= columns
+            for lane in range(np.uint64(LANES)):
                 if kind == CONSTANT:
                     put(lanes, at.DRAW + k, lane, real(option))
-                else:
-                    key = dimension_key(pixel_key, d)
-                    bits = random_bits(key, sample)
-                    if kind == STRATIFIED:
-                        bits = stratified_bits(pixel_key, key, sample, d, np.uint32(option))
-                    elif kind in (SOBOL, HALTON):
-                        column = np.int64(d) if np.int64(d) < stride else np.int64(0)
-                        point = fetch(points, (np.int64(sample) - first) * stride + column)
-                        if kind == SOBOL:
-                            point = owen_scramble(point, key) if scrambled else point
-                        else:
-                            point = np.uint32(point + key) if scrambled else point
-                        bits = point if np.int64(d) < stride else bits
+                    continue
+                pixel_key = np.uint32(get_int(lanes, at.PIXEL_KEY, lane))
+                dimension = np.uint32(np.uint32(get_int(lanes, at.DIMENSION, lane)) + np.uint32(k))
+                key = dimension_key(pixel_key, dimension)
+                if kind in (SOBOL, HALTON):
+                    bits = np.uint32(get_int(lanes, at.DRAW + k, lane))
+                    if kind == SOBOL:
+                        bits = owen_scramble(bits, key) if scrambled else bits
+                    else:
+                        bits = np.uint32(bits + key) if scrambled else bits
                     put(lanes, at.DRAW + k, lane, real(bits >> np.uint32(shift)) * real(scale))
+                else:
+                    sample = np.uint32(get_int(lanes, at.SAMPLE, lane))
+                    if kind == STRATIFIED:
+                        bits = stratified_bits(pixel_key, key, sample, dimension, np.uint32(option))
+                    else:
+                        bits = random_bits(key, sample)
+                    put(lanes, at.DRAW + k, lane, real(bits >> np.uint32(shift)) * real(scale))
+            if beyond:
+                _random_beyond(lanes, k, columns, np.uint32(shift), real(scale), real)
 
     return draw
+
+
+@inline
+def _random_beyond(lanes, k, columns, shift, scale, real):
+    for lane in range(np.uint64(LANES)):
+        dimension = get_int(lanes, at.DIMENSION, lane) + k
+        key = dimension_key(np.uint32(get_int(lanes, at.PIXEL_KEY, lane)), np.uint32(dimension))
+        bits = random_bits(key, np.uint32(get_int(lanes, at.SAMPLE, lane)))
+        if dimension >= columns:
+            put(lanes, at.DRAW + k, lane, real(bits >> shift) * scale)
 
 
 @cache

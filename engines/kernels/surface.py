@@ -13,6 +13,7 @@ import numpy as np
 
 from engines.kernels import block as at
 from engines.kernels import environment
+from engines.kernels.fetching import copy, fetch_corners
 from engines.kernels.jit import (
     LANES,
     compile_stage,
@@ -53,7 +54,6 @@ from engines.kernels.world import (
     TRIANGLE,
     TRIANGLES,
     VERTEX_NORMALS,
-    VERTICES,
     Needs,
 )
 
@@ -92,38 +92,94 @@ def narrow(v, real):
 
 
 @inline
-def _on_triangle(o, d, face, world, smooth, real):
+def _fetch_triangle(lanes, lane, world, face, smooth, real):
+    fetch_corners(lanes, lane, world, face, real)
+    if smooth:
+        faces = table(world, TRIANGLES, np.int32)
+        for corner in range(3):
+            vertex = 3 * np.int64(fetch(faces, 3 * face + corner))
+            copy(lanes, at.CORNER_NORMAL + 3 * corner, lane, table(world, VERTEX_NORMALS, real), vertex, 3)
+
+
+@inline
+def _fetch_material(lanes, lane, world, material, needs, real):
+    """What the scene needs of a material."""
+    materials, row = table(world, MATERIALS, real), material * MATERIAL_REALS
+    if needs.diffuse:
+        copy(lanes, at.KD, lane, materials, row, 3)
+    if needs.mirror:
+        copy(lanes, at.KS, lane, materials, row + 3, 3)
+    if needs.refraction:
+        copy(lanes, at.KT, lane, materials, row + 6, 3)
+    if needs.mirror or needs.refraction:
+        put(lanes, at.IOR, lane, fetch(materials, row + 9))
+        put(lanes, at.FRESNEL, lane, fetch(materials, row + 10))
+    if needs.emission:
+        copy(lanes, at.EMISSION, lane, materials, row + 11, 3)
+        put(lanes, at.TWO_SIDED, lane, fetch(materials, row + 14))
+
+
+@inline
+def _fetch_light(lanes, lane, world, light, needs, real):
+    """What the pdf of a primitive that belongs to a listed light depends on."""
+    lights, row = table(world, LIGHTS, real), (light if light >= 0 else np.int64(0)) * LIGHT_REALS
+    put_int(lanes, at.LIGHT_ROW, lane, light)
+    if needs.face_lights:
+        put(lanes, at.LIGHT_AREA, lane, fetch(lights, row + 8))
+    if needs.sphere_lights:
+        copy(lanes, at.LIGHT_PLACE, lane, lights, row + 1, 3)
+        put(lanes, at.LIGHT_SIZE, lane, fetch(lights, row + 7))
+
+
+@inline
+def _fetch_hit(lanes, wide_lanes, world, needs, real):
+    """All that the world knows of what the lanes hit."""
+    primitives = table(world, PRIMITIVES, np.int32)
+    for lane in range(np.uint64(LANES)):
+        rank, held = get_int(lanes, at.RANK, lane), get_int(lanes, at.HELD, lane)
+        rank = held if held >= 0 else rank
+        put_int(lanes, at.RANK, lane, rank)
+        row = (np.int64(0) if rank < 0 else np.int64(rank)) * PRIMITIVE_INTS
+        kind, index = fetch(primitives, row), np.int64(fetch(primitives, row + 1))
+        put_int(lanes, at.KIND, lane, kind)
+        if needs.triangles:
+            _fetch_triangle(lanes, lane, world, index if kind == TRIANGLE else np.int64(0), needs.smooth, real)
+        if needs.spheres and kind == SPHERE:
+            copy(wide_lanes, 0, lane, table(world, SPHERES, np.float64), index * SPHERE_REALS, SPHERE_REALS)
+        if needs.planes and kind == PLANE:
+            copy(wide_lanes, 0, lane, table(world, PLANES, np.float64), index * PLANE_REALS, PLANE_REALS)
+        _fetch_material(lanes, lane, world, np.int64(fetch(primitives, row + 2)), needs, real)
+        if needs.face_lights or needs.sphere_lights:
+            _fetch_light(lanes, lane, world, np.int64(fetch(primitives, row + 3)), needs, real)
+
+
+@inline
+def _on_triangle(lanes, lane, o, d, smooth):
     """The point comes from the barycentric weights: it lies in the face however far the origin was."""
-    vertices, faces = table(world, VERTICES, real), table(world, TRIANGLES, np.int32)
-    ia, ib, ic = (
-        3 * np.int64(fetch(faces, face)),
-        3 * np.int64(fetch(faces, face + 1)),
-        3 * np.int64(fetch(faces, face + 2)),
-    )
-    a, b, c = row3(vertices, ia), row3(vertices, ib), row3(vertices, ic)
+    zero, one = const(0.0, d.x), const(1.0, d.x)
+    a, b, c = at.get3(lanes, at.CORNER, lane), at.get3(lanes, at.CORNER + 3, lane), at.get3(lanes, at.CORNER + 6, lane)
     frame = ray_frame(d)
     sa, sb, sc = shear(frame, a - o), shear(frame, b - o), shear(frame, c - o)
     w = edge_weights(sa, sb, sc)
     whole = w.a + w.b + w.c
-    inverse = real(1) / whole
+    inverse = one / whole
     u, v = w.b * inverse, w.c * inverse
     stored = unit(triangle_normal(a, b, c))
     shading = stored
     if smooth:
-        normals = table(world, VERTEX_NORMALS, real)
-        bent = row3(normals, ia) * (w.a * inverse) + row3(normals, ib) * u + row3(normals, ic) * v
+        na, nb = at.get3(lanes, at.CORNER_NORMAL, lane), at.get3(lanes, at.CORNER_NORMAL + 3, lane)
+        bent = na * (w.a * inverse) + nb * u + at.get3(lanes, at.CORNER_NORMAL + 6, lane) * v
         square = dot(bent, bent)
-        good = square > real(0)
-        shading = select3(good, bent * (real(1) / np.sqrt(select(good, square, real(1)))), stored)
+        good = square > zero
+        shading = select3(good, bent * (one / np.sqrt(select(good, square, one))), stored)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
-    return Place(t, real(0), u, v, a * (w.a * inverse) + b * u + c * v, stored, shading)
+    return Place(t, zero, u, v, a * (w.a * inverse) + b * u + c * v, stored, shading)
 
 
 @inline
-def _on_sphere(o, d, row, world, real):
+def _on_sphere(wide_lanes, lane, o, d, real):
     """Solved in float64, and put back onto the sphere."""
-    spheres = table(world, SPHERES, np.float64)
-    center, radius = row3(spheres, row), fetch(spheres, row + 3)
+    center, radius = at.get3(wide_lanes, 0, lane), get(wide_lanes, 3, lane)
     t = sphere_distance(wide(o), wide(d), center, radius)
     out = unit(wide(o) + wide(d) * t - center)
     normal = narrow(out, real)
@@ -131,9 +187,8 @@ def _on_sphere(o, d, row, world, real):
 
 
 @inline
-def _on_plane(o, d, row, world, real):
-    planes = table(world, PLANES, np.float64)
-    anchor, upright = row3(planes, row), row3(planes, row + 3)
+def _on_plane(wide_lanes, lane, o, d, real):
+    anchor, upright = at.get3(wide_lanes, 0, lane), at.get3(wide_lanes, 3, lane)
     t = plane_distance(wide(o), wide(d), anchor, upright)
     spot = wide(o) + wide(d) * t
     spot = spot + upright * dot(upright, anchor - spot)
@@ -178,87 +233,77 @@ def _put_place(lanes, lane, place, o, d, miss, offset_scale):
 
 
 @inline
-def _put_material(lanes, lane, materials, row, miss, needs, none):
-    """Writes what the scene needs of the material; a miss reflects nothing."""
+def _darken(lanes, lane, miss, needs, none):
+    """A miss reflects nothing."""
     if needs.diffuse:
-        at.put3(lanes, at.KD, lane, select3(miss, none, row3(materials, row)))
+        at.put3(lanes, at.KD, lane, select3(miss, none, at.get3(lanes, at.KD, lane)))
     if needs.mirror:
-        at.put3(lanes, at.KS, lane, select3(miss, none, row3(materials, row + 3)))
+        at.put3(lanes, at.KS, lane, select3(miss, none, at.get3(lanes, at.KS, lane)))
     if needs.refraction:
-        at.put3(lanes, at.KT, lane, select3(miss, none, row3(materials, row + 6)))
-    if needs.mirror or needs.refraction:
-        put(lanes, at.IOR, lane, fetch(materials, row + 9))
-        put(lanes, at.FRESNEL, lane, fetch(materials, row + 10))
+        at.put3(lanes, at.KT, lane, select3(miss, none, at.get3(lanes, at.KT, lane)))
 
 
 @inline
-def _listed_pdf(lanes, lane, world, light, kind, place, o, d, lit, needs, real):
+def _listed_pdf(lanes, lane, place, o, d, lit, n_lights, needs, real):
     """The pdf with which the light sample would have chosen this hit; 0 where it is no listed light."""
-    lights, n_lights = table(world, LIGHTS, real), real(count(world, N_LIGHTS))
-    pdf, facing = real(0), abs(dot(d, place.stored))
+    pdf, facing, kind = real(0), abs(dot(d, place.stored)), get_int(lanes, at.KIND, lane)
+    listed = lit & (get_int(lanes, at.LIGHT_ROW, lane) >= 0)
     if needs.face_lights:
-        listed = lit & (light >= 0) & (kind == TRIANGLE)
-        area = fetch(lights, (light if listed else np.int64(0)) * LIGHT_REALS + 8)
-        pdf = select(listed, place.t * place.t / (facing * area * n_lights), pdf)
+        area = get(lanes, at.LIGHT_AREA, lane)
+        pdf = select(listed & (kind == TRIANGLE), place.t * place.t / (facing * area * n_lights), pdf)
     if needs.sphere_lights:
-        listed = lit & (light >= 0) & (kind == SPHERE)
-        row = (light if listed else np.int64(0)) * LIGHT_REALS
-        radius = fetch(lights, row + 7)
-        by_cone = cone(o, row3(lights, row + 1), radius).pdf
+        radius = get(lanes, at.LIGHT_SIZE, lane)
+        by_cone = cone(o, at.get3(lanes, at.LIGHT_PLACE, lane), radius).pdf
         by_area = place.t * place.t / (facing * real(4.0 * math.pi) * radius * radius)
-        pdf = select(listed, select(by_cone > real(0), by_cone, by_area) / n_lights, pdf)
+        pdf = select(listed & (kind == SPHERE), select(by_cone > real(0), by_cone, by_area) / n_lights, pdf)
     return pdf
+
+
+@inline
+def _place(lanes, wide_lanes, lane, o, d, needs, real):
+    """Where the lane's ray met the primitive of its kind."""
+    zero = real(0)
+    place, kind = Place(real(np.inf), zero, zero, zero, o, d, d), get_int(lanes, at.KIND, lane)
+    if needs.triangles:
+        place = _on_triangle(lanes, lane, o, d, needs.smooth)
+    if needs.spheres:
+        place = _choose(kind == SPHERE, _on_sphere(wide_lanes, lane, o, d, real), place)
+    if needs.planes:
+        place = _choose(kind == PLANE, _on_plane(wide_lanes, lane, o, d, real), place)
+    return place
 
 
 def _make(needs: Needs, tracing: Any, real: Any) -> Any:
     offset_scale = real(OFFSET_ULPS * float(np.finfo(tracing).eps))
-    zero, one, infinite = real(0), real(1), real(np.inf)
+    size = np.dtype(real).itemsize
+    zero = real(0)
 
     def surface(block, world):
-        lanes = pointer(block, real)
-        primitives, materials = table(world, PRIMITIVES, np.int32), table(world, MATERIALS, real)
+        lanes, wide_lanes = pointer(block, real), pointer(block + at.WIDE * LANES * size, np.float64)
+        _fetch_hit(lanes, wide_lanes, world, needs, real)
+        sky, n_lights = table(world, SKY_RADIANCE, real), real(count(world, N_LIGHTS))
         none = Vec3(zero, zero, zero)
         for lane in range(np.uint64(LANES)):
-            rank, held = get_int(lanes, at.RANK, lane), get_int(lanes, at.HELD, lane)
-            rank = held if held >= 0 else rank
-            miss = rank < 0
-            row = (np.int64(0) if miss else np.int64(rank)) * PRIMITIVE_INTS
-            kind, index = fetch(primitives, row), np.int64(fetch(primitives, row + 1))
-            material, light = np.int64(fetch(primitives, row + 2)), np.int64(fetch(primitives, row + 3))
             o, d = at.get3(lanes, at.ORIGIN, lane), at.get3(lanes, at.DIRECTION, lane)
-            place = Place(infinite, zero, zero, zero, o, Vec3(zero, zero, one), Vec3(zero, zero, one))
-            if needs.triangles:
-                face = (index if kind == TRIANGLE else np.int64(0)) * 3
-                place = _on_triangle(o, d, face, world, needs.smooth, real)
-            if needs.spheres:
-                this = kind == SPHERE
-                place = _choose(
-                    this, _on_sphere(o, d, (index if this else np.int64(0)) * SPHERE_REALS, world, real), place
-                )
-            if needs.planes:
-                this = kind == PLANE
-                place = _choose(
-                    this, _on_plane(o, d, (index if this else np.int64(0)) * PLANE_REALS, world, real), place
-                )
+            place = _place(lanes, wide_lanes, lane, o, d, needs, real)
             # a hit that the primitive itself does not confirm (Embree claims some on slivers) is none
-            miss = miss | (not (place.t < infinite))
-            put_int(lanes, at.RANK, lane, np.int64(-1) if miss else np.int64(rank))
+            rank = get_int(lanes, at.RANK, lane)
+            miss = (rank < 0) | (not (place.t < real(np.inf)))
+            put_int(lanes, at.RANK, lane, select(miss, rank - rank - 1, rank))
             front = _put_place(lanes, lane, place, o, d, miss, offset_scale)
-            skin = material * MATERIAL_REALS
-            _put_material(lanes, lane, materials, skin, miss, needs, none)
+            _darken(lanes, lane, miss, needs, none)
             emission, light_pdf = none, zero
             if needs.emission:
-                lit = (not miss) & (front | (fetch(materials, skin + 14) > zero))
-                emission = select3(lit, row3(materials, skin + 11), none)
-                light_pdf = _listed_pdf(lanes, lane, world, light, kind, place, o, d, lit, needs, real)
+                lit = (not miss) & (front | (get(lanes, at.TWO_SIDED, lane) > zero))
+                emission = select3(lit, at.get3(lanes, at.EMISSION, lane), none)
+                light_pdf = _listed_pdf(lanes, lane, place, o, d, lit, n_lights, needs, real)
             if needs.constant_sky:
-                emission = select3(miss, row3(table(world, SKY_RADIANCE, real), 0), emission)
-                sky_pdf = get(lanes, at.COS_PDF, lane) / real(count(world, N_LIGHTS))
-                light_pdf = select(miss, sky_pdf, light_pdf)
+                emission = select3(miss, row3(sky, 0), emission)
+                light_pdf = select(miss, get(lanes, at.COS_PDF, lane) / n_lights, light_pdf)
             at.put3(lanes, at.EMISSION, lane, emission)
             put(lanes, at.LIGHT_PDF, lane, light_pdf)
         if needs.image_sky:
-            _image_sky(lanes, world, real(count(world, N_LIGHTS)), real)
+            _image_sky(lanes, world, n_lights, real)
 
     return surface
 

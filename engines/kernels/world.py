@@ -46,7 +46,7 @@ VERTICES, TRIANGLES, TRIANGLE_RANK, SPHERES, SPHERE_RANK, PLANES, PLANE_RANK = (
 PRIMITIVES, MATERIALS, LIGHTS, LIGHT_FACES, LIGHT_CDF, LIGHT_RANGE, VERTEX_NORMALS = (next(_slots) for _ in range(7))
 SKY, SKY_PDF, SKY_ROWS, SKY_COLUMNS, SKY_RADIANCE = (next(_slots) for _ in range(5))
 # set by the renderer
-CAMERA, OPTIONS, POINTS, POINTS_STRIDE, FIRST_SAMPLE, SEED_KEY = (next(_slots) for _ in range(6))
+CAMERA, OPTIONS, POINTS, POINTS_STRIDE, FIRST_SAMPLE, SEED_KEY, WANTED = (next(_slots) for _ in range(7))
 ACCELERATOR = next(_slots)  # the first of sixteen slots that belong to the accelerator
 SLOTS = ACCELERATOR + 16
 

@@ -60,6 +60,19 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
+def wanted_draws(shader: Choice, needs: Needs) -> int:
+    """A bit for each draw of a vertex that the shader may use in a scene that holds `needs`: two places on the light,
+    the choice of light, the lobe, two for the direction, roulette."""
+    if shader.plugin is not None:
+        return 0b1111111
+    light = 0b011 | (0b100 if needs.many_lights or needs.face_lights else 0)
+    if shader.name != "path_tracer":
+        return light
+    lobe = 0b1000 if needs.mirror or needs.refraction else 0
+    roulette = 0b1000000 if shader.options["rr_depth"] < shader.options["max_depth"] else 0
+    return light | lobe | 0b110000 | roulette
+
+
 class Traits(NamedTuple):
     """What the stage is compiled for, besides what the scene needs."""
 
