@@ -30,6 +30,7 @@ COLUMNS = [
     Column("error", "Error found, the worst of `count`.", "number"),
     Column("unit", "Unit of error and allowed: relative, absolute, eps, eps/cos, wrong, share, z or p."),
     Column("allowed", "What the engine promises; empty where it promises nothing.", "number"),
+    Column("typical", "The median error, in the same unit.", "number"),
     Column("verdict", "kept, not promised, broken, or declined by why_not."),
     Column("median", "Median error in ulp of the tracing precision.", "number", "median ulp"),
     Column("tail", "The 99.9 % quantile of it.", "number", "99.9 % ulp"),
