@@ -17,6 +17,7 @@ BUILT_IN = {
     "numpy": "engines.numpy_reference:Engine",
     "numba": "engines.numba_cpu:Engine",
     "embree": "engines.embree:Engine",
+    "embreex_batch": "engines.embreex_batch:Engine",
 }
 
 
