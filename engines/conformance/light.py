@@ -115,7 +115,7 @@ def _lamp_behind(row: int, column: int, place: Callable[[float], float]) -> dict
 def cameras_show_what_lies_along_their_rays(subject: Subject) -> None:
     """A pixel of every kind of camera shows what its formula says lies behind it, and its neighbours do not."""
     half = math.radians(40)
-    kinds: dict[str, tuple[dict[str, float], Callable[[float], float]]] = {
+    kinds: dict[str, tuple[dict[str, Any], Callable[[float], float]]] = {
         "perspective": ({"fov": 80}, lambda share: 4 * math.tan(half) * share),
         "perspective_arctan": ({"fov": 80}, lambda share: 4 * _arctan(half * share)),
         "orthographic": ({"height": 3}, lambda share: 1.5 * share),
