@@ -51,7 +51,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
             if fresh:
                 store.clear(folder)
             _refuse_merged(folder)
-            plan = plans.make(experiment, options.allow_imports)
+            plan = plans.make(experiment, options.allow_imports, options.allow_commands)
             _warn(plan, stderr)
             with progress.Terminal(stderr) as terminal:
                 outcome = sweep.run(plan, folder, options, terminal)
@@ -106,13 +106,15 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
 # --- plan -----------------------------------------------------------------------------------------------------------
 
 
-def plan(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> None:
+def plan(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+) -> None:  # fmt: skip
     """Prints the configurations of an experiment with their states, and how long what is left may take."""
     stdout, stderr = consoles()
     allow_here(allow_imports)
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
-    made = plans.make(experiment, allow_imports)
+    made = plans.make(experiment, allow_imports, allow_commands)
     _warn(made, stderr)
     events = store.read_events(folder) if (folder / store.EVENTS).exists() else []
     latest = store.latest_cells(events)
@@ -171,7 +173,9 @@ def _columns(cell: plans.Cell) -> tuple[str, ...]:
 # --- references, report, status -------------------------------------------------------------------------------------
 
 
-def reference(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> int:
+def reference(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+) -> int:  # fmt: skip
     """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
     from harness import references
     from harness.pool import Pool, WorkerFailed
@@ -181,7 +185,7 @@ def reference(given: str, out: Path | None, overrides: Sequence[str], allow_impo
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
     root = folder.parent / "references"
-    made = plans.make(experiment, allow_imports)
+    made = plans.make(experiment, allow_imports, allow_commands)
     _warn(made, stderr)
     failed = 0
     try:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
+from engines.registry import is_file
 from engines.scene.yaml_file import Located, Origin, parse_yaml, read_yaml
 from harness import axes, catalog, fields
 from harness.settings import SETTING_READERS, Budget
@@ -209,11 +210,20 @@ _SCALARS: dict[str, Any] = {
 }
 _ORDER = {"policy": fields.one_of("blocks"), "seed": fields.integer(0, SEED_LIMIT)}
 _CHECKPOINTS = {"ratio": fields.number(1.01, 1024.0), "start": fields.integer(1, 2**31)}
+
+
+def _image_maker(node: Located) -> str:
+    """An engine that can make references: one that gives the variance between samples."""
+    if isinstance(node.value, str) and is_file(node.value):
+        raise node.refuse("a renderer by process is raced, but makes no reference")
+    return axes.read("engine", node, Path())
+
+
 _REFERENCE: dict[str, Any] = {
-    "engine": _choice("engine"), "spp": fields.integer(2, 2**31), "seed": fields.integer(0, SEED_LIMIT),
+    "engine": _image_maker, "spp": fields.integer(2, 2**31), "seed": fields.integer(0, SEED_LIMIT),
     "sampler": _choice("sampler"), "accelerator": _choice("accelerator"), "precision": _choice("precision"),
     "threads": fields.integer(0, 1024),
-    "certify": lambda node: None if node.value is None else axes.read("engine", node, Path()),
+    "certify": lambda node: None if node.value is None else _image_maker(node),
 }  # fmt: skip
 SECTIONS = ("matrix", "zip", "exclude", "include", "extend", "checkpoints", "order", "reference", "quality")
 TOP_KEYS = ("raybench_experiment", *_SCALARS, *SECTIONS, *SETTINGS)

@@ -69,7 +69,7 @@ def _choice(names: list[str]) -> dict[str, Any]:
 def _settings() -> dict[str, Any]:
     found: dict[str, Any] = {
         "scene": {"type": "string"},
-        "engine": {"anyOf": [{"enum": engine_names()}, {"type": "string", "pattern": ":"}]},
+        "engine": {"anyOf": [{"enum": engine_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}]},
         "shader": _choice(sorted(SHADERS)),
         "sampler": _choice(sorted(SAMPLERS)),
         "accelerator": _choice([]),

@@ -44,6 +44,7 @@ class Options:
     retry: bool = False
     fail_fast: bool = False
     allow_imports: bool = False
+    allow_commands: bool = False
     command: Sequence[str] = ()
 
 

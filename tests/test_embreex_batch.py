@@ -45,6 +45,6 @@ def test_a_scene_without_triangles_is_declined():
     scene = engines.scene_from({
         "raybench_scene": 1, "camera": CAMERA, "shapes": [ball], "materials": {"white": {"kd": 0.5}},
     })  # fmt: skip
-    assert engine.why_not(scene, Settings()) == "embreex holds triangles only, and the scene has none"
+    assert engine.why_not(scene, Settings()) == "embreex holds triangles only, and none of the shapes is one"
     with pytest.raises(Unsupported, match="triangles only"):
         engine.prepare(scene, Settings())

@@ -55,6 +55,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
+    "engines.external": {*_BASE, "engines.image"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
         *("engines.registry", "engines.scene", "engines.tonemap"),

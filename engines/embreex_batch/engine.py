@@ -29,7 +29,7 @@ ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIO
 class Engine:
     """Traces triangles in float32 and shades in float64, on one thread, whatever `settings.threads` says.
 
-    Spheres and planes beside the triangles are tested in NumPy, one by one; a scene without triangles is declined.
+    Spheres and planes beside the triangles are tested in NumPy, one by one; a scene of these alone is declined.
     """
 
     name = "embreex_batch"
@@ -51,8 +51,8 @@ class Engine:
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         found = supported(scene, settings, ACCELERATORS, self.name)
-        if not any(isinstance(shape, Triangle | Mesh) for shape in scene.shapes):
-            raise Unsupported("embreex holds triangles only, and the scene has none")
+        if scene.shapes and not any(isinstance(shape, Triangle | Mesh) for shape in scene.shapes):
+            raise Unsupported("embreex holds triangles only, and none of the shapes is one")
         try:
             metadata.version("embreex")
         except metadata.PackageNotFoundError as error:
