@@ -16,8 +16,8 @@ from rich.table import Table
 
 from engines.errors import ConfigError
 from harness import config as configs
+from harness import examinations, progress, store, sweep
 from harness import plan as plans
-from harness import progress, store, sweep
 from harness.config import Experiment
 from harness.plan import Plan, state_of, words
 from harness.sweep import Options, Outcome
@@ -62,7 +62,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
         stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
         return 130
     _summary(stdout, outcome, folder)
-    return 1 if outcome.failures else 0
+    return 1 if outcome.failures or outcome.unexamined else 0
 
 
 def _refuse_merged(folder: Path) -> None:
@@ -99,7 +99,9 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     for cell, event in outcome.failures:
         words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
         console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
-    if outcome.failures:
+    for words in outcome.unexamined:
+        console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
+    if outcome.failures or outcome.unexamined:
         console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
 
 
@@ -130,6 +132,11 @@ def plan(
     if left:
         stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
     _plan_references(stdout, made, folder)
+    if made.examinations:
+        left = len(examinations.todo(made.examinations, events, retry=False))
+        stdout.print(
+            f"{len(made.examinations)} cases of the battery to be asked of the engines, {left} of them not yet."
+        )
 
 
 def _plan_references(console: Console, made: Plan, folder: Path) -> None:

@@ -22,6 +22,7 @@ from engines.registry import is_file, load_attribute
 from engines.scene import Scene, load_scene
 from harness import catalog
 from harness.config import SCHEMA_VERSION, Experiment
+from harness.examinations import Examination, planned
 from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
 from harness.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
@@ -71,12 +72,13 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Cells in the order in which they run, and the references they need by id."""
+    """Cells in the order in which they run, the references they need by id, and what is asked of the battery."""
 
     experiment: Experiment
     cells: tuple[Cell, ...]
     references: Mapping[str, ReferenceWanted]
     warnings: tuple[str, ...]
+    examinations: tuple[Examination, ...] = ()
 
 
 def _scene_word(scene: SceneFile) -> str:
@@ -119,7 +121,9 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
     warnings = [f"{path}: {warning}" for path, warned in scenes.items() for warning in warned]
-    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings))
+    compared = {str(combination["engine"]): None for combination in experiment.combinations}
+    examinations = planned(experiment.verify, {name: known.engines[name] for name in compared})
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings), examinations)
 
 
 class _Known:

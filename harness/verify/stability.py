@@ -54,7 +54,7 @@ def _both(subject: Subject, center: Array, distance: float, words: str) -> Itera
     exact = oracle.sphere_roots(center, 1.0, origins, towards)[0]
     yield _errors(subject, sphere(center), exact, origins, towards, f"sphere, {words}")
     corners, towards = center + CORNERS, unit(center + inside - origins)
-    exact = oracle.triangle(*corners, origins, towards).t
+    exact = oracle.triangle(corners[0], corners[1], corners[2], origins, towards).t
     yield _errors(subject, triangle(corners), exact, origins, towards, f"triangle, {words}")
 
 
