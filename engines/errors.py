@@ -33,6 +33,10 @@ class Unsupported(RaybenchError):
     """A scene or setting that an engine cannot do; the message is what `Engine.why_not` answers."""
 
 
+class RendererFailed(RaybenchError):
+    """An external renderer that crashed, or left no image or an unusable one."""
+
+
 def suggestion(found: str, known: Iterable[str]) -> str:
     """The second half of an unknown-name message: the nearest known name, if any is near, and all of them."""
     names = sorted(map(str, known))

@@ -1,4 +1,7 @@
-"""From a name to an engine: the entry-point group `raybench.engines`, ours built in, or `module:attribute`."""
+"""From a name to an engine: the entry-point group `raybench.engines`, ours built in, or `module:attribute`.
+
+A name that ends in .yaml or .yml is the file of a renderer that runs as a process: see `engines.external`.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,7 @@ BUILT_IN = {
     "numpy": "engines.numpy_reference:Engine",
     "numba": "engines.numba_cpu:Engine",
     "embree": "engines.embree:Engine",
+    "embreex_batch": "engines.embreex_batch:Engine",
 }
 
 
@@ -26,12 +30,14 @@ def engine_names() -> list[str]:
 
 
 def engine(name: Any) -> Engine:
-    """The engine of a name or `module:attribute`; an engine object is returned as it is, a class is called.
+    """The engine of a name, `module:attribute` or renderer's file; an object is returned as it is, a class is called.
 
     Raises `UnknownName` for a name no one registered, `ConfigError` where what is there cannot be loaded or is none.
     """
     if not isinstance(name, str):
         return _made(name, getattr(name, "name", name))
+    if is_file(name):
+        return _described(name)
     if ":" in name:
         return _made(load_attribute(name), name)
     if name in BUILT_IN:
@@ -44,6 +50,18 @@ def engine(name: Any) -> Engine:
                 raise ConfigError(f"engine {name!r} ({point.value}): cannot be loaded: {error}") from error
             return _made(found, name)
     raise UnknownName("engine", name, engine_names())
+
+
+def is_file(name: str) -> bool:
+    """Whether an engine's name is the file of a renderer."""
+    return name.endswith((".yaml", ".yml"))
+
+
+def _described(path: str) -> Engine:
+    made = load_attribute("engines.external:Engine")(path)
+    if made.name in engine_names():
+        raise ConfigError(f"{path}: name = {made.name!r}: is that of an engine: call the renderer something else")
+    return made
 
 
 def load_attribute(path: str) -> Any:

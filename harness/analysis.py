@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
-import numpy as np
-
+from harness.agreement import EnginePair, Replicates, common_spp, compared, engine_pairs, kinship
 from harness.results import Contender, Event, Results, phase_seconds, point_error
 from harness.statistics import (
     BiasEstimate,
@@ -19,7 +19,6 @@ from harness.statistics import (
     bias_estimate,
     convergence_slope,
     efficiency,
-    equivalence,
     median_interval,
     noise_floor,
     on_bias_floor,
@@ -64,12 +63,16 @@ class Verdict:
 
 @dataclass
 class Analysis:
-    """`verdicts` of all contenders that have a measured cell; `floors`: scene -> noise floor (log-ratio) of its A/A."""
+    """`verdicts` of all contenders that have a measured cell; `floors`: scene -> noise floor (log-ratio) of its A/A.
+
+    `pairs` are engines compared under equal settings.
+    """
 
     results: Results
     verdicts: list[Verdict]
     floors: dict[str, float]
     baseline_engine: str
+    pairs: list[EnginePair] = field(default_factory=list)
 
     def of_scene(self, scene: str) -> list[Verdict]:
         return [verdict for verdict in self.verdicts if verdict.contender.settings.scene == scene]
@@ -83,7 +86,7 @@ def analyse(results: Results) -> Analysis:
     images = Replicates(results)
     for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
         _compare(results, verdict, baseline_engine, floors, images)
-    return Analysis(results, verdicts, floors, baseline_engine)
+    return Analysis(results, verdicts, floors, baseline_engine, engine_pairs(results, images))
 
 
 def baseline_engine_of(results: Results) -> str:
@@ -120,44 +123,7 @@ def baseline_for(contender: Contender, results: Results, engine: str) -> Contend
     own = contender.settings
     same = [c for c in results.of_scene(own.scene) if c.settings.engine == engine and c.settings.shader == own.shader
             and c.settings.size == own.size and c.settings.machine == own.machine]  # fmt: skip
-    weights = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
-
-    def kinship(other: Contender) -> int:
-        return sum(weight for axis, weight in weights.items() if getattr(other.settings, axis) == getattr(own, axis))
-
-    return max(same, key=kinship, default=None)
-
-
-class Replicates:
-    """A contender's images, one a seed; the most recent few sets are kept in memory."""
-
-    def __init__(self, results: Results, keep: int = 4) -> None:
-        self.results, self.keep = results, keep
-        self.held: dict[tuple[int, int | None], np.ndarray | None] = {}
-
-    def of(self, contender: Contender, spp: int | None = None) -> np.ndarray | None:
-        """(k, h, w, 3) with k >= 2 finite, distinct images at `spp` samples or at each cell's last, or None."""
-        key = (id(contender), spp)
-        if key not in self.held:
-            while len(self.held) >= self.keep:
-                self.held.pop(next(iter(self.held)))
-            self.held[key] = self._load(contender, spp)
-        else:
-            self.held[key] = self.held.pop(key)
-        return self.held[key]
-
-    def _load(self, contender: Contender, spp: int | None) -> np.ndarray | None:
-        found = [self.results.image(last_pictured(cell, spp)) for cell in contender.done]
-        images = [image for image in found if image is not None and np.isfinite(image).all()]
-        shapes = {image.shape for image in images}
-        if len(images) < 2 or len(shapes) != 1 or np.array_equal(images[0], images[1]):
-            return None
-        return np.stack(images)
-
-
-def last_pictured(cell: Event, spp: int | None = None) -> Event:
-    """The last checkpoint whose image was kept, or the one at `spp`; an empty one if there is none."""
-    return next((p for p in reversed(cell["points"]) if p.get("image") and spp in (None, p["spp"])), {})
+    return max(same, key=partial(kinship, contender), default=None)
 
 
 def _own_verdict(results: Results, contender: Contender) -> Verdict:
@@ -193,10 +159,10 @@ def _compare(results: Results, verdict: Verdict, engine: str, floors: Mapping[st
     """Fills in what needs the baseline, the reference or the images."""
     contender = verdict.contender
     baseline = baseline_for(contender, results, engine)
-    own_images = images.of(contender)
+    own_images = list(images.of(contender).values())
     reference = results.reference(contender.done[0].get("reference_id"))
-    if own_images is not None and reference is not None and own_images.shape[1:] == reference.mean.shape:
-        verdict.bias = bias_estimate(list(own_images), reference, results.epsilon)
+    if own_images and reference is not None and own_images[0].shape == reference.mean.shape:
+        verdict.bias = bias_estimate(own_images, reference, results.epsilon)
     if baseline is not None and baseline is not contender:
         verdict.baseline = baseline
         floor = floors.get(contender.settings.scene, 0.0)
@@ -205,17 +171,9 @@ def _compare(results: Results, verdict: Verdict, engine: str, floors: Mapping[st
             paired_speedup(_by_block(results, baseline, target), _by_block(results, contender, target), floor)
             for target in error_targets(results)
         ]
-        verdict.equivalence = _equivalence(contender, baseline, images)
+        comparison = compared(baseline, contender, images)
+        verdict.equivalence = comparison.found if comparison else None
     verdict.flags = _flags(results, verdict)
-
-
-def _equivalence(contender: Contender, baseline: Contender, images: Replicates) -> Equivalence | None:
-    """At the most samples that both have pictures of: unequal, skewed noise would make Welch's test too eager."""
-    spp = _common_spp(contender, baseline, pictured=True)
-    ours, theirs = images.of(contender, spp), images.of(baseline, spp)
-    if ours is None or theirs is None or ours.shape[1:] != theirs.shape[1:]:
-        return None
-    return equivalence(theirs, ours)
 
 
 def _by_block(results: Results, contender: Contender, target: float) -> dict[int, float]:
@@ -234,7 +192,7 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
     if verdict.equivalence is not None and verdict.equivalence.verdict == "different":
         flags.append("differs from the baseline's image")
     if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contender.settings.sampler:
-        spp = _common_spp(verdict.contender, verdict.baseline)
+        spp = common_spp(verdict.contender, verdict.baseline)
         own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))
         if too_good_per_sample(own, theirs):
             flags.append("too good per sample")
@@ -244,13 +202,6 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
         flags.append("contended")
     return flags
-
-
-def _common_spp(*contenders: Contender, pictured: bool = False) -> int | None:
-    """The most samples at which every done cell of all of them has a checkpoint (and its image)."""
-    sets = [{point["spp"] for point in cell["points"] if point.get("image") or not pictured}
-            for contender in contenders for cell in contender.done]  # fmt: skip
-    return max(set.intersection(*sets), default=None)
 
 
 def _error_times_spp(results: Results, contender: Contender, spp: int | None) -> dict[int, float]:

@@ -30,6 +30,10 @@ AllowImports = Annotated[
     bool, typer.Option("--allow-imports", help="Import code that files name as module:attribute. Only if you trust it.")
 ]
 
+AllowCommands = Annotated[
+    bool, typer.Option("--allow-commands", help="Run the programs that renderers' files name. Only if you trust them.")
+]
+
 
 @app.command()
 def run(
@@ -43,6 +47,7 @@ def run(
     ] = None,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
     allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
 ) -> None:
     """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
     from engines.errors import ConfigError
@@ -51,24 +56,30 @@ def run(
 
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
-    options = Options(retry is not None, fail_fast, allow_imports, ["raybench", *sys.argv[1:]])
+    options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]])
     raise typer.Exit(commands.run(config, out, overrides or [], fresh, options))
 
 
 @app.command()
-def plan(config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False) -> None:
+def plan(
+    config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+) -> None:  # fmt: skip
     """Show what an experiment would do: every configuration, its state, why it is skipped, and how long it may take."""
     from harness import commands
 
-    commands.plan(config, out, overrides or [], allow_imports)
+    commands.plan(config, out, overrides or [], allow_imports, allow_commands)
 
 
 @app.command()
-def reference(config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False) -> None:
+def reference(
+    config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+) -> None:  # fmt: skip
     """Render the references of an experiment, and nothing else. Those that are there are kept or extended."""
     from harness import commands
 
-    raise typer.Exit(commands.reference(config, out, overrides or [], allow_imports))
+    raise typer.Exit(commands.reference(config, out, overrides or [], allow_imports, allow_commands))
 
 
 @app.command()
@@ -86,13 +97,17 @@ def render(
     tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard or aces; for .png.")] = "srgb",
     output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
     allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
 ) -> None:
     """Render one image: .exr (linear, with variance and both halves) or .png."""
     from harness.render import Request
     from harness.render import render as rendered
 
     chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
-    rendered(Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports))
+    rendered(
+        Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
+                allow_commands)
+    )  # fmt: skip
 
 
 @app.command()
@@ -190,12 +205,13 @@ def equivalence(
     margin: Annotated[float, typer.Option(help="Means within this share of each other count as equal.")] = 0.01,
     seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
     allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
 ) -> None:
     """Test whether engines make the same image: by pixels, by tiles and as a whole. Exit code 1 where they do not."""
     from harness.verify.equivalent import Asked, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
-    raise typer.Exit(compare(Asked(scene, names, replicates, spp, size, shader, margin, seed, allow_imports)))
+    raise typer.Exit(compare(Asked(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands)))
 
 
 @app.command(name="list")

@@ -16,8 +16,8 @@ from rich.table import Table
 
 from engines.errors import ConfigError
 from harness import config as configs
+from harness import examinations, progress, store, sweep
 from harness import plan as plans
-from harness import progress, store, sweep
 from harness.config import Experiment
 from harness.plan import Plan, state_of, words
 from harness.sweep import Options, Outcome
@@ -51,7 +51,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
             if fresh:
                 store.clear(folder)
             _refuse_merged(folder)
-            plan = plans.make(experiment, options.allow_imports)
+            plan = plans.make(experiment, options.allow_imports, options.allow_commands)
             _warn(plan, stderr)
             with progress.Terminal(stderr) as terminal:
                 outcome = sweep.run(plan, folder, options, terminal)
@@ -62,7 +62,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
         stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
         return 130
     _summary(stdout, outcome, folder)
-    return 1 if outcome.failures else 0
+    return 1 if outcome.failures or outcome.unexamined else 0
 
 
 def _refuse_merged(folder: Path) -> None:
@@ -99,20 +99,24 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     for cell, event in outcome.failures:
         words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
         console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
-    if outcome.failures:
+    for words in outcome.unexamined:
+        console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
+    if outcome.failures or outcome.unexamined:
         console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
 
 
 # --- plan -----------------------------------------------------------------------------------------------------------
 
 
-def plan(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> None:
+def plan(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+) -> None:  # fmt: skip
     """Prints the configurations of an experiment with their states, and how long what is left may take."""
     stdout, stderr = consoles()
     allow_here(allow_imports)
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
-    made = plans.make(experiment, allow_imports)
+    made = plans.make(experiment, allow_imports, allow_commands)
     _warn(made, stderr)
     events = store.read_events(folder) if (folder / store.EVENTS).exists() else []
     latest = store.latest_cells(events)
@@ -128,6 +132,11 @@ def plan(given: str, out: Path | None, overrides: Sequence[str], allow_imports: 
     if left:
         stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
     _plan_references(stdout, made, folder)
+    if made.examinations:
+        left = len(examinations.todo(made.examinations, events, retry=False))
+        stdout.print(
+            f"{len(made.examinations)} cases of the battery to be asked of the engines, {left} of them not yet."
+        )
 
 
 def _plan_references(console: Console, made: Plan, folder: Path) -> None:
@@ -171,7 +180,9 @@ def _columns(cell: plans.Cell) -> tuple[str, ...]:
 # --- references, report, status -------------------------------------------------------------------------------------
 
 
-def reference(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool) -> int:
+def reference(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+) -> int:  # fmt: skip
     """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
     from harness import references
     from harness.pool import Pool, WorkerFailed
@@ -181,7 +192,7 @@ def reference(given: str, out: Path | None, overrides: Sequence[str], allow_impo
     experiment = configs.load(given, overrides)
     folder = results_folder(experiment, out)
     root = folder.parent / "references"
-    made = plans.make(experiment, allow_imports)
+    made = plans.make(experiment, allow_imports, allow_commands)
     _warn(made, stderr)
     failed = 0
     try:

@@ -13,7 +13,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from engines.errors import ConfigError
+from engines.errors import ConfigError, suggestion
+from engines.registry import is_file
 from engines.scene.yaml_file import Located, Origin, parse_yaml, read_yaml
 from harness import axes, catalog, fields
 from harness.settings import SETTING_READERS, Budget
@@ -78,6 +79,15 @@ class Quality:
 
 
 @dataclass(frozen=True, slots=True)
+class VerifyAsked:
+    """Cases of the battery (ids or sections) that a run asks of its engines; `quick` with fewer rays."""
+
+    cases: tuple[str, ...] = ("stability",)
+    quick: bool = False
+    timeout_seconds: float = 300.0
+
+
+@dataclass(frozen=True, slots=True)
 class Experiment:
     """What a file asks for. `combinations` hold one value of every setting; repeats multiply them later."""
 
@@ -95,6 +105,7 @@ class Experiment:
     warnings: tuple[str, ...]
     resolved: Mapping[str, Any]
     source: str = ""
+    verify: VerifyAsked | None = None
 
 
 def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
@@ -178,6 +189,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         checkpoints=_checkpoints(top), repeats=repeats, seed=seed, order_seed=order.get("seed", 1),
         reference=reference, quality=quality, control=read.get("control", repeats >= 3),
         images=read.get("images", "some"), warnings=tuple(warnings), resolved={}, source=source,
+        verify=_verify(top),
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -209,13 +221,22 @@ _SCALARS: dict[str, Any] = {
 }
 _ORDER = {"policy": fields.one_of("blocks"), "seed": fields.integer(0, SEED_LIMIT)}
 _CHECKPOINTS = {"ratio": fields.number(1.01, 1024.0), "start": fields.integer(1, 2**31)}
+
+
+def _image_maker(node: Located) -> str:
+    """An engine that can make references: one that gives the variance between samples."""
+    if isinstance(node.value, str) and is_file(node.value):
+        raise node.refuse("a renderer by process is raced, but makes no reference")
+    return axes.read("engine", node, Path())
+
+
 _REFERENCE: dict[str, Any] = {
-    "engine": _choice("engine"), "spp": fields.integer(2, 2**31), "seed": fields.integer(0, SEED_LIMIT),
+    "engine": _image_maker, "spp": fields.integer(2, 2**31), "seed": fields.integer(0, SEED_LIMIT),
     "sampler": _choice("sampler"), "accelerator": _choice("accelerator"), "precision": _choice("precision"),
     "threads": fields.integer(0, 1024),
-    "certify": lambda node: None if node.value is None else axes.read("engine", node, Path()),
+    "certify": lambda node: None if node.value is None else _image_maker(node),
 }  # fmt: skip
-SECTIONS = ("matrix", "zip", "exclude", "include", "extend", "checkpoints", "order", "reference", "quality")
+SECTIONS = ("matrix", "zip", "exclude", "include", "extend", "checkpoints", "order", "reference", "quality", "verify")
 TOP_KEYS = ("raybench_experiment", *_SCALARS, *SECTIONS, *SETTINGS)
 
 
@@ -249,6 +270,23 @@ def _quality(top: Mapping[str, Located]) -> Quality:
     return _section(top, "quality", readers, Quality)
 
 
+def _verify(top: Mapping[str, Located]) -> VerifyAsked | None:
+    def cases(node: Located) -> tuple[str, ...]:
+        from harness.examinations import case_words
+
+        known = case_words()
+        for child in fields.listing(node, 1):
+            if child.value not in known:
+                raise child.refuse(f"unknown case or section: {suggestion(fields.text(child), known)}")
+        return tuple(child.value for child in node.value)
+
+    readers = {"cases": ("cases", cases), "quick": ("quick", _switch), "timeout": ("timeout_seconds", fields.duration)}
+    if "verify" not in top:
+        return None
+    given = fields.mapping(top["verify"], readers)
+    return VerifyAsked(**{readers[key][0]: readers[key][1](node) for key, node in given.items()})
+
+
 def _seeds_differ(root: Located, seed: int, repeats: int, reference: ReferenceAsked) -> None:
     """Cells may not draw the reference's numbers: the reference would hold the cell's own noise."""
     used = reference.replicates[1]
@@ -267,6 +305,7 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "combinations": [axes.plain(combination) for combination in experiment.combinations],
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "control": experiment.control,
-        "images": experiment.images, "reference": asdict(experiment.reference),
+        "images": experiment.images, "verify": asdict(experiment.verify) if experiment.verify else None,
+        "reference": asdict(experiment.reference),
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
     }  # fmt: skip

@@ -111,7 +111,7 @@ def _first_line(path: str) -> str | None:
 
 
 class Sample(NamedTuple):
-    """Seconds since boot that the usable cores were busy or stolen, and this process's own; counts since its start."""
+    """Seconds since boot that the usable cores were busy or stolen; this process's own, with its children's; counts."""
 
     busy: float
     steal: float
@@ -160,7 +160,8 @@ def sample() -> Sample:
     steal = sum(getattr(core, "steal", 0.0) for core in usable)
     times = os.times()
     switches = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw if resource else 0
-    return Sample(busy, steal, times.user + times.system, switches)
+    own = times.user + times.system + times.children_user + times.children_system  # children: renderers by process
+    return Sample(busy, steal, own, switches)
 
 
 def _counted_twice(core: Any) -> float:

@@ -91,7 +91,8 @@ def one_sample(renderer: Renderer) -> float:
     """Seconds of the discarded pass: an estimate of the time of a sample a pixel."""
     start = perf_counter()
     renderer.render(spp=1)
-    return max(perf_counter() - start, 1e-9)
+    waited = perf_counter() - start
+    return max(told(renderer) or waited, 1e-9)
 
 
 def timed_points(
@@ -105,12 +106,20 @@ def timed_points(
         target = shortened(wanted, done, seconds, seconds_per_spp, schedule.max_time_seconds)
         if target <= done:
             return
+        told_before = told(renderer)
         film, elapsed = timed_call(renderer.render, target - done, disturbance)
+        if told_before is not None:
+            elapsed = (told(renderer) or 0.0) - told_before
         seconds, done = seconds + elapsed, target
         seconds_per_spp = max(seconds / done, 1e-12)
         yield Point(done, seconds, float(renderer.counters().get("rays", 0.0)) - rays_before, film)
         if seconds >= schedule.max_time_seconds or target < wanted:
             return
+
+
+def told(renderer: Renderer) -> float | None:
+    """The time that a renderer by process has told so far: what this process waits for is not all its rendering."""
+    return renderer.counters().get("told_seconds")
 
 
 def timed_call(render: Callable[..., Film], spp: int, disturbance: Disturbance) -> tuple[Film, float]:

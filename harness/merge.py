@@ -90,7 +90,7 @@ def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
         for event in store.read_events(source.folder):
             if event["event"] == "sentinel" and len(env_ids) == 1:
                 event.setdefault("env_id", next(iter(env_ids)))
-            if event["event"] in ("run", "environment", "sentinel", "certificate"):
+            if event["event"] in ("run", "environment", "sentinel", "certificate", "examination"):
                 found.setdefault(json.dumps(event, sort_keys=True), event)
     targets = sorted({target for source in sources for target in source.targets}, reverse=True)
     known: dict[str, dict[str, Any]] = {}

@@ -18,13 +18,14 @@ from engines import choices
 from engines.errors import RaybenchError, UnknownName
 from engines.interface import Engine
 from engines.registry import engine as engine_of
-from engines.registry import load_attribute
+from engines.registry import is_file, load_attribute
 from engines.scene import Scene, load_scene
 from harness import catalog
 from harness.config import SCHEMA_VERSION, Experiment
+from harness.examinations import Examination, planned
 from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
-from harness.settings import Budget, SceneFile, engine_settings, require_imports
+from harness.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 
 CONTROL_LABEL = "A/A"
 WARM_UP_SEED = 1 << 40
@@ -65,17 +66,19 @@ class Cell:
             words += [f"--{kind}", flow(choice)]
         words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
         words += ["--size", f"{self.settings['width']}x{self.settings['height']}", "--seed", str(self.seed)]
-        return " ".join(quote(word) for word in [*words, "--spp", str(spp), "-o", "image.exr"])
+        words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if is_file(self.engine) else [])]
+        return " ".join(quote(word) for word in words)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Cells in the order in which they run, and the references they need by id."""
+    """Cells in the order in which they run, the references they need by id, and what is asked of the battery."""
 
     experiment: Experiment
     cells: tuple[Cell, ...]
     references: Mapping[str, ReferenceWanted]
     warnings: tuple[str, ...]
+    examinations: tuple[Examination, ...] = ()
 
 
 def _scene_word(scene: SceneFile) -> str:
@@ -102,9 +105,9 @@ def words(choice: Mapping[str, Any]) -> str:
     return f"{choice['name']}({options})" if options else str(choice["name"])
 
 
-def make(experiment: Experiment, allow_imports: bool = False) -> Plan:
+def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
     """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
-    known = _Known(experiment, allow_imports)
+    known = _Known(experiment, allow_imports, allow_commands)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
     configurations = _with_control(experiment, [cell for cell, _ in found])
@@ -118,18 +121,21 @@ def make(experiment: Experiment, allow_imports: bool = False) -> Plan:
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
     warnings = [f"{path}: {warning}" for path, warned in scenes.items() for warning in warned]
-    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings))
+    compared = {str(combination["engine"]): None for combination in experiment.combinations}
+    examinations = planned(experiment.verify, {name: known.engines[name] for name in compared})
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings), examinations)
 
 
 class _Known:
     """Every engine and scene that the experiment names, loaded once."""
 
-    def __init__(self, experiment: Experiment, allow_imports: bool) -> None:
+    def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool) -> None:
         self.allow_imports = allow_imports
         names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
         for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
             require_imports(name, allow_imports)
+            require_commands(name, allow_commands)
             self.engines.setdefault(name, engine_of(name))
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
         self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
@@ -192,7 +198,8 @@ def _configured(
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
     budget: Budget = combination["budget"]
-    named = combination["engine"] if ":" not in combination["engine"] else engine.name
+    by_place = ":" in combination["engine"] or is_file(combination["engine"])
+    named = engine.name if by_place else combination["engine"]
     asked = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,

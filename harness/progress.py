@@ -86,6 +86,11 @@ class Terminal:
             self.console.print(escape(words), style=None if state == "done" else COLOURS[state], highlight=False,
                                soft_wrap=True)  # fmt: skip
 
+    def examination(self, name: str, number: int, total: int) -> None:
+        self._draw(f"verify {name}", number, total, "examinations")
+        if not self.console.is_terminal:
+            self.console.print(f"verify [{number + 1}/{total}] {name}", markup=False, highlight=False)
+
     def _draw(self, words: str, done: int, total: int, left: str) -> None:
         self._bar.update(self._task, description=words, completed=done, total=total, left=left)
         if self.console.is_terminal:

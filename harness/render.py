@@ -21,7 +21,7 @@ from engines.tonemap import tone_mapper
 from harness import catalog, machine, measure
 from harness.commands import allow_here, consoles
 from harness.progress import duration
-from harness.settings import engine_settings, require_imports
+from harness.settings import engine_settings, require_commands, require_imports
 
 MAX_SPP = 2**31
 
@@ -40,6 +40,7 @@ class Request(NamedTuple):
     tone_mapper: str
     output: Path | None
     allow_imports: bool
+    allow_commands: bool = False
 
 
 def render(request: Request) -> Film:
@@ -52,6 +53,7 @@ def render(request: Request) -> Film:
     _check_output(output)
     allow_here(request.allow_imports)
     require_imports(request.engine, request.allow_imports)
+    require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
     settings = _settings(request)
     scene = load_scene(path, allow_imports=request.allow_imports)

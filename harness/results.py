@@ -66,7 +66,8 @@ class Contender:
 class Results:
     """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
 
-    `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids.
+    `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
+    `findings` what the battery found where the config asked for some of it.
     """
 
     folder: Path
@@ -79,6 +80,7 @@ class Results:
     runs: list[Event]
     environments: dict[str, Event] = field(default_factory=dict)
     certificates: dict[str, Event] = field(default_factory=dict)
+    findings: list[Event] = field(default_factory=list)
     contenders: list[Contender] = field(default_factory=list)
 
     @property
@@ -138,6 +140,7 @@ def load_results(folder: str | Path) -> Results:
 
 def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
     """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
+    from harness.examinations import findings
     from harness.store import latest_cells
 
     targets = (of_kind(events, "targets") or [{}])[-1]
@@ -151,7 +154,8 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
                       sorted(numbers, reverse=not higher_is_better(metric)),
                       of_kind(events, "sentinel"), of_kind(events, "run"),
                       {event["env_id"]: event for event in of_kind(events, "environment")},
-                      {event["reference_id"]: event for event in of_kind(events, "certificate")})  # fmt: skip
+                      {event["reference_id"]: event for event in of_kind(events, "certificate")},
+                      findings(events, manifest.get("examination_ids")))  # fmt: skip
     results.contenders = _contenders(results.cells, _scenes_asked(manifest))
     return results
 

@@ -41,6 +41,10 @@ def experiment_schema() -> dict[str, Any]:
             "metric": {"enum": list(METRICS)}, "epsilon": {"type": "number", "exclusiveMinimum": 0},
             "targets": {"oneOf": [{"const": "auto"}, {"type": "array", "items": {"type": "number"}, "minItems": 1}]},
         }),
+        "verify": _object({
+            "cases": {"type": "array", "items": {"type": "string"}, "minItems": 1}, "quick": {"type": "boolean"},
+            "timeout": _TIME,
+        }),
     }  # fmt: skip
     scalars: dict[str, Any] = {
         "raybench_experiment": {"const": 1}, "name": {"type": "string"}, "question": {"type": "string"},
@@ -69,7 +73,7 @@ def _choice(names: list[str]) -> dict[str, Any]:
 def _settings() -> dict[str, Any]:
     found: dict[str, Any] = {
         "scene": {"type": "string"},
-        "engine": {"anyOf": [{"enum": engine_names()}, {"type": "string", "pattern": ":"}]},
+        "engine": {"anyOf": [{"enum": engine_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}]},
         "shader": _choice(sorted(SHADERS)),
         "sampler": _choice(sorted(SAMPLERS)),
         "accelerator": _choice([]),

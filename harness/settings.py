@@ -14,7 +14,7 @@ from typing import Any
 from engines import choices
 from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.interface import Settings
-from engines.registry import engine_names, load_attribute
+from engines.registry import engine_names, is_file, load_attribute
 from engines.scene.yaml_file import Located
 from harness import catalog, fields
 
@@ -59,6 +59,11 @@ def _scene(node: Located, folder: Path) -> SceneFile:
 
 def _engine(node: Located, folder: Path) -> str:
     given = fields.text(node)
+    if is_file(given):
+        for place in (folder, Path.cwd()):
+            if (file := place / Path(given).expanduser()).is_file():
+                return str(file.resolve())
+        raise node.refuse("there is no such file")
     if ":" not in given and given not in engine_names():
         raise node.refuse(f"unknown engine: {suggestion(given, engine_names())}")
     return given
@@ -137,6 +142,12 @@ def plugin_or_choice(given: Mapping[str, Any], allow_imports: bool) -> Any:
     found = load_attribute(given["name"])
     options = {key: value for key, value in given.items() if key != "name"}
     return found(**options) if options or isinstance(found, type) else found
+
+
+def require_commands(name: str, allowed: bool) -> None:
+    """Refuses an engine that is a program unless that was allowed on the command line."""
+    if is_file(name) and not allowed:
+        raise ConfigError(f"{name}: names a program to be run; run with --allow-commands if you trust it")
 
 
 def require_imports(name: str, allowed: bool) -> None:

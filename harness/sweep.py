@@ -16,10 +16,11 @@ from statistics import median
 from time import monotonic
 from typing import Any, Protocol
 
-from harness import certify, machine, references, store
+from harness import certify, examinations, machine, references, store
 from harness.identity import digest
-from harness.plan import WARM_UP_SEED, Cell, Plan, expected_seconds, up_to_date
-from harness.pool import Pool, WorkerFailed, WorkerTimeout, film_of
+from harness.plan import Cell, Plan, expected_seconds, up_to_date
+from harness.pool import Pool, WorkerFailed, WorkerTimeout
+from harness.recording import Recording
 from harness.sentinel import sentinel_seconds
 from harness.targets import automatic_targets
 
@@ -35,6 +36,7 @@ class Listener(Protocol):
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
     def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+    def examination(self, name: str, number: int, total: int) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,7 @@ class Options:
     retry: bool = False
     fail_fast: bool = False
     allow_imports: bool = False
+    allow_commands: bool = False
     command: Sequence[str] = ()
 
 
@@ -54,6 +57,8 @@ class Outcome:
     measured: int = 0
     states: dict[str, int] = field(default_factory=dict)
     failures: list[tuple[Cell, Mapping[str, Any]]] = field(default_factory=list)
+    unexamined: list[str] = field(default_factory=list)
+    """Examinations that failed or timed out, each with its message."""
     stopped: bool = False
 
 
@@ -67,6 +72,7 @@ def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outco
         with Pool(options.allow_imports, folder / LOG) as pool:
             sweep.make_references(pool)
             sweep.blocks(pool)
+            sweep.examine(pool)
         sweep.record_targets()
         return sweep.outcome()
 
@@ -101,11 +107,11 @@ class Sweep:
         """Writes the manifest; says which old results no longer count, which do again, and what cannot be done."""
         experiment = self.plan.experiment
         self._revive()
-        todo = self.todo()
+        todo, unexamined = self.todo(), self.unexamined()
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        self._write_manifest(now, bool(todo))
-        if todo:
-            run_id = digest([now, *(cell.cell_id for cell in todo)])
+        self._write_manifest(now, bool(todo or unexamined))
+        if todo or unexamined:
+            run_id = digest([now, *(cell.cell_id for cell in todo), *(each.examination_id for each in unexamined)])
             self.append({
                 "event": "run", "time": now, "run_id": run_id, "command": list(self.options.command),
                 "config_name": experiment.name,
@@ -128,6 +134,7 @@ class Sweep:
             "raybench_results": 1, "name": experiment.name, "config_name": experiment.name,
             "config": json.loads(json.dumps(experiment.resolved)), "env_id": self.env_id,
             "cell_ids": [cell.cell_id for cell in self.plan.cells],
+            "examination_ids": [each.examination_id for each in self.plan.examinations],
         }  # fmt: skip
         path = self.folder / store.MANIFEST
         before = store.read_manifest(self.folder) if path.exists() else {}
@@ -288,6 +295,22 @@ class Sweep:
             self._loaded[reference_id] = references.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
         return self._loaded[reference_id]
 
+    # --- examinations ------------------------------------------------------------------------------------------------
+
+    def unexamined(self) -> list[examinations.Examination]:
+        return examinations.todo(self.plan.examinations, self.history, self.options.retry)
+
+    def examine(self, pool: Pool) -> None:
+        """What the config asks of the battery, after everything that is timed."""
+        todo = self.unexamined()
+        for number, each in enumerate(todo):
+            if self.stopped:
+                return
+            self.listener.examination(each.words, number, len(todo))
+            event = examinations.make(each, pool, self.env_id)
+            self.append(event)
+            self.stopped = self.options.fail_fast and event["state"] in BROKEN
+
     # --- the end ----------------------------------------------------------------------------------------------------
 
     def record_targets(self) -> None:
@@ -306,75 +329,8 @@ class Sweep:
             found.states[state] = found.states.get(state, 0) + 1
             if event is not None and state in BROKEN:
                 found.failures.append((cell, event))
+        known = examinations.latest(self.history)
+        events = [(each, known.get(each.examination_id)) for each in self.plan.examinations]
+        found.unexamined = [f"{event['state']}: {each.words}: {event['message']}"
+                            for each, event in events if event is not None and event["state"] in BROKEN]  # fmt: skip
         return found
-
-
-class Recording:
-    """What a cell's worker tells, as the parts of its event."""
-
-    def __init__(self, sweep: Sweep, cell: Cell) -> None:
-        self.sweep, self.cell = sweep, cell
-        self.phases: dict[str, float] = {}
-        self.points: list[dict[str, Any]] = []
-        self.counters: dict[str, float] = {}
-        self.disturbance: dict[str, Any] = {}
-        self._last_film: Any = None
-
-    def follow(self, pool: Pool) -> None:
-        """Asks the worker and takes down its answers until the end, a failure or the timeout."""
-        cell, sweep = self.cell, self.sweep
-        reference = sweep.reference(str(cell.reference_id))
-        worker = pool.worker(cell.engine)
-        self.phases["import_seconds"] = worker.import_seconds
-        deadline = monotonic() + cell.budget.timeout_seconds
-        worker.ask(self._request(pool))
-        while True:
-            answer = worker.receive(deadline)
-            if answer.pop("did") == "prepared":
-                self.phases.update(answer)
-            elif "spp" in answer:
-                began = monotonic()
-                self._point(answer, film_of(pool.scratch), reference)
-                deadline += monotonic() - began
-                worker.ask({"do": "go"})
-            else:
-                self.counters, self.disturbance = answer["counters"], answer["machine"]
-                return
-
-    def _request(self, pool: Pool) -> dict[str, Any]:
-        cell, schedule = self.cell, self.sweep.plan.experiment.checkpoints
-        return {
-            "do": "cell", "scene_path": cell.scene.path, "scene_hash": cell.scene_hash,
-            "settings": dict(cell.settings), "seed": cell.seed, "warm_up_seed": cell.seed + WARM_UP_SEED,
-            "allow_imports": self.sweep.options.allow_imports, "scratch": str(pool.scratch),
-            "schedule": {
-                "ratio": schedule.ratio, "start": schedule.start, "max_spp": cell.budget.max_spp,
-                "max_time_seconds": cell.budget.max_time_seconds,
-            },
-        }  # fmt: skip
-
-    def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
-        from harness import metrics
-
-        self.phases["render_seconds"] = answer["seconds"]
-        scores = metrics.measure(film.mean(), reference, self.sweep.plan.experiment.quality.epsilon)
-        self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
-        self._last_film = film
-        images = self.sweep.plan.experiment.images
-        if images == "all" or (images == "some" and self.cell.block == 0 and self.cell.label is None):
-            self._keep(film)
-        self.sweep.listener.point(answer["spp"], answer["seconds"])
-
-    def keep_last_image(self) -> None:
-        """Writes the image of the last checkpoint, if images are wanted and it is not there yet."""
-        if self.points and self.sweep.plan.experiment.images != "none" and self.points[-1]["image"] is None:
-            self._keep(self._last_film)
-
-    def _keep(self, film: Any) -> None:
-        point = self.points[-1]
-        path = store.image_path(self.cell.cell_id, point["spp"])
-        (self.sweep.folder / path).parent.mkdir(parents=True, exist_ok=True)
-        told = {key: point[key] for key in ("spp", "seconds", "metrics")}
-        identity = {"cell_id": self.cell.cell_id, "env_id": self.sweep.env_id, "asked": dict(self.cell.asked)}
-        film.save(self.sweep.folder / path, provenance={**identity, **told, "scene": self.cell.scene.name})
-        point["image"] = path

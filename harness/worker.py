@@ -6,8 +6,9 @@ once. Where forking is not safe (other systems than Linux, or an engine that sta
 cell itself and ends, and the parent starts another.
 
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
+           {"do": "examine", "case", "precision", "accelerator", "quick"}
 Answers:   {"did": "import", "seconds", "version", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
-           {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+           {"did": "examined", "findings"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
 After a point the child waits for "go": the parent measures the error while nothing renders.
 
 This module imports the standard library only, so that the time to import an engine is all its own.
@@ -124,7 +125,7 @@ def in_child(engine: Any, request: dict[str, Any], pipes: Pipes) -> int:
 def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Answers one request; an exception becomes a message."""
     try:
-        {"cell": cell, "reference": reference}[request["do"]](engine, request, pipes)
+        {"cell": cell, "reference": reference, "examine": examine}[request["do"]](engine, request, pipes)
     except Exception as error:
         import traceback
 
@@ -161,6 +162,20 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
         start = perf_counter()
         film = renderer.render(spp=request["spp"])
         hand_over(pipes, film, request["scratch"], request["spp"], seconds=perf_counter() - start, seed=seed)
+    pipes.send(did="end")
+
+
+def examine(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+    """Asks one case of the battery."""
+    from dataclasses import asdict
+
+    from harness.verify.battery import CASES
+    from harness.verify.battery import examine as examined
+    from harness.verify.subject import Subject
+
+    case = next(case for case in CASES if case.id == request["case"])
+    subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
+    pipes.send(did="examined", findings=[asdict(finding) for finding in examined(case, subject)])
     pipes.send(did="end")
 
 

@@ -54,6 +54,8 @@ ALLOWED: dict[str, set[str]] = {
     "engines.plugin": {"engines.choices", "engines.kernels"},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
+    "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
+    "engines.external": {*_BASE, "engines.image"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
         *("engines.registry", "engines.scene", "engines.tonemap"),
@@ -63,7 +65,7 @@ ALLOWED: dict[str, set[str]] = {
 """Each part may also import itself."""
 
 ONLY_IN = {
-    "embreex": {"engines.embree"},
+    "embreex": {"engines.embree", "engines.embreex_batch"},
     "llvmlite": {"engines.kernels", "engines.numba_cpu", "engines.embree"},
     "numba": {"engines.kernels", "engines.numba_cpu", "engines.embree"},
     "mitsuba": set[str](),

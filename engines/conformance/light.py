@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,43 @@ def images_are_upright(subject: Subject) -> None:
             )
 
 
+def _arctan(x: float) -> float:
+    """The map of `PerspectiveArctan`, for |x| <= 1."""
+    return math.copysign(math.pi / 4 * abs(x) + abs(x) * (1 - abs(x)) * (0.2447 + 0.0663 * abs(x)), x)
+
+
+def _lamp_behind(row: int, column: int, place: Callable[[float], float]) -> dict[str, Any]:
+    """A lamp in the plane z = 0 that fills all but the rim of a pixel of 16 x 12; `place` maps shares of the half height."""
+    x0, x1 = (place((2 * (column + i) / 16 - 1) * 16 / 12) for i in (0.02, 0.98))
+    y0, y1 = (place(1 - 2 * (row + i) / 12) for i in (0.98, 0.02))
+    return rectangle((x0, x1), (y0, y1), 0, "grey")
+
+
+def cameras_show_what_lies_along_their_rays(subject: Subject) -> None:
+    """A pixel of every kind of camera shows what its formula says lies behind it, and its neighbours do not."""
+    half = math.radians(40)
+    kinds: dict[str, tuple[dict[str, Any], Callable[[float], float]]] = {
+        "perspective": ({"fov": 80}, lambda share: 4 * math.tan(half) * share),
+        "perspective_arctan": ({"fov": 80}, lambda share: 4 * _arctan(half * share)),
+        "orthographic": ({"height": 3}, lambda share: 1.5 * share),
+    }
+    declined = []
+    for kind, (opening, place) in kinds.items():
+        held = scene([_lamp_behind(2, 3, place)], type=kind, eye=[0, 0, 4], target=[0, 0, 0], **opening)
+        try:
+            renderers = _first(subject, held, ({"name": "path_tracer", "max_depth": 1}, "whitted"))
+        except Declined as reason:
+            declined.append(reason)
+            continue
+        for renderer in renderers:
+            image = renderer.render(8).mean()
+            expect(image[2, 3].min() > 0.25, f"{kind}: the pixel shows {image[2, 3]}, a lamp of 0.5 is there")
+            image[2, 3] = 0
+            expect(image.max() == 0, f"{kind}: a pixel beside the lamp shows {image.max():.4g}")
+    if len(declined) == len(kinds):
+        raise declined[0]
+
+
 def lossless_glass_is_invisible_in_a_furnace(subject: Subject) -> None:
     """A ball of lossless glass in a uniform environment of radiance 1 shows 1 in every pixel."""
     held = scene([sphere((0, 1, 0), 1.5, "glass")], [{"environment": {"radiance": 1}}])
@@ -113,5 +151,6 @@ CLAIMS = (
     a_point_light_falls_off_with_the_square,
     what_is_in_shadow_is_black,
     images_are_upright,
+    cameras_show_what_lies_along_their_rays,
     lossless_glass_is_invisible_in_a_furnace,
 )

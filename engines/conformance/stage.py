@@ -7,7 +7,8 @@ from typing import Any
 
 from engines.scene import Scene, scene_from
 
-CAMERA: dict[str, Any] = {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40, "resolution": [24, 18]}
+CAMERA: dict[str, Any] = {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "resolution": [24, 18]}
+PINHOLE: dict[str, Any] = {"type": "perspective", "fov": 40, "fov_axis": "y"}
 
 MATERIALS: dict[str, Any] = {
     "white": {"kd": 0.7},
@@ -30,7 +31,7 @@ def scene(shapes: Sequence[Mapping[str, Any]], lights: Sequence[Mapping[str, Any
         {
             "raybench_scene": 1,
             "name": "conformance",
-            "camera": {"type": "perspective", "fov_axis": "y", **CAMERA, **camera},
+            "camera": {**CAMERA, **({} if camera.get("type") == "orthographic" else PINHOLE), **camera},
             "materials": {name: material for name, material in MATERIALS.items() if name in used},
             "shapes": list(shapes),
             "lights": list(lights),

@@ -13,10 +13,13 @@ from engines.kernels import block as at
 from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, pointer, put, put_int, select, table
 from engines.kernels.vector import Vec3, select3, unit
 from engines.kernels.world import CAMERA
-from engines.scene.model import CustomCamera, Orthographic, Perspective
+from engines.scene.model import CustomCamera, Orthographic, Perspective, PerspectiveArctan
 
-PERSPECTIVE, ORTHOGRAPHIC = 0, 1
-CAMERA_REALS = 20  # eye 3, forward 3, right 3 (scaled by the half width), up 3 (by the half height), width, height
+KINDS: dict[type, int] = {Perspective: 0, Orthographic: 1, PerspectiveArctan: 2}
+PERSPECTIVE, ORTHOGRAPHIC, ARCTAN = KINDS.values()
+CAMERA_REALS = 20
+"""eye 3, forward 3, right 3 (scaled by the half width), up 3 (by the half height), width, height, and for the arctan map
+the angles of the half width and of the half height; right and up are then unit vectors."""
 
 
 def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -29,11 +32,14 @@ def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]
     forward = _unit(np.subtract(camera.target, camera.eye))
     right = _unit(np.cross(forward, camera.up))
     aspect = width / height
-    if isinstance(camera, Perspective):
-        tangent = math.tan(math.radians(camera.fov) / 2)
-        half = (aspect * tangent, tangent) if camera.fov_axis == "y" else (tangent, tangent / aspect)
-    else:
+    if isinstance(camera, Orthographic):
         half = (aspect * camera.height / 2, camera.height / 2)
+    else:
+        angle = math.radians(camera.fov) / 2
+        size = math.tan(angle) if isinstance(camera, Perspective) else angle
+        half = (aspect * size, size) if camera.fov_axis == "y" else (size, size / aspect)
+    if isinstance(camera, PerspectiveArctan):
+        row[14:16], half = half, (1.0, 1.0)
     row[:12] = np.concatenate(
         [np.subtract(camera.eye, center), forward, half[0] * right, half[1] * np.cross(right, forward)]
     )
@@ -42,6 +48,16 @@ def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]
 
 def _unit(v: NDArray[np.float64]) -> NDArray[np.float64]:
     return v / np.linalg.norm(v)
+
+
+@inline
+def _arctan(x):
+    """The polynomial of `PerspectiveArctan`."""
+    size = abs(x)
+    near = select(size > 1.0, 1.0 / size, size)
+    value = near * (math.pi / 4 + (1.0 - near) * (0.2447 + 0.0663 * near))
+    value = select(size > 1.0, math.pi / 2 - value, value)
+    return select(x < 0.0, -value, value)
 
 
 @inline
@@ -88,8 +104,11 @@ def _make(kind: int, real: Any) -> Any:
             new = get_int(lanes, at.NEW, lane) != 0
             x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
             y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
-            shift = right * (2.0 * x / width - 1.0) + up * (1.0 - 2.0 * y / height)
-            origin, ray = (eye, unit(forward + shift)) if kind == PERSPECTIVE else (eye + shift, forward)
+            across, upwards = 2.0 * x / width - 1.0, 1.0 - 2.0 * y / height
+            if kind == ARCTAN:
+                across, upwards = _arctan(across * fetch(camera, 14)), _arctan(upwards * fetch(camera, 15))
+            shift = right * across + up * upwards
+            origin, ray = (eye + shift, forward) if kind == ORTHOGRAPHIC else (eye, unit(forward + shift))
             _put_new(lanes, at.ORIGIN, lane, new, origin, real)
             _put_new(lanes, at.DIRECTION, lane, new, ray, real)
             _put_path(lanes, lane, new, real)
@@ -100,7 +119,7 @@ def _make(kind: int, real: Any) -> Any:
 @cache
 def stage(camera_type: type, real: Any) -> Any:
     """The stage of a built-in camera."""
-    return compile_stage(_make(ORTHOGRAPHIC if camera_type is Orthographic else PERSPECTIVE, real))
+    return compile_stage(_make(KINDS[camera_type], real))
 
 
 def _make_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:

@@ -14,7 +14,7 @@ from engines.numpy_reference.lights import Lights
 from engines.numpy_reference.material import Materials
 from engines.numpy_reference.nearest import Nearest
 from engines.numpy_reference.sampler import Sampler
-from engines.numpy_reference.surface import OFFSET, Surface, surface_at
+from engines.numpy_reference.surface import Surface, surface_at
 from engines.numpy_reference.tracer import Tracer
 from engines.numpy_reference.vectors import Array, Mask, norm
 from engines.scene.model import Scene
@@ -30,11 +30,11 @@ class Context:
     `check` is called every few milliseconds and may raise `Stopped`.
     """
 
-    def __init__(self, scene: Scene, geometry: Geometry, accelerator: Choice, shader: Choice, sampler: Sampler) -> None:
+    def __init__(self, scene: Scene, geometry: Geometry, tracer: Tracer, shader: Choice, sampler: Sampler) -> None:
         self.geometry = geometry
         self.materials = Materials(scene.materials)
         self.lights = Lights(scene.lights, geometry, self.materials)
-        self.tracer = Tracer(geometry, accelerator)
+        self.tracer = tracer
         self.options: Mapping[str, Any] = shader.options
         self.rays = 0
         self.check: Callable[[], None] = _go_on
@@ -51,7 +51,7 @@ class Context:
 
     def surface(self, origin: Array, direction: Array, hits: Nearest) -> Surface:
         """What lies where rays (3, n), all of which hit, have hit."""
-        return surface_at(self.geometry, origin, direction, hits)
+        return surface_at(self.geometry, origin, direction, hits, self.tracer.offset)
 
     def unoccluded(self, surface: Surface, direction: Array, distance: Array) -> Mask:
         """(n,) whether nothing lies between points of a surface and of lights, `distance` (inf too) away from them.
@@ -64,7 +64,7 @@ class Context:
             aim = distance * direction - surface.offset * surface.geometric
             length = norm(aim)
             aim = np.where(np.isinf(distance), direction, aim / length)
-        reach = length * (1.0 - OFFSET) - surface.offset
+        reach = length * (1.0 - self.tracer.offset) - surface.offset
         return ~self.tracer.occluded(surface.leave(), aim, np.where(np.isinf(distance), np.inf, reach), self.check)
 
     def sky(self, direction: Array) -> Array:

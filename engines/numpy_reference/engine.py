@@ -37,31 +37,33 @@ class Engine:
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         """None where `prepare` would work, else one sentence that says what is lacking."""
         try:
-            _supported(scene, settings)
+            supported(scene, settings, ACCELERATORS, self.name)
         except RaybenchError as error:
             return str(error)
         return None
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         """Raises `UnknownName`, `ConfigError` for bad settings, and `Unsupported` with the words of `why_not`."""
-        return Renderer(scene, _supported(scene, settings))
+        return Renderer(scene, supported(scene, settings, ACCELERATORS, self.name))
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         """`none`: every ray against everything. `bvh`: an eight-wide tree. `auto`: the faster one for the scene."""
         return ACCELERATORS
 
 
-def _supported(scene: Scene, settings: Settings) -> Settings:
-    """The settings with every choice resolved; raises where the engine cannot follow them."""
+def supported(
+    scene: Scene, settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], name: str
+) -> Settings:  # fmt: skip
+    """The settings with every choice resolved; raises where the engine `name` cannot follow them."""
     chosen = {
         "shader": resolve("shader", settings.shader, SHADERS),
         "sampler": resolve("sampler", settings.sampler, SAMPLERS),
-        "accelerator": resolve("accelerator", settings.accelerator, ACCELERATORS),
+        "accelerator": resolve("accelerator", settings.accelerator, accelerators),
     }
     if settings.precision == "float32":
-        raise Unsupported("the numpy engine computes in float64 only")
+        raise Unsupported(f"the engine {name} computes in float64 only")
     if chosen["accelerator"].plugin is not None:
-        raise Unsupported("the numpy engine takes no accelerator plugins")
+        raise Unsupported(f"the engine {name} takes no accelerator plugins")
     for kind in ("shader", "sampler"):
         _require_numpy(kind, chosen[kind])
     require_numpy(scene.camera)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from engines.numpy_reference.vectors import Array, Indices
+from engines.numpy_reference.vectors import Array, Indices, Mask
 
 
 class Primitives(Protocol):
@@ -21,6 +22,20 @@ class Primitives(Protocol):
 
     def distance(self, primitive: Any, ray: Any) -> Array:
         """t > 0 of the hit, inf for a miss; the arguments broadcast after their first axis."""
+        ...
+
+
+class Part(Protocol):
+    """What finds hits on some of the primitives: a list or a tree of one kind."""
+
+    nbytes: int
+
+    def closest(self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]) -> None:
+        """Takes over into `nearest` what lies closer, or as close with a lower rank."""
+        ...
+
+    def occluded(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> Mask:
+        """(n,) whether anything lies in (0, t_max)."""
         ...
 
 

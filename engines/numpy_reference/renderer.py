@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -19,7 +19,7 @@ from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.surface import barycentric, geometric_normals
-from engines.numpy_reference.tracer import resolved_accelerator
+from engines.numpy_reference.tracer import Tracer
 from engines.numpy_reference.vectors import Array, Indices, dot, norm
 from engines.scene.model import Camera, Scene, Shape
 
@@ -30,9 +30,11 @@ CHUNK = 32_768
 class Renderer:
     """Renders on one thread, whatever `settings.threads` says: NumPy's operations on arrays are serial."""
 
-    def __init__(self, scene: Scene, settings: Settings) -> None:
-        """`settings` with every choice resolved, as `Engine.prepare` passes them."""
-        self._scene, self._wanted = scene, settings
+    def __init__(
+        self, scene: Scene, settings: Settings, tracer: Callable[[Geometry, Choice], Tracer] = Tracer
+    ) -> None:  # fmt: skip
+        """`settings` with every choice resolved, as `Engine.prepare` passes them; `tracer` makes what finds the hits."""
+        self._scene, self._wanted, self._tracer = scene, settings, tracer
         self._sampler = Sampler(settings.sampler, settings.seed)
         self._shade = shader_function(settings.shader)
         self._stop = threading.Event()
@@ -47,7 +49,9 @@ class Renderer:
     @property
     def settings(self) -> Settings:
         """The settings with every choice and default written out; `auto` shows what it took."""
-        return replace(self._wanted, accelerator=self._accelerator, width=self._film.width, height=self._film.height)
+        return replace(
+            self._wanted, accelerator=self._context.tracer.accelerator, width=self._film.width, height=self._film.height
+        )
 
     def warm_up(self) -> None:
         """There is nothing to compile."""
@@ -124,8 +128,8 @@ class Renderer:
         begin = perf_counter()
         rays = self._context.rays if hasattr(self, "_context") else 0
         geometry = Geometry(self._scene.shapes)
-        self._accelerator: Choice = resolved_accelerator(self._wanted.accelerator, geometry)
-        self._context = Context(self._scene, geometry, self._accelerator, self._wanted.shader, self._sampler)
+        tracer = self._tracer(geometry, self._wanted.accelerator)
+        self._context = Context(self._scene, geometry, tracer, self._wanted.shader, self._sampler)
         self._context.rays, self._context.check = rays, self._check
         self._build_seconds = perf_counter() - begin
 

@@ -17,7 +17,6 @@ from engines.choices import Choice
 from engines.numpy_reference import albedo, depth_map, path_tracer, whitted
 from engines.numpy_reference.context import Context
 from engines.numpy_reference.nearest import Nearest
-from engines.numpy_reference.surface import OFFSET
 from engines.numpy_reference.vectors import Array
 
 Radiance = Callable[[Context, Array, Array, NDArray[np.int64], int], Array]
@@ -106,7 +105,8 @@ class PluginContext:
         """
         origin = _columns(origins)
         distance = np.broadcast_to(np.asarray(distances, np.float64), origin.shape[1])
-        distance = distance * (1.0 - OFFSET) - OFFSET * np.abs(origin).max(axis=0)
+        offset = self._context.tracer.offset
+        distance = distance * (1.0 - offset) - offset * np.abs(origin).max(axis=0)
         self._context.rays += distance.size
         return self._context.tracer.occluded(origin, _columns(directions), distance, self._context.check)
 

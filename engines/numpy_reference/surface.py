@@ -8,10 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.geometry import PLANE, SPHERE, TRIANGLE, Geometry
 from engines.numpy_reference.nearest import Nearest
-from engines.numpy_reference.vectors import EPSILON, Array, Indices, Mask, dot, norm, unit
-
-OFFSET = 256.0 * EPSILON
-"""How far rays start from a surface, as a share of the largest coordinate; shadow rays end as much before the light."""
+from engines.numpy_reference.vectors import Array, Indices, Mask, dot, norm, unit
 
 
 class Surface(NamedTuple):
@@ -38,8 +35,8 @@ class Surface(NamedTuple):
         return self.point + (-self.offset if inwards else self.offset) * self.geometric
 
 
-def surface_at(geometry: Geometry, origin: Array, direction: Array, hits: Nearest) -> Surface:
-    """The surface where rays (3, n) hit; every one of them must have hit something."""
+def surface_at(geometry: Geometry, origin: Array, direction: Array, hits: Nearest, offset: float) -> Surface:
+    """The surface where rays (3, n) hit; every one of them must have hit something. `offset` is the tracer's."""
     point = origin + hits.t * direction
     outward = geometric_normals(geometry, point, hits.rank)
     front = dot(direction, outward) < 0.0
@@ -50,7 +47,7 @@ def surface_at(geometry: Geometry, origin: Array, direction: Array, hits: Neares
     reach = np.maximum(np.maximum(np.abs(point).max(axis=0), np.abs(origin).max(axis=0)), hits.t)
     ball = np.flatnonzero(geometry.kind[hits.rank] == SPHERE)
     reach[ball] = np.maximum(reach[ball], geometry.spheres.radius[geometry.index[hits.rank[ball]]])
-    return Surface(point, geometric, normal, front, geometry.material[hits.rank], hits.rank, OFFSET * reach)
+    return Surface(point, geometric, normal, front, geometry.material[hits.rank], hits.rank, offset * reach)
 
 
 def geometric_normals(geometry: Geometry, point: Array, rank: Indices) -> Array:

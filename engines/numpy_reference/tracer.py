@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -10,24 +10,27 @@ from engines.choices import Choice
 from engines.numpy_reference.bvh import Bvh
 from engines.numpy_reference.exhaustive import Exhaustive
 from engines.numpy_reference.geometry import Geometry
-from engines.numpy_reference.nearest import Nearest
-from engines.numpy_reference.vectors import Array
+from engines.numpy_reference.nearest import Nearest, Part
+from engines.numpy_reference.vectors import EPSILON, Array
 
+OFFSET_ULPS = 256.0
 AUTO_LIMIT = 48
 """Spheres and triangles up to which `auto` takes `none`: about where both were measured to be equally fast."""
 
 
 class Tracer:
-    """Rays against the geometry. `accelerator` is `none` or `bvh`, with its options."""
+    """Rays against the geometry. `accelerator` is `auto`, `none` or `bvh`, with its options; afterwards what was taken.
 
-    def __init__(self, geometry: Geometry, accelerator: Choice) -> None:
-        self._parts: list[Exhaustive | Bvh] = []
-        for primitives in (geometry.planes, geometry.triangles, geometry.spheres):
-            if not primitives.rank.size:
-                continue
-            bounded = primitives is not geometry.planes
-            tree = accelerator.name == "bvh" and bounded
-            self._parts.append(Bvh(primitives, accelerator.options["leaf_size"]) if tree else Exhaustive(primitives))
+    `parts` can be given where another tracer finds the triangles; `epsilon` is then that of its arithmetic.
+    """
+
+    def __init__(
+        self, geometry: Geometry, accelerator: Choice, parts: Sequence[Part] | None = None, epsilon: float = EPSILON
+    ) -> None:
+        self.accelerator = resolved_accelerator(accelerator, geometry)
+        self.offset = OFFSET_ULPS * epsilon
+        """How far rays start from a surface, as a share of the largest coordinate; shadow rays end as much early."""
+        self._parts = _parts(geometry, self.accelerator) if parts is None else parts
         self.nbytes = sum(part.nbytes for part in self._parts)
 
     def closest(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> Nearest:
@@ -47,6 +50,17 @@ class Tracer:
                 lit = np.flatnonzero(~dark)
                 dark[lit] = part.occluded(origin.take(lit, axis=1), direction.take(lit, axis=1), t_max[lit], check)
         return dark
+
+
+def _parts(geometry: Geometry, accelerator: Choice) -> list[Part]:
+    found: list[Part] = []
+    for primitives in (geometry.planes, geometry.triangles, geometry.spheres):
+        if not primitives.rank.size:
+            continue
+        bounded = primitives is not geometry.planes
+        tree = accelerator.name == "bvh" and bounded
+        found.append(Bvh(primitives, accelerator.options["leaf_size"]) if tree else Exhaustive(primitives))
+    return found
 
 
 def resolved_accelerator(choice: Choice, geometry: Geometry) -> Choice:

@@ -12,6 +12,7 @@ from engines.scene.model import (
     Mesh,
     Orthographic,
     Perspective,
+    PerspectiveArctan,
     Plane,
     PointLight,
     Scene,
@@ -24,6 +25,6 @@ from engines.scene.model import (
 
 __all__ = [
     "BLACK", "Camera", "CustomCamera", "DirectionalLight", "EnvironmentLight", "Light", "Material", "Mesh",
-    "Orthographic", "Perspective", "Plane", "PointLight", "Scene", "Shape", "Sphere", "SphereSet", "Triangle",
-    "Triple", "load_scene", "scene_from",
+    "Orthographic", "Perspective", "PerspectiveArctan", "Plane", "PointLight", "Scene", "Shape", "Sphere", "SphereSet",
+    "Triangle", "Triple", "load_scene", "scene_from",
 ]  # fmt: skip

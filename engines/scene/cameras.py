@@ -1,15 +1,16 @@
-"""Cameras of a scene file: `perspective`, `orthographic`, or a plugin named `module:attribute`."""
+"""Cameras of a scene file: those of `KINDS`, or a plugin named `module:attribute`."""
 
 from __future__ import annotations
 
 import importlib
 import math
+from collections.abc import Callable
 from typing import Any
 
 from engines.errors import suggestion
 from engines.scene import fields
 from engines.scene.memory import refuse_above_memory
-from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, Triple
+from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, Triple
 from engines.scene.yaml_file import Located
 
 DEFAULT_RESOLUTION = (256, 256)
@@ -28,17 +29,22 @@ def read_camera(node: Located, allow_imports: bool) -> Camera:
         raise node.refuse_key("type", "is missing")
     if isinstance(kind.value, (dict, list, bool, int, float, bytes, type(None))):
         raise kind.refuse("must be text")
-    if kind.value == "perspective":
-        return _perspective(node)
-    if kind.value == "orthographic":
-        return _orthographic(node)
+    if isinstance(kind.value, str) and kind.value in KINDS:
+        return KINDS[kind.value](node)
     if isinstance(kind.value, str) and ":" not in kind.value:
-        known = ["perspective", "orthographic"]
-        raise kind.refuse(f"unknown camera: {suggestion(kind.value, known)}, or module:attribute")
+        raise kind.refuse(f"unknown camera: {suggestion(kind.value, KINDS)}, or module:attribute")
     return _custom(node, kind, allow_imports)
 
 
 def _perspective(node: Located) -> Perspective:
+    return Perspective(*_pinhole(node))
+
+
+def _perspective_arctan(node: Located) -> PerspectiveArctan:
+    return PerspectiveArctan(*_pinhole(node))
+
+
+def _pinhole(node: Located) -> tuple[Triple, Triple, Triple, float, str, tuple[int, int]]:
     known = ("type", "eye", "target", "up", "fov", "fov_axis", "resolution")
     given = fields.mapping(node, known, ("eye", "target"))
     fov = 40.0
@@ -48,7 +54,7 @@ def _perspective(node: Located) -> Perspective:
             raise given["fov"].refuse("must lie in (0, 180) degrees")
     axis = fields.one_of(given["fov_axis"], ("x", "y"), "fov_axis") if "fov_axis" in given else "y"
     eye, target, up = _frame(given)
-    return Perspective(eye, target, up, fov, axis, _resolution(given))
+    return eye, target, up, fov, axis, _resolution(given)
 
 
 def _orthographic(node: Located) -> Orthographic:
@@ -103,3 +109,8 @@ def _resolution(given: dict[str, Located]) -> tuple[int, int]:
     width, height = (fields.integer(item, 1, LARGEST_SIDE) for item in node.value)
     refuse_above_memory(node, float(width) * height * BYTES_PER_PIXEL, f"an image of {width} x {height} pixels")
     return width, height
+
+
+KINDS: dict[str, Callable[[Located], Camera]] = {
+    "perspective": _perspective, "perspective_arctan": _perspective_arctan, "orthographic": _orthographic,
+}  # fmt: skip

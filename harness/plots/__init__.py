@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
 from harness.machine import usable_cores
+from harness.plots import stability
 from harness.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
 from harness.plots.curves import error_curves, pareto, target_ecdf
 from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import Panel, panels
-from harness.plots.style import STYLE, Palette, Plot, file_stem, save
+from harness.plots.style import STYLE, Palette, Plot, Sketch, file_stem, save
 
-__all__ = ["Palette", "Plot", "draw", "write_plots"]
+__all__ = ["Palette", "Plot", "draw", "draw_stability", "write_plots"]
 
 WORTH_A_SECOND_PROCESS = 6
 """Figures from which on a second process, which needs a second to start, draws every other one."""
@@ -27,15 +28,6 @@ WORTH_A_SECOND_PROCESS = 6
 OF_ALL_SCENES = (
     "targets-over-time", "speed-up-over-threads", "cost-over-primitives", "cost-over-resolution", "sentinel",
 )  # fmt: skip
-
-
-class Sketch(NamedTuple):
-    """A figure that is yet to be drawn: `make` gives None where the results do not allow it."""
-
-    name: str
-    title: str
-    description: str
-    make: Callable[[], Figure | None]
 
 
 def write_plots(analysis: Analysis, folder: Path) -> list[Plot]:
@@ -64,6 +56,15 @@ def draw(analysis: Analysis, target: Path, first: int = 0, step: int = 1) -> dic
                 _mark_mixture(analysis, figure, name)
                 drawn[index] = Plot(name, title, description, save(figure, target, name))
     return drawn
+
+
+def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
+    """Draws what a run of the battery found, without any results folder."""
+    target.mkdir(parents=True, exist_ok=True)
+    with matplotlib.rc_context(cast(Any, STYLE)):
+        figures = [(sketch, sketch.make()) for sketch in stability.sketches(findings)]
+        return [Plot(sketch.name, sketch.title, sketch.description, save(figure, target, sketch.name))
+                for sketch, figure in figures if figure is not None]  # fmt: skip
 
 
 def _mark_mixture(analysis: Analysis, figure: Figure, name: str) -> None:
@@ -95,6 +96,7 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
         Sketch("sentinel", "Drift of the machine",
                "Time of a fixed kernel through the run, as deviation from its median in percent.",
                lambda: sentinel_drift(analysis)),
+        *stability.sketches(analysis.results.findings),
     ]  # fmt: skip
 
 

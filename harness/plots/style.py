@@ -7,7 +7,7 @@ that print in black and white stays readable. Files are the same to the byte at 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -49,6 +49,15 @@ class Plot(NamedTuple):
     svg: str
 
 
+class Sketch(NamedTuple):
+    """A figure that is yet to be drawn: `make` gives None where the results do not allow it."""
+
+    name: str
+    title: str
+    description: str
+    make: Callable[[], Figure | None]
+
+
 class Look(NamedTuple):
     """How a contender is drawn."""
 
@@ -69,8 +78,7 @@ class Palette:
 
     def __init__(self, results: Results) -> None:
         cells = [contender.settings for contender in results.contenders]
-        others = [e for e in _first_seen(str(cell.get("engine")) for cell in results.cells) if e not in ENGINE_COLOURS]
-        self.engines = ENGINE_COLOURS | {e: OTHER_COLOURS[i % len(OTHER_COLOURS)] for i, e in enumerate(others)}
+        self.engines = engine_colours(str(cell.get("engine")) for cell in results.cells)
         self.samplers = sorted({settings.sampler for settings in cells})
         self.accelerators = sorted({settings.accelerator for settings in cells})
         self.threads = sorted({settings.threads for settings in cells})
@@ -107,6 +115,12 @@ class Palette:
                 label = f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value)
                 entries.append(Line2D([], [], **look, label=label))
         return entries
+
+
+def engine_colours(names: Iterable[str]) -> dict[str, str]:
+    """A colour an engine: its own where it has one, else by the order in which names first appear."""
+    others = [name for name in dict.fromkeys(names) if name not in ENGINE_COLOURS]
+    return ENGINE_COLOURS | {name: OTHER_COLOURS[i % len(OTHER_COLOURS)] for i, name in enumerate(others)}
 
 
 def new_figure(width: float = 7.2, height: float = 4.2) -> Figure:
@@ -146,7 +160,3 @@ def file_stem(*words: str) -> str:
     """Words as a file name: letters, digits, `-` and `_` alone."""
     text = "-".join(word for word in words if word)
     return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in text)
-
-
-def _first_seen(names: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys(names))

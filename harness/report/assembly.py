@@ -13,6 +13,7 @@ import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from harness import agreement
 from harness.analysis import Analysis
 from harness.plots import Plot
 from harness.plots.panels import Panel, panels
@@ -29,6 +30,7 @@ SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
     "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
     "flat": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
+    "kept": "good", "not promised": "even", "broken": "bad",
 }  # fmt: skip
 
 
@@ -43,6 +45,7 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return _environment().get_template("report.html.j2").render(
         title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
+        agreements=[(pair.first.settings.scene, pair.verdict, agreement.words(pair)) for pair in analysis.pairs],
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
         machines=_machines(analysis), runs=results.runs, references=_references(results),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),

@@ -49,19 +49,26 @@ class Equivalence:
     verdict: str
 
 
-def equivalence(first: ArrayLike, second: ArrayLike, margin: float = MARGIN, alpha: float = ALPHA) -> Equivalence:
+def equivalence(
+    first: ArrayLike, second: ArrayLike, margin: float = MARGIN, alpha: float = ALPHA, paired: bool = False
+) -> Equivalence:
     """Compares replicate means `first` (k, h, w, 3) and `second` (m, h, w, 3), independent seeds, k and m at least 2.
+
+    `paired`: first[i] and second[i] share a seed, and perhaps their noise. The image means are then compared by their
+    differences; pixels and tiles as if they were independent, which finds less, never more.
 
     Verdict: `different` where pixels or tiles reject (Sidak, `alpha` a scale), where the tiles' p values are too small
     as a whole (KS), or where the image mean differs significantly and is not within the margin; `equivalent` where
     TOST puts the mean within `margin`; else `inconclusive`. Heavy-tailed pixels make Welch's test conservative.
     """
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    if a.shape[1:] != b.shape[1:] or min(len(a), len(b)) < 2:
+    if a.shape[1:] != b.shape[1:] or min(len(a), len(b)) < 2 or (paired and len(a) != len(b)):
         raise ValueError(f"replicates {a.shape} and {b.shape}: two or more of one shape are wanted on each side")
     pixel = welch_p(a, b, _tile_variance)
     tile = welch_p(tile_means(a), tile_means(b))
     image_a, image_b = a.mean(axis=(1, 2, 3)), b.mean(axis=(1, 2, 3))
+    if paired:  # Student's test of the differences is Welch's test against a sample without spread
+        image_a, image_b = np.full_like(image_a, image_a.mean()), image_a.mean() + (image_b - image_a)
     image = float(welch_p(image_a, image_b))
     ks = float(stats.kstest(tile.ravel(), "uniform", alternative="greater").pvalue)
     difference, low, high, detectable = _relative_difference(image_a, image_b)

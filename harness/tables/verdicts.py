@@ -8,17 +8,26 @@ from typing import Any
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.results import PHASES, Contender, Results
 from harness.statistics import Estimate, QualityTime, Speedup, amdahl_fit, parallel_speedups
+from harness.tables.agreement import (
+    BASELINE,
+    CONTENDER,
+    SCENE,
+    accuracy,
+    agreement,
+    agreement_text,
+    bias_text,
+    equivalence,
+    who,
+)
+from harness.tables.growth import growth
 from harness.tables.model import Column, Table
-
-SCENE = Column("scene", "Scene that was rendered.")
-CONTENDER = Column("contender", "Engine and those settings that differ within this experiment.")
-BASELINE = Column("baseline", "Contender compared with: the baseline engine's nearest relative.")
 
 
 def all_tables(analysis: Analysis) -> list[Table]:
-    """Every table, the verdicts first. Tables without rows are kept: that nothing failed is worth saying."""
-    makers = (time_to_quality, speedups, convergence, agreement, phases, threads, failures)
-    return [make(analysis) for make in makers]
+    """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying."""
+    makers = (time_to_quality, speedups, convergence, equivalence, agreement, phases, threads, failures)
+    where_asked = [table for table in (growth(analysis), accuracy(analysis)) if table.rows]
+    return [*(make(analysis) for make in makers), *where_asked]
 
 
 def time_to_quality(analysis: Analysis) -> Table:
@@ -50,7 +59,7 @@ def time_to_quality(analysis: Analysis) -> Table:
 def _quality_row(verdict: Verdict, index: int, target: float) -> dict[str, Any]:
     speedup = verdict.quality_speedups[index] if verdict.quality_speedups else None
     return {
-        **_who(verdict), "target": target, "warm_seconds": _estimate(verdict.warm[index]),
+        **who(verdict), "target": target, "warm_seconds": _estimate(verdict.warm[index]),
         "cold_seconds": _estimate(verdict.cold[index]), "reached": verdict.warm[index].verdict(),
         "speedup": _ratio(speedup), "speedup_verdict": speedup.verdict if speedup else "baseline",
         "bias": bias_text(verdict), "agreement": agreement_text(verdict),
@@ -78,7 +87,7 @@ def speedups(analysis: Analysis) -> Table:
         names = ["seconds per sample", *(f"time to {target:g}" for target in analysis.results.targets)]
         for name, speedup in zip(names, [verdict.speedup, *verdict.quality_speedups], strict=True):
             table.rows.append({
-                **_who(verdict), "baseline": verdict.baseline.name, "measure": name, "speedup": _ratio(speedup),
+                **who(verdict), "baseline": verdict.baseline.name, "measure": name, "speedup": _ratio(speedup),
                 "pairs": speedup.pairs, "verdict": speedup.verdict,
             })  # fmt: skip
     return table
@@ -100,51 +109,12 @@ def convergence(analysis: Analysis) -> Table:
     for verdict in analysis.verdicts:
         slope = verdict.slope
         table.rows.append({
-            **_who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
+            **who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
             "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds), "slope_verdict": slope.verdict,
             "samples_per_second": verdict.samples_per_second, "rays_per_second": verdict.rays_per_second,
             "efficiency": verdict.efficiency,
         })  # fmt: skip
     return table
-
-
-def agreement(analysis: Analysis) -> Table:
-    """Bias against the reference, equivalence with the baseline."""
-    table = Table(
-        "agreement", "Agreement with the reference and with the baseline",
-        "Equivalence at three scales: p values of Welch tests against their Sidak thresholds (1 % a scale), "
-        "and a margin test of 1 % on the image mean.",
-        [SCENE, CONTENDER, BASELINE,
-         Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
-         Column("bias_squared_se", "Its standard error.", "number"),
-         Column("bias", "Relative bias against the reference; flagged above 3 standard errors."),
-         Column("difference", "Relative difference of the image means, 90 % interval.", "estimate"),
-         Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
-         Column("image_p", "Welch p of the image means.", "number"),
-         Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
-         Column("tile_threshold", "Sidak threshold of a tile.", "number"),
-         Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
-         Column("pixel_threshold", "Sidak threshold of a pixel.", "number"),
-         Column("pixels_outside", "Pixels and channels below the threshold.", "count"),
-         Column("ks_p", "Kolmogorov-Smirnov p of the tiles' p values.", "number"),
-         Column("verdict", "equivalent, different or inconclusive.")],
-    )  # fmt: skip
-    for verdict in analysis.verdicts:
-        table.rows.append(_agreement_row(verdict))
-    return table
-
-
-def _agreement_row(verdict: Verdict) -> dict[str, Any]:
-    row: dict[str, Any] = {**_who(verdict), "baseline": verdict.baseline.name if verdict.baseline else None,
-                           "bias": bias_text(verdict), "verdict": agreement_text(verdict)}  # fmt: skip
-    if verdict.bias is not None:
-        row |= {"bias_squared": verdict.bias.squared, "bias_squared_se": verdict.bias.se}
-    found = verdict.equivalence
-    if found is not None:
-        row |= {key: getattr(found, key) for key in ("detectable", "image_p", "tile_p", "tile_threshold", "pixel_p",
-                                                     "pixel_threshold", "pixels_outside", "ks_p")}  # fmt: skip
-        row["difference"] = Estimate(found.difference, found.low, found.high, 0)
-    return row
 
 
 def phases(analysis: Analysis) -> Table:
@@ -156,7 +126,7 @@ def phases(analysis: Analysis) -> Table:
     table = Table("phases", "Phases", "Where the time of a cold start goes; medians over seeds, 95 % intervals.",
                   [SCENE, CONTENDER, *columns])  # fmt: skip
     for verdict in analysis.verdicts:
-        table.rows.append(_who(verdict) | {f"{phase}_seconds": verdict.phases[phase] for phase in PHASES})
+        table.rows.append(who(verdict) | {f"{phase}_seconds": verdict.phases[phase] for phase in PHASES})
     return table
 
 
@@ -209,27 +179,6 @@ def failures(analysis: Analysis) -> Table:
             table.rows.append({"scene": contender.settings.scene, "contender": contender.name, "state": state,
                                "cells": count, "message": message})  # fmt: skip
     return table
-
-
-def bias_text(verdict: Verdict) -> str:
-    """`< 0.5 %`: none seen, that much would have been; `2.9 %, flagged`; or `unknown`."""
-    bias = verdict.bias
-    if bias is None or math.isnan(bias.squared):
-        return "unknown"
-    if bias.biased:
-        return f"{100 * bias.root:.2g} %, flagged"
-    seen = math.sqrt(max(bias.squared, 0.0) + 3 * bias.se)
-    return f"< {100 * seen:.2g} %"
-
-
-def agreement_text(verdict: Verdict) -> str:
-    if verdict.baseline is None:
-        return "baseline"
-    return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"
-
-
-def _who(verdict: Verdict) -> dict[str, Any]:
-    return {"scene": verdict.contender.settings.scene, "contender": verdict.contender.name}
 
 
 def _estimate(quality: QualityTime) -> Estimate:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from engines.interface import Engine
-from harness.verify import boxes_and_trees, glass, light, rays, sampling, spawned_rays, spheres, triangles
+from harness.verify import boxes_and_trees, glass, light, rays, sampling, spawned_rays, spheres, stability, triangles
 from harness.verify.case import Case, Measured
 from harness.verify.promises import PROMISES, Promise
 from harness.verify.subject import Declined, Subject, accelerators, precisions
 
 SECTIONS = (spheres.SECTION, triangles.SECTION, boxes_and_trees.SECTION, rays.SECTION, spawned_rays.SECTION,
-            glass.SECTION, light.SECTION, sampling.SECTION)  # fmt: skip
+            glass.SECTION, light.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 
@@ -28,7 +28,7 @@ class Finding:
     """One row of the tables: what a case found with one engine, precision and accelerator.
 
     `error`, `allowed` in `unit` (see `promises`); `median`, `tail` (99.9 %) and `worst` in ulp of `tracing`, NaN where a
-    case has no distribution. `allowed` is NaN where nothing is promised.
+    case has no distribution. `allowed` is NaN where nothing is promised. `typical` is the median error in `unit`.
     """
 
     engine: str
@@ -51,6 +51,7 @@ class Finding:
     worst: float
     seconds: float
     note: str = ""
+    typical: float = float("nan")
 
 
 def findings(engines: Sequence[Engine], quick: bool = False, cases: Sequence[Case] = CASES) -> Iterator[Finding]:
@@ -88,6 +89,10 @@ def _error(promise: Promise, errors: Any) -> float:
     return float(np.max(np.where(np.isnan(errors), np.inf, np.abs(errors))))
 
 
+def _typical(errors: Any) -> float:
+    return float(np.median(np.where(np.isnan(errors), np.inf, np.abs(errors)))) if errors.size else float("nan")
+
+
 def _verdict(case: Case, subject: Subject, promise: Promise, result: Measured, error: float) -> tuple[float, str]:
     """(allowed, verdict); what is not promised is kept where it would pass as a promise of float64."""
     limit = promise.limit(subject.tracing, result.parameter)
@@ -110,5 +115,5 @@ def _finding(case: Case, subject: Subject, result: Measured, verdict: str | None
     return Finding(
         subject.engine.name, subject.engine.version, subject.precision, subject.tracing, subject.accelerator,
         case.section, case.id, case.asked, case.source, result.parameter, result.errors.size, error, promise.unit,
-        allowed, verdict, median, tail, worst, seconds, result.note,
+        allowed, verdict, median, tail, worst, seconds, result.note, _typical(result.errors),
     )  # fmt: skip

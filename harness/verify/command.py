@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from engines import registry
+from engines.errors import ConfigError
 from harness.commands import allow_here, consoles
 from harness.settings import require_imports
 from harness.verify import output
@@ -18,6 +19,8 @@ def verify(names: Sequence[str], quick: bool, only: Sequence[str], out: Path | N
     allow_here(allow_imports)
     for name in names:
         require_imports(name, allow_imports)
+        if registry.is_file(name):
+            raise ConfigError(f"{name}: a renderer by process answers no single rays: ask `raybench equivalence`")
     engines = [registry.engine(name) for name in names or registry.engine_names()]
     chosen = [case for case in CASES if not only or case.id in only or case.section in only]
     found = []

@@ -17,7 +17,7 @@ from engines.registry import engine as engine_of
 from engines.scene import Scene, load_scene
 from harness import catalog
 from harness.commands import allow_here, consoles
-from harness.settings import require_imports
+from harness.settings import require_commands, require_imports
 from harness.statistics import Equivalence, equivalence
 from harness.tables.model import number_text
 
@@ -36,6 +36,7 @@ class Asked(NamedTuple):
     margin: float = 0.01
     seed: int = 1
     allow_imports: bool = False
+    allow_commands: bool = False
 
 
 def compare(asked: Asked) -> int:
@@ -47,6 +48,7 @@ def compare(asked: Asked) -> int:
     allow_here(asked.allow_imports)
     for name in asked.engines:
         require_imports(name, asked.allow_imports)
+        require_commands(name, asked.allow_commands)
     scene = load_scene(catalog.find("scenes", asked.scene), allow_imports=asked.allow_imports)
     images = {
         place: replicate_images(engine_of(name), scene, settings_of(asked), asked.replicates, place * asked.replicates)

@@ -8,7 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 from rich.console import Console
@@ -20,6 +20,9 @@ from harness.tables.model import csv_text, latex_text, number_text
 from harness.verify.battery import BROKEN, DECLINED, KEPT, NOT_PROMISED, Finding
 from harness.verify.promises import PROMISES
 
+if TYPE_CHECKING:
+    from harness.plots import Plot
+
 COLUMNS = [
     Column("case", "Id of the case."),
     Column("engine", "Engine."),
@@ -30,6 +33,7 @@ COLUMNS = [
     Column("error", "Error found, the worst of `count`.", "number"),
     Column("unit", "Unit of error and allowed: relative, absolute, eps, eps/cos, wrong, share, z or p."),
     Column("allowed", "What the engine promises; empty where it promises nothing.", "number"),
+    Column("typical", "The median error, in the same unit.", "number"),
     Column("verdict", "kept, not promised, broken, or declined by why_not."),
     Column("median", "Median error in ulp of the tracing precision.", "number", "median ulp"),
     Column("tail", "The 99.9 % quantile of it.", "number", "99.9 % ulp"),
@@ -54,13 +58,16 @@ def table(found: Sequence[Finding], names: Sequence[str] = ()) -> Table:
 
 
 def write(found: Sequence[Finding], folder: Path, quick: bool) -> None:
-    """verify.json, .csv, .tex (all but the wordy columns) and .html."""
+    """verify.json, .csv, .tex (all but the wordy columns) and .html; plots/, where there is something to draw."""
+    from harness.plots import draw_stability
+
     folder.mkdir(parents=True, exist_ok=True)
+    plots = draw_stability([dataclasses.asdict(finding) for finding in found], folder / "plots")
     texts = {
         "json": json.dumps(_document(found, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(found)),
         "tex": latex_text(table(found, SHORT)),
-        "html": page(found, quick),
+        "html": page(found, quick, plots),
     }
     for suffix, text in texts.items():
         (folder / f"verify.{suffix}").write_text(text, encoding="utf-8")
@@ -128,8 +135,10 @@ def limit_text(finding: Finding) -> str:
     return "–" if math.isnan(finding.allowed) else number_text(finding.allowed)
 
 
-def page(found: Sequence[Finding], quick: bool) -> str:
+def page(found: Sequence[Finding], quick: bool, plots: Sequence[Plot] = ()) -> str:
     """A page of its own, without scripts or anything from elsewhere."""
+    from harness.report.assembly import inline_svg
+
     loader = jinja2.PackageLoader("harness.verify", ".")
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
     sections: dict[str, dict[str, list[Finding]]] = {}
@@ -144,6 +153,7 @@ def page(found: Sequence[Finding], quick: bool) -> str:
     return environment.get_template("verify.html.j2").render(
         sections=sections, engines=engines, matrix=matrix, counts=counts(found), quick=quick, promises=PROMISES,
         number=number_text, limit=limit_text, isnan=math.isnan,
+        plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
         worst=lambda given: [finding for finding, _ in condensed(given)],
         has_ulps=lambda given: any(not math.isnan(finding.worst) for finding in given),
         failures=[f for f in found if f.verdict == BROKEN], lost=[f for f in found if f.verdict == NOT_PROMISED],

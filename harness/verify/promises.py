@@ -91,6 +91,18 @@ PROMISES: dict[str, Promise] = {
     "e": Z, "f": Z, "g": Z, "h": Z, "i": EXACT,
     "j": Promise("absolute", 1e-9, 1e-4, "rays that graze run 65,000 times the distance of the planes"),
     "m": NEVER, "wf": EXACT, "sum": Z,
+    # stability
+    "t/distance": Promise("relative", 1e-14,
+                          {f"{shape}, distance 1e{power:+03d}": 1e-6 if power < 6 else None
+                           for shape in ("sphere", "triangle") for power in range(9)},
+                          "a float32 direction misses by 6e-8 of the distance"),
+    "t/offset": Promise("relative", 1e-14, 1e-6),
+    "t/radius": Promise("relative", {f"sphere, radius 1e{power:+03d}": max(1e-14, 1e-15 * 10.0**power)
+                                     for power in range(-4, 7)}, 1e-6, "b2 - 4ac grows with the square of the radius"),
+    "self/scale": NEVER,
+    "leak/scale": Promise("wrong", 0, {f"gap {gap}, scale 1e{power:+03d}": 0 if gap == "1e-03" else None
+                                       for gap in ("1e-03", "1e-05", "1e-07") for power in range(-6, 7, 2)},
+                          "float32 offsets rays by 3e-5 of the largest coordinate"),
     # sampling
     "q.mean": Z, "q.slope": Promise("absolute", 0.15, 0.15),
 }  # fmt: skip

@@ -8,7 +8,7 @@ from engines.choices import Option
 from engines.conformance import asking, light
 from engines.errors import ConfigError, UnknownName, Unsupported
 from engines.interface import Settings
-from engines.scene import Sphere
+from engines.scene import Perspective, PerspectiveArctan, Sphere
 from tests.conformance.mutants import breaks
 from tests.conformance.small_engine import Engine, Renderer
 
@@ -157,6 +157,23 @@ class Mirrored(Renderer):
 class BlueGreenRed(Renderer):
     def samples(self):
         return super().samples()[:, ::-1]
+
+
+@breaks(light.cameras_show_what_lies_along_their_rays)
+class PinholeForAll(Engine):
+    """Takes a camera that maps angles for one that maps a plane."""
+
+    def why_not(self, scene, settings):
+        return super().why_not(replace(scene, camera=pinhole(scene.camera)), settings)
+
+    def prepare(self, scene, settings):
+        return self.renderer(replace(scene, camera=pinhole(scene.camera)), settings)
+
+
+def pinhole(camera):
+    if not isinstance(camera, PerspectiveArctan):
+        return camera
+    return Perspective(camera.eye, camera.target, camera.up, camera.fov, camera.fov_axis, camera.resolution)
 
 
 @breaks(light.lossless_glass_is_invisible_in_a_furnace)

@@ -1,5 +1,6 @@
 """What a renderer promises: the same bits however a render is split, prompt stops, and honest counters."""
 
+import math
 import threading
 import time
 from dataclasses import replace
@@ -15,7 +16,16 @@ from engines.interface import Settings
 from engines.numpy_reference import Engine, exhaustive, tracer
 from engines.numpy_reference import bvh as bvh_module
 from engines.numpy_reference import renderer as renderer_module
-from engines.scene.model import EnvironmentLight, Orthographic, Perspective, Plane, PointLight, Sphere, SphereSet
+from engines.scene.model import (
+    EnvironmentLight,
+    Orthographic,
+    Perspective,
+    PerspectiveArctan,
+    Plane,
+    PointLight,
+    Sphere,
+    SphereSet,
+)
 
 LIGHTS = [PointLight((0.0, 3.0, 2.0), (5.0, 5.0, 5.0)), EnvironmentLight((0.2, 0.3, 0.4))]
 MATERIALS = [material(kd=0.6), GLASS, material(emission=4.0), material(kd=0.2, ks=0.6)]
@@ -199,3 +209,20 @@ def test_cameras_send_rays_through_the_window_they_describe():
     origin, direction = camera_rays(Orthographic(eye, target, up, 3.0, (2, 1)), px, py, 2, 1)
     assert np.allclose(origin.T, [[-2.0, 3.5, 3.0], [4.0, 0.5, 3.0]], atol=1e-15)
     assert (direction.T == [0.0, 0.0, -1.0]).all()
+
+
+def test_the_arctan_camera_has_slopes_that_are_the_arctangent_of_an_angle():
+    """The share s of the half image has the angle s radians upwards, and 2 s across; A(1) = pi/4 and A(2) = pi/2 - A(1/2)."""
+    from engines.numpy_reference.camera import camera_rays
+
+    camera = PerspectiveArctan((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), math.degrees(2.0), "y", (20, 10))
+    px, py = np.linspace(0.0, 20.0, 11), np.linspace(10.0, 0.0, 11)
+    _, direction = camera_rays(camera, px, py, 20, 10)
+    across, upwards = direction[0] / -direction[2], direction[1] / -direction[2]
+    share = np.linspace(-1.0, 1.0, 11)
+    assert np.abs(across - np.arctan(2.0 * share)).max() < 1.6e-3 > np.abs(upwards - np.arctan(share)).max()
+    assert upwards[[0, 5, 10]] == pytest.approx([-math.pi / 4, 0.0, math.pi / 4], abs=1e-15)
+    half = 0.5 * math.pi / 4 + 0.5 * 0.5 * (0.2447 + 0.0663 * 0.5)
+    _, direction = camera_rays(camera, np.array([15.0, 20.0]), np.array([7.5, 2.5]), 20, 10)
+    assert direction[1] / -direction[2] == pytest.approx([-half, half], abs=1e-15)
+    assert (direction[0] / -direction[2])[1] == pytest.approx(math.pi / 2 - half, abs=1e-15)

@@ -19,6 +19,7 @@ from engines.scene import (
     Mesh,
     Orthographic,
     Perspective,
+    PerspectiveArctan,
     Plane,
     PointLight,
     Sphere,
@@ -99,6 +100,12 @@ def test_wrong_arrays_are_refused(vertices, faces, message):
 def test_directions_of_any_length_become_unit(length):
     found = scene(shapes=[{"plane": {"point": [0, 0, 0], "normal": [length, length, 0]}, "material": "m"}])
     assert math.hypot(*found.shapes[0].normal) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_arctan_cameras_are_read_like_pinholes():
+    camera = {"type": "perspective_arctan", "eye": [0, 1, 5], "target": [0, 1, 0], "fov": 45, "resolution": [4, 3]}
+    assert scene(camera=camera).camera == PerspectiveArctan((0, 1, 5), (0, 1, 0), (0, 1, 0), 45, "y", (4, 3))
+    assert scene(camera=camera).content_hash != scene(camera={**camera, "type": "perspective"}).content_hash
 
 
 def test_orthographic_cameras_are_read():

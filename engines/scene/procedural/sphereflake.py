@@ -3,20 +3,12 @@ of its radius, three on its top and six around its equator, seen along the axis 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene import fields
 from engines.scene.model import Triple
-
-
-class Spheres(NamedTuple):
-    """Generated spheres: `centers` (n, 3) and `radii` (n,), float64."""
-
-    centers: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    name: str
+from engines.scene.procedural.generator import BYTES_PER_SPHERE, CENTER, Generator, Option, Spheres, integer
 
 
 def sphere_count(level: int) -> int:
@@ -59,3 +51,16 @@ def _frames(axes: NDArray[np.float64]) -> NDArray[np.float64]:
     first = np.stack([1.0 + sign * x * x * a, -sign * x, sign * b], axis=1)
     last = np.stack([b, -z, sign + z * z * a], axis=1)
     return np.stack([first, axes, last], axis=2)
+
+
+GENERATORS = {
+    "sphereflake": Generator(
+        sphereflake,
+        {
+            "level": Option(integer(0, 30), "generations; (9^(level + 1) - 1)/8 spheres", 2),
+            "center": CENTER,
+            "radius": Option(fields.positive, "of the largest sphere, in metres", 0.5),
+        },
+        lambda options: BYTES_PER_SPHERE * sphere_count(options["level"]),
+    ),
+}

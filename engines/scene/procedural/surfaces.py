@@ -1,12 +1,24 @@
-"""Procedural surfaces of many triangles: a fractal terrain and a torus knot."""
+"""Procedural surfaces of many triangles: two fractal landscapes and a torus knot."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.solids import Faces
+from engines.scene.procedural.generator import (
+    BYTES_PER_FACE,
+    CENTER,
+    FOOT,
+    Faces,
+    Generator,
+    Option,
+    grid_faces,
+    integer,
+    quads,
+    within,
+)  # fmt: skip
 
 OCTAVES = 8
 FIRST_CELLS = 2
@@ -29,7 +41,7 @@ def terrain(cells: int, size: float, height: float, roughness: float, seed: int,
     heights = (heights - heights.min()) * (height / spread if spread > 0.0 else 0.0)
     x, z = np.meshgrid((line - 0.5) * size, (line - 0.5) * size)
     vertices = np.stack([x, heights, z], axis=2).reshape(-1, 3) + np.array(center)
-    return Faces(vertices, _grid_faces(cells, cells), "terrain")
+    return Faces(vertices, grid_faces(cells, cells), "terrain")
 
 
 def _gradient_noise(at: NDArray[np.float64], lattice: int, key: int) -> NDArray[np.float64]:
@@ -63,14 +75,27 @@ def _hash_grid(side: int, key: int) -> NDArray[np.uint64]:
     return x.reshape(side, side)
 
 
-def _grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
-    """(2 rows columns, 3) faces of a grid of (rows + 1) x (columns + 1) vertices; front: row axis x column axis."""
-    index = np.arange((rows + 1) * (columns + 1), dtype=np.int32).reshape(rows + 1, columns + 1)
-    return _quads(index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+def mount(level: int, size: float, height: float, roughness: float, seed: int, center: Triple) -> Faces:
+    """The fractal mountain of Haines' databases: a square of two triangles whose edges are broken in their middles.
 
-
-def _quads(a: NDArray[np.int32], b: NDArray[np.int32], c: NDArray[np.int32], d: NDArray[np.int32]) -> NDArray[np.int32]:
-    return np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    Every triangle becomes four, `level` times; a middle moves up or down by at most `height`, `roughness` times as much
+    in every generation (Fournier, Fussell and Carpenter 1982). 2 * 4^level faces over a square of `size`.
+    """
+    heights = np.zeros((2, 2))
+    for generation in range(level):
+        side = 2 * len(heights) - 1
+        finer = np.empty((side, side))
+        finer[::2, ::2] = heights
+        finer[::2, 1::2] = (heights[:, :-1] + heights[:, 1:]) / 2
+        finer[1::2, ::2] = (heights[:-1] + heights[1:]) / 2
+        finer[1::2, 1::2] = (heights[:-1, :-1] + heights[1:, 1:]) / 2  # along the edge that the two faces share
+        moved = _hash_grid(side, seed * 0x9E3779B1 + generation) * 2.0**-31 - 1.0
+        moved[::2, ::2] = 0.0
+        heights = finer + height * roughness**generation * moved
+    line = (np.linspace(0.0, 1.0, len(heights)) - 0.5) * size
+    x, z = np.meshgrid(line, line)
+    vertices = np.stack([x, heights, z], axis=2).reshape(-1, 3) + np.array(center)
+    return Faces(vertices, grid_faces(len(heights) - 1, len(heights) - 1), "mount")
 
 
 def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: float, center: Triple) -> Faces:
@@ -99,4 +124,48 @@ def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: f
     vertices = (curve[:, None, :] + tube * ring).reshape(-1, 3) + np.array(center)
     index = np.arange(segments * sides, dtype=np.int32).reshape(segments, sides)
     ahead = np.roll(index, -1, axis=0)
-    return Faces(vertices, _quads(index, np.roll(index, -1, axis=1), np.roll(ahead, -1, axis=1), ahead), "torus_knot")
+    return Faces(vertices, quads(index, np.roll(index, -1, axis=1), np.roll(ahead, -1, axis=1), ahead), "torus_knot")
+
+
+_SIZE = Option(fields.positive, "of a side, in metres", 10.0)
+_SEED = Option(integer(0, 2**32 - 1), "of the random numbers", 0)
+
+GENERATORS = {
+    "terrain": Generator(
+        terrain,
+        {
+            "cells": Option(integer(1, 1 << 20), "along each side; 2 cells^2 faces", 128),
+            "size": _SIZE,
+            "height": Option(fields.positive, "from lowest to highest point, in metres", 2.0),
+            "roughness": Option(within(0.0, 1.0), "what an octave adds, as a share of the one before", 0.5),
+            "seed": _SEED,
+            "center": FOOT,
+        },
+        lambda options: BYTES_PER_FACE * 2.0 * options["cells"] ** 2,
+    ),
+    "mount": Generator(
+        mount,
+        {
+            "level": Option(integer(0, 30), "times that every face becomes four; 2 * 4^level faces", 6),
+            "size": _SIZE,
+            "height": Option(fields.positive, "that the first middles move by at most, in metres", 2.0),
+            "roughness": Option(within(0.0, 1.0), "how far a generation moves, as a share of the one before", 0.5),
+            "seed": _SEED,
+            "center": Option(fields.triple, "the middle of the square before its edges move", (0.0, 0.0, 0.0)),
+        },
+        lambda options: BYTES_PER_FACE * 2.0 * 4.0 ** options["level"],
+    ),
+    "torus_knot": Generator(
+        torus_knot,
+        {
+            "p": Option(integer(1, 64), "turns about the axis", 2),
+            "q": Option(integer(1, 64), "turns about the ring", 3),
+            "segments": Option(integer(8, 1 << 24), "along the tube", 512),
+            "sides": Option(integer(3, 1 << 16), "around the tube", 32),
+            "radius": Option(fields.positive, "of the ring, in metres", 1.0),
+            "tube": Option(fields.positive, "radius of the tube, in metres", 0.2),
+            "center": CENTER,
+        },
+        lambda options: BYTES_PER_FACE * 2.0 * options["segments"] * options["sides"],
+    ),
+}

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene import fields
 from engines.scene.model import Triple
-
-
-class Faces(NamedTuple):
-    """A generated mesh: `vertices` (n, 3) float64, `faces` (m, 3) int32, counter-clockwise seen from the front."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    name: str
+from engines.scene.procedural.generator import (
+    BYTES_PER_FACE,
+    CENTER,
+    RADIUS,
+    ROTATE_Y,
+    Faces,
+    Generator,
+    Option,
+    integer,
+    turned,
+)
+from engines.scene.yaml_file import Located
 
 
 def box(half_size: Triple, center: Triple, rotate_y: float) -> Faces:
     """A closed box of 12 triangles with outward normals, turned by `rotate_y` degrees about +y through its centre.
 
-    Vertex k has the signs of the bits of k (x lowest). x' = x cos + z sin, z' = z cos - x sin.
+    Vertex k has the signs of the bits of k (x lowest).
     """
     signs = np.array([[1 if k >> axis & 1 else -1 for axis in range(3)] for k in range(8)], np.float64)
-    x, y, z = (signs * np.array(half_size)).T
-    cos, sin = np.cos(np.radians(rotate_y)), np.sin(np.radians(rotate_y))
-    vertices = np.stack([x * cos + z * sin, y, z * cos - x * sin], axis=1) + np.array(center)
+    vertices = turned(signs * np.array(half_size), rotate_y) + np.array(center)
     sides = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
     faces = np.array([[(a, b, c), (a, c, d)] for a, b, c, d in sides], np.int32).reshape(-1, 3)
     return Faces(vertices, faces, "box")
@@ -73,3 +74,47 @@ def _subdivided(
     ab, bc, ca = (inverse.reshape(-1, 3) + count).T
     parts = [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
     return np.concatenate([vertices, middle]), np.stack(parts, axis=1).reshape(-1, 3)
+
+
+def _positive_triple(node: Located) -> Triple:
+    found = fields.triple(node)
+    if min(found) <= 0.0:
+        raise node.refuse(f"{list(found)}: must be greater than 0")
+    return found
+
+
+def _four_points(node: Located) -> NDArray[np.float64]:
+    found = fields.rows(node, np.float64)
+    if len(found) != 4:
+        raise node.refuse(f"{len(found)} points: four are wanted")
+    return found
+
+
+GENERATORS = {
+    "tessellated_sphere": Generator(
+        tessellated_sphere,
+        {
+            "subdivisions": Option(integer(0, 30), "of an icosahedron; 20 * 4^subdivisions faces", 4),
+            "center": CENTER,
+            "radius": RADIUS,
+        },
+        lambda options: BYTES_PER_FACE * 20.0 * 4.0 ** options["subdivisions"],
+    ),
+    "box": Generator(
+        box,
+        {
+            "half_size": Option(_positive_triple, "half the extents along its own x, y, z", (1.0, 1.0, 1.0)),
+            "center": CENTER,
+            "rotate_y": ROTATE_Y,
+        },
+    ),
+    "quad": Generator(quad, {"points": Option(_four_points, "corners, counter-clockwise seen from the front")}),
+    "rectangle": Generator(
+        rectangle,
+        {
+            "corner": Option(fields.triple, "one corner"),
+            "edge1": Option(fields.triple, "from the corner to the next"),
+            "edge2": Option(fields.triple, "from the corner to the last; the front is edge1 x edge2"),
+        },
+    ),
+}

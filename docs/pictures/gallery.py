@@ -1,0 +1,49 @@
+"""Draws the gallery: python docs/pictures/gallery.py [SCENE ...] renders scenes (default: all) and writes docs/gallery.md.
+
+The words about a scene are the comment on top of its file; the pictures are what the command beside each makes.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parents[1]
+SCENES = DOCS.parent / "scenes"
+PICTURES = DOCS / "pictures" / "gallery"
+HEAD = """# Gallery
+
+Every scene that comes with raybench, by the path tracer. A scene is named by its bare name in commands and configs; the
+three in [`scenes/mobilert/`](../scenes/mobilert) need a mesh that is not ours to ship, and say so where it is missing.
+All pictures: `python docs/pictures/gallery.py`.
+"""
+SQUARE = ("cornell_box", "mobilert_cornell", "mobilert_cornell2", "mobilert_spheres", "mobilert_spheres2", "furnace")
+SQUARE += ("cornell_spheres", "mesh_sphere", "tree")
+SAMPLES = {"glassware": 4096, "many_lights": 2048}
+
+
+def command(name: str) -> list[str]:
+    size = "160x160" if name in SQUARE else "240x160"
+    target = f"docs/pictures/gallery/{name}.png"
+    return ["raybench", "render", name, "--spp", str(SAMPLES.get(name, 512)), "--size", size, "-o", target]
+
+
+def words(name: str) -> str:
+    """The comment on top of a scene's file."""
+    lines = (SCENES / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
+    return " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
+
+
+def entry(name: str) -> str:
+    return f"## {name}\n\n![{name}](pictures/gallery/{name}.png)\n\n{words(name)}\n\n    {' '.join(command(name))}\n"
+
+
+def main(wanted: list[str]) -> None:
+    names = sorted(file.stem for file in SCENES.glob("*.yaml"))
+    PICTURES.mkdir(exist_ok=True)
+    for name in wanted or names:
+        subprocess.run([sys.executable, "-m", "harness", *command(name)[1:]], cwd=DOCS.parent, check=True)
+    (DOCS / "gallery.md").write_text("\n".join([HEAD, *map(entry, names)]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,70 @@
+"""The engine: numpy's renderer over another tracer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import metadata
+
+import numpy as np
+
+from engines.choices import Choice, Option, one_of
+from engines.errors import RaybenchError, Unsupported
+from engines.interface import Settings
+from engines.numpy_reference.engine import supported
+from engines.numpy_reference.exhaustive import Exhaustive
+from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.nearest import Part
+from engines.numpy_reference.renderer import Renderer
+from engines.numpy_reference.tracer import Tracer
+from engines.scene.model import Mesh, Scene, Triangle
+
+_OPTIONS = {
+    "robust": Option(
+        True, "watertight traversal; without it rays aimed at edges may slip through", one_of(True, False)
+    ),
+}
+ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
+
+
+class Engine:
+    """Traces triangles in float32 and shades in float64, on one thread, whatever `settings.threads` says.
+
+    Spheres and planes beside the triangles are tested in NumPy, one by one; a scene of these alone is declined.
+    """
+
+    name = "embreex_batch"
+    version = "1"
+    tracing_precision = "float32"
+
+    def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
+        return ACCELERATORS
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        try:
+            self._supported(scene, settings)
+        except RaybenchError as error:
+            return str(error)
+        return None
+
+    def prepare(self, scene: Scene, settings: Settings) -> Renderer:
+        return Renderer(scene, self._supported(scene, settings), _tracer)
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        found = supported(scene, settings, ACCELERATORS, self.name)
+        if scene.shapes and not any(isinstance(shape, Triangle | Mesh) for shape in scene.shapes):
+            raise Unsupported("embreex holds triangles only, and none of the shapes is one")
+        try:
+            metadata.version("embreex")
+        except metadata.PackageNotFoundError as error:
+            raise Unsupported(f"the engine {self.name} needs the package embreex: pip install embreex") from error
+        return found
+
+
+def _tracer(geometry: Geometry, accelerator: Choice) -> Tracer:
+    from engines.embreex_batch.triangles import BatchTriangles
+
+    parts: list[Part] = [Exhaustive(kind) for kind in (geometry.planes, geometry.spheres) if kind.rank.size]
+    if geometry.triangles.rank.size:
+        parts.append(BatchTriangles(geometry.triangles, accelerator.options["robust"]))
+    chosen = Choice("embree", accelerator.options)
+    return Tracer(geometry, chosen, parts, epsilon=float(np.finfo(np.float32).eps))

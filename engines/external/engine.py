@@ -1,0 +1,202 @@
+"""The engine of a renderer's file, and its renderer: every call of `render` is a process."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
+from engines.errors import RaybenchError, RendererFailed, Unsupported
+from engines.external.description import UNITS, Description, read
+from engines.external.pictures import read_picture
+from engines.external.process import Process
+from engines.external.scenes import scene_file
+from engines.external.template import filled
+from engines.film import Film
+from engines.interface import Hits, OnPass, Settings
+from engines.scene.model import Camera, Scene, Shape
+
+THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Set to the threads asked for: the program may inherit others from a harness."""
+
+
+class Engine:
+    """A program that renders, as its file describes it."""
+
+    def __init__(self, file: str | PathLike[str]) -> None:
+        self._said = read(Path(file))
+        self.name = self._said.name
+        self.version = f"{self._said.version}-{self._said.digest}"
+
+    def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
+        """Its own, whatever it is."""
+        return {"auto": {}}
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        """None where the program is there and its file says that it can do this."""
+        try:
+            self._supported(scene, settings)
+        except RaybenchError as error:
+            return str(error)
+        return None
+
+    def prepare(self, scene: Scene, settings: Settings) -> Renderer:
+        return Renderer(self._said, self._supported(scene, settings), scene)
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        said = self._said
+        shader = resolve("shader", settings.shader, SHADERS)
+        sampler = resolve("sampler", settings.sampler, SAMPLERS)
+        resolve("accelerator", settings.accelerator, self.accelerators())
+        program(said)
+        self._require("shader", shader, said.shaders, SHADERS)
+        self._require("sampler", sampler, said.samplers, SAMPLERS)
+        if settings.precision not in (None, said.precision):
+            raise Unsupported(f"{said.name} computes in {said.precision}")
+        if said.threads not in (None, settings.threads):
+            raise Unsupported(f"{said.name} always takes {said.threads} threads")
+        with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
+            scene_file(said.scene_format, scene, settings, Path(folder))
+        return replace(settings, shader=shader, sampler=sampler, precision=said.precision)
+
+    def _require(
+        self, kind: str, asked: Choice, known: Mapping[str, Choice], table: Mapping[str, Mapping[str, Option]]
+    ) -> None:
+        if asked.plugin is not None or asked.name not in known:
+            raise Unsupported(f"{self._said.name} has no {kind} {asked.name}: its file lists {', '.join(known)}")
+        for key, value in asked.options.items():
+            fixed = known[asked.name].options[key]
+            if f"{kind}.{key}" not in self._said.passed and value != fixed:
+                raise Unsupported(f"{self._said.name} has {kind} {asked.name} with {key} = {fixed} only")
+
+
+def program(said: Description) -> str:
+    """The program's path; raises `Unsupported` where there is none."""
+    word = said.command[0]
+    place = said.file.absolute().parent / Path(word).expanduser() if "/" in word else word
+    found = shutil.which(place)
+    if found is None:
+        where = f"at {place}" if "/" in word else "on PATH"
+        raise Unsupported(f"{said.name}: there is no program {word!r} {where}")
+    return found
+
+
+class Renderer:
+    """A scene for a program. `counters()["told_seconds"]` is the time that counts, over all calls of `render`."""
+
+    def __init__(self, said: Description, settings: Settings, scene: Scene) -> None:
+        """`settings` with every choice resolved."""
+        self._said, self._settings, self._scene = said, settings, scene
+        self._folder = tempfile.TemporaryDirectory(prefix="raybench-")
+        self._process = Process()
+        self._told = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._scene_file = scene_file(self._said.scene_format, self._scene, self._settings, Path(self._folder.name))
+        self.film = Film(*self._settings.size(self._scene))
+        self._between = np.zeros((self.film.height, self.film.width, 3))
+        self._calls = 0
+
+    def warm_up(self) -> None:
+        """A process of one sample where the program's own words are the clock; else starting is part of every call."""
+        if self._said.time is not None:
+            self._process.stopped = False
+            self._run(1, "warm-up")
+
+    def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
+        """One process of `spp` samples. `stop` kills it; its samples are then lost."""
+        self._process.stopped = False
+        if spp > 0:
+            found = self._run(spp, self.film.spp)
+            if found is not None:
+                self._add(found[0], spp)
+                self._told += found[1]
+                if on_pass is not None:
+                    on_pass(self.film)
+        return self.film
+
+    def stop(self) -> None:
+        self._process.stop()
+
+    def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
+        """Writes the scene anew. Raises `Unsupported` where the program reads the scene's own file."""
+        changes: dict[str, Any] = {"camera": camera, "shapes": None if shapes is None else tuple(shapes)}
+        changed = {key: value for key, value in changes.items() if value is not None}
+        self._scene = replace(self._scene, source="", **changed) if changed else self._scene
+        self._begin()
+
+    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
+        raise Unsupported(f"{self._said.name} renders images and answers no single rays")
+
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
+        raise Unsupported(f"{self._said.name} renders images and answers no single rays")
+
+    def counters(self) -> Mapping[str, float]:
+        """Rays, build and memory are the program's secret: 0."""
+        unknown = dict.fromkeys(("rays", "build_seconds", "compile_seconds", "accelerator_bytes"), 0.0)
+        return {**unknown, "bad_samples": self.film.bad_samples, "told_seconds": self._told}
+
+    def _run(self, spp: int, stream: int | str) -> tuple[NDArray[np.float64], float] | None:
+        """The image of `spp` new samples and the seconds that count; None where it was stopped."""
+        said, settings = self._said, self._settings
+        folder = Path(self._folder.name)
+        image = folder / f"image.{said.image}"
+        image.unlink(missing_ok=True)
+        width, height = self.film.width, self.film.height
+        values: dict[str, Any] = {
+            "scene": self._scene_file, "image": image, "folder": folder, "spp": spp, "seed": self._seed(stream),
+            "threads": settings.threads, "width": width, "height": height, "precision": said.precision,
+        }  # fmt: skip
+        for kind, choice in (("shader", settings.shader), ("sampler", settings.sampler)):
+            values[kind] = choice.name
+            values |= {f"{kind}.{key}": value for key, value in choice.options.items()}
+        words = [program(said), *(filled(word, values) for word in said.command[1:])]
+        environment = dict.fromkeys(THREAD_POOLS, str(settings.threads))
+        environment |= {key: filled(value, values) for key, value in said.environment.items()}
+        ran = self._process.run(said.name, words, environment, folder)
+        if ran is None:
+            return None
+        seconds = ran.seconds if said.time is None else told_seconds(said.name, said.time, ran.output)
+        return read_picture(said.name, image, width, height), seconds
+
+    def _seed(self, stream: int | str) -> int:
+        """31 bits of their own for every call: programs take no more, and equal seeds would be equal samples."""
+        key = f"{self._settings.seed}/{stream}".encode()
+        return int.from_bytes(hashlib.sha256(key).digest()[:4], "big") >> 1
+
+    def _add(self, image: NDArray[np.float64], spp: int) -> None:
+        """Adds the mean of `spp` samples. Their spread is seen between calls alone: unbiased from two calls on."""
+        film = self.film
+        film.sums += spp * image
+        film.counts += spp
+        self._between += spp * image**2
+        self._calls += 1
+        mean, count = film.mean(), film.counts[:, :, None]
+        spread = (self._between - count * mean**2) / max(self._calls - 1, 1)
+        spread = np.maximum(spread, 0.0) if self._calls > 1 else np.full_like(spread, np.nan)
+        film.squares = count * mean**2 + (count - 1) * spread
+        film.even_sums = np.full_like(film.sums, np.nan)
+
+
+def told_seconds(name: str, pattern: re.Pattern[str], output: str) -> float:
+    """The sum of the groups of the last match, in seconds. Raises `RendererFailed` where there is no number."""
+    matches = list(pattern.finditer(output))
+    try:
+        groups = {unit: text for unit, text in matches[-1].groupdict().items() if text} if matches else {}
+        seconds = sum(float(text) * UNITS[unit] for unit, text in groups.items())
+    except ValueError as error:
+        raise RendererFailed(f"{name}: its output tells no time: {error}") from error
+    if not groups or not 0.0 <= seconds < np.inf:
+        raise RendererFailed(f"{name}: its output tells no time: nothing in it matches {pattern.pattern!r}")
+    return seconds
