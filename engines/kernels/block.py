@@ -21,28 +21,17 @@ def _field(size: int = 1) -> int:
     return first
 
 
-# the job: which sample of which pixel
-ALIVE = _field()  # int: 1 while the lane has a sample in flight
-DONE = _field()  # int: 1 when the path has just ended
-NEW = _field()  # int: 1 when the sample has just begun
+# a path, as the camera begins it: what a lane takes over with its next sample
+JOB_FIRST = ALIVE = _field()  # int: 1 while the lane has a sample in flight
 SLOT = _field()  # int: where in the tile's buffer the radiance goes
 PIXEL = _field()  # int: y * width + x
-COLUMN = _field()
-ROW = _field()
 SAMPLE = _field()  # int: index of the sample
 DIMENSION = _field()  # int: first dimension of the next draws
-PIXEL_KEY = _field()  # int: the sampler's key of the pixel
-DRAW = _field(8)  # the draws of this vertex, [0, 1)
-
-# the ray, and what it hits
 ORIGIN = _field(3)
 DIRECTION = _field(3)
 T = _field()  # in: t_max, not above 0 for a lane without a ray; out: distance of the hit
-RANK = _field()  # int: rank of the primitive hit, -1 for none
 LEFT = _field()  # int: rank of the flat primitive the ray left, -1 for none
 HELD = _field()  # int: rank of a hit that is shaded once more (next light), -1 for none
-
-# the path
 DEPTH = _field()  # int: segments so far, 1 for the camera ray
 THROUGHPUT = _field(3)
 RADIANCE = _field(3)
@@ -50,6 +39,14 @@ PDF = _field()  # of the last scattering, solid angle; inf after a specular one 
 COS_PDF = _field()  # the cosine rule's own pdf for the last direction
 LIGHT = _field()  # int: which light, for shaders that visit all
 STACK = _field()  # int: branches waiting
+JOB_LAST = STACK + 1
+
+COLUMN = _field()
+ROW = _field()
+PIXEL_KEY = _field()  # int: the sampler's key of the pixel
+DRAW = _field(8)  # the draws of this vertex, [0, 1)
+RANK = _field()  # int: rank of the primitive hit, -1 for none
+DONE = _field()  # int: 1 when the path has just ended
 
 # the surface that was hit
 MISS = _field()  # int

@@ -61,34 +61,23 @@ def _arctan(x):
 
 
 @inline
-def _put_new(lanes, field, lane, new, value, real):
-    old = at.get3(lanes, field, lane)
-    fresh = Vec3(real(value.x), real(value.y), real(value.z))
-    at.put3(lanes, field, lane, select3(new, fresh, old))
-
-
-@inline
-def _put_new_int(lanes, field, lane, new, value):
-    old = get_int(lanes, field, lane)
-    put_int(lanes, field, lane, select(new, old - old + value, old))
-
-
-@inline
-def _put_path(lanes, lane, new, real):
-    """A fresh path in the lanes that are NEW."""
-    one, zero = Vec3(real(1), real(1), real(1)), Vec3(real(0), real(0), real(0))
-    _put_new(lanes, at.THROUGHPUT, lane, new, one, real)
-    _put_new(lanes, at.RADIANCE, lane, new, zero, real)
-    put(lanes, at.T, lane, select(new, real(math.inf), get(lanes, at.T, lane)))
-    put(lanes, at.PDF, lane, select(new, real(math.inf), get(lanes, at.PDF, lane)))
-    put(lanes, at.COS_PDF, lane, select(new, real(0), get(lanes, at.COS_PDF, lane)))
-    _put_new_int(lanes, at.LEFT, lane, new, -1)
-    _put_new_int(lanes, at.HELD, lane, new, -1)
-    _put_new_int(lanes, at.DEPTH, lane, new, 1)
-    _put_new_int(lanes, at.LIGHT, lane, new, 0)
-    _put_new_int(lanes, at.STACK, lane, new, 0)
-    _put_new_int(lanes, at.DIMENSION, lane, new, 2)
-    put_int(lanes, at.NEW, lane, 0)
+def _put_path(lanes, lane, origin, direction, real):
+    """A fresh path along the camera's ray."""
+    zero, one = real(0), real(1)
+    at.put3(lanes, at.ORIGIN, lane, Vec3(real(origin.x), real(origin.y), real(origin.z)))
+    at.put3(lanes, at.DIRECTION, lane, Vec3(real(direction.x), real(direction.y), real(direction.z)))
+    at.put3(lanes, at.THROUGHPUT, lane, Vec3(one, one, one))
+    at.put3(lanes, at.RADIANCE, lane, Vec3(zero, zero, zero))
+    put(lanes, at.T, lane, real(math.inf))
+    put(lanes, at.PDF, lane, real(math.inf))
+    put(lanes, at.COS_PDF, lane, zero)
+    put_int(lanes, at.ALIVE, lane, 1)
+    put_int(lanes, at.LEFT, lane, -1)
+    put_int(lanes, at.HELD, lane, -1)
+    put_int(lanes, at.DEPTH, lane, 1)
+    put_int(lanes, at.LIGHT, lane, 0)
+    put_int(lanes, at.STACK, lane, 0)
+    put_int(lanes, at.DIMENSION, lane, 2)
 
 
 def _make(kind: int, real: Any) -> Any:
@@ -101,7 +90,6 @@ def _make(kind: int, real: Any) -> Any:
         up = Vec3(fetch(camera, 9), fetch(camera, 10), fetch(camera, 11))
         width, height = fetch(camera, 12), fetch(camera, 13)
         for lane in range(np.uint64(LANES)):
-            new = get_int(lanes, at.NEW, lane) != 0
             x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
             y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
             across, upwards = 2.0 * x / width - 1.0, 1.0 - 2.0 * y / height
@@ -109,9 +97,7 @@ def _make(kind: int, real: Any) -> Any:
                 across, upwards = _arctan(across * fetch(camera, 14)), _arctan(upwards * fetch(camera, 15))
             shift = right * across + up * upwards
             origin, ray = (eye + shift, forward) if kind == ORTHOGRAPHIC else (eye, unit(forward + shift))
-            _put_new(lanes, at.ORIGIN, lane, new, origin, real)
-            _put_new(lanes, at.DIRECTION, lane, new, ray, real)
-            _put_path(lanes, lane, new, real)
+            _put_path(lanes, lane, origin, ray, real)
 
     return begin
 
@@ -128,14 +114,11 @@ def _make_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
         camera = table(world, CAMERA, np.float64)
         width, height = fetch(camera, 12), fetch(camera, 13)
         for lane in range(np.uint64(LANES)):
-            new = get_int(lanes, at.NEW, lane) != 0
             x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
             y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
             o = function(x, y, width, height, options)
             origin = Vec3(o[0] + fetch(camera, 0), o[1] + fetch(camera, 1), o[2] + fetch(camera, 2))
-            _put_new(lanes, at.ORIGIN, lane, new, origin, real)
-            _put_new(lanes, at.DIRECTION, lane, new, unit(Vec3(o[3], o[4], o[5])), real)
-            _put_path(lanes, lane, new, real)
+            _put_path(lanes, lane, origin, unit(Vec3(o[3], o[4], o[5])), real)
 
     return begin
 

@@ -1,8 +1,9 @@
 """The loop that drives blocks of lanes through the stages, tile by tile, and the same for single rays.
 
-    refill -> begin (new lanes) -> closest -> surface -> draw -> light -> shade -> occluded -> settle -> retire
+    refill -> closest -> surface -> draw -> light -> shade -> occluded -> settle -> retire
 
-A lane that finishes its sample takes the next of the tile at once. A tile is finished in passes of a few samples a pixel
+A lane that finishes its sample takes the next of the tile at once, from a second block in which the camera has begun
+sixteen samples together. A tile is finished in passes of a few samples a pixel
 into a buffer of its own; then the buffer goes to the film in the order of samples, so neither threads nor the way
 calls are split can change a bit of the image.
 """
@@ -47,25 +48,10 @@ RAYS, BAD_SAMPLES = 0, 1
 def _idle(lanes, lane, one):
     """A lane without work still runs through the stages: give it a harmless ray that is not traced."""
     put_int(lanes, at.ALIVE, lane, 0)
-    put_int(lanes, at.NEW, lane, 0)
     put_int(lanes, at.DONE, lane, 0)
     put(lanes, at.T, lane, -one)
     put(lanes, at.SHADOW_T, lane, -one)
     put_int(lanes, at.HELD, lane, -1)
-
-
-@inline
-def _start(lanes, lane, one, work, issued):
-    """Gives a lane its next sample; the stage `begin` sets up the path of every lane that is NEW."""
-    column, row = work.x0 + issued.column, work.y0 + issued.row
-    put_int(lanes, at.ALIVE, lane, 1)
-    put_int(lanes, at.NEW, lane, 1)
-    put_int(lanes, at.SLOT, lane, issued.count)
-    put_int(lanes, at.PIXEL, lane, row * work.width + column)
-    put(lanes, at.COLUMN, lane, one * column)
-    put(lanes, at.ROW, lane, one * row)
-    put_int(lanes, at.SAMPLE, lane, work.first + issued.sample)
-    put_int(lanes, at.DIMENSION, lane, 0)
 
 
 @inline
@@ -130,24 +116,38 @@ class Rule(NamedTuple):
 
 
 class Issued(NamedTuple):
-    """Samples of a pass that lanes have taken, and where the next one lies in the tile."""
+    """Samples of a pass that have begun, where the next one lies in the tile, and how many wait for a lane."""
 
     count: int
     column: int
     row: int
     sample: int
+    waiting: int
 
 
 @inline
-def _next_sample(issued, work):
-    column, row, sample = issued.column + 1, issued.row, issued.sample
-    if column == work.columns:
-        column = 0
-        row += 1
-        if row == work.rows:
-            row = 0
-            sample += 1
-    return Issued(issued.count + 1, column, row, sample)
+def _begin(stages, spare, world, lanes, work, issued, one):
+    """Begins up to sixteen samples in the spare block."""
+    count, column, row, sample = issued.count, issued.column, issued.row, issued.sample
+    waiting = min(np.int64(LANES), work.samples * work.columns * work.rows - count)
+    for k in range(waiting):
+        lane = np.uint64(k)
+        put_int(lanes, at.SLOT, lane, count + k)
+        put_int(lanes, at.PIXEL, lane, (work.y0 + row) * work.width + work.x0 + column)
+        put(lanes, at.COLUMN, lane, one * (work.x0 + column))
+        put(lanes, at.ROW, lane, one * (work.y0 + row))
+        put_int(lanes, at.SAMPLE, lane, work.first + sample)
+        put_int(lanes, at.DIMENSION, lane, 0)
+        column += 1
+        if column == work.columns:
+            column = 0
+            row += 1
+            if row == work.rows:
+                row = 0
+                sample += 1
+    call_stage(stages[DRAW_PIXEL], spare, world)
+    call_stage(stages[BEGIN], spare, world)
+    return Issued(count + waiting, column, row, sample, waiting)
 
 
 @inline
@@ -160,27 +160,29 @@ def _lanes_with(lanes, field):
 
 
 @inline
-def _refill(lanes, work, issued, free, one):
+def _refill(stages, block, spare, world, real, work, issued, free):
     """Gives a sample to each lane of the word `free`; returns what is issued now, and the lanes that stay without."""
+    lanes, begun, one = pointer(block, real), pointer(spare, real), real(1)
     idle = np.int64(0)
     while free != 0:
         lane = np.uint64(lowest_bit(free))
         free &= free - 1
-        if issued.count < work.samples * work.columns * work.rows:
-            _start(lanes, lane, one, work, issued)
-            issued = _next_sample(issued, work)
-        else:
+        if issued.waiting == 0 and issued.count < work.samples * work.columns * work.rows:
+            issued = _begin(stages, spare, world, begun, work, issued, one)
+        if issued.waiting == 0:
             _idle(lanes, lane, one)
             idle |= np.int64(1) << np.int64(lane)
+            continue
+        from_lane = np.uint64((issued.count - issued.waiting) % LANES)
+        for field in range(at.JOB_FIRST, at.JOB_LAST):
+            put(lanes, field, lane, get(begun, field, from_lane))
+        issued = Issued(issued.count, issued.column, issued.row, issued.sample, issued.waiting - 1)
     return issued, idle
 
 
 @inline
-def _advance(lanes, stages, block, world, rule, fresh, zero):
+def _advance(lanes, stages, block, world, rule, zero):
     """One segment of every path; returns the shadow rays that were traced."""
-    if fresh:
-        call_stage(stages[DRAW_PIXEL], block, world)
-        call_stage(stages[BEGIN], block, world)
     call_stage(stages[CLOSEST], block, world)
     call_stage(stages[SURFACE], block, world)
     call_stage(stages[DRAW_VERTEX], block, world)
@@ -224,7 +226,7 @@ def driver(real: Any) -> Any:
     one, zero = real(1), real(0)
 
     def drive(
-        stages, block, world, rule, tiles, done, target, chunk, width, control,
+        stages, block, spare, world, rule, tiles, done, target, chunk, width, control,
         sums, squares, even_sums, counts, buffer, totals,
     ):  # fmt: skip
         lanes = pointer(block, real)
@@ -237,15 +239,15 @@ def driver(real: Any) -> Any:
                 first = done[tile]
                 x0, y0, columns, rows = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2], tiles[tile, 3]
                 work = Pass(x0, y0, columns, rows, width, first, min(chunk, target - first))
-                issued, free, idle = Issued(0, 0, 0, 0), EVERY_LANE, np.int64(0)
+                issued, free, idle = Issued(0, 0, 0, 0, 0), EVERY_LANE, np.int64(0)
                 while True:
                     if control[STOP] != 0:
                         return  # what this pass has gathered is dropped: the film holds whole passes
-                    issued, idle_now = _refill(lanes, work, issued, free, one)
+                    issued, idle_now = _refill(stages, block, spare, world, real, work, issued, free)
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    totals[RAYS] += _advance(lanes, stages, block, world, rule, free != idle_now, zero)
+                    totals[RAYS] += _advance(lanes, stages, block, world, rule, zero)
                     totals[RAYS] += LANES - bits_set(idle)
                     free = _retire(lanes, rule, buffer, one)
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)

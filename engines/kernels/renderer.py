@@ -79,7 +79,10 @@ class Renderer:
         self._done = np.zeros(len(self._tiles), np.int64)
         self._addresses: NDArray[np.int64] | None = None
         self._pool = ThreadPoolExecutor(settings.threads, thread_name_prefix="raybench")
-        self._memory = [_aligned(block_bytes(self._real, accelerator.scratch)) for _ in range(settings.threads)]
+        self._block_bytes = block_bytes(self._real, accelerator.scratch)
+        both = self._block_bytes + block_bytes(self._real, 0)
+        self._memory = [_aligned(both) for _ in range(settings.threads)]
+        """A thread's block of lanes, and behind it the one in which samples begin."""
         self._build()
 
     # ---- preparation -------------------------------------------------------------------------------------------------
@@ -226,7 +229,7 @@ class Renderer:
             totals = np.zeros(2, np.int64)
             buffer = np.empty((CHUNK * TILE * TILE, 3), self._real)
             kernel(
-                stages, memory.ctypes.data, self._world.address, rule,
+                stages, memory.ctypes.data, memory.ctypes.data + self._block_bytes, self._world.address, rule,
                 tiles, done, target, CHUNK, width, self._control, *sums, film.counts.reshape(-1), buffer, totals,
             )  # fmt: skip
             return totals
