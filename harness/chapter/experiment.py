@@ -42,7 +42,7 @@ def _setting(analysis: Analysis) -> list[str]:
     cores = machine.get("usable_cores") or machine.get("cores")
     sizes = sorted({s.size for s in settings})
     return [
-        f"{plural(len(results.scenes), 'scene')} were rendered with "
+        f"{plural(len(results.scenes), 'scene')} {'was' if len(results.scenes) == 1 else 'were'} rendered with "
         f"{listed([plural(number, noun) for noun, number in varied.items()])}, {len(settings)} configurations in all, "
         f"at {listed(sizes)} pixels.",
         f"The machine was {cpu}{f' with {cores} usable cores' if cores else ''}.",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
     timed = _quality_table(analysis, found)
     if timed.rows:
         parts += [
-            Paragraph(["By the time to a quality (the hardest target that some sampler of the row reaches with every seed):",
+            Paragraph(["By the time to a quality, the hardest target that all of them reach with every seed:",
                        *_quality_tallies(analysis, found)]),
             TablePart(timed),
         ]  # fmt: skip
@@ -94,11 +93,15 @@ def _times_to(analysis: Analysis, target: float) -> Measure:
 
 
 def _hardest(analysis: Analysis, family: Family) -> float | None:
-    """The hardest target that some member reaches with every seed."""
-    for target in reversed(error_targets(analysis.results)):
-        measure = _times_to(analysis, target)
-        if any(all(math.isfinite(s) for s in measure(c).values()) for c in family.members.values()):
-            return target
+    """The hardest target that every member reaches with every seed, none at its first checkpoint already."""
+    results = analysis.results
+    for target in reversed(error_targets(results)):
+        found = [
+            time_to_quality([results.curve(cell) for cell in c.runs], [0.0] * len(c.runs), target)
+            for c in family.members.values()
+        ]
+        if all(quality.reached == quality.seeds for quality in found):
+            return target if not any(quality.at_first for quality in found) else None
     return None
 
 
@@ -113,7 +116,8 @@ def _quality_table(analysis: Analysis, found: list[Family]) -> Table:
     names = values(found)
     table = Table(
         "sampler_times", "Time to a quality by sampler",
-        f"Seconds of rendering until the target in {analysis.results.metric}; median over seeds with a 95 % interval.",
+        f"Seconds of rendering until the hardest target that all reach, in {analysis.results.metric}; median over seeds with a "
+        "95 % interval.",
         [*identity(found), Column("target", "Quality to reach.", "exact"),
          *(Column(name, f"Seconds of {name}.", "estimate", f"{name} [s]") for name in names)],
     )  # fmt: skip
