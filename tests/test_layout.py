@@ -25,6 +25,7 @@ PUBLIC = {
     "engines",
     "engines.choices",
     "engines.conformance",
+    "engines.dahlquist",
     "engines.errors",
     "engines.film",
     "engines.image",
@@ -54,6 +55,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.plugin": {"engines.choices", "engines.kernels"},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
+    "engines.dahlquist": {"engines.errors", "engines.image", "engines.kernels"},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.external": {*_BASE, "engines.image"},
     "engines": {
