@@ -61,9 +61,11 @@ def write_film(
 
 
 def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] | None = None) -> None:
-    """Writes (h, w, 3) linear radiance, or (h, w, 3) uint8 as it is to a bitmap. Raises `ConfigError`."""
+    """Writes (h, w, 3) linear radiance, or (h, w, 3) uint8 as it is to a bitmap, (h, w, 4) uint8 with alpha to a PNG. Raises
+    `ConfigError`."""
     image = np.asarray(array)
-    if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
+    channels = (3, 4) if image.dtype == np.uint8 and _suffix(path) == ".png" else (3,)
+    if image.ndim != 3 or image.shape[2] not in channels or 0 in image.shape:
         raise ConfigError(f"{os.fspath(path)}: an image of shape (height, width, 3) is wanted, not {image.shape}")
     if _suffix(path) == ".exr":
         _write_exr(path, {"RGB": image}, provenance or {})
@@ -72,7 +74,7 @@ def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] 
 
 
 def png_bytes(bitmap: NDArray[np.uint8], provenance: Mapping[str, Any] | None = None) -> bytes:
-    """A bitmap (h, w, 3) uint8 as the bytes of a PNG file."""
+    """A bitmap (h, w, 3) uint8, or (h, w, 4) with alpha, as the bytes of a PNG file."""
     from PIL.PngImagePlugin import PngInfo
 
     text = PngInfo()
@@ -151,6 +153,14 @@ def read_image(path: FilePath) -> Image:
     if file.suffix.lower() == ".exr":
         return _rgb(file, _exr_channels(file), "")
     return _decoded_srgb(_bitmap(file))
+
+
+def read_bitmap(path: FilePath) -> NDArray[np.uint8]:
+    """(h, w, 3) uint8 of an 8-bit file, as they are. Raises `SceneError` like `read_image`."""
+    file = _readable(path)
+    if file.suffix.lower() == ".exr":
+        raise SceneError(f"{file}: an 8-bit image is wanted: one of {', '.join(BITMAPS)}")
+    return _bitmap(file)
 
 
 def read_film_layers(path: FilePath) -> FilmLayers:

@@ -10,7 +10,7 @@ import warnings
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from engines.errors import ConfigError, UnknownName
+from engines.errors import ConfigError, RaybenchError, UnknownName
 from engines.interface import Engine
 
 GROUP = "raybench.engines"
@@ -52,6 +52,21 @@ def engine(name: Any) -> Engine:
     raise UnknownName("engine", name, engine_names())
 
 
+def all_engines() -> list[Engine]:
+    """Every engine that can be had by name; one that cannot is left out with a warning that says why."""
+    found = []
+    for name in engine_names():
+        try:
+            made = engine(name)
+            made.accelerators()
+            found.append(made)
+        except RaybenchError as error:
+            warnings.warn(f"{error}: it is left out", stacklevel=2)
+        except Exception as error:  # what others wrote may fail in any way
+            warnings.warn(f"engine {name!r}: {type(error).__name__}: {error}: it is left out", stacklevel=2)
+    return found
+
+
 def is_file(name: str) -> bool:
     """Whether an engine's name is the file of a renderer."""
     return name.endswith((".yaml", ".yml"))
@@ -81,7 +96,10 @@ def _made(found: Any, name: object) -> Engine:
         made = found() if isinstance(found, type) else found
     except Exception as error:
         raise ConfigError(f"engine {name!r}: cannot be created: {error}") from error
-    lacking = [part for part in _PARTS if not hasattr(made, part)]
+    try:
+        lacking = [part for part in _PARTS if not hasattr(made, part)]
+    except Exception as error:
+        raise ConfigError(f"engine {name!r}: {found!r} is no engine: it fails when it is asked: {error}") from error
     if lacking:
         raise ConfigError(f"engine {name!r}: {found!r} is no engine: it lacks {', '.join(lacking)}")
     return made

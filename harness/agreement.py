@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from harness.results import Contender, Event, Results
+from harness.results import Contender, Event, Results, Settings
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.equivalence import MARGIN
 
@@ -107,14 +107,21 @@ def _typical_spp(contender: Contender) -> int:
     return int(np.median([last_pictured(cell).get("spp", 0) for cell in contender.done]))
 
 
-def engine_pairs(results: Results, images: Replicates) -> list[EnginePair]:
-    """Every pair of engines on the same scene, shader, size, sampler and machine: of each the nearest relatives."""
+Known = Mapping[tuple[Settings, Settings], Comparison]
+
+
+def engine_pairs(results: Results, images: Replicates, known: Known) -> list[EnginePair]:
+    """Every pair of engines on the same scene, shader, size, sampler and machine: of each the nearest relatives.
+
+    `known` has what was concluded before the images were given up.
+    """
     groups: dict[tuple[str, ...], list[Contender]] = {}
     for contender in results.contenders:
         s = contender.settings
         if contender.done and not s.label:
             groups.setdefault((s.scene, s.shader, s.size, s.sampler, s.machine), []).append(contender)
-    return [EnginePair(a, b, compared(a, b, images)) for members in groups.values() for a, b in _nearest(members)]
+    pairs = [pair for members in groups.values() for pair in _nearest(members)]
+    return [EnginePair(a, b, compared(a, b, images) or known.get((a.settings, b.settings))) for a, b in pairs]
 
 
 def _nearest(members: Sequence[Contender]) -> Iterator[tuple[Contender, Contender]]:

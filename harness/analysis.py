@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
+from harness import conclusions
 from harness.agreement import EnginePair, Replicates, common_spp, compared, engine_pairs, kinship
 from harness.results import Contender, Event, Results, phase_seconds, point_error
 from harness.statistics import (
@@ -83,10 +84,13 @@ def analyse(results: Results) -> Analysis:
     baseline_engine = baseline_engine_of(results)
     floors = noise_floors(results)
     verdicts = [_own_verdict(results, contender) for contender in results.contenders if contender.done]
-    images = Replicates(results)
+    images, known = Replicates(results), conclusions.stored(results)
     for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
         _compare(results, verdict, baseline_engine, floors, images)
-    return Analysis(results, verdicts, floors, baseline_engine, engine_pairs(results, images))
+        verdict.bias = verdict.bias or known.bias.get(verdict.contender.settings)
+        verdict.equivalence = verdict.equivalence or known.baseline.get(verdict.contender.settings)
+        verdict.flags = _flags(results, verdict)
+    return Analysis(results, verdicts, floors, baseline_engine, engine_pairs(results, images, known.pairs))
 
 
 def baseline_engine_of(results: Results) -> str:
@@ -173,7 +177,6 @@ def _compare(results: Results, verdict: Verdict, engine: str, floors: Mapping[st
         ]
         comparison = compared(baseline, contender, images)
         verdict.equivalence = comparison.found if comparison else None
-    verdict.flags = _flags(results, verdict)
 
 
 def _by_block(results: Results, contender: Contender, target: float) -> dict[int, float]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from engines.scene.yaml_file import Located
-from harness import fields
+from harness import catalog, fields
 from harness.identity import canonical_json
 from harness.rules import Rule, rule
 from harness.settings import DEFAULTS, SETTING_READERS, Budget
@@ -28,10 +28,12 @@ def read(key: str, node: Located, folder: Path) -> Any:
 
 def plain(combination: Mapping[str, Any]) -> dict[str, Any]:
     """A combination as data for JSON."""
-    return {
+    found = {
         key: asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
         for key, value in combination.items()
     }
+    scene = combination["scene"]
+    return {**found, "scene": {"name": scene.name, "path": catalog.shown(Path(scene.path))}}
 
 
 def expand(root: Located, folder: Path, budget: Budget) -> tuple[list[dict[str, Any]], list[str]]:
@@ -133,9 +135,7 @@ def _include(
     return included
 
 
-def _extend(
-    top: Mapping[str, Located], folder: Path, combinations: list[dict[str, Any]], warnings: list[str]
-) -> None:
+def _extend(top: Mapping[str, Located], folder: Path, combinations: list[dict[str, Any]], warnings: list[str]) -> None:
     for node in fields.listing(top["extend"]) if "extend" in top else []:
         children = fields.mapping(node, ("where", "set"))
         if "set" not in children or "where" not in children:

@@ -28,6 +28,14 @@ def shipped(kind: str) -> dict[str, Path]:
     return dict(sorted(found.items()))
 
 
+def shown(path: Path) -> str:
+    """A path for messages and files that others read: from the working directory or the checkout, if it lies below."""
+    for root in (Path.cwd(), _PACKAGE.parent):
+        if path.is_relative_to(root):
+            return str(path.relative_to(root))
+    return str(path)
+
+
 def find(kind: str, given: str, beside: Path | None = None) -> Path:
     """The file of a `scenes` or `configs` name or path; raises `ConfigError` with the nearest known name."""
     looks_like_path = "/" in given or given.endswith((".yaml", ".yml"))

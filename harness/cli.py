@@ -111,6 +111,40 @@ def render(
 
 
 @app.command()
+def dahlquist(
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "320x480",
+    calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
+    time_elapsed: Annotated[int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")] = 3000,
+    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
+    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
+    interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
+    exact: Annotated[bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")] = False,
+    redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
+    probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
+    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
+    background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
+    engine: Annotated[str, typer.Option(help="numpy or numba; the frames are the same.")] = "numba",
+    threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
+    animate: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Write N frames, of that call and the next, to a folder, .gif or .mp4."),
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second of a .gif or .mp4.")] = 25.0,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="PNG; its alpha says 255 for a ball, 254 for the background.")
+    ] = Path("dahlquist.png"),
+) -> None:
+    """Draw what N. Dahlquist's Android ray tracer (2012) draws, byte for byte."""
+    from harness.dahlquist import Request, draw
+
+    request = Request(
+        size, calls, time_elapsed, not no_reflections, not no_probe, interlaced, exact, redraw, probe, probe_image,
+        background_image, engine, threads, animate, fps, output,
+    )  # fmt: skip
+    draw(request)
+
+
+@app.command()
 def report(
     folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
     chapter: Annotated[
@@ -149,6 +183,17 @@ def merge(
     from harness import commands
 
     commands.merge(folders, out)
+
+
+@app.command()
+def archive(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("--out", help="A new folder, or an archive that is to be replaced.")],
+) -> None:
+    """Copy results into a small folder of their own, to commit or to attach: few images, references included."""
+    from harness import commands
+
+    commands.archive(folder, out)
 
 
 @app.command()

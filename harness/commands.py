@@ -306,6 +306,17 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
 
 
+def archive(folder: Path, out: Path) -> None:
+    """Writes a small copy of a results folder, and its report."""
+    from harness.archive import archive as archived
+
+    _require_results(folder)
+    with store.locked(out):
+        size = archived(folder, out)
+        _write_derived(out)
+    consoles()[0].print(f"{size / 1e6:.1f} MB besides what `raybench report {out}` makes again.", soft_wrap=True)
+
+
 def compare(before: Path, after: Path, everything: bool, output: Path | None) -> None:
     """Prints what changed significantly between two results folders, or all that was compared."""
     from harness.results import load_results

@@ -111,19 +111,11 @@ class Experiment:
 def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
     """The experiment of a path or bare name, with `key.key=value` overrides applied."""
     path = catalog.find("configs", str(given))
-    shown = _shown(path)
+    shown = catalog.shown(path)
     root = read_yaml(shown, ConfigError)
     for text in overrides:
         root = override(root, text)
     return parse(root, path.parent, path.stem, shown)
-
-
-def _shown(path: Path) -> str:
-    """The path as a person would write it, for messages."""
-    try:
-        return str(path.relative_to(Path.cwd()))
-    except ValueError:
-        return str(path)
 
 
 # --- overrides ------------------------------------------------------------------------------------------------------

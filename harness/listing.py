@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from engines import engine_names
@@ -28,7 +29,9 @@ def show() -> None:
             accelerators[name] = found.accelerators()
             engines.add_row(name, f"version {found.version}")
         except RaybenchError as error:
-            engines.add_row(name, f"cannot be loaded: {error}")
+            engines.add_row(name, f"cannot be loaded: {escape(str(error))}")
+        except Exception as error:  # what others wrote may fail in any way
+            engines.add_row(name, f"fails when asked: {escape(f'{type(error).__name__}: {error}')}")
     console.print(engines)
     for title, table in (("shaders", SHADERS), ("samplers", SAMPLERS)):
         _options(console, title, table)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
-import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -41,11 +40,9 @@ def environment() -> dict[str, Any]:
 
 
 def provenance() -> dict[str, Any]:
-    """`environment` with what identifies the moment: host, commit, governor, load."""
+    """`environment` with what identifies the moment: commit, governor, load. No names: results may be published."""
     return {
         **environment(),
-        "host": platform.node(),
-        "executable": sys.executable,
         "scaling_governor": _first_line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
         "load_1m": round(load_1m(), 2),
         "git": git_state(Path(__file__).resolve().parent.parent),

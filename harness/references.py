@@ -160,6 +160,16 @@ def event(wanted: ReferenceWanted, root: Path, results: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def copy_small(source: Path, target: Path) -> None:
+    """Copies a reference with its arrays in float32, compressed. Its metadata names what is there."""
+    meta = _meta(source)
+    target.mkdir(parents=True, exist_ok=True)
+    with np.load(source / meta["file"]) as arrays:
+        small = {key: array.astype(np.float32) if array.dtype == np.float64 else array for key, array in arrays.items()}
+    np.savez_compressed(target / meta["file"], **small)
+    write_json(target / META, {**meta, "sha256": _checksum(target / meta["file"])})
+
+
 # --- on disk --------------------------------------------------------------------------------------------------------
 
 

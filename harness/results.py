@@ -67,7 +67,7 @@ class Results:
     """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
-    `findings` what the battery found where the config asked for some of it.
+    `findings` what the battery found where the config asked for some of it, `conclusions` what an archive's images said.
     """
 
     folder: Path
@@ -81,6 +81,7 @@ class Results:
     environments: dict[str, Event] = field(default_factory=dict)
     certificates: dict[str, Event] = field(default_factory=dict)
     findings: list[Event] = field(default_factory=list)
+    conclusions: Event | None = None
     contenders: list[Contender] = field(default_factory=list)
 
     @property
@@ -141,7 +142,7 @@ def load_results(folder: str | Path) -> Results:
 def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
     """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
     from harness.examinations import findings
-    from harness.store import latest_cells
+    from harness.store import last_event, latest_cells
 
     targets = (of_kind(events, "targets") or [{}])[-1]
     quality = (manifest.get("config") or {}).get("quality") or {}
@@ -155,7 +156,7 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
                       of_kind(events, "sentinel"), of_kind(events, "run"),
                       {event["env_id"]: event for event in of_kind(events, "environment")},
                       {event["reference_id"]: event for event in of_kind(events, "certificate")},
-                      findings(events, manifest.get("examination_ids")))  # fmt: skip
+                      findings(events, manifest.get("examination_ids")), last_event(events, "conclusions"))  # fmt: skip
     results.contenders = _contenders(results.cells, _scenes_asked(manifest))
     return results
 

@@ -279,7 +279,7 @@ class Sweep:
         return {
             "event": "cell", "cell_id": cell.cell_id, "configuration": cell.configuration, "env_id": self.env_id,
             "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
-            "seed": cell.seed, "scene": cell.scene.name, "scene_path": cell.scene.path, "scene_hash": cell.scene_hash,
+            "seed": cell.seed, "scene": cell.scene.name, "scene_hash": cell.scene_hash,
             "primitives": cell.primitives, "engine": cell.engine_name,
             "engine_version": cell.asked["engine_version"], **cell.settings,
             "reference_id": cell.reference_id, "asked": dict(cell.asked),

@@ -25,6 +25,7 @@ PUBLIC = {
     "engines",
     "engines.choices",
     "engines.conformance",
+    "engines.dahlquist",
     "engines.errors",
     "engines.film",
     "engines.image",
@@ -54,8 +55,10 @@ ALLOWED: dict[str, set[str]] = {
     "engines.plugin": {"engines.choices", "engines.kernels"},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
+    "engines.dahlquist": {"engines.errors", "engines.image", "engines.kernels"},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.external": {*_BASE, "engines.image"},
+    "engines.mitsuba": _BASE,
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
         *("engines.registry", "engines.scene", "engines.tonemap"),
@@ -68,7 +71,8 @@ ONLY_IN = {
     "embreex": {"engines.embree", "engines.embreex_batch"},
     "llvmlite": {"engines.kernels", "engines.numba_cpu", "engines.embree"},
     "numba": {"engines.kernels", "engines.numba_cpu", "engines.embree"},
-    "mitsuba": set[str](),
+    "mitsuba": {"engines.mitsuba"},
+    "drjit": {"engines.mitsuba"},
 }
 
 LONG_FILES: dict[str, str] = {}

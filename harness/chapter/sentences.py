@@ -1,68 +1,96 @@
-"""Sentences made from measured numbers: who is faster, by how much, how sure that is, and what is a tie."""
+"""Sentences made from findings: who is better, by how much, how sure that is, and what is a tie."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
+from harness.chapter.families import Found, Pair, reciprocal, spread
 from harness.statistics import Estimate, Speedup
 from harness.tables.model import number_text
 
 
-def interval(estimate: Estimate | Speedup, unit: str = "") -> str:
-    """`2.1 (1.9 to 2.3)` with its 95 % interval, or the value alone where there is none."""
+class Wording(NamedTuple):
+    """How a measure is spoken of: `better` joins the better one to the other, `ratio` names what a tie is a tie of."""
+
+    better: str
+    ratio: str
+
+
+SPEED = Wording("is faster than", "the ratio of their speeds")
+ERROR = Wording("has a smaller error than", "the ratio of their errors")
+QUALITY = Wording("reaches it before", "the ratio of their times")
+
+
+def interval(estimate: Estimate | Speedup) -> str:
+    """`2.1 (1.9 to 2.3)`: a value with its interval, or alone where there is none."""
     value, low, high = estimate[:3]
-    text = f"{number_text(value)}{unit}"
+    text = "unbounded" if math.isinf(value) else number_text(value)
     if math.isnan(low) or math.isnan(high) or low == high:
         return text
-    bound = "without bound" if math.isinf(high) else number_text(high)
-    return f"{text} ({number_text(low)} to {bound})"
+    return f"{text} ({number_text(low)} to {'any' if math.isinf(high) else number_text(high)})"
 
 
-def compared(other: str, baseline: str, speedup: Speedup, what: str = "") -> str:
-    """What `paired_speedup(baseline, other)` found, as a clause without full stop; the faster one is the subject."""
-    tail = f" {what}" if what else ""
-    if speedup.verdict == "faster":
-        return f"{other} is {_times(speedup)} as fast as {baseline}{tail}"
+def finding(one: str, other: str, speedup: Speedup, wording: Wording = SPEED) -> str:
+    """What was found of two, as a clause without full stop; the better one is the subject."""
     if speedup.verdict == "slower":
-        return f"{baseline} is {_times(reciprocal(speedup))} as fast as {other}{tail}"
+        return finding(other, one, reciprocal(speedup), wording)
+    if speedup.verdict == "faster":
+        return f"{one} {wording.better} {other} by a factor of {interval(speedup)}"
     if speedup.verdict == "tie":
-        return f"{other} and {baseline} cannot be told apart{tail}: the ratio of their speeds is {interval(speedup)}"
-    return f"{other} and {baseline} were not measured often enough to be compared{tail}"
+        return f"{one} and {other} cannot be told apart ({wording.ratio} is {interval(speedup)})"
+    return f"{one} and {other} were not measured often enough to be compared"
 
 
-def reciprocal(speedup: Speedup) -> Speedup:
-    """The same finding seen from the other side."""
-    turned = {"faster": "slower", "slower": "faster"}.get(speedup.verdict, speedup.verdict)
-    return Speedup(_inverse(speedup.ratio), _inverse(speedup.high), _inverse(speedup.low), speedup.pairs, turned)
+def tally(pair: Pair, wording: Wording = SPEED, case: str = "case") -> str:
+    """What all families say of a pair, in one sentence: how often one is better, by what factors, and the ties."""
+    first, second, found = pair
+    better, worse, ties = (pair.of(verdict) for verdict in ("faster", "slower", "tie"))
+    known = len(better) + len(worse) + len(ties)
+    if not known:
+        return f"{first} and {second} were not measured often enough to be compared."
+    cases = f"{known} {case if known == 1 else case + 's'}"
+    if len(ties) == known:
+        text = f"{first} and {second} cannot be told apart in {'the' if known == 1 else 'any of'} {cases}"
+    elif len(better) == len(worse):
+        text = f"Of {cases}, {first} {wording.better} {second} in {_with_factor(better)}, "
+        text += f"and the other way round in {_with_factor(reciprocals(worse))}"
+    else:
+        text = f"{first} {wording.better} {second} in {_share(len(better), cases, known)}, by {_factors(better)}"
+        if worse:
+            text += f"; the other way round in {_with_factor(reciprocals(worse))}"
+    if ties and len(ties) < known:
+        text += f"; {len(ties)} {'is a tie' if len(ties) == 1 else 'are ties'}"
+    if known < len(found):
+        text += f"; {len(found) - known} more were not measured often enough to say"
+    return f"{text}."
 
 
-def _inverse(value: float) -> float:
-    return math.inf if value == 0 else 1 / value
+def reciprocals(found: Sequence[Found]) -> list[Found]:
+    return [Found(one.family, reciprocal(one.speedup)) for one in found]
 
 
-def _times(speedup: Speedup) -> str:
-    if math.isinf(speedup.ratio):
-        return "beyond measure"
-    return f"{interval(speedup)} times"
+def _share(number: int, cases: str, known: int) -> str:
+    if number < known:
+        return f"{number} of {cases}"
+    return f"the one {cases[2:]}" if known == 1 else f"all {cases}"
 
 
-def words(names: Sequence[str], last: str = "and") -> str:
+def _factors(found: Sequence[Found]) -> str:
+    text = spread(found)
+    return f"factors of {text}" if " to " in text else f"a factor of {text}"
+
+
+def _with_factor(found: Sequence[Found]) -> str:
+    return f"{len(found)} (by {_factors(found)})"
+
+
+def listed(names: Sequence[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
-    if len(names) < 2:
-        return "".join(names)
-    return f"{', '.join(names[:-1])} {last} {names[-1]}"
+    return "".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
-
-
-def count(number: int, singular: str, plural: str = "") -> str:
-    """`one scene`, `three scenes`, `27 scenes`."""
-    word = _NUMBERS[number] if number < len(_NUMBERS) else str(number)
-    return f"{word} {singular if number == 1 else plural or singular + 's'}"
-
-
-def sentence(clause: str) -> str:
-    """A clause with a capital and a full stop; names of engines keep their small letter inside."""
-    return f"{clause[:1].upper()}{clause[1:]}."
+def plural(number: int, noun: str) -> str:
+    """`1 scene`, `7 scenes`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from engines.film import to_bitmap
 from engines.image import png_bytes
-from harness.analysis import Analysis
+from harness.analysis import Analysis, Verdict
 from harness.metrics import Reference
 from harness.plots.panels import Panel, panels
 from harness.results import Event, Results, point_error
@@ -55,6 +55,15 @@ def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup
     return [_group(analysis.results, panel, pictures, factor) for panel, pictures in chosen]
 
 
+def shown_images(analysis: Analysis) -> set[str]:
+    """The stored images that a report shows, by their paths in the results folder."""
+    found: set[str] = set()
+    for panel in panels(analysis):
+        found |= {str(words["image"]) for _, words in _chosen(analysis.results, panel)}
+        found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1]}
+    return found
+
+
 def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]]:
     """(image, words) of up to nine contenders: the best of every engine first, then by final error.
 
@@ -74,8 +83,8 @@ def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]
             point = next((p for p in reversed(cell["points"]) if p.get("image")), None)
             image = results.image(point) if point else None
             if point and image is not None and len(found) < MOST_PICTURES:
-                words = {"name": verdict.contender.name, "caption": point_words(results, point)}
-                found.append((image, words))
+                caption = point_words(results, point)
+                found.append((image, {"name": verdict.contender.name, "caption": caption, "image": point["image"]}))
     shape = found[0][0].shape if found else None
     return [pair for pair in found if pair[0].shape == shape]
 
@@ -90,7 +99,8 @@ def _group(results: Results, panel: Panel, pictures: list[tuple[Image, dict[str,
     reference = results.reference(panel.verdicts[0].contender.done[0].get("reference_id"))
     if reference is not None and reference.mean.shape != pictures[0][0].shape:
         reference = None
-    shown = [{**words, "data": packed(shrunk(image, factor))} for image, words in pictures]
+    shown = [{"name": words["name"], "caption": words["caption"], "data": packed(shrunk(image, factor))}
+             for image, words in pictures]  # fmt: skip
     if reference is not None:
         words = {"name": "reference", "caption": f"{reference.spp} spp"}
         shown.insert(0, {**words, "data": packed(shrunk(reference.mean, factor))})
@@ -122,8 +132,8 @@ def packed(image: Image) -> str:
     return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
 
 
-def _equal_time_crops(results: Results, panel: Panel, reference: Reference | None) -> tuple[float, list[Crop]]:
-    """(time, crops): the last picture of each contender's first block within the time that all have one for."""
+def _at_equal_time(results: Results, panel: Panel) -> tuple[float, list[tuple[Verdict, Event]]]:
+    """(time, the last pictured checkpoint of each contender's first block within it), by rising error."""
     cells = [(v, [p for p in v.contender.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
     cells = [(verdict, points) for verdict, points in cells if points]
     if not cells:
@@ -134,7 +144,13 @@ def _equal_time_crops(results: Results, panel: Panel, reference: Reference | Non
     taken = [(verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"]))
              for verdict, points in cells]  # fmt: skip
     taken.sort(key=lambda pair: point_error(pair[1], results.metric)[0])
-    found = [(verdict, point, results.image(point)) for verdict, point in taken[:MOST_CROPS]]
+    return seconds, taken[:MOST_CROPS]
+
+
+def _equal_time_crops(results: Results, panel: Panel, reference: Reference | None) -> tuple[float, list[Crop]]:
+    """(time, crops): the last picture of each contender's first block within the time that all have one for."""
+    seconds, taken = _at_equal_time(results, panel)
+    found = [(verdict, point, results.image(point)) for verdict, point in taken]
     images = [(verdict, point, image) for verdict, point, image in found if image is not None]
     if not images:
         return math.nan, []

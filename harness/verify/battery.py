@@ -10,13 +10,25 @@ from typing import Any
 import numpy as np
 
 from engines.interface import Engine
-from harness.verify import boxes_and_trees, glass, light, rays, sampling, spawned_rays, spheres, stability, triangles
+from harness.verify import (
+    boxes_and_trees,
+    furnaces,
+    glass,
+    light,
+    materials,
+    rays,
+    sampling,
+    spawned_rays,
+    spheres,
+    stability,
+    triangles,
+)
 from harness.verify.case import Case, Measured
 from harness.verify.promises import PROMISES, Promise
 from harness.verify.subject import Declined, Subject, accelerators, precisions
 
 SECTIONS = (spheres.SECTION, triangles.SECTION, boxes_and_trees.SECTION, rays.SECTION, spawned_rays.SECTION,
-            glass.SECTION, light.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
+            glass.SECTION, materials.SECTION, furnaces.SECTION, light.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 

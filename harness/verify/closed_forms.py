@@ -50,21 +50,32 @@ def sphere(radius: float, distance: float, beta: float) -> float:
     return (math.cos(beta) * math.acos(y) - c1 * root) / (h * h) + math.atan(root / c1)
 
 
-def roulette_second_moment(emission: float, rho: float, least: float = 1e-18) -> float:
-    """E[L^2] of a furnace path that may end after every segment, survival q = min(beta, 0.95).
+def parallel_rectangles(x: float, y: float) -> float:
+    """Form factor of equal rectangles that face each other, sides x and y in units of their distance (Howell, C-11)."""
+    u, v = 1 + x * x, 1 + y * y
+    arcs = x * math.sqrt(v) * math.atan(x / math.sqrt(v)) + y * math.sqrt(u) * math.atan(y / math.sqrt(u))
+    return 2 / (math.pi * x * y) * (math.log(u * v / (u + v - 1)) / 2 + arcs - x * math.atan(x) - y * math.atan(y))
 
-    L = E sum of beta_k over the segments reached; beta_{k+1} = rho beta_k / q_k. Backwards over k: with the rest
-    S_k = E beta_k + (alive) S_{k+1}, mean and second moment follow from those of S_{k+1}.
+
+def perpendicular_rectangles(height: float, width: float) -> float:
+    """From a rectangle `width` wide to one `height` high at a right angle, in units of their common edge (Howell, C-14)."""
+    h, w = height * height, width * width
+    across = math.sqrt(h + w)
+    arcs = width * math.atan(1 / width) + height * math.atan(1 / height) - across * math.atan(1 / across)
+    logs = math.log((1 + w) * (1 + h) / (1 + w + h))
+    logs += w * math.log(w * (1 + w + h) / ((1 + w) * (w + h))) + h * math.log(h * (1 + w + h) / ((1 + h) * (w + h)))
+    return (arcs + logs / 4) / (math.pi * width)
+
+
+def coaxial_discs(first: float, second: float) -> float:
+    """From a disc to one that faces it, radii in units of their distance (Howell, C-41)."""
+    s = 1 + (1 + second**2) / first**2
+    return (s - math.sqrt(s * s - 4 * (second / first) ** 2)) / 2
+
+
+def roulette_second_moment(emission: float, rho: float, survival: float) -> float:
+    """E[L^2] of paths in a closed furnace that go on with a constant probability after every segment.
+
+    L = E sum of (rho / survival)^k over the segments reached; infinite where rho^2 >= survival.
     """
-    betas, survivals, beta = [1.0], [], 1.0
-    while len(betas) < 400 and beta > least:
-        scattered = rho * beta
-        survival = min(scattered, 0.95)
-        beta = scattered / survival
-        survivals.append(survival)
-        betas.append(beta)
-    mean, second = 0.0, 0.0
-    for value, survival in zip(reversed(betas[:-1]), reversed(survivals), strict=True):
-        here = emission * value
-        mean, second = here + survival * mean, here * here + 2 * here * survival * mean + survival * second
-    return second
+    return emission**2 * (1 + rho) / ((1 - rho) * (1 - rho * rho / survival))

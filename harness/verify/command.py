@@ -21,7 +21,7 @@ def verify(names: Sequence[str], quick: bool, only: Sequence[str], out: Path | N
         require_imports(name, allow_imports)
         if registry.is_file(name):
             raise ConfigError(f"{name}: a renderer by process answers no single rays: ask `raybench equivalence`")
-    engines = [registry.engine(name) for name in names or registry.engine_names()]
+    engines = [registry.engine(name) for name in names] if names else registry.all_engines()
     chosen = [case for case in CASES if not only or case.id in only or case.section in only]
     found = []
     with stderr.status("verify") as status:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene import EnvironmentLight, Perspective, Plane
+from engines.scene import EnvironmentLight, Perspective, Plane, Shape
 from harness.verify.case import Measured, Section, measured
 from harness.verify.stage import (
     AHEAD,
@@ -31,6 +31,7 @@ SECTION = Section("glass")
 LONG = path_tracer(2000)
 MIDDLE: dict[str, Any] = {"sampler": "constant"}
 IORS = (1.5, 1.33, 2.4)
+IMPACTS = (0.1, 0.5, 0.9)
 
 
 def fresnel(sine: float, eta: float, cosine: float | None = None) -> float:
@@ -43,19 +44,19 @@ def fresnel(sine: float, eta: float, cosine: float | None = None) -> float:
     return float((s * s + p * p) / 2)
 
 
-def _toward(degrees: float, below: bool = False, distance: float = 4.0) -> Perspective:
+def toward(degrees: float, below: bool = False, distance: float = 4.0) -> Perspective:
     """Sees the origin of the floor at an angle to its normal."""
     angle = math.radians(degrees)
     height = math.cos(angle) * distance * (-1 if below else 1)
     return point_view((math.sin(angle) * distance, height, 0.0), ORIGIN, up=(0.0, 0.0, 1.0))
 
 
-def _cosine(camera: Perspective) -> float:
+def cosine_of(camera: Perspective) -> float:
     d = [t - e for t, e in zip(camera.target, camera.eye, strict=True)]
     return abs(d[1]) / math.hypot(*d)
 
 
-def _sine(camera: Perspective) -> float:
+def sine_of(camera: Perspective) -> float:
     """Of the angle to the y axis of the view as the engine is given it."""
     d = [t - e for t, e in zip(camera.target, camera.eye, strict=True)]
     return math.hypot(d[0], d[2]) / math.hypot(*d)
@@ -68,9 +69,9 @@ def reflectance(subject: Subject) -> Iterator[Measured]:
         for below, angles in ((False, (0, 30, 45, 60, 75, 80, 89)), (True, (0, 20, 24, 45, 60, 89))):
             errors = []
             for degrees in angles:
-                view = _toward(degrees, below)
+                view = toward(degrees, below)
                 seen = subject.image([FLOOR], [pane], [SKY], view, whitted(2), **MIDDLE)[0, 0]
-                errors.append(seen - fresnel(0.0, 1 / ior if below else ior, _cosine(view)))
+                errors.append(seen - fresnel(0.0, 1 / ior if below else ior, cosine_of(view)))
             yield measured(errors, f"ior {ior}, from {'inside' if below else 'outside'}")
 
 
@@ -78,33 +79,40 @@ def reflectance(subject: Subject) -> Iterator[Measured]:
 def index_one(subject: Subject) -> Iterator[Measured]:
     rng = np.random.default_rng(1)
     sky = EnvironmentLight((1.0, 0.8, 0.6), rng.random((8, 16, 3)))
-    shapes = [sphere(), box((-2, -2, -4), (2, 2, -2))]
-    for shader in (whitted(), path_tracer(8)):
-        seen, bare = (subject.image(held, [glass(1.0)], [sky], AHEAD, shader, seed=3) for held in (shapes, []))
-        yield measured(seen - bare, shader["name"])
+    held: list[tuple[str, list[Shape]]] = [
+        ("sphere and box", [sphere(), box((-2, -2, -4), (2, 2, -2))]), ("mesh", [ball(6, (0.4, 0.1, 0.0), 1.2)]),
+        ("nested", [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)]),
+    ]  # fmt: skip
+    for name, shapes in subject.some(held, 1):
+        for shader in (whitted(), path_tracer(8)):
+            seen, bare = (subject.image(these, [glass(1.0)], [sky], AHEAD, shader, seed=3) for these in (shapes, []))
+            yield measured(seen - bare, f"{name}, {shader['name']}")
 
 
 @SECTION.case("D2", "Light that is totally reflected for ever is black, and the loop ends.", "raybench, D2")
 def trapped(subject: Subject) -> Iterator[Measured]:
-    inside = Perspective((0.9, 0.0, 0.0), (0.9, 1.0, 0.0), (0.0, 0.0, 1.0), 10.0, "y", (4, 4))
-    for shader in (LONG, whitted(32)):
-        yield measured(subject.image([sphere()], [glass()], [SKY], inside, shader), shader["name"])
+    for impact, ior in subject.some(((0.9, 1.5), (0.72, 1.5), (0.6, 2.4), (0.97, 1.1)), 1):
+        inside = Perspective((impact, 0.0, 0.0), (impact, 1.0, 0.0), (0.0, 0.0, 1.0), 10.0, "y", (4, 4))
+        for shader in (LONG, whitted(32)):
+            seen = subject.image([sphere()], [glass(ior)], [SKY], inside, shader)
+            yield measured(seen, f"ior {ior}, impact {impact}, {shader['name']}")
 
 
 @SECTION.case("D3", "Radiance inside glass is greater by the square of its index.", "raybench, D3")
 def inside_glass(subject: Subject) -> Iterator[Measured]:
-    view = Perspective(ORIGIN, (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), 60.0, "y", (8, 8))
-    for ior in IORS:
-        seen = subject.image([sphere()], [glass(ior)], [SKY], view, LONG)
-        yield measured(seen / ior**2 - 1, f"ior {ior}")
+    for eye in subject.some((ORIGIN, (0.3, 0.2, 0.1)), 1):  # within 1/n of the centre every ray gets out
+        view = Perspective(eye, (0.0, 0.0, -1.0), (0.0, 1.0, 0.0), 60.0, "y", (8, 8))
+        for ior in IORS:
+            seen = subject.image([sphere()], [glass(ior)], [SKY], view, LONG)
+            yield measured(seen / ior**2 - 1, f"ior {ior}, eye {eye}")
 
 
 @SECTION.case("b", "Lossless glass of any shape vanishes in a uniform sky.", "raybench, b; D4")
 def vanishing(subject: Subject) -> Iterator[Measured]:
-    scenes = {"sphere": [sphere()], "box": [box()], "mesh": [ball(8)],
+    scenes: dict[str, list[Shape]] = {"sphere": [sphere()], "box": [box()], "mesh": [ball(8)],
               "nested": [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)]}  # fmt: skip
     for name, shapes in scenes.items():
-        for ior in IORS[:2]:
+        for ior in subject.some(IORS, 2):
             yield measured(subject.image(shapes, [glass(ior)], [SKY], AHEAD, LONG, 4) - 1, f"{name}, ior {ior}")
 
 
@@ -112,7 +120,7 @@ def vanishing(subject: Subject) -> Iterator[Measured]:
 def ball_lens(subject: Subject) -> Iterator[Measured]:
     """A small lamp stands where the ray must arrive: seen in full, or not at all."""
     for ior in IORS:
-        for impact in (0.1, 0.5, 0.9):
+        for impact in IMPACTS:
             i, t = math.asin(impact), math.asin(impact / ior)
             bend, tolerance = 2 * (i - t), 1e-9 if subject.tracing == "float64" else 1e-3
             out = np.array([-math.cos(bend), -math.sin(bend)])
@@ -129,10 +137,10 @@ def ball_lens(subject: Subject) -> Iterator[Measured]:
 def grazing(subject: Subject) -> Iterator[Measured]:
     pane, bed = material(kt=1, ior=1.5, fresnel=True), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 1)
     errors = []
-    for degrees in (*np.linspace(85, 89.9, 8), *(90 - 10.0 ** -np.arange(2, 7))):
-        view = _toward(float(degrees))
+    for degrees in (*np.linspace(85, 89.9, 8), *(90 - 10.0 ** -np.arange(2, 10))):
+        view = toward(float(degrees))
         seen = subject.image([FLOOR, bed], [pane, material(emission=1)], [], view, whitted(2), **MIDDLE)[0, 0]
-        errors.append(seen - (1 - fresnel(0.0, 1.5, _cosine(view))) / 2.25)
+        errors.append(seen - (1 - fresnel(0.0, 1.5, cosine_of(view))) / 2.25)
     yield measured(errors)
 
 
@@ -150,7 +158,7 @@ def central(subject: Subject) -> Iterator[Measured]:
 @SECTION.case("k", "A corridor of mirrors dims by its reflectance with each bounce.", "raybench, k")
 def corridor(subject: Subject) -> Iterator[Measured]:
     walls = [Plane((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0), Plane((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 0)]
-    for height, reflectance in ((10.0, 0.9), (7.0, 0.8)):
+    for height, reflectance in subject.some(((10.0, 0.9), (7.0, 0.8), (3.3, 0.3), (15.0, 1.0)), 2):
         end = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), 1)
         for degrees in (10, 30, 40, 60):
             angle = math.radians(degrees)
@@ -166,15 +174,15 @@ def corridor(subject: Subject) -> Iterator[Measured]:
               "Snell")  # fmt: skip
 def slab(subject: Subject) -> Iterator[Measured]:
     """A small lamp stands where the moved ray must arrive; of the ray's branches only the straight one is followed."""
-    surfaces = [Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0), Plane((0.0, -0.5, 0.0), (0.0, -1.0, 0.0), 0)]
-    for ior in IORS:
+    for ior, thick in subject.some([(ior, thick) for thick in (0.5, 0.02, 3.0) for ior in IORS], 3):
+        surfaces = [Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0), Plane((0.0, -thick, 0.0), (0.0, -1.0, 0.0), 0)]
         for degrees in (0, 30, 60, 80):
-            view = _toward(degrees)
-            sine = _sine(view)
+            view = toward(degrees)
+            sine = sine_of(view)
             cosine = math.sqrt(1 - sine * sine)
-            shift = 0.5 * sine * (1 - cosine / math.sqrt(ior**2 - sine * sine))
+            shift = thick * sine * (1 - cosine / math.sqrt(ior**2 - sine * sine))
             along, aside = np.array([-sine, -cosine, 0.0]), np.array([cosine, -sine, 0.0])
             radius = 20 * (1e-9 if subject.tracing == "float64" else 1e-3)
             lamp = sphere(20 * along + shift * aside, radius, 1)
             seen = subject.image([*surfaces, lamp], [glass(ior), material(emission=1)], [], view, whitted(3), **MIDDLE)
-            yield measured(seen - (1 - fresnel(sine, ior)) ** 2, f"ior {ior}, {degrees} degrees")
+            yield measured(seen - (1 - fresnel(sine, ior)) ** 2, f"ior {ior}, t {thick}, {degrees} degrees")

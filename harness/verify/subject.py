@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from harness.verify.promises import tracing_precision
 from harness.verify.stage import AHEAD, scene
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 class Declined(Exception):
@@ -45,6 +46,10 @@ class Subject:
     def count(self, many: int) -> int:
         """How many rays or trials: a quarter in a quick run."""
         return max(many // 4, 1) if self.quick else many
+
+    def some(self, values: Sequence[T], quick: int) -> Sequence[T]:
+        """All parameters of a case; the first `quick` of them in a quick run."""
+        return values[:quick] if self.quick else values
 
     def cast(self, values: ArrayLike) -> Array:
         """The values rounded to the tracing precision, so that this rounding is not charged to the engine."""

@@ -111,7 +111,7 @@ def lattice(
     level: int, part: str, sides: int, cell: float, rod: float, joint: float, center: Triple
 ) -> Faces | Spheres:
     """(level + 1)^3 joints, each joined to its neighbours; `rod` and `joint` are radii as shares of the side of a cell."""
-    place = (np.arange(level + 1) - level / 2) * cell
+    place = np.asarray((np.arange(level + 1) - level / 2) * cell, np.float64)
     joints = np.stack(np.meshgrid(place, place, place, indexing="ij"), axis=-1)
     pairs = [
         np.stack([np.delete(joints, -1, axis), np.delete(joints, 0, axis)], axis=3).reshape(-1, 2, 3)
@@ -128,7 +128,7 @@ BRANCH_ANGLES = np.radians([[20.0, 0.0], [45.0, 180.0]])
 """Of the two branches: away from the parent's direction, and about it."""
 TWIST = np.radians(140.0)
 """By how much a branch turns the plane of its own branches."""
-SHRINK, TAPER = np.array([0.86, 0.72]), 0.68
+SHRINK, TAPER = np.array([0.86, 0.72]), 0.74
 """Length of a branch over that of its parent, and its radius at one end over that at the other."""
 
 

@@ -1,0 +1,119 @@
+"""The engines: Mitsuba's JIT-compiled variant for LLVM, and its scalar one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from engines.choices import SAMPLERS as KNOWN_SAMPLERS
+from engines.choices import SHADERS, Option, integer, one_of, resolve
+from engines.errors import Unsupported
+from engines.interface import Renderer, Settings
+from engines.mitsuba import library
+from engines.mitsuba.description import camera_lacks, material_lacks
+from engines.scene.model import EnvironmentLight, PointLight, Scene
+
+_OPTIONS = {
+    "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
+}
+ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
+_PATTERN = {"sample_count": Option(64, "samples a pixel in one pattern", integer(1, 65_536))}
+SAMPLERS: dict[str, dict[str, Option]] = {
+    "independent": {}, "multijitter": _PATTERN, "orthogonal": _PATTERN, "ldsampler": _PATTERN,
+}  # fmt: skip
+"""Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`."""
+CLAIMED = {"ties_go_to_the_lower_index": "of surfaces at the same distance Embree returns any"}
+
+
+class Engine:
+    """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32."""
+
+    name = "mitsuba"
+    variant = library.LLVM
+    tracing_precision = "float32"
+    not_promised: Mapping[str, str] = CLAIMED
+
+    @property
+    def version(self) -> str:
+        return f"1+{library.version()}"
+
+    def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
+        return ACCELERATORS
+
+    def samplers(self) -> Mapping[str, Mapping[str, Option]]:
+        """Samplers of Mitsuba's own."""
+        return SAMPLERS
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        try:
+            self._supported(scene, settings)
+        except Unsupported as error:
+            return str(error)
+        return None
+
+    def prepare(self, scene: Scene, settings: Settings) -> Renderer:
+        chosen = self._supported(scene, settings)
+        from engines.mitsuba.renderer import renderer
+
+        return renderer(scene, chosen, self.variant)
+
+    def _supported(self, scene: Scene, settings: Settings) -> Settings:
+        """The settings with every choice resolved; raises `Unsupported` for what is lacking."""
+        chosen = replace(
+            settings,
+            shader=resolve("shader", settings.shader, SHADERS),
+            sampler=resolve("sampler", settings.sampler, {**KNOWN_SAMPLERS, **SAMPLERS}),
+            accelerator=resolve("accelerator", settings.accelerator, ACCELERATORS),
+            precision=settings.precision or "float32",
+        )
+        reason = self._settings_lack(chosen) or _scene_lacks(scene) or library.lacking(self.variant)
+        if reason is not None:
+            raise Unsupported(reason)
+        return chosen
+
+    def _settings_lack(self, chosen: Settings) -> str | None:
+        shader, sampler = chosen.shader, chosen.sampler
+        if chosen.precision != "float32":
+            return f"Mitsuba's {self.variant} computes in float32 only"
+        if any(choice.plugin is not None for choice in (shader, sampler, chosen.accelerator)):
+            return f"the engine {self.name} takes no plugins"
+        if shader.name == "path_tracer" and shader.options["direct"] != "mis":
+            return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
+        if sampler.name not in ("random", "stratified", *SAMPLERS):
+            return f"Mitsuba has no sampler {sampler.name}"
+        if self.variant == library.SCALAR:
+            return _scalar_lacks(shader.name, sampler.name)
+        return None
+
+
+class ScalarEngine(Engine):
+    """Mitsuba 3 one path at a time (`scalar_rgb`), nothing compiled at run time. Float32."""
+
+    name = "mitsuba_scalar"
+    variant = library.SCALAR
+
+
+def _scalar_lacks(shader: str, sampler: str) -> str | None:
+    if shader in ("whitted", "no_shadows"):
+        return f"Mitsuba has no integrator {shader}, and ours is in Python, too slow for its scalar variant"
+    if sampler not in ("random", "independent"):
+        return (
+            "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"
+        )
+    return None
+
+
+def _scene_lacks(scene: Scene) -> str | None:
+    if lacks := camera_lacks(scene.camera):
+        return f"Mitsuba has no counterpart of {lacks}"
+    for material in scene.materials:
+        if lacks := material_lacks(material):
+            return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
+    if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
+        return "the scene has several environments, of which Mitsuba renders one"
+    if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
+        return "Mitsuba's point lights fall off with the square of the distance"
+    return None
+
+
+__all__ = ["ACCELERATORS", "SAMPLERS", "Engine", "ScalarEngine"]

@@ -1,0 +1,119 @@
+"""The radiance along a ray in Mitsuba's wavefront: its own path integrator, and the transport rules that it lacks.
+
+Each maker gives a function (sampler, ray) -> colour; what it does is recorded once and compiled. Whitted's tree of
+rays is walked along one branch a sample, chosen as the dielectric samples it, which has the tree's expected value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from engines.mitsuba.stage import Stage, far_corner, first_colours, listed_emitters
+
+Radiance = Callable[[Any, Any], Any]
+
+
+def path_node(options: Any) -> dict[str, Any]:
+    """Mitsuba's integrator for our `path_tracer`: its depth counts as ours does, and so does its roulette's."""
+    return {"type": "path", "max_depth": options["max_depth"], "rr_depth": options["rr_depth"]}
+
+
+def path_tracer(stage: Stage) -> Radiance:
+    integrator = stage.mi.load_dict(path_node(stage.settings.shader.options))
+
+    def radiance(sampler: Any, ray: Any) -> Any:
+        return integrator.sample(stage.loaded, sampler, ray)[0]
+
+    return radiance
+
+
+def whitted(stage: Stage) -> Radiance:
+    """Direct light of every light at every vertex, with shadows; mirrors and glass are followed."""
+    return _direct(stage, stage.settings.shader.options["max_depth"])
+
+
+def no_shadows(stage: Stage) -> Radiance:
+    """Direct light of every light at the first hit, whatever stands between."""
+    return _direct(stage, 0)
+
+
+def _direct(stage: Stage, max_depth: int) -> Radiance:
+    """`max_depth` 0: the first hit alone, without shadows."""
+    mi, dr, scene = stage.mi, stage.dr, stage.loaded
+    lights, ambient = listed_emitters(stage), stage.settings.shader.options["ambient"]
+    context = mi.BSDFContext()
+
+    def lit(sampler: Any, si: Any, bsdf: Any, active: Any) -> Any:
+        smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        total = ambient * bsdf.eval_diffuse_reflectance(si, smooth)
+        for light in lights:
+            ds, weight = light.sample_direction(si, sampler.next_2d(smooth), smooth)
+            seen = smooth & (ds.pdf != 0.0)
+            if max_depth:
+                seen &= ~scene.ray_test(si.spawn_ray_to(ds.p), seen)
+            value = bsdf.eval(context, si, si.to_local(ds.d), seen)
+            total += dr.select(seen, value * weight, 0.0)
+        return dr.select(smooth, total, 0.0)
+
+    def radiance(sampler: Any, ray: Any) -> Any:
+        def go_on(sampler: Any, ray: Any, light: Any, weight: Any, depth: Any, active: Any) -> Any:
+            return active
+
+        def step(sampler: Any, ray: Any, light: Any, weight: Any, depth: Any, active: Any) -> Any:
+            si = scene.ray_intersect(ray, active)
+            light = light + weight * si.emitter(scene, active).eval(si, active)
+            active = active & si.is_valid()
+            bsdf = si.bsdf()
+            light = light + dr.select(active, weight * lit(sampler, si, bsdf, active), 0.0)
+            active &= mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta) & (depth + 1 < max_depth)
+            specular = mi.BSDFContext()
+            specular.type_mask = mi.BSDFFlags.Delta
+            sample, value = bsdf.sample(specular, si, sampler.next_1d(active), sampler.next_2d(active), active)
+            active &= (sample.pdf > 0.0) & (dr.max(value) > 0.0)
+            weight = dr.select(active, weight * value, weight)
+            ray = dr.select(active, si.spawn_ray(si.to_world(sample.wo)), ray)
+            return sampler, ray, light, weight, depth + 1, active
+
+        state = (sampler, mi.Ray3f(ray), mi.Color3f(0.0), mi.Color3f(1.0), mi.UInt32(0), mi.Bool(True))
+        return dr.while_loop(state, go_on, step, labels=("sampler", "ray", "light", "weight", "depth", "active"))[2]
+
+    return radiance
+
+
+def depth_map(stage: Stage) -> Radiance:
+    mi, dr, corner = stage.mi, stage.dr, far_corner(stage)
+
+    def radiance(sampler: Any, ray: Any) -> Any:
+        if corner is None:
+            return mi.Color3f(0.0)
+        si = stage.loaded.ray_intersect(ray)
+        reach = 1.1 * dr.norm(mi.Point3f(*map(float, corner)) - ray.o)
+        grey = dr.select(si.is_valid() & (reach > 0.0), dr.maximum(0.0, (reach - si.t) / reach), 0.0)
+        return mi.Color3f(grey)
+
+    return radiance
+
+
+def albedo(stage: Stage) -> Radiance:
+    mi, dr = stage.mi, stage.dr
+    numbers = [
+        int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in stage.loaded.shapes()
+    ]  # fmt: skip
+    table = np.zeros((max(numbers, default=0) + 1, 3))
+    table[numbers] = first_colours(stage)[stage.places]
+    channels = [mi.Float(np.ascontiguousarray(table[:, k], np.float32)) for k in range(3)]
+
+    def radiance(sampler: Any, ray: Any) -> Any:
+        si = stage.loaded.ray_intersect(ray)
+        number = dr.reinterpret_array(mi.UInt32, si.shape)
+        return mi.Color3f(*(dr.gather(mi.Float, channel, number, si.is_valid()) for channel in channels))
+
+    return radiance
+
+
+SHADERS: dict[str, Callable[[Stage], Radiance]] = {
+    "path_tracer": path_tracer, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map, "albedo": albedo,
+}  # fmt: skip

@@ -1,0 +1,126 @@
+"""What a renderer works with: the scene loaded into Mitsuba, and how its shapes are told apart again."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.interface import Settings
+from engines.mitsuba.description import Description, Part, described, extent, sensor
+from engines.mitsuba.library import activate
+from engines.mitsuba.ply import write_ply
+from engines.scene.model import Material, Plane, Scene, Sphere, SphereSet, Triangle
+
+Array = NDArray[Any]
+
+
+class Stage(NamedTuple):
+    """`mi`, `dr`: the modules. `loaded`: Mitsuba's scene. `places`: for each of its shapes the index of its part."""
+
+    mi: Any
+    dr: Any
+    loaded: Any
+    scene: Scene
+    settings: Settings
+    size: tuple[int, int]
+    parts: tuple[Part, ...]
+    places: Array
+
+    @property
+    def camera(self) -> Any:
+        return self.loaded.sensors()[0]
+
+
+def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
+    """Loads `scene` into Mitsuba, by way of mesh files in a folder that is gone when this returns.
+
+    Meshes stay apart, so that a hit can be told from another; uniting them, as Mitsuba does by default, gains nothing
+    measurable on cornell_box.
+    """
+    mi, dr = activate(variant, settings.threads)
+    width, height = settings.size(scene)
+    with tempfile.TemporaryDirectory(prefix="raybench-mitsuba-") as folder:
+        description = _described(mi, scene, settings, Path(folder))
+        nodes = dict(description.nodes)
+        nodes["sensor"] = sensor(scene.camera, width, height, sampler_node(settings), extent(scene))
+        loaded = mi.load_dict(_with_transforms(mi, nodes), optimize=False)
+    order = {f"shape_{index}": index for index in range(len(description.parts))}
+    places = np.array([order[shape.id()] for shape in loaded.shapes()], np.int64)
+    return Stage(mi, dr, loaded, scene, settings, (width, height), description.parts, places)
+
+
+def _described(mi: Any, scene: Scene, settings: Settings, folder: Path) -> Description:
+    def place_mesh(name: str, vertices: Array, faces: Array, normals: Array | None) -> str:
+        file = folder / f"{len(list(folder.iterdir()))}.ply"
+        write_ply(file, vertices, faces, normals)
+        return str(file)
+
+    def place_image(name: str, image: Array) -> str:
+        file = folder / f"{name}.exr"
+        mi.Bitmap(image.astype(np.float32)).write(str(file))
+        return str(file)
+
+    return described(scene, place_mesh, place_image, settings.accelerator.options["robust"])
+
+
+def _with_transforms(mi: Any, node: Any) -> Any:
+    """Arrays of 4 x 4 as Mitsuba's transforms."""
+    if isinstance(node, dict):
+        return {key: _with_transforms(mi, value) for key, value in node.items()}
+    return mi.ScalarTransform4f(node) if isinstance(node, np.ndarray) else node
+
+
+def sampler_node(settings: Settings) -> dict[str, Any]:
+    """Mitsuba's sampler of the settings' name; its pattern has `sample_count` samples."""
+    name, options = settings.sampler.name, settings.sampler.options
+    if name == "random":
+        name = "independent"
+    return {"type": name, "sample_count": options.get("strata", options.get("sample_count", 1))}
+
+
+# ---- what shaders of ours ask of a scene -----------------------------------------------------------------------------
+
+
+def listed_emitters(stage: Stage) -> list[Any]:
+    """Mitsuba's emitters but for planes, which raybench never samples."""
+    planes = {
+        index for index, part in enumerate(stage.parts) if isinstance(stage.scene.shapes[part.shape], Plane)
+    }  # fmt: skip
+    shapes = [shape for shape, place in zip(stage.loaded.shapes(), stage.places, strict=True) if place not in planes]
+    others = [light for light in stage.loaded.emitters() if light.shape() is None]
+    return [*others, *(shape.emitter() for shape in shapes if shape.is_emitter())]
+
+
+def first_colours(stage: Stage) -> Array:
+    """(parts, 3): what the shader albedo shows of each: the first of kd, ks, kt and emission that is not black."""
+    return np.array([_first_colour(stage.scene.materials[part.material]) for part in stage.parts]).reshape(-1, 3)
+
+
+def _first_colour(material: Material) -> tuple[float, float, float]:
+    weights = (material.kd, material.ks, material.kt, material.emission)
+    return next((weight for weight in weights if max(weight) > 0.0), weights[0])
+
+
+def far_corner(stage: Stage) -> Array | None:
+    """The point from which the shader depth_map measures: its option, or the upper corner of all that is finite."""
+    given = stage.settings.shader.options["max_point"]
+    if given is not None:
+        return np.array(given, np.float64)
+    corners = [corner for shape in stage.scene.shapes if (corner := _upper_corner(shape)) is not None]
+    return np.max(corners, axis=0) if corners else None
+
+
+def _upper_corner(shape: Any) -> Array | None:
+    if isinstance(shape, Plane):
+        return None
+    if isinstance(shape, Sphere):
+        return np.add(shape.center, shape.radius)
+    if isinstance(shape, SphereSet):
+        return (shape.centers + shape.radii[:, None]).max(axis=0)
+    if isinstance(shape, Triangle):
+        return np.max([shape.a, shape.b, shape.c], axis=0)
+    return shape.vertices[shape.faces].reshape(-1, 3).max(axis=0) if len(shape.faces) else None

@@ -1,0 +1,93 @@
+"""A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
+
+It keeps of the images those that a report shows, in half precision, and what was concluded from the others as an event;
+of the events what still counts, with numbers to six digits; and the references in float32, as a folder of its own.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engines.errors import ConfigError
+from engines.image import read_image, write_image
+from harness import conclusions, references, store
+from harness.analysis import analyse
+from harness.report.pictures import shown_images
+from harness.results import load_results
+
+REFERENCES = "references"
+DIGITS = 6
+MEASURED = ("phases", "counters", "machine", "sentinel_seconds", "wall_seconds")
+DROPPED = ("start", conclusions.EVENT)
+"""Kinds of events that say nothing about what was measured, or are written anew."""
+
+
+def archive(folder: Path, out: Path) -> int:
+    """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again."""
+    if out.resolve() == folder.resolve():
+        raise ConfigError(f"{out}: is the results folder itself: --out must be another")
+    if (out / store.EVENTS).exists() and not (out / REFERENCES).is_dir():
+        raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
+    analysis = analyse(load_results(folder))
+    kept = shown_images(analysis)
+    if (out / store.EVENTS).exists():
+        store.clear(out)
+    shutil.rmtree(out / REFERENCES, ignore_errors=True)
+    with store.Events(out) as events:
+        for event in _still_counting(store.read_events(folder)):
+            events.append(_shortened(event, kept, folder, out))
+        events.append(_rounded(conclusions.event(analysis)))
+    store.write_json(out / store.MANIFEST, store.read_manifest(folder))
+    for image in kept:
+        (out / image).parent.mkdir(parents=True, exist_ok=True)
+        write_image(out / image, half(read_image(folder / image)))
+    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+
+
+def half(image: np.ndarray) -> np.ndarray:
+    """Rounded to half precision; stored as float32, whose empty bits cost nothing once compressed."""
+    with np.errstate(over="ignore"):
+        return image.astype(np.float16).astype(np.float32)
+
+
+def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of each cell the last event, unless it is outdated; all others but those of `DROPPED` kinds."""
+    latest = store.latest_cells(events)
+    others = [event for event in events if event["event"] not in ("cell", *DROPPED)]
+    return [*others, *(cell for cell in latest.values() if cell["state"] != "outdated")]
+
+
+def _shortened(event: dict[str, Any], kept: set[str], folder: Path, out: Path) -> dict[str, Any]:
+    """An event as it stands in the archive."""
+    if event["event"] == "reference":
+        return {**event, "folder": _copied_reference(folder, event, out)}
+    if event["event"] != "cell":
+        return event
+    points = [{**point, "image": point["image"] if point.get("image") in kept else None} for point in event["points"]]
+    return {**event, **{key: _rounded(event[key]) for key in MEASURED if key in event}, "points": _rounded(points)}
+
+
+def _rounded(value: Any) -> Any:
+    """The same data with floats to `DIGITS` significant digits."""
+    if isinstance(value, Mapping):
+        return {key: _rounded(child) for key, child in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(child) for child in value]
+    if isinstance(value, float) and math.isfinite(value):
+        return float(f"{value:.{DIGITS}g}")
+    return value
+
+
+def _copied_reference(folder: Path, event: Mapping[str, Any], out: Path) -> str:
+    """Copies a reference in float32, where it is there; its folder relative to `out`."""
+    target = Path(REFERENCES) / str(event["scene_hash"])[:16] / str(event["reference_id"])
+    source = (folder / event["folder"]).resolve()
+    if source.is_dir():
+        references.copy_small(source, out / target)
+    return str(target)

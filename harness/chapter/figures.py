@@ -1,0 +1,124 @@
+"""Figures of the chapter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from harness.analysis import Analysis
+from harness.chapter.document import FigurePart
+from harness.chapter.families import Family, compare, demanding, thousands, values
+from harness.plots.style import ENGINE_COLOURS, FAINT, LINES, MARKERS, OTHER_COLOURS, Plot, log_scales, new_figure, save
+from harness.results import point_error
+from harness.statistics import median_interval
+
+COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
+
+
+def part(drawn: Plot | None) -> list[FigurePart]:
+    """A figure as parts of a section: none where there is nothing to draw."""
+    return [] if drawn is None else [FigurePart(drawn)]
+
+
+def finished(figure: Figure, plots: Path, name: str, title: str, description: str) -> Plot:
+    """Saves a figure as svg, png and pdf."""
+    return Plot(name, title, description, save(figure, plots, name))
+
+
+def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
+    """Paths a second of each member; a row a scene."""
+    if not found:
+        return None
+    names = values(found)
+    figure = new_figure(7.2, 1.3 + 0.34 * len(found))
+    axis = figure.subplots()
+    for index, name in enumerate(names):
+        shift = 0.13 * (index - (len(names) - 1) / 2)
+        rows = [(row + shift, thousands(f.members[name])) for row, f in enumerate(found) if name in f.members]
+        y, x = [row for row, _ in rows], [estimate.value for _, estimate in rows]
+        whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in rows]).T
+        axis.errorbar(x, y, xerr=np.abs(whiskers), fmt=MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)],
+                      elinewidth=1, label=name)  # fmt: skip
+    axis.set_yticks(range(len(found)), [family.scene for family in found])
+    axis.set_ylim(len(found) - 0.5, -0.5)
+    axis.set_xlabel("thousands of paths a second")
+    log_scales(axis)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(names), 5))
+    shader = " and ".join(dict.fromkeys(family.shader for family in found))
+    return finished(figure, plots, "accelerators", f"Speed by accelerator and scene, {shader}",
+                    "A row a scene: paths a second of each accelerator with its interval, on a logarithmic axis.")  # fmt: skip
+
+
+def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
+    """Speed-up over the fewest threads: a dot a scene and shader, a row an accelerator."""
+    rows = list(dict.fromkeys(family.held["accelerator"] for family in found))
+    figure = new_figure(7.2, 1.5 + 0.34 * len(rows))
+    axis = figure.subplots()
+    for index, name in enumerate(names[1:]):
+        x, y = [], []
+        for family in found:
+            if {names[0], name} <= set(family.members):
+                x.append(compare(analysis, family.members[name], family.members[names[0]]).ratio)
+                y.append(rows.index(family.held["accelerator"]))
+        spread = np.linspace(-0.2, 0.2, len(x)) if len(x) > 1 else np.zeros(len(x))
+        axis.plot(x, np.array(y) + spread, MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)], label=name,
+                  markersize=4, alpha=0.8)  # fmt: skip
+        axis.axvline(int(name.split()[0]) / int(names[0].split()[0]), color=FAINT, linestyle=":", linewidth=1)
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlabel(f"speed-up over {names[0]} (dotted: ideal)")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=max(len(names) - 1, 1))
+    return finished(figure, plots, "threads", f"Speed-up over {names[0]}",
+                    "A row an accelerator, a dot a scene and shader; dotted lines are ideal speed-ups.")  # fmt: skip
+
+
+def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Plot | None:
+    """Error over samples, a panel a scene: the shader with most rays."""
+    chosen = demanding(found)
+    if not chosen:
+        return None
+    names, columns = values(chosen), min(len(chosen), 3)
+    rows = math.ceil(len(chosen) / columns)
+    figure = new_figure(7.6, 0.6 + 2.2 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for spare in grid[len(chosen) :]:
+        spare.remove()
+    for axis, family in zip(grid, chosen, strict=False):
+        for index, name in enumerate(names):
+            if name in family.members:
+                _error_curve(analysis, axis, family, name, index)
+        axis.set_title(family.scene, fontsize=9)
+        log_scales(axis, y=True)
+    for axis in grid[max(len(chosen) - columns, 0) : len(chosen)]:
+        axis.set_xlabel("samples a pixel")
+        axis.tick_params(labelbottom=True)
+    for axis in grid[: len(chosen) : columns]:
+        axis.set_ylabel(analysis.results.metric)
+    handles = {
+        label: handle
+        for axis in grid[: len(chosen)]
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
+    shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
+    return finished(figure, plots, "samplers", f"Error over samples by sampler, {shader}",
+                    "A panel a scene: falling curves of the median error over samples, one a sampler.")  # fmt: skip
+
+
+def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:
+    errors: dict[int, list[float]] = {}
+    cells = family.members[name].done
+    for cell in cells:
+        for point in cell["points"]:
+            errors.setdefault(point["spp"], []).append(point_error(point, analysis.results.metric)[0])
+    medians = {spp: median_interval(found) for spp, found in sorted(errors.items()) if len(found) == len(cells)}
+    kept = {spp: median for spp, median in medians.items() if median.value > 0}
+    look = {"linestyle": LINES[index % len(LINES)], "marker": MARKERS[index % len(MARKERS)], "markersize": 3.5}
+    axis.plot(
+        list(kept), [median.value for median in kept.values()], color=COLOURS[index % len(COLOURS)], label=name, **look
+    )

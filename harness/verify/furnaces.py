@@ -1,0 +1,137 @@
+"""Closed rooms and bodies under even skies: what is lit from all sides has a known radiance at every depth.
+
+Estimators without variance are held to rounding, the others by z over replicates (see `replicates`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from engines.scene import EnvironmentLight, Plane, PointLight
+from harness.verify import closed_forms as forms
+from harness.verify.case import Measured, Section, measured
+from harness.verify.replicates import STRATEGIES, means, z_score
+from harness.verify.stage import (
+    FLOOR,
+    ORIGIN,
+    SKY,
+    ball,
+    box,
+    grey,
+    material,
+    path_tracer,
+    point_view,
+    sphere,
+)  # fmt: skip
+from harness.verify.subject import Subject
+
+SECTION = Section("light")
+CORNER = {"eye": (0.2, 0.1, 0.3), "target": (0.9, -0.2, 0.1)}
+
+
+@SECTION.case("a", "A closed furnace is E (1 - rho^D) / (1 - rho) bright, whatever its shape.", "raybench, a")
+def furnace(subject: Subject) -> Iterator[Measured]:
+    parameters = ((0.5, 0.5, 1), (0.5, 0.5, 2), (0.5, 0.5, 5), (2.0, 0.8, 3), (0.3, 0.9, 20),
+                  (7.0, 0.05, 4), (0.01, 0.99, 100), (1.0, 0.37, 9))  # fmt: skip
+    for name, hollow in (("box", box()), ("mesh", ball(8)), ("sphere", sphere())):
+        for emission, rho, depth in subject.some(parameters, 5):
+            walls = material(kd=rho, emission=emission, two_sided=True)
+            truth = emission * (1 - rho**depth) / (1 - rho)
+            seen = subject.image([hollow], [walls], [], point_view(**CORNER, side=4), path_tracer(depth, "bsdf"))
+            yield measured(seen / truth - 1, f"{name}, E {emission}, rho {rho}, D {depth}")
+
+
+@SECTION.case("a.mis", "The furnace is as bright where lights are sampled too.", "raybench, a")
+def furnace_mis(subject: Subject) -> Iterator[Measured]:
+    """`light` alone only in the sphere: in a box its variance has no bound near the corners."""
+    rooms = (("box", box(), "mis"), *(("sphere", sphere(), direct) for direct in STRATEGIES))
+    for name, hollow, direct in rooms:
+        for emission, rho, depth in subject.some(((0.5, 0.5, 3), (0.5, 0.5, 2), (0.2, 0.8, 6), (0.9, 0.1, 4)), 1):
+            walls = material(kd=rho, emission=emission, two_sided=True)
+            view = point_view(**CORNER, side=32)
+            seen = means(subject, [hollow], [walls], [], view, path_tracer(depth, direct))
+            truth = emission * (1 - rho**depth) / (1 - rho)
+            yield z_score(subject, seen, truth, f"{name}, E {emission}, rho {rho}, D {depth}, {direct}")
+
+
+@SECTION.case("rr", "Russian roulette leaves the mean as it is: E / (1 - rho).", "raybench")
+def roulette_mean(subject: Subject) -> Iterator[Measured]:
+    for rho, rr_depth in subject.some(((0.5, 1), (0.7, 3), (0.5, 2), (0.9, 1), (0.3, 4)), 2):
+        walls = material(kd=rho, emission=0.5 * (1 - rho), two_sided=True)
+        shader = path_tracer(10_000, "bsdf", rr_depth)
+        seen = means(subject, [box()], [walls], [], point_view(**CORNER, side=40), shader)
+        yield z_score(subject, seen, 0.5, f"rho {rho}, from segment {rr_depth}")
+
+
+@SECTION.case("rr2", "Russian roulette has the second moment E^2 (1 + rho) / ((1 - rho) (1 - rho^2 / q)).", "raybench")
+def roulette_square(subject: Subject) -> Iterator[Measured]:
+    """From the first segment on, survival min(beta, 0.95) is rho after every scattering, as beta returns to 1."""
+    for rho in subject.some((0.5, 0.7, 0.2, 0.9), 2):
+        walls = material(kd=rho, emission=1 - rho, two_sided=True)
+        shader = path_tracer(10_000, "bsdf", 1)
+        seen = means(subject, [box()], [walls], [], point_view(**CORNER, side=48), shader, power=2)
+        truth = forms.roulette_second_moment(1 - rho, rho, survival=rho)
+        yield z_score(subject, seen, truth, f"rho {rho}", 2e-2)
+
+
+@SECTION.case("c", "Under a uniform sky a convex body is as bright as its albedo.", "raybench, c")
+def convex(subject: Subject) -> Iterator[Measured]:
+    view = point_view((0.5, 3.0, 2.0), ORIGIN, 8)
+    for rho in (0.3, 0.7, 1.0):
+        for direct in STRATEGIES:
+            seen = [subject.image([body], [material(kd=rho)], [SKY], view, path_tracer(2, direct))
+                    for body in (sphere(), box(), ball(8))]  # fmt: skip
+            yield measured(np.concatenate(seen).ravel() - rho, f"rho {rho}, {direct}")
+
+
+@SECTION.case("c.sky", "A sky a + b cos gives a floor rho (a + 2 b / 3).", "raybench, c")
+def graded(subject: Subject) -> Iterator[Measured]:
+    cosine = np.maximum(np.cos(np.pi * (np.arange(512) + 0.5) / 512), 0.0)
+    for a, b, rho in subject.some(((0.2, 0.6, 0.8), (0.0, 1.0, 0.5), (1.0, 0.1, 0.9), (0.05, 0.3, 1.0)), 1):
+        sky = EnvironmentLight((1.0, 1.0, 1.0), np.repeat(a + b * cosine, 3 * 8).reshape(512, 8, 3))
+        for direct in STRATEGIES:
+            view = point_view((0.3, 1.5, 4.0), ORIGIN, 32)
+            seen = means(subject, [FLOOR], [material(kd=rho)], [sky], view, path_tracer(2, direct))
+            yield z_score(subject, seen, rho * (a + 2 * b / 3), f"a {a}, b {b}, rho {rho}, {direct}")
+
+
+@SECTION.case("d", "A point light at the centre of a sphere: 1 - rho^k after k reflections.", "raybench, d")
+def centred(subject: Subject) -> Iterator[Measured]:
+    """The intensity that makes it so is pi (1 - rho) / rho r^2."""
+    for rho, radius in subject.some(((0.5, 1.0), (0.8, 0.3), (0.2, 40.0), (0.95, 1.0)), 2):
+        view = point_view((0.3 * radius, 0.0, 0.1 * radius), (0.5 * radius, 0.7 * radius, 0.2 * radius), 4)
+        light = PointLight(ORIGIN, grey(math.pi * (1 - rho) / rho * radius**2))
+        for k in (1, 2, 5, 12):
+            seen = subject.image([sphere(ORIGIN, radius)], [material(kd=rho)], [light], view, path_tracer(k + 1))
+            yield measured(seen - (1 - rho**k), f"rho {rho}, r {radius}, k {k}")
+
+
+@SECTION.case("d.off", "Off its centre: rho/pi (I cos/d^2 + rho/(1 - rho) I/r^2).", "raybench, d")
+def off_centre(subject: Subject) -> Iterator[Measured]:
+    for y, rho, radius in subject.some(((0.5, 0.5, 1.0), (-0.6, 0.3, 2.0), (0.1, 0.6, 0.5), (0.8, 0.2, 1.0)), 2):
+        point = np.array([0.3 * radius, 0.0, -radius * math.sqrt(1 - 0.09)])
+        to_light = np.array([0.0, y, 0.0]) - point
+        distance = float(np.linalg.norm(to_light))
+        near = float(to_light @ -point) / radius / distance**3
+        truth = rho / math.pi * radius**2 * (near + rho / (1 - rho) / radius**2)
+        view = point_view((0.3 * radius, 0.0, 0.1 * radius), (0.3 * radius, 0.0, -radius), 12)
+        room, light = [sphere(ORIGIN, radius)], PointLight((0.0, y, 0.0), grey(radius**2))
+        seen = means(subject, room, [material(kd=rho)], [light], view, path_tracer(30))
+        yield z_score(subject, seen, truth, f"y {y}, rho {rho}, r {radius}")
+
+
+@SECTION.case("j", "Two infinite planes share their light.", "raybench, j")
+def planes(subject: Subject) -> Iterator[Measured]:
+    """Planes stand in no list of lights, so that every strategy is one."""
+    for rho, other, gap in subject.some(((0.8, 0.5, 1.0), (0.3, 0.9, 0.2), (0.5, 0.5, 30.0), (0.0, 0.7, 1.0)), 2):
+        ceiling, floor = Plane((0.0, gap, 0.0), (0.0, -1.0, 0.0), 0), Plane(ORIGIN, (0.0, 1.0, 0.0), 1)
+        materials = [material(kd=rho, emission=1.0), material(kd=other)]
+        top = 1 / (1 - rho * other)
+        for target, truth in (((0.0, gap, 0.5 * gap), top), ((0.0, 0.0, 0.5 * gap), other * top)):
+            view = point_view((0.0, 0.5 * gap, 0.0), target, 8)
+            seen = subject.image([ceiling, floor], materials, [], view, path_tracer(120, "bsdf"))
+            where = "floor" if target[1] == 0 else "ceiling"
+            yield measured(seen - truth, f"rho {rho} and {other}, gap {gap}, {where}")

@@ -1,0 +1,37 @@
+"""Estimates held against a truth by z: over images with seeds of their own, whatever the sampler does inside one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from engines.scene import Light, Material, Shape
+from harness.verify.case import Array, Measured, measured
+from harness.verify.subject import Subject
+
+REPLICATES = 32
+STRATEGIES = ("light", "bsdf", "mis")
+LARGEST_ERROR = 2e-3
+"""A larger standard error could not tell right from wrong: such a case fails."""
+
+
+def means(subject: Subject, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], view: Any,
+          shader: Any, spp: int = 1, power: int = 1, **settings: Any) -> Array:  # fmt: skip
+    """(REPLICATES,) means of an image to a power; the images differ in nothing but their seeds."""
+    images = (
+        subject.image(shapes, materials, lights, view, shader, spp, seed=1 + k, **settings) for k in range(REPLICATES)
+    )
+    return np.array([float(np.mean(image**power)) for image in images])
+
+
+def z_score(
+    subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR
+) -> Measured:
+    """|mean - truth| in standard errors; infinite where the standard error is above `largest`."""
+    rounding = (1e-12 if subject.tracing == "float64" else 2e-6) * abs(truth)
+    error = max(float(replicates.std(ddof=1)) / math.sqrt(replicates.size), rounding)
+    z = (replicates.mean() - truth) / error if error < largest else math.inf
+    return measured(z, parameter, note=f"{replicates.mean():.6f} against {truth:.6f}, standard error {error:.1e}")
