@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, fetch, get, get_int, inline, pointer, put, put_int, select, table
-from engines.kernels.vector import Vec3, select3, unit
+from engines.kernels.jit import LANES, compile_stage, fetch, get, inline, pointer, put, put_int, select, table
+from engines.kernels.vector import Vec3, unit
 from engines.kernels.world import CAMERA
 from engines.scene.model import CustomCamera, Orthographic, Perspective, PerspectiveArctan
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from engines.kernels import block as at
 from engines.kernels import environment
+from engines.kernels.fetching import copy, fetch_corners
 from engines.kernels.jit import (
     LANES,
     compile_stage,
@@ -26,7 +27,6 @@ from engines.kernels.jit import (
     table,
 )
 from engines.kernels.materials import cosine_direction, cosine_pdf
-from engines.kernels.fetching import copy, fetch_corners
 from engines.kernels.vector import Vec3, dot, length, select3, sin_cos_turn, tangents, unit
 from engines.kernels.world import (
     CONSTANT_SKY,
@@ -242,7 +242,8 @@ def _fetch_light(lanes, world, n, needs, every, real):
 @inline
 def _fetch_face(lanes, lane, world, light, rest, real):
     """A face of the mesh, chosen in proportion to its area."""
-    ranges, cdf, ranks = table(world, LIGHT_RANGE, np.int32), table(world, LIGHT_CDF, np.float64), table(world, LIGHT_FACES, np.int32)
+    ranges, ranks = table(world, LIGHT_RANGE, np.int32), table(world, LIGHT_FACES, np.int32)
+    cdf = table(world, LIGHT_CDF, np.float64)
     start, size = np.int64(fetch(ranges, 2 * light)), np.int64(fetch(ranges, 2 * light + 1))
     rank = np.int64(fetch(ranks, start + environment.first_above(cdf, start, size, rest)))
     primitives, materials = table(world, PRIMITIVES, np.int32), table(world, MATERIALS, real)

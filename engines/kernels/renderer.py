@@ -80,9 +80,9 @@ class Renderer:
         self._addresses: NDArray[np.int64] | None = None
         self._pool = ThreadPoolExecutor(settings.threads, thread_name_prefix="raybench")
         self._block_bytes = block_bytes(self._real, accelerator.scratch)
+        # of each thread: its block of lanes, and behind it the one in which samples begin
         both = self._block_bytes + block_bytes(self._real, 0)
         self._memory = [_aligned(both) for _ in range(settings.threads)]
-        """A thread's block of lanes, and behind it the one in which samples begin."""
         self._build()
 
     # ---- preparation -------------------------------------------------------------------------------------------------
