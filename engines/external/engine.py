@@ -78,6 +78,9 @@ class Engine:
             fixed = known[asked.name].options[key]
             if f"{kind}.{key}" not in self._said.passed and value != fixed:
                 raise Unsupported(f"{self._said.name} has {kind} {asked.name} with {key} = {fixed} only")
+        for passed in sorted(self._said.passed):
+            if passed.startswith(f"{kind}.") and passed.partition(".")[2] not in asked.options:
+                raise Unsupported(f"{self._said.name} is passed {{{passed}}}, which {asked.name} does not have")
 
 
 def program(said: Description) -> str:
