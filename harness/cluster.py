@@ -121,6 +121,7 @@ class Cluster:
         self._allow_imports = allow_imports
         self.client = connected(address)
         self._replicates: list[Future] = []
+        self._alone_since: float | None = None
 
     def __enter__(self) -> Cluster:
         try:
@@ -138,14 +139,25 @@ class Cluster:
         self.client.cancel(self._replicates)
         self.client.close()
 
+    def present(self) -> dict[str, Mapping[str, Any]]:
+        """The machines; raises `ConfigError` when there has been none for a while."""
+        machines = self.machines()
+        self._alone_since = None if machines else self._alone_since or monotonic()
+        if self._alone_since is not None and monotonic() - self._alone_since > PATIENCE_SECONDS:
+            raise ConfigError(f"--cluster: no machine for {PATIENCE_SECONDS:g} s; what was measured is kept")
+        return machines
+
     def machines(self) -> dict[str, Mapping[str, Any]]:
         """What the scheduler knows of each worker that is a machine, by address."""
-        workers = self.client.scheduler_info(n_workers=-1)["workers"]
+        try:
+            workers = self.client.scheduler_info(n_workers=-1)["workers"]
+        except OSError as error:
+            raise ConfigError(f"--cluster: the scheduler is gone: {error}; what was measured is kept") from error
         return {address: told for address, told in workers.items() if told["resources"].get(RESOURCE, 0) >= 1}
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """Films in the order of their seeds, whatever the order in which machines deliver them."""
-        size = max(1, min(8, -(-len(seeds) // (2 * max(1, len(self.machines()))))))
+        size = max(1, min(8, -(-len(seeds) // max(1, len(self.machines())))))
         parts = [list(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         self._replicates = [
             self.client.submit(
@@ -155,6 +167,9 @@ class Cluster:
             for part in parts
         ]  # fmt: skip
         for future in self._replicates:
+            while not future.done():
+                self.present()
+                _wait_for(future)
             found = _result(future)
             if isinstance(found, str):
                 raise WorkerFailed(found)
@@ -191,6 +206,13 @@ def connected(address: str) -> Client:
         raise ConfigError(f"--cluster {address}: no scheduler answers there: {error}") from error
 
 
+def _wait_for(future: Future) -> None:
+    """Until the future is done, or it is time to look at the machines again."""
+    news = Event()
+    future.add_done_callback(lambda _: news.set())
+    news.wait(LOOK_SECONDS)
+
+
 def _result(future: Future) -> Any:
     """A future's result; what Dask itself reports becomes a `WorkerFailed`."""
     try:
@@ -219,14 +241,10 @@ class Blocks:
 
     def run(self) -> None:
         """Until every cell has an event, or the sweep is told to stop."""
-        alone_since: float | None = None
         try:
             while self.waiting or self.running or any(self.queues.values()):
-                machines = self.cluster.machines()
+                machines = self.cluster.present()
                 self._forget(machines)
-                alone_since = None if machines else alone_since or monotonic()
-                if alone_since is not None and monotonic() - alone_since > PATIENCE_SECONDS:
-                    raise ConfigError(f"--cluster: no machine for {PATIENCE_SECONDS:g} s; what was measured is kept")
                 if not self.sweep.stopped:
                     for address, told in self._usable(machines).items():
                         self._feed(address, told)

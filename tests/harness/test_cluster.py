@@ -135,3 +135,23 @@ def test_workers_that_are_no_machines_are_refused(tmp_path):
         pytest.raises(ConfigError, match="--resources machine=1"),
     ):
         sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster=cluster.scheduler_address)
+
+
+def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch):
+    """What is under way then is not waited for without end."""
+    from distributed import LocalCluster
+
+    from harness import cluster
+
+    monkeypatch.setattr(cluster, "PATIENCE_SECONDS", 0.2)
+    one = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
+    with (
+        LocalCluster(**one, resources={"machine": 1}) as machines,
+        cluster.Cluster(machines.scheduler_address, allow_imports=True) as ours,
+    ):
+        machines.scale(0)
+        deadline = time.monotonic() + 20
+        while ours.machines() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        with pytest.raises(ConfigError, match="no machine for"):
+            list(ours.replicates("fake_engines:Steady", {"scene_path": "nowhere.yaml", "settings": {}}, [1, 2]))
