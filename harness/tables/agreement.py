@@ -66,8 +66,7 @@ def equivalence(analysis: Analysis) -> Table:
          Column("verdict", "equivalent, different, inconclusive, or unknown where there are no images of two seeds."),
          Column("difference", "Second over first, less one, of the image means; 90 % interval (TOST).", "estimate"),
          Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
-         Column("images", "Images of each: one a seed."), Column("spp", "Their samples a pixel."),
-         Column("paired", "Whether means are compared in pairs of one seed."),
+         Column("rests_on", "Images of each, one a seed, their samples a pixel, and whether seeds make pairs."),
          Column("image_p", "p of the image means.", "number"),
          Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
          Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
@@ -83,9 +82,9 @@ def equivalence(analysis: Analysis) -> Table:
                       "ks_p": found.alpha}  # fmt: skip
             row |= {name: corrected(getattr(found, name), limit) for name, limit in limits.items()}
             row |= {"detectable": found.detectable, "pixels_outside": found.pixels_outside}
-            row |= {"difference": Estimate(found.difference, found.low, found.high, min(images)),
-                    "images": " + ".join(map(str, images)), "paired": "yes" if paired else "no",
-                    "spp": " and ".join(map(str, dict.fromkeys(spp)))}  # fmt: skip
+            row["difference"] = Estimate(found.difference, found.low, found.high, min(images))
+            samples = " and ".join(map(str, dict.fromkeys(spp)))
+            row["rests_on"] = f"{images[0]} + {images[1]} of {samples} spp{', pairs' if paired else ''}"
         table.rows.append(row)
     return table
 
