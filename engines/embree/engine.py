@@ -28,7 +28,8 @@ ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIO
 
 
 class Engine:
-    """Traces in float32, whatever the precision of shading (float32 by default)."""
+    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are confirmed
+    and solved anew, which `refine` switches off."""
 
     name = "embree"
     version = "2"
