@@ -7,13 +7,14 @@ OUT := results/quick
 ARGS ?=
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test microbench lint clean
+.PHONY: help bench test microbench baseline lint clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
 	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
 	@echo "make lint        ruff and pyright"
 	@echo "make microbench  time the parts: tests/benchmarks"
+	@echo "make baseline    measure configs/engines.yaml (twelve minutes, on an idle machine) and archive it in results/baseline"
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
 	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
 
@@ -27,6 +28,10 @@ test: .venv/.installed-test
 
 microbench: .venv/.installed-test
 	@$(BIN)/python -m pytest tests/benchmarks --benchmark-only $(ARGS)
+
+baseline: .venv/.installed
+	@$(BIN)/raybench run configs/engines.yaml --out results/engines
+	@$(BIN)/raybench archive results/engines --out results/baseline
 
 lint: .venv/.installed-test
 	@$(BIN)/ruff check .

@@ -16,7 +16,7 @@ import numpy as np
 
 from harness.results import Contender, Event, Results, Settings
 from harness.statistics import Equivalence, equivalence
-from harness.statistics.equivalence import MARGIN
+from harness.statistics.equivalence import MARGIN, shared_alpha
 
 KINSHIP = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
 """What counts how much when the nearest relative among another engine's contenders is looked for."""
@@ -82,15 +82,17 @@ def common_spp(*contenders: Contender, pictured: bool = False) -> int | None:
     return max(set.intersection(*sets), default=None) if sets else None
 
 
-def compared(first: Contender, second: Contender, images: Replicates) -> Comparison | None:
+def compared(first: Contender, second: Contender, images: Replicates, alpha: float) -> Comparison | None:
     """Their last images, or those at equal samples in pairs of one seed: whichever would see the smaller bias."""
     spp = common_spp(first, second, pictured=True)
-    found = [_compared(first, second, images, None), _compared(first, second, images, spp) if spp else None]
+    found = [_compared(first, second, images, alpha, at) for at in dict.fromkeys([None, spp])]
     usable = [comparison for comparison in found if comparison is not None]
     return min(usable, key=lambda comparison: comparison.found.detectable, default=None)
 
 
-def _compared(first: Contender, second: Contender, images: Replicates, spp: int | None) -> Comparison | None:
+def _compared(
+    first: Contender, second: Contender, images: Replicates, alpha: float, spp: int | None
+) -> Comparison | None:  # fmt: skip
     ours, theirs = images.of(first, spp), images.of(second, spp)
     if spp is not None:
         shared = sorted(ours.keys() & theirs.keys())
@@ -100,7 +102,8 @@ def _compared(first: Contender, second: Contender, images: Replicates, spp: int 
         return None
     paired = spp is not None
     samples = (spp, spp) if paired else (_typical_spp(first), _typical_spp(second))
-    return Comparison(equivalence(np.stack(a), np.stack(b), paired=paired), (len(a), len(b)), samples, paired)
+    found = equivalence(np.stack(a), np.stack(b), alpha=alpha, paired=paired)
+    return Comparison(found, (len(a), len(b)), samples, paired)
 
 
 def _typical_spp(contender: Contender) -> int:
@@ -121,7 +124,8 @@ def engine_pairs(results: Results, images: Replicates, known: Known) -> list[Eng
         if contender.done and not s.label:
             groups.setdefault((s.scene, s.shader, s.size, s.sampler, s.machine), []).append(contender)
     pairs = [pair for members in groups.values() for pair in _nearest(members)]
-    return [EnginePair(a, b, compared(a, b, images) or known.get((a.settings, b.settings))) for a, b in pairs]
+    alpha = shared_alpha(len(pairs))
+    return [EnginePair(a, b, compared(a, b, images, alpha) or known.get((a.settings, b.settings))) for a, b in pairs]
 
 
 def _nearest(members: Sequence[Contender]) -> Iterator[tuple[Contender, Contender]]:
@@ -143,28 +147,34 @@ def words(pair: EnginePair) -> str:
     if pair.comparison is None:
         return f"{names}: not compared, for there are no two different images of each."
     found, (k, m), (n, o), paired = pair.comparison
-    interval = f"[{100 * found.low:+.2g} %, {100 * found.high:+.2g} %]"
+    interval = f"between {percent(found.low)} and {percent(found.high)}"
     told = {
-        "equivalent": f"make the same image: the means differ by {100 * found.difference:+.2g} % {interval}, less than "
-                      f"{100 * MARGIN:g} %, and neither pixels nor tiles stand out",
+        "equivalent": f"make the same image: the means differ by {interval}, less than {100 * MARGIN:g} %, and "
+                      "neither pixels nor tiles stand out",
         "different": f"make different images: {'; '.join(_reasons(found))}",
         "inconclusive": f"are not told apart, nor shown to be equal: the means differ by {interval}, and only less than "
                         f"{100 * MARGIN:g} % would count as equal",
     }[found.verdict]  # fmt: skip
     samples = f"{n} spp" if n == o else f"{n} and {o} spp"
     rests = f"{k} and {m} images of {samples}{', pairs of one seed' if paired else ''}"
-    return f"{names} {told}. A bias of {100 * found.detectable:.2g} % would have been seen ({rests})."
+    seen = percent(found.detectable).removeprefix("+")
+    return f"{names} {told}. A bias of {seen} would have been seen ({rests})."
+
+
+def percent(share: float) -> str:
+    """A share in percent with its sign; what is below a thousandth of a percent is as good as none."""
+    return "0.001 %" if abs(share) < 1e-5 else f"{100 * share:+.2g} %"
 
 
 def _reasons(found: Equivalence) -> list[str]:
     """Which of the tests a pair failed."""
     reasons = []
-    if not -MARGIN < found.low <= found.high < MARGIN and found.image_p < 0.01:
-        reasons.append(f"the means differ by {100 * found.difference:+.2g} %")
+    if not -MARGIN < found.low <= found.high < MARGIN and found.image_p < found.alpha:
+        reasons.append(f"the means differ by {percent(found.difference)}")
     if found.tile_p < found.tile_threshold:
         reasons.append("tiles stand out")
     if found.pixel_p < found.pixel_threshold:
         reasons.append(f"{found.pixels_outside} values of pixels stand out")
-    if found.ks_p < 0.01:
+    if found.ks_p < found.alpha:
         reasons.append("more tiles differ than chance allows")
     return reasons

@@ -27,6 +27,7 @@ from harness.statistics import (
     time_to_quality,
     too_good_per_sample,
 )
+from harness.statistics.equivalence import shared_alpha
 
 PREFERRED_BASELINES = ("numpy", "numba", "embree")
 
@@ -175,7 +176,7 @@ def _compare(results: Results, verdict: Verdict, engine: str, floors: Mapping[st
             paired_speedup(_by_block(results, baseline, target), _by_block(results, contender, target), floor)
             for target in error_targets(results)
         ]
-        comparison = compared(baseline, contender, images)
+        comparison = compared(baseline, contender, images, shared_alpha(len(results.contenders)))
         verdict.equivalence = comparison.found if comparison else None
 
 

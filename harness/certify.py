@@ -20,8 +20,8 @@ import numpy as np
 from engines.errors import ConfigError
 from harness import machine
 from harness.identity import digest
-from harness.pool import Pool, WorkerFailed
-from harness.references import ReferenceWanted, Report, replicates
+from harness.pool import WorkerFailed
+from harness.references import Images, ReferenceWanted, Report, replicates
 from harness.statistics import equivalence
 from harness.store import write_json
 
@@ -60,7 +60,7 @@ def existing(wanted: ReferenceWanted, root: Path) -> dict[str, Any] | None:
     return found if found.get("certificate_id") == digest(asked_of(wanted)) else None
 
 
-def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, report: Report) -> dict[str, Any]:
+def make(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     """Renders, compares, writes the certificate and returns it as an event. Raises `WorkerFailed`.
 
     A second engine that cannot render the scene is no failure: the verdict is then "impossible".
@@ -76,10 +76,10 @@ def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, r
         told["verdict"] = "impossible"
     else:
         count, seed = asked["replicates"], wanted.asked["seed"]
-        ours = _images(replicates(wanted, range(seed, seed + count), pool, allow_imports), report, 0, count)
+        ours = _images(replicates(wanted, range(seed, seed + count), pool), report, 0, count)
         again = range(seed + SEEDS_AWAY, seed + SEEDS_AWAY + count)
         theirs = _images(
-            replicates(wanted, again, pool, allow_imports, certifier.engine, certifier.settings), report, count, count
+            replicates(wanted, again, pool, certifier.engine, certifier.settings), report, count, count
         )
         told.update(asdict(equivalence(ours, theirs, alpha=ALPHA)))
     write_json(path_of(wanted, root), {**told, "machine": machine.provenance()})

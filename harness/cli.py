@@ -48,6 +48,10 @@ def run(
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
+    cluster: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786."),
+    ] = None,
 ) -> None:
     """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
     from engines.errors import ConfigError
@@ -56,7 +60,7 @@ def run(
 
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
-    options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]])
+    options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]], cluster)
     raise typer.Exit(commands.run(config, out, overrides or [], fresh, options))
 
 

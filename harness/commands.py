@@ -204,9 +204,9 @@ def reference(
                     ready = references.ready(wanted, root)
                     if not ready:
                         with progress.Terminal(stderr) as terminal:
-                            _make_reference(wanted, root, pool, allow_imports, terminal, name)
+                            _make_reference(wanted, root, pool, terminal, name)
                     stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}", soft_wrap=True)
-                    failed += _certified(wanted, root, pool, allow_imports, stdout, stderr)
+                    failed += _certified(wanted, root, pool, stdout, stderr)
                 except WorkerFailed as error:
                     failed += 1
                     stdout.print(f"{name}: failed: {error}", markup=False, soft_wrap=True)
@@ -216,14 +216,14 @@ def reference(
     return 1 if failed else 0
 
 
-def _make_reference(wanted: Any, root: Path, pool: Any, allow_imports: bool, terminal: Any, name: str) -> None:
+def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
     from harness import references
 
-    references.make(wanted, root, pool, allow_imports, lambda done, count: terminal.reference(name, done, count))
+    references.make(wanted, root, pool, lambda done, count: terminal.reference(name, done, count))
 
 
 def _certified(
-    wanted: Any, root: Path, pool: Any, allow_imports: bool, stdout: Console, stderr: Console
+    wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console
 ) -> bool:  # fmt: skip
     """Certifies a reference if that is asked for; whether the second engine makes another image."""
     from harness import certify
@@ -234,7 +234,7 @@ def _certified(
     if found is None:
         name = f"certificate of {wanted.describe()}"
         with progress.Terminal(stderr) as terminal:
-            found = certify.make(wanted, root, pool, allow_imports, lambda i, n: terminal.reference(name, i, n))
+            found = certify.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
     stdout.print(f"{wanted.describe()}: {certify.words(found)}", markup=False, soft_wrap=True)
     return found["verdict"] == "different"
 

@@ -102,6 +102,7 @@ class Experiment:
     quality: Quality
     control: bool
     images: str
+    timing: bool
     warnings: tuple[str, ...]
     resolved: Mapping[str, Any]
     source: str = ""
@@ -181,7 +182,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         checkpoints=_checkpoints(top), repeats=repeats, seed=seed, order_seed=order.get("seed", 1),
         reference=reference, quality=quality, control=read.get("control", repeats >= 3),
         images=read.get("images", "some"), warnings=tuple(warnings), resolved={}, source=source,
-        verify=_verify(top),
+        verify=_verify(top), timing=read.get("timing", True),
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -209,6 +210,7 @@ _SCALARS: dict[str, Any] = {
     "repeats": fields.integer(1, 1000),
     "seed": fields.integer(0, SEED_LIMIT),
     "control": _switch,
+    "timing": _switch,
     "images": fields.one_of(*IMAGES),
 }
 _ORDER = {"policy": fields.one_of("blocks"), "seed": fields.integer(0, SEED_LIMIT)}
@@ -297,7 +299,8 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "combinations": [axes.plain(combination) for combination in experiment.combinations],
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "control": experiment.control,
-        "images": experiment.images, "verify": asdict(experiment.verify) if experiment.verify else None,
+        "images": experiment.images, "timing": experiment.timing,
+        "verify": asdict(experiment.verify) if experiment.verify else None,
         "reference": asdict(experiment.reference),
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
     }  # fmt: skip

@@ -131,13 +131,19 @@ def _write_movie(output: Path, frames: Iterator[NDArray[np.uint8]], request: Req
 def _write_gif(output: Path, frames: Iterator[NDArray[np.uint8]], frames_per_second: float) -> None:
     from PIL import Image
 
-    pages = (Image.fromarray(frame[:, :, :3].copy()) for frame in frames)
-    first = next(pages)
+    first = _page(next(frames)).quantize(256, Image.Quantize.MEDIANCUT)
+    pages = (_page(frame).quantize(palette=first) for frame in frames)
     duration = max(20, round(100 / frames_per_second) * 10)  # GIF counts in 10 ms; players slow down below 20
     try:
         first.save(output, save_all=True, append_images=pages, duration=duration, loop=0)
     except OSError as problem:
         raise ConfigError(f"-o {output}: cannot be written: {problem.strerror or problem}") from problem
+
+
+def _page(frame: NDArray[np.uint8]) -> Any:
+    from PIL import Image
+
+    return Image.fromarray(np.ascontiguousarray(frame[:, :, :3]))
 
 
 def _encoder(output: Path) -> Any:

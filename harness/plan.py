@@ -60,8 +60,9 @@ class Cell:
         """The command that renders `spp` samples of this cell again, to the bit."""
         from shlex import quote
 
+        engine = _from_here(Path(self.engine)) if is_file(self.engine) else self.engine
         plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")}
-        words = ["raybench", "render", _scene_word(self.scene), "--engine", self.engine]
+        words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
         for kind, choice in plain.items():
             words += [f"--{kind}", flow(choice)]
         words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
@@ -86,6 +87,11 @@ def _scene_word(scene: SceneFile) -> str:
     path = Path(scene.path)
     if scene.name in (known := catalog.shipped("scenes")) and known[scene.name].resolve() == path:
         return scene.name
+    return _from_here(path)
+
+
+def _from_here(path: Path) -> str:
+    """A path as it can be written in the working directory: short where it lies below."""
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 

@@ -11,11 +11,15 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from engines.errors import ConfigError
+
+if TYPE_CHECKING:
+    from engines.film import Film
 
 IMPORT_TIMEOUT_SECONDS = 180.0
 FOREVER = math.inf
@@ -32,6 +36,13 @@ class WorkerFailed(Exception):
 
 class WorkerTimeout(Exception):
     """A request that took too long; its process has been killed."""
+
+
+class Heard(NamedTuple):
+    """A message of a worker, and the film that came with it."""
+
+    message: dict[str, Any]
+    film: Film | None = None
 
 
 class Worker:
@@ -51,6 +62,7 @@ class Worker:
         except WorkerTimeout:
             raise WorkerFailed(f"engine {engine!r}: not imported within {IMPORT_TIMEOUT_SECONDS:g} s") from None
         self.import_seconds: float = answer["seconds"]
+        self.version: str = answer["version"]
         self._forks: bool = answer["forks"]
 
     def ask(self, request: dict[str, Any]) -> None:
@@ -145,6 +157,35 @@ class Pool:
             self._workers[engine] = Worker(engine, self._allow_imports, self._log)
         return self._workers[engine]
 
+    def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Iterator[Heard]:
+        """What a worker tells of a cell, from its import to its end; the caller's time in between is not counted.
+
+        Raises `WorkerFailed`, or `WorkerTimeout` when the cell has been killed at its timeout.
+        """
+        worker = self.worker(engine)
+        yield Heard({"did": "import", "seconds": worker.import_seconds, "version": worker.version})
+        deadline = monotonic() + timeout_seconds
+        worker.ask({"do": "cell", **request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)})
+        did = ""
+        while did != "end":
+            answer = worker.receive(deadline)
+            did, began = answer["did"], monotonic()
+            yield Heard(answer, film_of(self.scratch) if did == "point" else None)
+            deadline += monotonic() - began
+            if did == "point":
+                worker.ask({"do": "go"})
+
+    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+        """A reference's image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
+        worker = self.worker(engine)
+        told = {"allow_imports": self._allow_imports, "scratch": str(self.scratch), "seeds": list(seeds)}
+        worker.ask({"do": "reference", **request, **told})
+        for _ in seeds:
+            seconds = worker.receive(FOREVER)["seconds"]
+            yield film_of(self.scratch), seconds
+            worker.ask({"do": "go"})
+        worker.receive(FOREVER)
+
     def renew(self) -> None:
         """Ends all workers: the next block begins with fresh ones."""
         for worker in self._workers.values():
@@ -162,7 +203,7 @@ def environment(allow_imports: bool) -> dict[str, str]:
     return {**os.environ, **changes, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONSAFEPATH": "1"}
 
 
-def film_of(path: Path) -> Any:
+def film_of(path: Path) -> Film:
     """The film that a worker left."""
     import numpy as np
 

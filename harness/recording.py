@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from time import monotonic
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from harness import store
+from harness.config import Checkpoints
 from harness.plan import WARM_UP_SEED, Cell
-from harness.pool import Pool, film_of
+from harness.pool import Heard, WorkerFailed
 
 if TYPE_CHECKING:
     from harness.sweep import Sweep
@@ -17,49 +18,49 @@ SHARED_SPP = (1, 4, 16)
 """Checkpoints of which `images: some` keeps every seed's picture: there engines of any speed can be compared."""
 
 
+def request(cell: Cell, checkpoints: Checkpoints) -> dict[str, Any]:
+    """What a worker is asked."""
+    return {
+        "scene_path": cell.scene.path, "scene_hash": cell.scene_hash, "settings": dict(cell.settings),
+        "seed": cell.seed, "warm_up_seed": cell.seed + WARM_UP_SEED,
+        "schedule": {
+            **asdict(checkpoints), "max_spp": cell.budget.max_spp, "max_time_seconds": cell.budget.max_time_seconds,
+        },
+    }  # fmt: skip
+
+
 class Recording:
     """What a cell's worker tells, as the parts of its event."""
 
-    def __init__(self, sweep: Sweep, cell: Cell) -> None:
-        self.sweep, self.cell = sweep, cell
+    def __init__(self, sweep: Sweep, cell: Cell, env_id: str) -> None:
+        self.sweep, self.cell, self.env_id = sweep, cell, env_id
         self.phases: dict[str, float] = {}
         self.points: list[dict[str, Any]] = []
         self.counters: dict[str, float] = {}
         self.disturbance: dict[str, Any] = {}
         self._last_film: Any = None
 
-    def follow(self, pool: Pool) -> None:
-        """Asks the worker and takes down its answers until the end, a failure or the timeout."""
-        cell, sweep = self.cell, self.sweep
-        reference = sweep.reference(str(cell.reference_id))
-        worker = pool.worker(cell.engine)
-        self.phases["import_seconds"] = worker.import_seconds
-        deadline = monotonic() + cell.budget.timeout_seconds
-        worker.ask(self._request(pool))
-        while True:
-            answer = worker.receive(deadline)
-            if answer.pop("did") == "prepared":
-                self.phases.update(answer)
-            elif "spp" in answer:
-                began = monotonic()
-                self._point(answer, film_of(pool.scratch), reference)
-                deadline += monotonic() - began
-                worker.ask({"do": "go"})
-            else:
-                self.counters, self.disturbance = answer["counters"], answer["machine"]
-                return
+    def follow(self, heard: Iterable[Heard]) -> None:
+        """Takes down what a worker tells, until its end; failures and timeouts come out of `heard`."""
+        reference = self.sweep.reference(str(self.cell.reference_id))
+        for message, film in heard:
+            told = {key: value for key, value in message.items() if key != "did"}
+            if message["did"] == "import":
+                self._imported(**told)
+            elif message["did"] == "prepared":
+                self.phases.update(told)
+            elif message["did"] == "point":
+                self._point(told, film, reference)
+            elif message["did"] == "end":
+                self.counters, self.disturbance = told["counters"], told["machine"]
 
-    def _request(self, pool: Pool) -> dict[str, Any]:
-        cell, schedule = self.cell, self.sweep.plan.experiment.checkpoints
-        return {
-            "do": "cell", "scene_path": cell.scene.path, "scene_hash": cell.scene_hash,
-            "settings": dict(cell.settings), "seed": cell.seed, "warm_up_seed": cell.seed + WARM_UP_SEED,
-            "allow_imports": self.sweep.options.allow_imports, "scratch": str(pool.scratch),
-            "schedule": {
-                "ratio": schedule.ratio, "start": schedule.start, "max_spp": cell.budget.max_spp,
-                "max_time_seconds": cell.budget.max_time_seconds,
-            },
-        }  # fmt: skip
+    def _imported(self, seconds: float, version: str) -> None:
+        planned = str(self.cell.asked["engine_version"])
+        if version != planned:
+            raise WorkerFailed(
+                f"the engine is version {version} where it was to render, {planned} where it was planned"
+            )
+        self.phases["import_seconds"] = seconds
 
     def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
         from harness import metrics
@@ -84,6 +85,6 @@ class Recording:
         path = store.image_path(self.cell.cell_id, point["spp"])
         (self.sweep.folder / path).parent.mkdir(parents=True, exist_ok=True)
         told = {key: point[key] for key in ("spp", "seconds", "metrics")}
-        identity = {"cell_id": self.cell.cell_id, "env_id": self.sweep.env_id, "asked": dict(self.cell.asked)}
+        identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "asked": dict(self.cell.asked)}
         film.save(self.sweep.folder / path, provenance={**identity, **told, "scene": self.cell.scene.name})
         point["image"] = path

@@ -17,12 +17,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from engines.errors import ConfigError
 from engines.film import Film
 from harness import machine
 from harness.identity import digest
-from harness.pool import FOREVER, Pool, WorkerFailed, film_of
+from harness.pool import WorkerFailed, film_of
 from harness.store import write_json
 
 if TYPE_CHECKING:
@@ -40,6 +40,14 @@ META = "meta.json"
 SAVE_EVERY_SECONDS = 20.0
 Report = Callable[[int, int], None]
 """Told (replicates done, replicates wanted)."""
+
+
+class Images(Protocol):
+    """Who renders replicates: `pool.Pool` here, `cluster.Cluster` on other machines."""
+
+    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+        """The image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +102,7 @@ def ready(wanted: ReferenceWanted, root: Path) -> bool:
     return bool(meta["complete"])
 
 
-def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, report: Report) -> dict[str, Any]:
+def make(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     """Renders what is missing and returns its metadata. Raises `WorkerFailed` when the engine fails."""
     folder = wanted.folder(root)
     film, seconds = _start(wanted, root)
@@ -103,7 +111,7 @@ def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, r
         report(first, count)
         saved = monotonic()
         seeds = range(wanted.asked["seed"] + first, wanted.asked["seed"] + count)
-        for replicate, more in replicates(wanted, seeds, pool, allow_imports):
+        for replicate, more in replicates(wanted, seeds, pool):
             seconds += more
             _add(film, replicate, wanted)
             if monotonic() - saved > SAVE_EVERY_SECONDS:
@@ -118,22 +126,15 @@ def make(wanted: ReferenceWanted, root: Path, pool: Pool, allow_imports: bool, r
 
 
 def replicates(
-    wanted: ReferenceWanted, seeds: Iterable[int], pool: Pool, allow_imports: bool, engine: str | None = None,
+    wanted: ReferenceWanted, seeds: Iterable[int], pool: Images, engine: str | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Iterator[tuple[Film, float]]:  # fmt: skip
     """The reference's image under each seed, with the seconds it took; by another engine where one is named."""
-    worker = pool.worker(engine or wanted.asked["engine"])
-    seeds = list(seeds)
-    worker.ask({
-        "do": "reference", "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash,
-        "settings": dict(settings or wanted.settings), "allow_imports": allow_imports, "scratch": str(pool.scratch),
-        "spp": wanted.asked["replicate_spp"], "seeds": seeds,
-    })  # fmt: skip
-    for _ in seeds:
-        seconds = worker.receive(FOREVER)["seconds"]
-        yield film_of(pool.scratch), seconds
-        worker.ask({"do": "go"})
-    worker.receive(FOREVER)
+    request = {
+        "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash, "settings": dict(settings or wanted.settings),
+        "spp": wanted.asked["replicate_spp"],
+    }  # fmt: skip
+    yield from pool.replicates(engine or wanted.asked["engine"], request, list(seeds))
 
 
 def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:

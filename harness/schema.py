@@ -49,6 +49,7 @@ def experiment_schema() -> dict[str, Any]:
     scalars: dict[str, Any] = {
         "raybench_experiment": {"const": 1}, "name": {"type": "string"}, "question": {"type": "string"},
         "repeats": {"type": "integer", "minimum": 1, "maximum": 1000}, "seed": _SEED, "control": {"type": "boolean"},
+        "timing": {"type": "boolean"},
         "images": {"enum": list(IMAGES)},
     }  # fmt: skip
     known = {**scalars, **sections, **settings}

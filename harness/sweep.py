@@ -8,21 +8,24 @@ computes errors or draws progress no ray is traced.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 from time import monotonic
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from harness import certify, examinations, machine, references, store
 from harness.identity import digest
 from harness.plan import Cell, Plan, expected_seconds, up_to_date
-from harness.pool import Pool, WorkerFailed, WorkerTimeout
-from harness.recording import Recording
+from harness.pool import Heard, Pool, WorkerFailed, WorkerTimeout
+from harness.recording import Recording, request
 from harness.sentinel import sentinel_seconds
 from harness.targets import automatic_targets
+
+if TYPE_CHECKING:
+    from harness.cluster import Cluster
 
 LOG = "worker.log"
 BROKEN = ("failed", "timeout")
@@ -41,13 +44,17 @@ class Listener(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to run: `retry` measures failed and timed-out cells again, `fail_fast` stops at the first such cell."""
+    """How to run: `retry` measures failed and timed-out cells again, `fail_fast` stops at the first such cell.
+
+    `cluster` is the address of a Dask scheduler whose machines render; None: this one does.
+    """
 
     retry: bool = False
     fail_fast: bool = False
     allow_imports: bool = False
     allow_commands: bool = False
     command: Sequence[str] = ()
+    cluster: str | None = None
 
 
 @dataclass(slots=True)
@@ -64,14 +71,26 @@ class Outcome:
 
 def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outcome:
     """Measures what is missing. The folder must be locked by the caller. On `KeyboardInterrupt` all workers end."""
+    if options.cluster is None:
+        return _run(plan, folder, options, listener, None)
+    from harness.cluster import Cluster
+
+    with Cluster(options.cluster, options.allow_imports) as cluster:
+        return _run(plan, folder, options, listener, cluster)
+
+
+def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster: Cluster | None) -> Outcome:
     with store.Events(folder) as events:
         if events.torn:
             listener.note(f"{folder / store.EVENTS}: {store.TORN}")
         sweep = Sweep(plan, folder, options, listener, events)
         sweep.record_plan()
         with Pool(options.allow_imports, folder / LOG) as pool:
-            sweep.make_references(pool)
-            sweep.blocks(pool)
+            sweep.make_references(cluster or pool)
+            if cluster is None:
+                sweep.blocks(pool)
+            else:
+                cluster.measure(sweep)
             sweep.examine(pool)
         sweep.record_targets()
         return sweep.outcome()
@@ -116,7 +135,8 @@ class Sweep:
                 "event": "run", "time": now, "run_id": run_id, "command": list(self.options.command),
                 "config_name": experiment.name,
             })  # fmt: skip
-        self._record_environment()
+        self.record_environment(self.env_id, self.environment)
+        self._note_other_machines()
         if experiment.quality.targets is not None:
             self._append_targets(list(experiment.quality.targets))
         planned = {cell.cell_id for cell in self.plan.cells}
@@ -154,12 +174,15 @@ class Sweep:
             if outdated and cell_id in wanted and up_to_date(wanted[cell_id], event, self.metric):
                 self.append(event)
 
-    def _record_environment(self) -> None:
-        if not any(e["event"] == "environment" and e["env_id"] == self.env_id for e in self.history):
-            self.append({"event": "environment", "env_id": self.env_id, "preimage": self.environment})
+    def record_environment(self, env_id: str, preimage: Mapping[str, Any]) -> None:
+        """Says once what an environment id stands for."""
+        if not any(e["event"] == "environment" and e["env_id"] == env_id for e in self.history):
+            self.append({"event": "environment", "env_id": env_id, "preimage": dict(preimage)})
+
+    def _note_other_machines(self) -> None:
         planned = {cell.cell_id for cell in self.plan.cells}
         elsewhere = [e for i, e in self.latest.items() if i in planned and e.get("env_id") != self.env_id]
-        if elsewhere:
+        if elsewhere and self.options.cluster is None:
             self.listener.note(
                 f"{len(elsewhere)} cells were measured on another machine or with other library versions: "
                 "times are not comparable; --fresh measures all again"
@@ -182,7 +205,7 @@ class Sweep:
 
     # --- references -------------------------------------------------------------------------------------------------
 
-    def make_references(self, pool: Pool) -> None:
+    def make_references(self, pool: references.Images) -> None:
         """Makes what cells to be measured need; a cell whose reference fails has failed."""
         needed = dict.fromkeys(cell.reference_id for cell in self.todo())
         named = {e["reference_id"] for e in self.history if e["event"] == "reference"}
@@ -197,20 +220,20 @@ class Sweep:
                 self.append(references.event(wanted, self.root, self.folder))
             self._certify(wanted, pool)
 
-    def _make_reference(self, wanted: references.ReferenceWanted, pool: Pool) -> None:
+    def _make_reference(self, wanted: references.ReferenceWanted, pool: references.Images) -> None:
         references.make(
-            wanted, self.root, pool, self.options.allow_imports,
+            wanted, self.root, pool,
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
         )  # fmt: skip
 
-    def _certify(self, wanted: references.ReferenceWanted, pool: Pool) -> None:
+    def _certify(self, wanted: references.ReferenceWanted, pool: references.Images) -> None:
         """Has the reference compared with a second engine's image, once, and says what came out."""
         if wanted.certifier is None or not references.ready(wanted, self.root):
             return
         found = certify.existing(wanted, self.root)
         try:
             found = found or certify.make(
-                wanted, self.root, pool, self.options.allow_imports,
+                wanted, self.root, pool,
                 lambda done, count: self.listener.reference(f"certificate of {wanted.describe()}", done, count),
             )  # fmt: skip
         except (WorkerFailed, WorkerTimeout) as error:
@@ -232,9 +255,13 @@ class Sweep:
 
     # --- cells ------------------------------------------------------------------------------------------------------
 
+    def ready(self) -> list[Cell]:
+        """Cells to be measured whose reference is there, in order."""
+        return [cell for cell in self.todo() if cell.reference_id not in self._refused]
+
     def blocks(self, pool: Pool) -> None:
         """Measures cell after cell; every block begins with fresh workers and a sentinel."""
-        todo = [cell for cell in self.todo() if cell.reference_id not in self._refused]
+        todo = self.ready()
         block = None
         for number, cell in enumerate(todo):
             if self.stopped:
@@ -246,22 +273,31 @@ class Sweep:
                 self.append({"event": "sentinel", "block": block, "seconds": seconds})
             left = expected_seconds(todo[number:], self.latest)
             self.listener.cell(cell, number, len(todo), sum(seconds for seconds, _ in left.values()))
-            event = self.measure(cell, pool)
-            self.append(event)
-            self.measured += 1
-            self.listener.finished(cell, event)
-            self.stopped = self.options.fail_fast and event["state"] in BROKEN
+            self.begin(cell)
+            began, sentinel = monotonic(), sentinel_seconds()
+            record = Recording(self, cell, self.env_id)
+            asked = request(cell, self.plan.experiment.checkpoints)
+            heard = pool.cell(cell.engine, asked, cell.budget.timeout_seconds)
+            event = self.measured_as(record, heard, sentinel)
+            self.finish(cell, {**event, "wall_seconds": monotonic() - began})
 
-    def measure(self, cell: Cell, pool: Pool) -> dict[str, Any]:
-        """The event of a cell that has been measured, has failed or was killed at its timeout."""
+    def begin(self, cell: Cell) -> None:
+        """Says that a cell is being measured, and removes what an earlier attempt left."""
         store.discard_images(self.folder, cell.cell_id)
         self.events.append({"event": "start", "cell_id": cell.cell_id, "time": datetime.now(UTC).isoformat()})
-        record = Recording(self, cell)
-        began = monotonic()
-        sentinel = sentinel_seconds()
-        state, message = "done", ""
+
+    def finish(self, cell: Cell, event: Mapping[str, Any]) -> None:
+        """Puts a cell's event on disk."""
+        self.append(event)
+        self.measured += 1
+        self.listener.finished(cell, event)
+        self.stopped = self.options.fail_fast and event["state"] in BROKEN
+
+    def measured_as(self, record: Recording, heard: Iterable[Heard], sentinel: float) -> dict[str, Any]:
+        """The event of a cell that has been measured, has failed or was killed at its timeout."""
+        cell, state, message = record.cell, "done", ""
         try:
-            record.follow(pool)
+            record.follow(heard)
         except WorkerFailed as error:
             state, message = "failed", str(error)
         except WorkerTimeout:
@@ -269,9 +305,9 @@ class Sweep:
         record.keep_last_image()
         spp = record.points[-1]["spp"] if record.points else 0
         return {
-            **self.event(cell, state, message, spp), "phases": record.phases, "points": record.points,
-            "counters": record.counters, "machine": record.disturbance, "sentinel_seconds": sentinel,
-            "wall_seconds": monotonic() - began,
+            **self.event(cell, state, message, spp), "env_id": record.env_id, "phases": record.phases,
+            "points": record.points, "counters": record.counters, "machine": record.disturbance,
+            "sentinel_seconds": sentinel,
         }  # fmt: skip
 
     def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:

@@ -18,13 +18,14 @@ All pictures: `python docs/pictures/gallery.py`.
 """
 SQUARE = ("cornell_box", "mobilert_cornell", "mobilert_cornell2", "mobilert_spheres", "mobilert_spheres2", "furnace")
 SQUARE += ("cornell_spheres", "mesh_sphere", "tree")
-SAMPLES = {"glassware": 4096, "many_lights": 2048}
+SAMPLES = {"glassware": 2048, "many_lights": 1024, "mobilert_cornell": 1024, "mobilert_cornell2": 1024}
 
 
 def command(name: str) -> list[str]:
     size = "160x160" if name in SQUARE else "240x160"
     target = f"docs/pictures/gallery/{name}.png"
-    return ["raybench", "render", name, "--spp", str(SAMPLES.get(name, 512)), "--size", size, "-o", target]
+    engine = ["--engine", "embree", "--precision", "float32"]
+    return ["raybench", "render", name, *engine, "--spp", str(SAMPLES.get(name, 256)), "--size", size, "-o", target]
 
 
 def words(name: str) -> str:

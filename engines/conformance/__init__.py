@@ -6,6 +6,7 @@
         print("ok   " if finding.ok else "FAILS", finding.claim, finding.detail)
 
 An engine that by `why_not` declines what a claim needs is not failed for it: the finding is ok and quotes the engine.
+Nor is one that does not promise it: an attribute `not_promised` maps names of claims to reasons, which are quoted.
 """
 
 from __future__ import annotations
@@ -59,7 +60,8 @@ def _examine(claim: Claim, subject: Subject) -> Finding:
     except Declined as reason:
         return Finding(sentence, True, f"not examined: {reason}")
     except Broken as seen:
-        return Finding(sentence, False, str(seen))
+        excuse = getattr(subject.engine, "not_promised", {}).get(claim.__name__)
+        return Finding(sentence, excuse is not None, f"not promised: {excuse}: {seen}" if excuse else str(seen))
     except Exception as error:
         return Finding(sentence, False, f"{type(error).__name__}: {error}")
     return Finding(sentence, True)

@@ -1,27 +1,50 @@
-"""Embree as an intersector of blocks: sixteen rays a call, from compiled code, planes tested apart."""
+"""Embree as an intersector of blocks: packets of rays from compiled code, planes tested apart.
+
+Embree works in float32. With `refine` every hit it claims is solved anew in float64, from the block's ray and the world's
+vertices. Where the face does not confirm it (or is the one that the ray has just left) the lane is asked once more, in a
+second scene of the same shapes whose triangles are solved in float64 by callback: Embree then only walks the tree, so
+what the false hit had hidden is found, and nothing slips between faces. That scene is asked rarely, and built coarsely.
+"""
 
 from __future__ import annotations
 
 import time
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-from engines.embree.library import SPHERE_GEOMETRY, TRIANGLE_GEOMETRY, EmbreeScene, address
+from engines.embree.callbacks import exact_distance, hit_filter, sphere_callbacks, triangle_callbacks
+from engines.embree.library import SPHERE_GEOMETRY, TRIANGLE_GEOMETRY, Device, address
+from engines.embree.packet import (
+    EXACT_SCENE,
+    FILTER,
+    GEOM_ID,
+    INTERSECT,
+    OCCLUDE,
+    PRIM_ID,
+    RECORD,
+    SCALE,
+    SCENE,
+    SCRATCH_WORDS,
+    T_FAR,
+    VALID,
+    ask,
+    fill,
+    place_of,
+    scratch,
+    width,
+)
 from engines.kernels import block as at
-from engines.kernels import jit
 from engines.kernels.jit import (
     LANES,
     compile_stage,
-    count,
     fetch,
     get,
+    get_int,
     inline,
     keep,
+    lowest_bit,
     pointer,
     put,
     put_int,
@@ -29,28 +52,13 @@ from engines.kernels.jit import (
     table,
 )
 from engines.kernels.linear import closest_planes, occluded_planes
-from engines.kernels.shapes import sphere_distance
-from engines.kernels.surface import row3
-from engines.kernels.vector import Vec3
-from engines.kernels.world import (
-    ACCELERATOR,
-    SPHERE_RANK,
-    SPHERE_REALS,
-    SPHERES,
-    TRIANGLE_RANK,
-    TRIANGLES,
-    VERTICES,
-    Needs,
-    World,
-)
+from engines.kernels.world import SPHERE_RANK, SPHERES, TRIANGLE_RANK, TRIANGLES, VERTICES, Needs, World
 
-INTERSECT, OCCLUDE, SCENE = (ACCELERATOR + k for k in range(3))
-
-# RTCRayHit16: arrays of sixteen 32-bit numbers, in this order (rtcore_ray.h)
-ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS = range(12)
-NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
-VALID = 21
-PACKET_WORDS = 22 * LANES
+RAY, SHADOW_RAY = (at.ORIGIN, at.DIRECTION, at.T), (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T)
+UPWARDS = 1 + 2.0**-22
+"""With `refine` Embree looks this much beyond t_max, so that float64 decides what lies before it."""
+BOX_PAD = 1e-6
+"""Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
 
 
 class Accelerator:
@@ -58,199 +66,218 @@ class Accelerator:
 
     name = "embree"
     precision = np.float32
-    scratch = PACKET_WORDS
+    scratch = SCRATCH_WORDS
 
-    def __init__(self, options: Any) -> None:
-        self._quality, self._robust = options["quality"], options["robust"]
+    def __init__(self, options: Any, refine: bool) -> None:
+        self._quality, self._robust, self._refine = options["quality"], options["robust"], refine
         self.build_seconds = 0.0
-        self._scene: EmbreeScene | None = None
+        self._device: Device | None = None
 
     def build(self, world: World, threads: int) -> None:
         start = time.perf_counter()
-        scene = EmbreeScene(threads, self._quality, self._robust)
-        if len(world.arrays[TRIANGLES]):
-            scene.add_triangles(world.arrays[VERTICES], world.arrays[TRIANGLES])
-        if len(world.arrays[SPHERES]):
-            scene.add_spheres(world.arrays[SPHERES], *(callback.address for callback in sphere_callbacks()))
-        scene.commit()
-        self._scene = scene
-        world.bind(INTERSECT, address("rtcIntersect16"))
-        world.bind(OCCLUDE, address("rtcOccluded16"))
-        world.bind(SCENE, scene.handle)
+        rays = width()
+        world.bind(INTERSECT, address(f"rtcIntersect{rays}"))
+        world.bind(OCCLUDE, address(f"rtcOccluded{rays}"))
+        world.bind(SCALE, _scales(world))
+        self._device = device = Device(threads)
+        faces = len(world.arrays[TRIANGLES])
+        parts = _spheres(device, world)
+        if faces:
+            world.bind(FILTER, hit_filter(world.real).address)
+            scaled = world.arrays[VERTICES] * world.real(world.arrays[SCALE][0])
+            parts[TRIANGLE_GEOMETRY] = device.triangles(scaled, world.arrays[TRIANGLES])
+        world.bind(SCENE, device.scene(parts, world.address, self._quality, self._robust))
+        if faces and self._refine:
+            parts, made = _spheres(device, world), triangle_callbacks(world.real)
+            parts[TRIANGLE_GEOMETRY] = device.by_callback(faces, *(code.address for code in made))
+            world.bind(EXACT_SCENE, device.scene(parts, world.address, "low", True))
         self.build_seconds = time.perf_counter() - start
 
     @property
     def bytes(self) -> int:
-        return self._scene.bytes if self._scene else 0
+        return self._device.bytes if self._device else 0
 
     def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
-        return stages(needs.triangles, needs.spheres, needs.planes, real)
+        return stages(Kinds(needs.triangles, needs.spheres, needs.planes, self._refine, width()), real)
 
 
-@intrinsic
-def _query(typing, function, valid, scene, packet):
-    """rtcIntersect16 or rtcOccluded16 at address `function`, with default arguments."""
+def _spheres(device: Device, world: World) -> dict[int, int]:
+    count = len(world.arrays[SPHERES])
+    if not count:
+        return {}
+    made = sphere_callbacks(world.real)
+    return {SPHERE_GEOMETRY: device.by_callback(count, *(code.address for code in made))}
 
-    def generate(context, builder, signature, arguments):
-        word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word, word, word, word])
-        builder.call(
-            builder.inttoptr(arguments[0], kind.as_pointer()),
-            [arguments[1], arguments[2], arguments[3], ir.Constant(word, 0)],
-        )
-        return context.get_dummy_value()
 
-    return types.void(types.int64, types.int64, types.int64, types.int64), generate
+def _scales(world: World) -> Any:
+    """(3,): the power of two that makes the scene about as large as 1, its inverse, and the pad of boxes in metres."""
+    size = float(np.abs(world.bounds - world.center).max(initial=0.0, where=np.isfinite(world.bounds)))
+    scale = 2.0 ** -np.clip(np.round(np.log2(size)), -100, 100) if size > 0 else 1.0
+    return np.array([scale, 1.0 / scale, size * BOX_PAD])
+
+
+class Kinds(NamedTuple):
+    """What a stage is compiled for: the kinds of shapes, whether hits are confirmed in float64, and rays a packet."""
+
+    triangles: bool
+    spheres: bool
+    planes: bool
+    refine: bool
+    wide: int
 
 
 @inline
-def _fill(lanes, packet, words, origin, direction, reach):
-    """Copies the lanes' rays into Embree's packet; a lane without a ray is not valid."""
-    for lane in range(np.uint64(LANES)):
-        i = np.int64(lane)
-        o, d, t = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane), get(lanes, reach, lane)
-        keep(packet, ORG_X * LANES + i, np.float32(o.x))
-        keep(packet, ORG_Y * LANES + i, np.float32(o.y))
-        keep(packet, ORG_Z * LANES + i, np.float32(o.z))
-        keep(packet, DIR_X * LANES + i, np.float32(d.x))
-        keep(packet, DIR_Y * LANES + i, np.float32(d.y))
-        keep(packet, DIR_Z * LANES + i, np.float32(d.z))
-        keep(packet, T_NEAR * LANES + i, np.float32(0))
-        keep(packet, TIME * LANES + i, np.float32(0))
-        keep(packet, T_FAR * LANES + i, np.float32(t))
-    for lane in range(np.uint64(LANES)):
-        i = np.int64(lane)
-        keep(words, MASK * LANES + i, np.int32(-1))
-        keep(words, ID * LANES + i, np.int32(0))
-        keep(words, FLAGS * LANES + i, np.int32(0))
-        keep(words, GEOM_ID * LANES + i, np.int32(-1))
-        keep(words, INST_ID * LANES + i, np.int32(-1))
-        keep(words, INST_PRIM_ID * LANES + i, np.int32(-1))
-        keep(words, VALID * LANES + i, np.int32(-1) if get(lanes, reach, lane) > 0 else np.int32(0))
+def _ask_again(lanes, world, query, place, block, reach, doubtful, upwards, kinds, real):
+    """Traces the lanes of the word `doubtful` once more, and no others: where triangles are solved in float64, or, without
+    `refine`, past the face that the ray has left."""
+    packet, words = pointer(place, np.float32), pointer(place, np.int32)
+    scale = real(fetch(table(world, SCALE, np.float64), 0))
+    for k in range(LANES):
+        lane, again = np.uint64(k), (doubtful >> np.int64(k)) & 1 != 0
+        i = place_of(lane, kinds.wide)
+        keep(words, i + VALID * kinds.wide, np.int32(-1 if again else 0))
+        if again:
+            keep(words, i + GEOM_ID * kinds.wide, np.int32(-1))
+            keep(packet, i + T_FAR * kinds.wide, np.float32(get(lanes, reach, lane) * scale) * upwards)
+    ask(world, query, EXACT_SCENE if kinds.refine else SCENE, place, block, kinds.wide, not kinds.refine)
 
 
-def _make_closest(triangles: bool, spheres: bool, planes: bool, real: Any) -> Any:
-    size = np.dtype(real).itemsize
+@inline
+def _claimed(world, place, lane, kinds):
+    """(face, rank) of what Embree claims for a lane; -1 where it is no triangle, or nothing."""
+    words, i = pointer(place, np.int32), place_of(lane, kinds.wide)
+    geometry, primitive = fetch(words, i + GEOM_ID * kinds.wide), np.int64(fetch(words, i + PRIM_ID * kinds.wide))
+    face, rank = np.int64(-1), np.int32(-1)
+    if kinds.triangles:
+        hit = geometry == TRIANGLE_GEOMETRY
+        face = select(hit, primitive, face)
+        rank = select(hit, fetch(table(world, TRIANGLE_RANK, np.int32), primitive if hit else np.int64(0)), rank)
+    if kinds.spheres:
+        hit = geometry == SPHERE_GEOMETRY
+        rank = select(hit, fetch(table(world, SPHERE_RANK, np.int32), primitive if hit else np.int64(0)), rank)
+    return face, rank
+
+
+@inline
+def _claimed_distance(world, place, lane, kinds):
+    packet, unscale = pointer(place, np.float32), fetch(table(world, SCALE, np.float64), 1)
+    return np.float64(fetch(packet, place_of(lane, kinds.wide) + T_FAR * kinds.wide)) * unscale
+
+
+@inline
+def _confirmed(lanes, world, lane, face, rank, fields, kinds, real):
+    """(whether the lane did hit the face that is claimed for it, distance): `fields` are those of the ray."""
+    confirmed, t = rank != get_int(lanes, at.LEFT, lane), 0.0
+    if kinds.refine:
+        o, d = at.get3(lanes, fields[0], lane), at.get3(lanes, fields[1], lane)
+        t = exact_distance(o, d, world, face if face >= 0 else np.int64(0), real)
+        confirmed = confirmed & (t > 0.0) & (t < np.float64(get(lanes, fields[2], lane)))
+    return confirmed, t
+
+
+@inline
+def _put_hit(lanes, lane, rank, t, real):
+    put_int(lanes, at.RANK, lane, rank)
+    put(lanes, at.T, lane, select(rank >= 0, real(t), get(lanes, at.T, lane)))
+
+
+@inline
+def _put_claims(lanes, world, place, kinds, real):
+    """The hits of all lanes, as far as they are confirmed; returns a word of the lanes where they are not."""
+    words = pointer(place, np.int32)
+    for lane in range(np.uint64(LANES)):
+        face, rank = _claimed(world, place, lane, kinds)
+        t, wrong = _claimed_distance(world, place, lane, kinds), False
+        if kinds.triangles:
+            confirmed, exact = _confirmed(lanes, world, lane, face, rank, RAY, kinds, real)
+            wrong = (face >= 0) & (not confirmed)
+            if kinds.refine:
+                t = select(face >= 0, exact, t)
+        _put_hit(lanes, lane, select(wrong, np.int32(-1), rank), t, real)
+        keep(words, RECORD + np.int64(lane), np.int32(1 if wrong else 0))
+    return _word(words)
+
+
+@inline
+def _word(words):
+    """The lanes whose record is not 0, as bits."""
+    bits = np.int64(0)
+    for lane in range(LANES):
+        bits |= np.int64(1 if fetch(words, RECORD + lane) != 0 else 0) << np.int64(lane)
+    return bits
+
+
+def _make_closest(kinds: Kinds, real: Any) -> Any:
+    size, upwards = np.dtype(real).itemsize, np.float32(UPWARDS if kinds.refine else 1)
 
     def closest(block, world):
         lanes = pointer(block, real)
-        if triangles or spheres:
-            place = block + at.SCRATCH_FIRST * LANES * size
-            packet, words = pointer(place, np.float32), pointer(place, np.int32)
-            _fill(lanes, packet, words, at.ORIGIN, at.DIRECTION, at.T)
-            _query(count(world, INTERSECT), place + VALID * LANES * 4, count(world, SCENE), place)
-            of_triangle, of_sphere = table(world, TRIANGLE_RANK, np.int32), table(world, SPHERE_RANK, np.int32)
-            for lane in range(np.uint64(LANES)):
-                i = np.int64(lane)
-                geometry, primitive = fetch(words, GEOM_ID * LANES + i), np.int64(fetch(words, PRIM_ID * LANES + i))
-                rank = np.int32(-1)
-                if triangles:
-                    hit = geometry == TRIANGLE_GEOMETRY
-                    rank = select(hit, fetch(of_triangle, primitive if hit else np.int64(0)), rank)
-                if spheres:
-                    hit = geometry == SPHERE_GEOMETRY
-                    rank = select(hit, fetch(of_sphere, primitive if hit else np.int64(0)), rank)
-                put_int(lanes, at.RANK, lane, rank)
-                t = get(lanes, at.T, lane)
-                put(lanes, at.T, lane, select(rank >= 0, real(fetch(packet, T_FAR * LANES + i)), t))
+        if kinds.triangles or kinds.spheres:
+            place = scratch(block, size)
+            fill(lanes, world, place, RAY, kinds.wide, upwards, real)
+            ask(world, INTERSECT, SCENE, place, block, kinds.wide, False)
+            doubtful = _put_claims(lanes, world, place, kinds, real)
+            if doubtful != 0:
+                _ask_again(lanes, world, INTERSECT, place, block, at.T, doubtful, upwards, kinds, real)
+                while doubtful != 0:
+                    lane = np.uint64(lowest_bit(doubtful))
+                    doubtful &= doubtful - 1
+                    _, rank = _claimed(world, place, lane, kinds)
+                    _put_hit(lanes, lane, rank, _claimed_distance(world, place, lane, kinds), real)
         else:
             for lane in range(np.uint64(LANES)):
                 put_int(lanes, at.RANK, lane, -1)
-        if planes:
+        if kinds.planes:
             closest_planes(lanes, world, real)
 
     return closest
 
 
-def _make_occluded(triangles: bool, spheres: bool, planes: bool, real: Any) -> Any:
-    size = np.dtype(real).itemsize
+@inline
+def _put_shadows(lanes, world, place, kinds, real):
+    """Whether each lane's light is hidden; returns a word of the lanes where the face that hides it is not confirmed."""
+    packet, words = pointer(place, np.float32), pointer(place, np.int32)
+    for lane in range(np.uint64(LANES)):
+        # Embree marks an occluded ray by tfar = -inf; a lane without a ray kept its own, not above 0
+        hidden = fetch(packet, place_of(lane, kinds.wide) + T_FAR * kinds.wide) == np.float32(-np.inf)
+        wrong = False
+        if kinds.refine and kinds.triangles:
+            face = np.int64(fetch(words, RECORD + np.int64(lane)))
+            confirmed, _ = _confirmed(lanes, world, lane, face, np.int32(-2), SHADOW_RAY, kinds, real)
+            wrong = hidden & (face >= 0) & (not confirmed)
+        put_int(lanes, at.OCCLUDED, lane, 1 if hidden else 0)
+        keep(words, RECORD + np.int64(lane), np.int32(1 if wrong else 0))
+    return _word(words)
+
+
+def _make_occluded(kinds: Kinds, real: Any) -> Any:
+    size, upwards = np.dtype(real).itemsize, np.float32(UPWARDS if kinds.refine else 1)
 
     def occluded(block, world):
         lanes = pointer(block, real)
-        if triangles or spheres:
-            place = block + at.SCRATCH_FIRST * LANES * size
-            packet, words = pointer(place, np.float32), pointer(place, np.int32)
-            _fill(lanes, packet, words, at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T)
-            _query(count(world, OCCLUDE), place + VALID * LANES * 4, count(world, SCENE), place)
-            for lane in range(np.uint64(LANES)):
-                # Embree marks an occluded ray by tfar = -inf; a lane without a ray kept its own, not above 0
-                hidden = fetch(packet, T_FAR * LANES + np.int64(lane)) == np.float32(-np.inf)
-                put_int(lanes, at.OCCLUDED, lane, 1 if hidden else 0)
+        if kinds.triangles or kinds.spheres:
+            place = scratch(block, size)
+            fill(lanes, world, place, SHADOW_RAY, kinds.wide, upwards, real)
+            ask(world, OCCLUDE, SCENE, place, block, kinds.wide, kinds.triangles)
+            doubtful = _put_shadows(lanes, world, place, kinds, real)
+            if kinds.refine and doubtful != 0:
+                _ask_again(lanes, world, OCCLUDE, place, block, at.SHADOW_T, doubtful, upwards, kinds, real)
+                packet = pointer(place, np.float32)
+                while doubtful != 0:
+                    lane = np.uint64(lowest_bit(doubtful))
+                    doubtful &= doubtful - 1
+                    far = fetch(packet, place_of(lane, kinds.wide) + T_FAR * kinds.wide)
+                    put_int(lanes, at.OCCLUDED, lane, 1 if far == np.float32(-np.inf) else 0)
         else:
             for lane in range(np.uint64(LANES)):
                 put_int(lanes, at.OCCLUDED, lane, 0)
-        if planes:
+        if kinds.planes:
             occluded_planes(lanes, world, real)
 
     return occluded
 
 
 @cache
-def stages(triangles: bool, spheres: bool, planes: bool, real: Any) -> tuple[Any, Any]:
-    """(closest, occluded) for a scene with these kinds of shapes."""
-    shapes = (triangles, spheres, planes, real)
-    return compile_stage(_make_closest(*shapes)), compile_stage(_make_occluded(*shapes))
-
-
-# ---- spheres by callback: solved in float64, as in every engine of the project --------------------------------------
-
-
-def _sphere_bounds(arguments):
-    """RTCBoundsFunctionArguments: user data, primID, timeStep, bounds (lower 3, pad, upper 3, pad; float32)."""
-    words = pointer(arguments, np.int64)
-    spheres = pointer(fetch(words, 0), np.float64)
-    primitive = np.int64(fetch(pointer(arguments + 8, np.uint32), 0))
-    box = pointer(fetch(words, 2), np.float32)
-    radius = fetch(spheres, primitive * SPHERE_REALS + 3)
-    for axis in range(3):
-        center = fetch(spheres, primitive * SPHERE_REALS + axis)
-        pad = (abs(center) + radius) * 4e-7
-        keep(box, axis, np.float32(center - radius - pad))
-        keep(box, 4 + axis, np.float32(center + radius + pad))
-
-
-def _make_sphere_query(any_hit: bool) -> Any:
-    def query(arguments):
-        """RTCIntersectFunctionNArguments: valid, user data, primID, context, ray(hit), N, geomID."""
-        words = pointer(arguments, np.int64)
-        valid, spheres = pointer(fetch(words, 0), np.int32), pointer(fetch(words, 1), np.float64)
-        primitive = np.int64(fetch(pointer(arguments + 16, np.uint32), 0))
-        packet, ids = pointer(fetch(words, 4), np.float32), pointer(fetch(words, 4), np.int32)
-        n = np.int64(fetch(pointer(arguments + 40, np.uint32), 0))
-        geometry = fetch(pointer(arguments + 44, np.int32), 0)
-        center, radius = row3(spheres, primitive * SPHERE_REALS), fetch(spheres, primitive * SPHERE_REALS + 3)
-        for i in range(n):
-            if fetch(valid, i) == 0:
-                continue
-            o = Vec3(
-                np.float64(fetch(packet, ORG_X * n + i)),
-                np.float64(fetch(packet, ORG_Y * n + i)),
-                np.float64(fetch(packet, ORG_Z * n + i)),
-            )
-            d = Vec3(
-                np.float64(fetch(packet, DIR_X * n + i)),
-                np.float64(fetch(packet, DIR_Y * n + i)),
-                np.float64(fetch(packet, DIR_Z * n + i)),
-            )
-            t = np.float32(sphere_distance(o, d, center, radius))
-            if t < fetch(packet, T_FAR * n + i):
-                if any_hit:
-                    keep(packet, T_FAR * n + i, np.float32(-np.inf))
-                else:
-                    keep(packet, T_FAR * n + i, t)
-                    keep(ids, PRIM_ID * n + i, np.int32(primitive))
-                    keep(ids, GEOM_ID * n + i, geometry)
-
-    return query
-
-
-_CALLBACK = types.void(types.int64)
-
-
-@cache
-def sphere_callbacks() -> tuple[Any, Any, Any]:
-    """(bounds, intersect, occluded), compiled."""
-    return tuple(  # type: ignore[return-value]
-        jit.compile_function(f, _CALLBACK)
-        for f in (_sphere_bounds, _make_sphere_query(False), _make_sphere_query(True))
-    )
+def stages(kinds: Kinds, real: Any) -> tuple[Any, Any]:
+    """(closest, occluded) for these kinds of shapes."""
+    return compile_stage(_make_closest(kinds, real)), compile_stage(_make_occluded(kinds, real))

@@ -18,15 +18,21 @@ _OPTIONS = {
     "robust": Option(
         True, "watertight traversal; without it rays aimed at edges may slip through", one_of(True, False)
     ),
+    "refine": Option(
+        "auto",
+        "solve every claimed hit anew in float64, and drop those that the triangle does not confirm; auto: in float64",
+        one_of("auto", True, False),
+    ),
 }
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
 
 
 class Engine:
-    """Traces in float32, whatever the precision of shading (float32 by default)."""
+    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are confirmed
+    and solved anew, which `refine` switches off."""
 
     name = "embree"
-    version = "1"
+    version = "2"
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         return ACCELERATORS
@@ -44,4 +50,6 @@ class Engine:
         if lacking:
             raise Unsupported(lacking)
         chosen = resolved(settings, ACCELERATORS, "float32")
-        return Renderer(scene, chosen, Accelerator(chosen.accelerator.options), plugins(chosen))
+        options = chosen.accelerator.options
+        refine = chosen.precision == "float64" if options["refine"] == "auto" else options["refine"]
+        return Renderer(scene, chosen, Accelerator(options, refine), plugins(chosen))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -18,7 +18,7 @@ from engines.errors import Unsupported
 _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
 _UINT3, _FLOAT3 = 0x5003, 0x9003
 _TRIANGLES, _USER = 0, 120
-_ROBUST = 1 << 2
+_ROBUST, _FILTER_IN_ARGUMENTS = 1 << 2, 1 << 3
 TRIANGLE_GEOMETRY, SPHERE_GEOMETRY = 0, 1
 QUALITIES = {"low": 0, "medium": 1, "high": 2}
 
@@ -86,27 +86,25 @@ def address(name: str) -> int:
     return ctypes.cast(getattr(library(), name), ctypes.c_void_p).value or 0
 
 
-class EmbreeScene:
-    """A device with one scene of triangles (geometry 0) and of spheres by callback (geometry 1)."""
+class Device:
+    """A device and its scenes, each of triangles (geometry 0) and spheres (geometry 1)."""
 
-    def __init__(self, threads: int, quality: str, robust: bool) -> None:
+    def __init__(self, threads: int) -> None:
         self._embree = library()
         self._device = self._embree.rtcNewDevice(f"threads={threads},set_affinity=0".encode())
         if not self._device:
             raise Unsupported(f"Embree cannot make a device (error {self._embree.rtcGetDeviceError(None)})")
         self.bytes = 0
+        self._scenes: list[int] = []
         self._monitor = _MEMORY_MONITOR(self._count_bytes)
         self._embree.rtcSetDeviceMemoryMonitorFunction(self._device, self._monitor, None)
-        self.handle = self._embree.rtcNewScene(self._device)
-        self._embree.rtcSetSceneFlags(self.handle, _ROBUST if robust else 0)
-        self._embree.rtcSetSceneBuildQuality(self.handle, QUALITIES[quality])
 
     def _count_bytes(self, _: Any, amount: int, __: bool) -> bool:
         self.bytes += amount
         return True
 
-    def add_triangles(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
-        """Copies (n, 3) vertices and (m, 3) faces."""
+    def triangles(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> int:
+        """A geometry of Embree's own: copies (n, 3) vertices and (m, 3) faces."""
         geometry = self._embree.rtcNewGeometry(self._device, _TRIANGLES)
         for buffer, form, array in (
             (_VERTEX_BUFFER, _FLOAT3, np.ascontiguousarray(vertices, np.float32)),
@@ -114,33 +112,38 @@ class EmbreeScene:
         ):
             memory = self._embree.rtcSetNewGeometryBuffer(geometry, buffer, 0, form, 12, len(array))
             ctypes.memmove(memory, array.ctypes.data, array.nbytes)
-        self._attach(geometry, TRIANGLE_GEOMETRY)
+        return geometry
 
-    def add_spheres(self, spheres: NDArray[np.float64], bounds: int, intersect: int, occluded: int) -> None:
-        """(n, 4) centres and radii, which must stay alive, with the addresses of the three callbacks."""
+    def by_callback(self, count: int, bounds: int, intersect: int, occluded: int) -> int:
+        """A geometry of `count` primitives, given the addresses of the three callbacks."""
         geometry = self._embree.rtcNewGeometry(self._device, _USER)
-        self._embree.rtcSetGeometryUserPrimitiveCount(geometry, len(spheres))
-        self._embree.rtcSetGeometryUserData(geometry, spheres.ctypes.data)
+        self._embree.rtcSetGeometryUserPrimitiveCount(geometry, count)
         self._embree.rtcSetGeometryBoundsFunction(geometry, bounds, None)
         self._embree.rtcSetGeometryIntersectFunction(geometry, intersect)
         self._embree.rtcSetGeometryOccludedFunction(geometry, occluded)
-        self._attach(geometry, SPHERE_GEOMETRY)
+        return geometry
 
-    def _attach(self, geometry: int, number: int) -> None:
-        self._embree.rtcCommitGeometry(geometry)
-        self._embree.rtcAttachGeometryByID(self.handle, geometry, number)
-        self._embree.rtcReleaseGeometry(geometry)
-
-    def commit(self) -> None:
-        """Builds the tree. Raises `Unsupported` when Embree reports an error."""
-        self._embree.rtcCommitScene(self.handle)
+    def scene(self, geometries: Mapping[int, int], user_data: int, quality: str, robust: bool) -> int:
+        """Builds a tree over geometries (number -> geometry), which are given up to it; returns the scene's handle.
+        Raises `Unsupported` when Embree reports an error."""
+        scene = self._embree.rtcNewScene(self._device)
+        self._scenes.append(scene)
+        self._embree.rtcSetSceneFlags(scene, _FILTER_IN_ARGUMENTS | (_ROBUST if robust else 0))
+        self._embree.rtcSetSceneBuildQuality(scene, QUALITIES[quality])
+        for number, geometry in geometries.items():
+            self._embree.rtcSetGeometryUserData(geometry, user_data)
+            self._embree.rtcCommitGeometry(geometry)
+            self._embree.rtcAttachGeometryByID(scene, geometry, number)
+            self._embree.rtcReleaseGeometry(geometry)
+        self._embree.rtcCommitScene(scene)
         error = self._embree.rtcGetDeviceError(self._device)
         if error:
             raise Unsupported(f"Embree cannot build this scene (error {error})")
+        return scene
 
     def __del__(self) -> None:
-        if getattr(self, "handle", None):
-            self._embree.rtcReleaseScene(self.handle)
+        for scene in getattr(self, "_scenes", []):
+            self._embree.rtcReleaseScene(scene)
         if getattr(self, "_device", None):
             release: Callable[[int], None] = self._embree.rtcReleaseDevice
             self._embree.rtcSetDeviceMemoryMonitorFunction(self._device, None, None)

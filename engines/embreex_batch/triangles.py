@@ -44,14 +44,14 @@ class BatchTriangles:
         copies, rays = self._triangles.rays(origin, direction)
         v, w = self._triangles.barycentric(self._triangles.data[copies, :, hit].T, rays)
         inside = np.minimum(np.minimum(v, w), 1.0 - v - w) >= -SLACK
-        good = np.flatnonzero(inside & (t > 0.0) & (t < np.inf))
+        met = self._triangles.rank[hit] != nearest.left[lanes]
+        good = np.flatnonzero(inside & met & (t > 0.0) & (t < np.inf))
         nearest.offer(lanes[good], t[good], self._triangles.rank[hit[good]])
 
-    def occluded(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> Mask:
-        """(n,) whether anything lies in (0, t_max)."""
-        found = Nearest.before(t_max)
-        self.closest(origin, direction, found, check)
-        return found.rank >= 0
+    def occluded(self, origin: Array, direction: Array, before: Nearest, check: Callable[[], None]) -> Mask:
+        """(n,) whether anything lies in (0, before.t); overwrites `before`."""
+        self.closest(origin, direction, before, check)
+        return before.rank >= 0
 
     def _ask(self, origin: Array, direction: Array, reach: Array) -> Indices:
         """(n,) triangles that rays (3, n) hit before `reach`, -1 for none."""

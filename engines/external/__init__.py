@@ -1,10 +1,10 @@
 """A renderer by process: any program that takes a scene file and writes an EXR or PFM, described by a YAML file.
 
     raybench_renderer: 1
-    name: mitsuba_cli                  # what tables call it; not the name of one of raybench's engines
+    name: lantern                      # what tables call it; not the name of one of raybench's engines
     version: "3.9"                     # part of a cell's identity, as is the content of this file
-    command: [mitsuba, -m, scalar_rgb, -t, "{threads}", -D, "spp={spp}", -D, "seed={seed}", -o, "{image}", "{scene}"]
-    scene_format: mitsuba              # what {scene} is: raybench (the scene's own file), mitsuba or pbrt (exported)
+    command: [lantern, -t, "{threads}", -n, "{spp}", --seed, "{seed}", -o, "{image}", "{scene}"]
+    scene_format: raybench             # what {scene} is: the scene's own file
     image: exr                         # or pfm: what it writes to {image}; linear radiance
     time: process                      # from its start to its end; or by a pattern, see below
     shaders: [{name: path_tracer}]     # what it can do, under raybench's names

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import ConfigError, RaybenchError
+from engines.external.scenes import FORMATS
 from engines.external.template import placeholders
 from engines.scene import fields
 from engines.scene.yaml_file import Located, read_yaml
 
-SCENE_FORMATS = ("raybench", "mitsuba", "pbrt")
 IMAGE_FORMATS = ("exr", "pfm")
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 ALWAYS = ("scene", "image", "folder", "spp", "seed", "threads", "width", "height", "precision", "shader", "sampler")
@@ -74,7 +74,7 @@ def read(path: str | Path) -> Description:
         samplers=samplers, passed=passed, threads=threads,
         time=_time(given["time"]) if "time" in given else None,
         **{key: fields.one_of(given[key], values, what) for key, values, what in (
-            ("scene_format", SCENE_FORMATS, "scene format"), ("image", IMAGE_FORMATS, "image format"),
+            ("scene_format", FORMATS, "scene format"), ("image", IMAGE_FORMATS, "image format"),
             ("precision", ("float32", "float64"), "precision"),
         ) if key in given},
     )  # fmt: skip

@@ -20,7 +20,7 @@ from engines.errors import RaybenchError, RendererFailed, Unsupported
 from engines.external.description import UNITS, Description, read
 from engines.external.pictures import read_picture
 from engines.external.process import Process
-from engines.external.scenes import scene_file
+from engines.external.scenes import FORMATS
 from engines.external.template import filled
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
@@ -66,7 +66,7 @@ class Engine:
         if said.threads not in (None, settings.threads):
             raise Unsupported(f"{said.name} always takes {said.threads} threads")
         with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
-            scene_file(said.scene_format, scene, settings, Path(folder))
+            FORMATS[said.scene_format](scene, settings, Path(folder))
         return replace(settings, shader=shader, sampler=sampler, precision=said.precision)
 
     def _require(
@@ -78,6 +78,9 @@ class Engine:
             fixed = known[asked.name].options[key]
             if f"{kind}.{key}" not in self._said.passed and value != fixed:
                 raise Unsupported(f"{self._said.name} has {kind} {asked.name} with {key} = {fixed} only")
+        for passed in sorted(self._said.passed):
+            if passed.startswith(f"{kind}.") and passed.partition(".")[2] not in asked.options:
+                raise Unsupported(f"{self._said.name} is passed {{{passed}}}, which {asked.name} does not have")
 
 
 def program(said: Description) -> str:
@@ -103,7 +106,7 @@ class Renderer:
         self._begin()
 
     def _begin(self) -> None:
-        self._scene_file = scene_file(self._said.scene_format, self._scene, self._settings, Path(self._folder.name))
+        self._scene_file = FORMATS[self._said.scene_format](self._scene, self._settings, Path(self._folder.name))
         self.film = Film(*self._settings.size(self._scene))
         self._between = np.zeros((self.film.height, self.film.width, 3))
         self._calls = 0

@@ -23,6 +23,8 @@ from numba.core import caching
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
+from engines.kernels.simd_types import Mask, Simd, call_vector, spread
+
 LANES = 16
 """Lanes of a block: one 512-bit vector of float32."""
 
@@ -153,6 +155,27 @@ def lowest_bit(typing, word):
 
 
 @intrinsic
+def highest_bit(typing, word):
+    """The index of the highest bit that is set in a word that is not 0."""
+
+    def generate(context, builder, signature, arguments):
+        zeros = builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 1))
+        return builder.sub(ir.Constant(ir.IntType(64), 63), zeros)
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def float_bits(typing, x):
+    """The bits of a float32 as an int32: positive ones sort like their bits."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], ir.IntType(32))
+
+    return types.int32(types.float32), generate
+
+
+@intrinsic
 def bits_set(typing, word):
     """How many bits of a word are set."""
 
@@ -178,12 +201,22 @@ def fetch_add(typing, address, amount):
 
 @intrinsic
 def select(typing, condition, yes, no):
-    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code."""
+    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code. Of a
+    mask (`simd`) it selects number by number, and a plain number stands for eight."""
+    result = no if isinstance(no, Simd) else yes
 
     def generate(context, builder, signature, arguments):
-        return builder.select(*arguments)
+        values = [
+            spread(builder, x if kind == result else context.cast(builder, x, kind, result.kind))
+            if isinstance(result, Simd)
+            else x
+            for x, kind in zip(arguments[1:], signature.args[1:], strict=True)
+        ]
+        return builder.select(arguments[0], *values)
 
-    return yes(types.boolean, yes, yes), generate
+    if isinstance(condition, Mask):
+        return result(condition, yes, no), generate
+    return result(types.boolean, result, result), generate
 
 
 @intrinsic
@@ -191,6 +224,8 @@ def fma(typing, a, b, c):
     """a b + c, rounded once."""
 
     def generate(context, builder, signature, arguments):
+        if isinstance(a, Simd):
+            return call_vector(builder, "fma", arguments)
         return builder.fma(*arguments)
 
     return a(a, a, a), generate
@@ -199,7 +234,7 @@ def fma(typing, a, b, c):
 @intrinsic
 def const(typing, value, like):
     """The number `value` in the type of `like`: a bare Python literal would turn float32 arithmetic into float64."""
-    kind = getattr(like, "dtype", like)
+    kind = like.kind if isinstance(like, Simd) else getattr(like, "dtype", like)
 
     def generate(context, builder, signature, arguments):
         return context.cast(builder, arguments[0], signature.args[0], kind)
@@ -212,7 +247,7 @@ def const(typing, value, like):
 # access is what lets LLVM vectorise loops that gather from the world while they write the block.
 
 
-def _tag(module: Any, access: Any, of_block: bool) -> None:
+def tag_access(module: Any, access: Any, of_block: bool) -> None:
     domain = module.add_metadata([ir.MetaDataString(module, "raybench")])
     block = module.add_metadata([module.add_metadata([ir.MetaDataString(module, "block"), domain])])
     world = module.add_metadata([module.add_metadata([ir.MetaDataString(module, "world"), domain])])
@@ -227,12 +262,12 @@ def _slot(builder: Any, arguments: Any) -> Any:
 
 def _load(builder: Any, address: Any, of_block: bool) -> Any:
     value = builder.load(address)
-    _tag(builder.module, value, of_block)
+    tag_access(builder.module, value, of_block)
     return value
 
 
 def _store(builder: Any, value: Any, address: Any, of_block: bool) -> None:
-    _tag(builder.module, builder.store(value, address), of_block)
+    tag_access(builder.module, builder.store(value, address), of_block)
 
 
 def _word(real: Any) -> Any:

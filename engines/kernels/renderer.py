@@ -31,7 +31,7 @@ from engines.kernels.world import (
     World,
     flatten,
 )
-from engines.scene.model import Camera, CustomCamera, Scene, Shape
+from engines.scene.model import Camera, CustomCamera, Perspective, PerspectiveArctan, Scene, Shape
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
@@ -116,6 +116,9 @@ class Renderer:
     def _bind_camera(self) -> None:
         width, height = self.settings.size(self._scene)
         self._world.bind(CAMERA, camera.parameters(self._scene.camera, width, height, self._world.center))
+        if hasattr(self._accelerator, "look"):  # one that knows where camera rays start
+            has_eye = isinstance(self._scene.camera, (Perspective, PerspectiveArctan))
+            self._accelerator.look(self._world, has_eye)
 
     def _bind_points(self, first: int, last: int) -> None:
         points = samplers.points(self.settings.sampler, first, last)

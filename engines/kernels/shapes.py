@@ -11,6 +11,9 @@ from engines.kernels.jit import const, fma, inline, select
 from engines.kernels.vector import Vec3, cross, dot
 
 
+_ON_SPHERE = 4.0 * float(np.finfo(np.float64).eps)
+
+
 class Frame(NamedTuple):
     """A shear that takes a ray to the z axis: points on the ray have x . p = y . p = 0 and t = z . p, p from its origin."""
 
@@ -84,14 +87,18 @@ def triangle_distance(a, b, c):
 
 @inline
 def sphere_distance(o, d, center, radius):
-    """Nearest positive distance along a unit direction, in float64; inf for a miss. Haines et al., Ray Tracing Gems 7."""
+    """Nearest positive distance along a unit direction, in float64; inf for a miss. Haines et al., Ray Tracing Gems 7.
+
+    An origin within four units in the last place of the surface lies on it: the root near zero is not a hit.
+    """
     f = o - center
     a = dot(d, d)
     b = -dot(f, d)
     l = f + d * (b / a)
     discriminant = radius * radius - dot(l, l)
     distance = math.sqrt(dot(f, f))
-    c = (distance - radius) * (distance + radius)
+    gap = distance - radius
+    c = select(abs(gap) <= _ON_SPHERE * radius, 0.0, gap) * (distance + radius)
     root = math.sqrt(select(discriminant > 0.0, a * discriminant, 0.0))
     q = b + select(b < 0.0, -root, root)
     one, two = c / select(q == 0.0, 1.0, q), q / a

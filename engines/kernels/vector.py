@@ -10,6 +10,7 @@ from numba import types
 from numba.extending import overload
 
 from engines.kernels.jit import const, inline, select
+from engines.kernels.simd_types import Simd
 
 
 class Vec3(NamedTuple):
@@ -22,6 +23,10 @@ class Vec3(NamedTuple):
 
 def _is_vector(kind: object) -> bool:
     return isinstance(kind, (types.NamedTuple, types.NamedUniTuple)) and kind.instance_class is Vec3
+
+
+def _is_number(kind: object) -> bool:
+    return isinstance(kind, (types.Float, Simd))
 
 
 @overload(operator.add)
@@ -42,9 +47,9 @@ def _sub(a, b):
 def _mul(a, b):
     if _is_vector(a) and _is_vector(b):
         return lambda a, b: Vec3(a.x * b.x, a.y * b.y, a.z * b.z)
-    if _is_vector(a) and isinstance(b, types.Float):
+    if _is_vector(a) and _is_number(b):
         return lambda a, b: Vec3(a.x * b, a.y * b, a.z * b)
-    if isinstance(a, types.Float) and _is_vector(b):
+    if _is_number(a) and _is_vector(b):
         return lambda a, b: Vec3(a * b.x, a * b.y, a * b.z)
     return None
 

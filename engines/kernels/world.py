@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels import environment
+from engines.kernels.jit import kernel
 from engines.scene.model import (
     DirectionalLight,
     EnvironmentLight,
@@ -250,19 +251,20 @@ class _Lights:
     def _add_faces(self, materials: tuple[Material, ...], shape: Any, first: int) -> None:
         if isinstance(shape, Triangle):
             corners = np.array([[shape.a, shape.b, shape.c]])
-            emits = np.array([materials[shape.material].emits])
+            emitting = np.flatnonzero([materials[shape.material].emits])
         else:
-            corners = shape.vertices[shape.faces]
-            emits = np.array([m.emits for m in materials])[shape.materials]
+            emitting = np.flatnonzero(np.array([m.emits for m in materials])[shape.materials])
+            corners = shape.vertices[shape.faces[emitting]]
+        corners = corners[: len(emitting)]
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-        chosen = np.flatnonzero(emits & (areas > 0))
+        chosen, areas = emitting[areas > 0], areas[areas > 0]
         if not len(chosen):
             return
         self.of_primitive[first + chosen] = len(self.rows)
         start = sum(len(part) for part in self.faces)
         self.ranges.append((start, len(chosen)))
         self.faces.append(first + chosen)
-        sums = np.cumsum(areas[chosen])
+        sums = np.cumsum(areas)
         self.cdf.append(sums / sums[-1])
         self._row(FACE_LIGHT, (0, 0, 0), (0, 0, 0), 0, sums[-1])
 
@@ -297,22 +299,26 @@ def _bind_shapes(world: World, pieces: _Pieces) -> None:
         world.bind(slot, pieces.counts[kind])
     world.bind(VERTICES, (join(pieces.vertices) - world.center).astype(real))
     world.bind(VERTEX_NORMALS, join(pieces.normals).astype(real))
-    world.bind(TRIANGLES, _without_slits(join(pieces.faces), world.arrays[VERTICES]).astype(np.int32))
+    faces = join(pieces.faces)
+    world.bind(TRIANGLES, np.empty(faces.shape, np.int32))
+    _without_slits(faces, world.arrays[VERTICES], world.arrays[TRIANGLES])
     world.bind(SPHERES, join(pieces.spheres) - np.append(world.center, 0))
     world.bind(PLANES, join(pieces.planes) - np.append(world.center, np.zeros(3)))
     for slot, kind in ((TRIANGLE_RANK, TRIANGLE), (SPHERE_RANK, SPHERE), (PLANE_RANK, PLANE)):
         world.bind(slot, join(pieces.ranks[kind]).astype(np.int32))
 
 
-def _without_slits(faces: NDArray[np.int64], vertices: NDArray[Any]) -> NDArray[np.int64]:
-    """The faces, those without area (as the vertices are rounded) drawn together to a point, which no ray meets. Seen from
-    afar, rounding could open a slit."""
-    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
-    with np.errstate(over="ignore", invalid="ignore"):
-        flat = ~np.cross(b - a, c - a).any(axis=1)
-    result = faces.copy()
-    result[flat, 1:] = faces[flat, :1]
-    return result
+@kernel
+def _without_slits(faces, vertices, result):
+    """Copies the faces, those without area (as the vertices are rounded) drawn together to a point, which no ray meets.
+    Seen from afar, rounding could open a slit."""
+    for i in range(len(faces)):
+        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        px, py, pz = np.float64(vertices[a, 0]), np.float64(vertices[a, 1]), np.float64(vertices[a, 2])
+        ux, uy, uz = vertices[b, 0] - px, vertices[b, 1] - py, vertices[b, 2] - pz
+        vx, vy, vz = vertices[c, 0] - px, vertices[c, 1] - py, vertices[c, 2] - pz
+        flat = uy * vz - uz * vy == 0.0 and uz * vx - ux * vz == 0.0 and ux * vy - uy * vx == 0.0
+        result[i, 0], result[i, 1], result[i, 2] = a, a if flat else b, a if flat else c
 
 
 def _bind_surfaces(world: World, scene: Scene, pieces: _Pieces, lights: _Lights) -> None:

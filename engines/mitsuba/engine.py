@@ -22,7 +22,7 @@ SAMPLERS: dict[str, dict[str, Option]] = {
     "independent": {}, "multijitter": _PATTERN, "orthogonal": _PATTERN, "ldsampler": _PATTERN,
 }  # fmt: skip
 """Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`."""
-CLAIMED = {"ties_go_to_the_lower_index": "of surfaces at the same distance Embree returns any"}
+NOT_PROMISED = {"ties_go_to_the_lower_index": "of surfaces at the same distance Embree returns any"}
 
 
 class Engine:
@@ -31,7 +31,7 @@ class Engine:
     name = "mitsuba"
     variant = library.LLVM
     tracing_precision = "float32"
-    not_promised: Mapping[str, str] = CLAIMED
+    not_promised: Mapping[str, str] = NOT_PROMISED
 
     @property
     def version(self) -> str:

@@ -91,7 +91,7 @@ def listed_emitters(stage: Stage) -> list[Any]:
         index for index, part in enumerate(stage.parts) if isinstance(stage.scene.shapes[part.shape], Plane)
     }  # fmt: skip
     shapes = [shape for shape, place in zip(stage.loaded.shapes(), stage.places, strict=True) if place not in planes]
-    others = [light for light in stage.loaded.emitters() if light.shape() is None]
+    others = [light for light in stage.loaded.emitters() if light.id().startswith("light_")]
     return [*others, *(shape.emitter() for shape in shapes if shape.is_emitter())]
 
 

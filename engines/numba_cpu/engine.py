@@ -10,7 +10,7 @@ from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import plugins, resolved, why_not
-from engines.numba_cpu.accel import bvh, grid, none
+from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
 from engines.scene.model import Mesh, Scene, SphereSet
 
 ACCELERATORS: dict[str, dict[str, Option]] = {
@@ -18,8 +18,12 @@ ACCELERATORS: dict[str, dict[str, Option]] = {
     "none": {},
     "bvh": {},
     "grid": {"density": Option(grid.DENSITY, "cells a primitive", number(0.01, 1000.0))},
+    "area_hierarchy": {},
 }
-MADE = {"none": none.Accelerator, "grid": grid.Accelerator, "bvh": bvh.Accelerator}
+MADE = {
+    "none": none.Accelerator, "grid": grid.Accelerator, "bvh": bvh.Accelerator,
+    "area_hierarchy": area_hierarchy.Accelerator,
+}  # fmt: skip
 LIST_LIMIT = 96
 """Up to so many triangles and spheres `auto` takes no tree."""
 

@@ -56,11 +56,10 @@ class Bvh:
         """Takes over into `nearest` what lies closer, or as close with a lower rank."""
         _Walk(self, origin, direction, nearest, any_hit=False).run(check)
 
-    def occluded(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> np.ndarray:
-        """(n,) whether anything lies in (0, t_max)."""
-        found = Nearest.before(t_max)
-        _Walk(self, origin, direction, found, any_hit=True).run(check)
-        return found.rank >= 0
+    def occluded(self, origin: Array, direction: Array, before: Nearest, check: Callable[[], None]) -> np.ndarray:
+        """(n,) whether anything lies in (0, before.t); overwrites `before`."""
+        _Walk(self, origin, direction, before, any_hit=True).run(check)
+        return before.rank >= 0
 
 
 class _Walk:
@@ -73,6 +72,7 @@ class _Walk:
 
     def __init__(self, tree: Bvh, origin: Array, direction: Array, nearest: Nearest, any_hit: bool) -> None:
         self.tree, self.nearest, self.any_hit = tree, nearest, any_hit
+        self.left = nearest.left_among(tree._primitives)
         # A zero component becomes tiny: the padded slab then answers -huge and +huge, or twice the same, never NaN.
         safe = np.where(np.abs(direction) < 1e-300, 1e-300, direction)
         pad = 32.0 * EPSILON * (np.abs(origin).max(axis=0) + tree._reach) + 1e-300
@@ -155,6 +155,8 @@ class _Walk:
         held = _columns(tree._leaves, leaf)
         primitives = _columns(tree._data, leaf + self.copies[ray]).reshape(-1, *held.shape)
         t = tree._primitives.distance(primitives, self.rays.take(ray, axis=1)[:, None])
+        if self.left is not None:
+            t[held == self.left[ray]] = np.inf
         first = t.min(axis=0)
         hit = np.flatnonzero((first <= self.nearest.t[ray]) & (first < np.inf))
         # Leaves hold their primitives in ascending order, so the first of equals has the lowest rank.

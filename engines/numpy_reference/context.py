@@ -16,7 +16,7 @@ from engines.numpy_reference.nearest import Nearest
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.surface import Surface, surface_at
 from engines.numpy_reference.tracer import Tracer
-from engines.numpy_reference.vectors import Array, Mask, norm
+from engines.numpy_reference.vectors import Array, Indices, Mask, norm
 from engines.scene.model import Scene
 
 
@@ -44,10 +44,11 @@ class Context:
         """(n,) numbers in [0, 1): one for each pixel index."""
         return self._sampler.draw(pixels, sample, dimension)
 
-    def closest(self, origin: Array, direction: Array) -> Nearest:
-        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and rank (-1 for a miss)."""
+    def closest(self, origin: Array, direction: Array, left: Indices | None = None) -> Nearest:
+        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and rank (-1 for a miss). `left` (n,) are the
+        ranks of the primitives that the rays start from, -1 for none."""
         self.rays += origin.shape[1]
-        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check)
+        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check, left)
 
     def surface(self, origin: Array, direction: Array, hits: Nearest) -> Surface:
         """What lies where rays (3, n), all of which hit, have hit."""
@@ -65,7 +66,8 @@ class Context:
             length = norm(aim)
             aim = np.where(np.isinf(distance), direction, aim / length)
         reach = length * (1.0 - self.tracer.offset) - surface.offset
-        return ~self.tracer.occluded(surface.leave(), aim, np.where(np.isinf(distance), np.inf, reach), self.check)
+        reach = np.where(np.isinf(distance), np.inf, reach)
+        return ~self.tracer.occluded(surface.leave(), aim, reach, self.check, surface.rank)
 
     def sky(self, direction: Array) -> Array:
         """(3, n) radiance of all environments together from unit directions."""

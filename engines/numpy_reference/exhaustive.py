@@ -24,9 +24,7 @@ class Exhaustive:
 
     def closest(self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]) -> None:
         """Takes over into `nearest` what lies closer, or as close with a lower rank."""
-        for tile in self._tiles(origin, direction):
-            check()
-            t = self._primitives.distance(tile.primitives, tile.rays)
+        for tile, t in self._distances(origin, direction, nearest, check):
             first = t.min(axis=0)
             better = np.flatnonzero((first <= nearest.t[tile.lanes]) & (first < np.inf))
             if better.size:
@@ -35,14 +33,26 @@ class Exhaustive:
                 found = tile.first_primitive + t[:, better].argmin(axis=0)
                 nearest.offer(lanes, first[better], self._primitives.rank[found])
 
-    def occluded(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> np.ndarray:
-        """(n,) whether anything lies in (0, t_max)."""
-        dark = np.zeros(t_max.size, bool)
+    def occluded(self, origin: Array, direction: Array, before: Nearest, check: Callable[[], None]) -> np.ndarray:
+        """(n,) whether anything lies in (0, before.t)."""
+        dark = np.zeros(before.t.size, bool)
+        for tile, t in self._distances(origin, direction, before, check):
+            dark[tile.lanes] |= t.min(axis=0) < before.t[tile.lanes]
+        return dark
+
+    def _distances(
+        self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]
+    ) -> Iterator[tuple[_Tile, Array]]:
+        """Tiles with the distances (primitives, rays) in them, inf for what a ray has just left."""
+        left = nearest.left_among(self._primitives)
         for tile in self._tiles(origin, direction):
             check()
             t = self._primitives.distance(tile.primitives, tile.rays)
-            dark[tile.lanes] |= t.min(axis=0) < t_max[tile.lanes]
-        return dark
+            if left is not None:
+                row = left[tile.lanes] - tile.first_primitive
+                here = np.flatnonzero((row >= 0) & (row < t.shape[0]))
+                t[row[here], here] = np.inf
+            yield tile, t
 
     def _tiles(self, origin: Array, direction: Array) -> Iterator[_Tile]:
         primitives = self._primitives

@@ -30,6 +30,8 @@ class Paths(NamedTuple):
     throughput: Array
     pdf: Array
     normal: Array
+    left: Indices
+    """Rank of the primitive that the ray starts from, -1 for the camera's."""
 
     def take(self, lanes: Indices) -> Paths:
         """Some of the paths."""
@@ -45,15 +47,15 @@ def radiance(context: Context, origin: Array, direction: Array, pixel: Indices, 
     n = pixel.size
     total = np.zeros((3, n))
     paths = Paths(
-        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), np.zeros((3, n))
+        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), np.zeros((3, n)), np.full(n, -1)
     )
     for depth in range(1, context.options["max_depth"] + 1):
         context.check()
         # the next surface
-        hits = context.closest(paths.origin, paths.direction)
+        hits = context.closest(paths.origin, paths.direction, paths.left)
         total[:, paths.lane] += _from_the_sky(context, paths, np.flatnonzero(hits.rank < 0))
         arrived = np.flatnonzero(hits.rank >= 0)
-        paths, hits = paths.take(arrived), type(hits)(hits.t[arrived], hits.rank[arrived])
+        paths, hits = paths.take(arrived), hits.take(arrived)
         surface = context.surface(paths.origin, paths.direction, hits)
         total[:, paths.lane] += _emission(context, paths, surface, hits.t)
         if depth == context.options["max_depth"] or not paths.lane.size:
@@ -149,6 +151,7 @@ def _direct(context: Context, paths: Paths, surface: Surface, there: Lobes, samp
 
 def _scattered(context: Context, paths: Paths, surface: Surface, there: Lobes, sample: int, base: int) -> Paths:
     """The paths that go on, each along one lobe, chosen in proportion to the lobes' weights."""
+    paths = paths._replace(left=surface.rank)
     q = there.d + there.r + there.t
     u = context.draw(paths.pixel, sample, base + LOBE) * q
     diffuse, mirror = u < there.d, (u >= there.d) & (u < there.d + there.r)

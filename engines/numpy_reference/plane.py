@@ -10,6 +10,8 @@ from engines.numpy_reference.vectors import Array, Indices, dot
 class Planes:
     """All planes of a scene. `data` (1, 6, m): point and normal; `rank` (m,) ascending places in the scene's order."""
 
+    flat = True
+
     def __init__(self, point: Array, normal: Array, rank: Indices) -> None:
         self.normal, self.rank = normal, rank
         self.data = np.concatenate([point, normal])[None]

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from engines.choices import Choice
 from engines.numpy_reference import albedo, depth_map, path_tracer, whitted
 from engines.numpy_reference.context import Context
-from engines.numpy_reference.nearest import Nearest
 from engines.numpy_reference.vectors import Array
 
 Radiance = Callable[[Context, Array, Array, NDArray[np.int64], int], Array]
@@ -81,9 +80,7 @@ class PluginContext:
         context, origin, direction = self._context, _columns(origins), _columns(directions)
         hits = context.closest(origin, direction)
         arrived = np.flatnonzero(hits.rank >= 0)
-        surface = context.surface(
-            origin.take(arrived, axis=1), direction.take(arrived, axis=1), Nearest(hits.t[arrived], hits.rank[arrived])
-        )
+        surface = context.surface(origin.take(arrived, axis=1), direction.take(arrived, axis=1), hits.take(arrived))
         table, material = context.materials, surface.material
 
         def spread(values: NDArray) -> NDArray:

@@ -10,6 +10,8 @@ from engines.numpy_reference.vectors import EPSILON, Array, Indices, dot, norm
 class Spheres:
     """All spheres of a scene. `data` (1, 4, m): centre, radius; `rank` (m,) ascending places in the scene's order."""
 
+    flat = False
+
     def __init__(self, center: Array, radius: Array, rank: Indices) -> None:
         self.center, self.radius, self.rank = center, radius, rank
         self.data = np.concatenate([center, radius[None]])[None]

@@ -11,7 +11,7 @@ from engines.numpy_reference.bvh import Bvh
 from engines.numpy_reference.exhaustive import Exhaustive
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.nearest import Nearest, Part
-from engines.numpy_reference.vectors import EPSILON, Array
+from engines.numpy_reference.vectors import EPSILON, Array, Indices
 
 OFFSET_ULPS = 256.0
 AUTO_LIMIT = 48
@@ -33,22 +33,28 @@ class Tracer:
         self._parts = _parts(geometry, self.accelerator) if parts is None else parts
         self.nbytes = sum(part.nbytes for part in self._parts)
 
-    def closest(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> Nearest:
-        """Closest hits in (0, t_max) of rays (3, n) with unit directions. `check` is called every few milliseconds."""
-        nearest = Nearest.before(t_max)
+    def closest(
+        self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None], left: Indices | None = None
+    ) -> Nearest:
+        """Closest hits in (0, t_max) of rays (3, n) with unit directions, that have left primitives of rank `left`.
+        `check` is called every few milliseconds."""
+        nearest = Nearest.before(t_max, left)
         with np.errstate(all="ignore"):
             for part in self._parts:
                 part.closest(origin, direction, nearest, check)
         nearest.t[nearest.rank < 0] = np.inf
         return nearest
 
-    def occluded(self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None]) -> np.ndarray:
-        """(n,) whether anything lies in (0, t_max)."""
-        dark = np.zeros(t_max.size, bool)
+    def occluded(
+        self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None], left: Indices | None = None
+    ) -> np.ndarray:
+        """(n,) whether anything lies in (0, t_max) but what was left."""
+        dark, before = np.zeros(t_max.size, bool), Nearest.before(t_max, left)
         with np.errstate(all="ignore"):
             for part in self._parts:
                 lit = np.flatnonzero(~dark)
-                dark[lit] = part.occluded(origin.take(lit, axis=1), direction.take(lit, axis=1), t_max[lit], check)
+                rays = origin.take(lit, axis=1), direction.take(lit, axis=1)
+                dark[lit] = part.occluded(*rays, before.take(lit), check)
         return dark
 
 

@@ -20,6 +20,8 @@ class Triangles:
     `data` (3, 9, m) holds the vertices once for each axis a ray may mainly follow, that axis last.
     """
 
+    flat = True
+
     def __init__(self, corners: Array, normal: Array, area: Array, vertex_normals: Array | None, rank: Indices) -> None:
         self.a, self.b, self.c = corners
         self.normal, self.area, self.vertex_normals, self.rank = normal, area, vertex_normals, rank
@@ -57,7 +59,7 @@ class Triangles:
     def barycentric(triangle: Array, ray: Array) -> tuple[Array, Array]:
         """Weights of the second and third vertex at the hit, for rays that hit."""
         x, y, _ = _seen_along(triangle, ray)
-        u, v, w = _edge_functions(x, y)
+        u, v, w = _exact_where_zero(x, y, _edge_functions(x, y))
         total = u + v + w
         return v / total, w / total
 

@@ -26,9 +26,17 @@ def radiance_without_shadows(context: Context, origin: Array, direction: Array, 
     return total
 
 
-def _radiance(context: Context, origin: Array, direction: Array, pixel: Indices, sample: int, depth: int) -> Array:
+def _radiance(
+    context: Context,
+    origin: Array,
+    direction: Array,
+    pixel: Indices,
+    sample: int,
+    depth: int,
+    left: Indices | None = None,
+) -> Array:
     context.check()
-    hits = context.closest(origin, direction)
+    hits = context.closest(origin, direction, left)
     total = _sky_where_missed(context, direction, hits)
     arrived = np.flatnonzero(hits.rank >= 0)
     if not arrived.size:
@@ -41,7 +49,8 @@ def _radiance(context: Context, origin: Array, direction: Array, pixel: Indices,
         # what the mirror shows
         wi = mirrored(surface, direction)
         go = np.flatnonzero((there.r > 0.0) & (dot(surface.geometric, wi) > 0.0))
-        seen = _radiance(context, surface.take(go).leave(), wi.take(go, axis=1), pixel[go], sample, depth + 1)
+        rays = surface.take(go).leave(), wi.take(go, axis=1)
+        seen = _radiance(context, *rays, pixel[go], sample, depth + 1, surface.rank[go])
         light[:, go] += there.mirror.take(go, axis=1) * seen
         # what lies behind
         bent = refracted(context.materials, surface, direction)
@@ -49,7 +58,7 @@ def _radiance(context: Context, origin: Array, direction: Array, pixel: Indices,
         side = dot(surface.geometric, bent.direction)
         go = np.flatnonzero((there.t > 0.0) & (np.where(bent.total, side, -side) > 0.0))
         rays = start.take(go, axis=1), bent.direction.take(go, axis=1)
-        seen = _radiance(context, *rays, pixel[go], sample, depth + 1)
+        seen = _radiance(context, *rays, pixel[go], sample, depth + 1, surface.rank[go])
         light[:, go] += there.refraction.take(go, axis=1) * bent.scale[go] * seen
     total[:, arrived] = light
     return total
@@ -60,8 +69,7 @@ def _sky_where_missed(context: Context, direction: Array, hits: Nearest) -> Arra
 
 
 def _surface(context: Context, origin: Array, direction: Array, hits: Nearest, arrived: Indices) -> Surface:
-    found = Nearest(hits.t[arrived], hits.rank[arrived])
-    return context.surface(origin.take(arrived, axis=1), direction.take(arrived, axis=1), found)
+    return context.surface(origin.take(arrived, axis=1), direction.take(arrived, axis=1), hits.take(arrived))
 
 
 def _local(context: Context, surface: Surface, pixel: Indices, sample: int, depth: int, shadows: bool) -> Array:

@@ -88,16 +88,20 @@ _PREAMBLE = r"""\documentclass{report}
 \usepackage[utf8]{inputenc}
 \usepackage[T1]{fontenc}
 \usepackage[margin=2.5cm]{geometry}
-\usepackage{booktabs,graphicx,adjustbox,float}
+\usepackage{booktabs,graphicx,float}
 \graphicspath{{plots/}}
 \begin{document}
 """
 
 
-def latex(chapter: Chapter, whole: bool = True) -> str:
-    """A report of one chapter, or, not `whole`, the chapter alone for \\input; figures are the pdf files."""
+_FITTING = r"\resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}"
+"""What follows keeps its size, or shrinks to the width of the text."""
+
+
+def latex(chapter: Chapter) -> str:
+    """A report of one chapter; figures are the pdf files."""
     body = "\n".join([f"\\chapter{{{latex_escape(chapter.title)}}}", *(_latex_section(s, 0) for s in chapter.sections)])
-    return f"{_PREAMBLE}{body}\n\\end{{document}}\n" if whole else body + "\n"
+    return f"{_PREAMBLE}{body}\n\\end{{document}}\n"
 
 
 def _latex_section(section: Section, level: int) -> str:
@@ -114,8 +118,8 @@ def _latex_part(part: Part) -> str:
         return f"\\begin{{itemize}}\n{items}\n\\end{{itemize}}\n"
     if isinstance(part, TablePart):
         floating = latex_text(part.table).replace("\\begin{table}", "\\begin{table}[H]\\centering")
-        wide = floating.replace("\\begin{tabular}", "\\begin{adjustbox}{max width=\\textwidth}\\begin{tabular}")
-        return wide.replace("\\end{tabular}", "\\end{tabular}\\end{adjustbox}")
+        fitting = f"{_FITTING}{{!}}{{\\begin{{tabular}}"
+        return floating.replace("\\begin{tabular}", fitting).replace("\\end{tabular}", "\\end{tabular}}")
     return (
         f"\\begin{{figure}}[H]\\centering\n\\includegraphics[width=\\textwidth]{{{part.plot.name}.pdf}}\n"
         f"\\caption{{{latex_escape(part.plot.title)}}}\n\\end{{figure}}\n"

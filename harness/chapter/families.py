@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -127,14 +128,20 @@ def ranking(family: Family, measure: Measure = seconds_per_sample) -> list[str]:
     return sorted((value for value, median in medians.items() if not math.isnan(median)), key=lambda v: medians[v])
 
 
-def demanding(found: Sequence[Family]) -> list[Family]:
-    """One family a scene: the one whose samples take most rays."""
-    chosen: dict[str, Family] = {}
+def demanding(found: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list[Family]:
+    """One family a scene (or what else of `HEADINGS`): the one whose samples take most rays."""
+    chosen: dict[tuple[str, ...], Family] = {}
     for family in found:
-        before = chosen.get(family.scene)
-        if before is None or _rays_per_sample(family.any) > _rays_per_sample(before.any):
-            chosen[family.scene] = family
+        key = tuple(family.held[key] for key in keys)
+        if key not in chosen or _rays_per_sample(family.any) > _rays_per_sample(chosen[key].any):
+            chosen[key] = family
     return list(chosen.values())
+
+
+def usual(found: Sequence[Family], key: str) -> list[Family]:
+    """The families with the value of `key` that most of them have."""
+    counts = Counter(family.held[key] for family in found)
+    return [family for family in found if family.held[key] == counts.most_common(1)[0][0]]
 
 
 def _rays_per_sample(contender: Contender) -> float:

@@ -13,11 +13,31 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis
 from harness.chapter.document import FigurePart
 from harness.chapter.families import Family, compare, demanding, thousands, values
-from harness.plots.style import ENGINE_COLOURS, FAINT, LINES, MARKERS, OTHER_COLOURS, Plot, log_scales, new_figure, save
+from harness.plots.style import (
+    ENGINE_COLOURS,
+    FAINT,
+    INK,
+    LINES,
+    MARKERS,
+    OTHER_COLOURS,
+    Plot,
+    log_scales,
+    new_figure,
+    save,
+)
 from harness.results import point_error
 from harness.statistics import median_interval
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
+
+
+def colours(names: Sequence[str]) -> list[str]:
+    """A colour for each engine with its accelerator: the engine's own for the first, others for the rest."""
+    free, found = list(OTHER_COLOURS), []
+    for name in names:
+        own = ENGINE_COLOURS.get(name.split()[0], "")
+        found.append(own if own and own not in found else free.pop(0) if free else INK)
+    return found
 
 
 def part(drawn: Plot | None) -> list[FigurePart]:
@@ -36,13 +56,13 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
         return None
     names = values(found)
     figure = new_figure(7.2, 1.3 + 0.34 * len(found))
-    axis = figure.subplots()
+    axis, shades = figure.subplots(), colours(names)
     for index, name in enumerate(names):
         shift = 0.13 * (index - (len(names) - 1) / 2)
         rows = [(row + shift, thousands(f.members[name])) for row, f in enumerate(found) if name in f.members]
         y, x = [row for row, _ in rows], [estimate.value for _, estimate in rows]
         whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in rows]).T
-        axis.errorbar(x, y, xerr=np.abs(whiskers), fmt=MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)],
+        axis.errorbar(x, y, xerr=np.abs(whiskers), fmt=MARKERS[index % len(MARKERS)], color=shades[index],
                       elinewidth=1, label=name)  # fmt: skip
     axis.set_yticks(range(len(found)), [family.scene for family in found])
     axis.set_ylim(len(found) - 0.5, -0.5)

@@ -7,7 +7,7 @@ from typing import Any
 
 from harness.analysis import Analysis
 from harness.chapter.document import Paragraph, Section, TablePart
-from harness.chapter.families import families, identity, pairs, thousands, values
+from harness.chapter.families import families, identity, pairs, thousands, usual, values
 from harness.chapter.sentences import SPEED, plural, tally
 from harness.statistics import Estimate
 from harness.tables import Column, Table
@@ -19,11 +19,12 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
     if not found:
         return None
     most = max(family.any.settings.threads for family in found)
-    shown = [family for family in found if family.any.settings.threads == most]
+    shown = usual([family for family in found if family.any.settings.threads == most], "sampler")
     names = values(found)
     table = Table(
         "shaders", "Cost of a sample by shader",
-        f"Nanoseconds a path (a sample of a pixel) with {plural(most, 'thread')}; median over blocks with a 95 % interval.",
+        f"Nanoseconds a path (a sample of a pixel) with {plural(most, 'thread')}; median over blocks with a 95 % "
+        f"interval. Sampler: {shown[0].held['sampler']}.",
         [*identity(shown),
          *(Column(name, f"Nanoseconds a path of {name}.", "estimate", name) for name in names)],
     )  # fmt: skip

@@ -8,8 +8,8 @@ from typing import Any
 from harness.analysis import Analysis
 from harness.chapter import figures
 from harness.chapter.document import Paragraph, Section, TablePart
-from harness.chapter.families import Family, Found, compare, families, identity, values
-from harness.chapter.sentences import plural
+from harness.chapter.families import Family, Found, compare, demanding, families, identity, values
+from harness.chapter.sentences import listed, plural
 from harness.statistics import Estimate
 from harness.tables import Column, Table
 from harness.tables.model import number_text
@@ -22,13 +22,16 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
         return None
     names = sorted(values(found), key=lambda value: int(value.split()[0]))
     sentences = [_gain(analysis, found, names[0], name) for name in names[1:]]
+    shown = demanding(found, ("scene", "accelerator"))
+    shaders = listed(list(dict.fromkeys(family.shader for family in shown)))
     table = Table(
-        "threads", f"Speed-up over {names[0]}", "Paired by block, with 95 % intervals; efficiency 1 is ideal.",
-        [*identity(found),
+        "threads", f"Speed-up over {names[0]}",
+        f"Paired by block, with 95 % intervals; efficiency 1 is ideal. Shader: {shaders}.",
+        [*identity(shown),
          *(Column(name, f"Speed-up of {name}.", "estimate", name) for name in names[1:]),
          Column("efficiency", f"Speed-up of {names[-1]} over the share of threads.", "number")],
     )  # fmt: skip
-    for family in found:
+    for family in shown:
         table.rows.append(_thread_row(analysis, family, names))
     drawn = figures.thread_gains(analysis, found, names, plots)
     return Section("Threads", [Paragraph(sentences), *figures.part(drawn), TablePart(table)])

@@ -32,7 +32,7 @@ class Equivalence:
 
     `low`, `high`: 90 % interval of the relative difference, inside the margin exactly when both one-sided tests reject.
     `detectable`: the relative bias of the image mean found with 80 % power. `ks_p`: one-sided Kolmogorov-Smirnov on the
-    tiles' p values, small where too many are small.
+    tiles' p values, small where too many are small. `alpha`: the false-alarm rate of each scale that was allowed.
     """
 
     pixel_p: float
@@ -47,6 +47,7 @@ class Equivalence:
     high: float
     detectable: float
     verdict: str
+    alpha: float = ALPHA
 
 
 def equivalence(
@@ -79,7 +80,12 @@ def equivalence(
     verdict = "different" if different else "equivalent" if within else "inconclusive"
     outside = int((pixel < thresholds[0]).sum())
     return Equivalence(float(pixel.min()), thresholds[0], outside, float(tile.min()), thresholds[1], image, ks,
-                       difference, low, high, detectable, verdict)  # fmt: skip
+                       difference, low, high, detectable, verdict, alpha)  # fmt: skip
+
+
+def shared_alpha(comparisons: int) -> float:
+    """The `alpha` of each of several comparisons that raise a false alarm a scale with probability `ALPHA` together."""
+    return -math.expm1(math.log1p(-ALPHA) / max(comparisons, 1))
 
 
 def welch_p(first: Array, second: Array, least: Callable[[Array], Array] | None = None) -> Array:

@@ -7,6 +7,7 @@ from typing import Any
 
 from harness.analysis import Analysis, Verdict
 from harness.statistics import Estimate
+from harness.statistics.equivalence import ALPHA
 from harness.tables.model import Column, Table
 
 SCENE = Column("scene", "Scene that was rendered.")
@@ -19,7 +20,7 @@ def agreement(analysis: Analysis) -> Table:
     """Bias against the reference, equivalence with the baseline."""
     table = Table(
         "agreement", "Agreement with the reference and with the baseline",
-        "Equivalence at three scales: p values of Welch tests against their Sidak thresholds (1 % a scale), "
+        "Equivalence at three scales: p values of Welch tests against their Sidak thresholds (1 % a scale, all rows together), "
         "and a margin test of 1 % on the image mean.",
         [SCENE, CONTENDER, BASELINE,
          Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
@@ -57,21 +58,19 @@ def equivalence(analysis: Analysis) -> Table:
     """Every pair of engines on the same scene under the same settings."""
     table = Table(
         "equivalence", "Pairs of engines",
-        "Each engine's nearest relative of the other, on the same scene, shader, size and sampler. Welch tests at three "
-        "scales (1 % false alarms each, Sidak), Kolmogorov-Smirnov on the tiles' p values, and a margin test (TOST): "
-        "equal are images whose means surely differ by less than 1 %.",
+        "Nearest relatives on the same scene, shader, size and sampler. Welch tests at three scales and "
+        "Kolmogorov-Smirnov on the tiles' p values, corrected for the number of tests and pairs (Sidak): different "
+        "below 0.01. Margin test (TOST): equal are images "
+        "whose means surely differ by less than 1 %.",
         [SCENE, Column("first", "One engine."), Column("second", "The other."),
          Column("verdict", "equivalent, different, inconclusive, or unknown where there are no images of two seeds."),
          Column("difference", "Second over first, less one, of the image means; 90 % interval (TOST).", "estimate"),
          Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
-         Column("images", "Images of each: one a seed."), Column("spp", "Their samples a pixel."),
-         Column("paired", "Whether means are compared in pairs of one seed."),
+         Column("rests_on", "Images of each, one a seed, their samples a pixel, and whether seeds make pairs."),
          Column("image_p", "p of the image means.", "number"),
          Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
-         Column("tile_threshold", "Below it a tile differs (Sidak).", "number"),
          Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
-         Column("pixel_threshold", "Below it a pixel differs (Sidak).", "number"),
-         Column("pixels_outside", "Pixels and channels below the threshold.", "count"),
+         Column("pixels_outside", "Pixels and channels that differ.", "count", "outside"),
          Column("ks_p", "Kolmogorov-Smirnov p of the tiles' p values.", "number")],
     )  # fmt: skip
     for pair in analysis.pairs:
@@ -79,12 +78,21 @@ def equivalence(analysis: Analysis) -> Table:
                                "second": pair.second.name, "verdict": pair.verdict}  # fmt: skip
         if pair.comparison is not None:
             found, images, spp, paired = pair.comparison
-            row |= {name: getattr(found, name) for name in TESTS}
-            row |= {"difference": Estimate(found.difference, found.low, found.high, min(images)),
-                    "images": " + ".join(map(str, images)), "paired": "yes" if paired else "no",
-                    "spp": " and ".join(map(str, dict.fromkeys(spp)))}  # fmt: skip
+            limits = {"image_p": found.alpha, "tile_p": found.tile_threshold, "pixel_p": found.pixel_threshold,
+                      "ks_p": found.alpha}  # fmt: skip
+            row |= {name: corrected(getattr(found, name), limit) for name, limit in limits.items()}
+            row |= {"detectable": found.detectable, "pixels_outside": found.pixels_outside}
+            row["difference"] = Estimate(found.difference, found.low, found.high, min(images))
+            samples = " and ".join(map(str, dict.fromkeys(spp)))
+            row["rests_on"] = f"{images[0]} + {images[1]} of {samples} spp{', pairs' if paired else ''}"
         table.rows.append(row)
     return table
+
+
+def corrected(p: float, threshold: float) -> float:
+    """The smallest of many p values corrected for their number, so that `ALPHA` is its threshold (Sidak 1967)."""
+    tests = math.log1p(-ALPHA) / math.log1p(-threshold)
+    return -math.expm1(tests * math.log1p(-p)) if p < 1 else 1.0
 
 
 def accuracy(analysis: Analysis) -> Table:

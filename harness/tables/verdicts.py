@@ -47,8 +47,8 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
                 "< says what would have been seen."),
          Column("agreement", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
-         Column("warnings", "What else to know before believing the row."),
-         Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed")],
+         Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
+         Column("warnings", "What else to know before believing the row.")],
     )  # fmt: skip
     for verdict in analysis.verdicts:
         for index, target in enumerate(results.targets):

@@ -12,6 +12,7 @@ import numpy as np
 from engines.interface import Engine
 from harness.verify import (
     boxes_and_trees,
+    cameras,
     furnaces,
     glass,
     light,
@@ -28,7 +29,8 @@ from harness.verify.promises import PROMISES, Promise
 from harness.verify.subject import Declined, Subject, accelerators, precisions
 
 SECTIONS = (spheres.SECTION, triangles.SECTION, boxes_and_trees.SECTION, rays.SECTION, spawned_rays.SECTION,
-            glass.SECTION, materials.SECTION, furnaces.SECTION, light.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
+            cameras.SECTION, glass.SECTION, materials.SECTION, furnaces.SECTION, light.SECTION, sampling.SECTION,
+            stability.SECTION)  # fmt: skip
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 

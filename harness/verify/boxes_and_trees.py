@@ -79,6 +79,8 @@ def _nasty(subject: Subject) -> Iterator[tuple[str, list[Shape]]]:
     line = 0.05 * rng.normal(size=(n, 3, 3)) + np.linspace(0, 1, n)[:, None, None] * (1.0, 0.0, 0.0)
     yield "1 triangle", [UNIT_UP]
     yield "2 overlapping", [*pair]
+    yield "a point and a line beside one", [_triangles(np.full((1, 3, 3), 0.25)),
+                                            _triangles(np.arange(3.0)[None, :, None] * np.ones(3)), UNIT_UP]  # fmt: skip
     yield "random", [soup(n, 0.2)]
     yield "small beside huge", [mesh(1e-3 * soup(20, 1.0).vertices + 0.5, soup(20, 1.0).faces), big]
     yield "equal centroids", [_triangles(same - same.mean(axis=1, keepdims=True))]

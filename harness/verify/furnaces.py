@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from harness.verify import closed_forms as forms
 from harness.verify.case import Measured, Section, measured
 from harness.verify.replicates import STRATEGIES, means, z_score
 from harness.verify.stage import (
+    AHEAD,
     FLOOR,
     ORIGIN,
     SKY,
@@ -30,6 +32,16 @@ from harness.verify.subject import Subject
 
 SECTION = Section("light")
 CORNER = {"eye": (0.2, 0.1, 0.3), "target": (0.9, -0.2, 0.1)}
+
+
+@SECTION.case("px", "Every pixel of an image of any size is drawn.", "MobileRT, which leaves out two thirds of 30 x 30")
+def sizes(subject: Subject) -> Iterator[Measured]:
+    for width, height in subject.some(
+        ((40, 40), (30, 30), (1, 1), (257, 3), (100, 100), (15, 7), (3, 131), (64, 33)), 4
+    ):
+        view = replace(AHEAD, resolution=(width, height))
+        seen = subject.image([], [], [SKY], view, path_tracer(1, "bsdf"))
+        yield measured((seen != 1) | (seen.shape != (height, width)), f"{width} x {height}")
 
 
 @SECTION.case("a", "A closed furnace is E (1 - rho^D) / (1 - rho) bright, whatever its shape.", "raybench, a")

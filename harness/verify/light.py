@@ -157,6 +157,10 @@ def small_lights(subject: Subject) -> Iterator[Measured]:
                 subject.image([FLOOR], [material(kd=rho)], [light], view, shader, **MIDDLE)[0, 0] for shader in shaders
             ]
             yield measured(np.array(seen) - rho / math.pi * truth, f"{type(light).__name__}, h {h}, x {x}")
+        both = [point, sun, point]
+        seen = [subject.image([FLOOR], [material(kd=rho)], both, view, shaders[k], **MIDDLE)[0, 0] for k in (0, -1)]
+        truth = 4 * h / (h * h + x * x) ** 1.5 + 3 * h / down
+        yield measured(np.array(seen) - rho / math.pi * truth, f"three lights, h {h}, x {x}")
 
 
 @SECTION.case("m", "A sphere's shadow under a point light ends at h tan(asin(r / (h - c))).", "raybench, m")

@@ -43,6 +43,18 @@ def huge(subject: Subject) -> Iterator[Measured]:
         yield _against(subject, center, 10.0**power, np.tile([0.0, 1.5, 0.0], (n, 1)), directions, f"R = 1e{power}")
 
 
+@SECTION.case("S11", "Just above a large sphere, the near root keeps all its digits.", SOURCE)
+def above(subject: Subject) -> Iterator[Measured]:
+    """Radius and height are powers of two, straight above the centre: nothing is lost before the roots are."""
+    rng, n = np.random.default_rng(11), subject.count(400)
+    turn = 2 * np.pi * rng.random(n)
+    directions = subject.cast(np.stack([0.3 * np.cos(turn), -1 - rng.random(n), 0.3 * np.sin(turn)], -1))
+    for power in (10, 20):
+        radius = 2.0**power
+        origins = np.tile([0.0, radius + 2.0**-3, 0.0], (n, 1))
+        yield _against(subject, np.zeros(3), radius, origins, directions, f"R = 2^{power}")
+
+
 @SECTION.case("S4", "From inside, the far side is hit.", "raybench, S4")
 def inside(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(4), subject.count(400)
@@ -51,19 +63,23 @@ def inside(subject: Subject) -> Iterator[Measured]:
     yield _against(subject, np.zeros(3), 1.0, origins, directions, "", far=True)
 
 
-@SECTION.case("S5", "From the surface inwards, the far side is hit.", "raybench, S5")
+@SECTION.case("S5", "From the surface inwards, the far side is hit; outwards, nothing.", "raybench, S5")
 def from_the_surface(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(5), subject.count(800)
     origins, directions = subject.cast(unit(rng.normal(size=(n, 3)))), subject.cast(unit(rng.normal(size=(n, 3))))
     cosines = (origins * directions).sum(axis=1)
     directions = np.where(cosines[:, None] > 0, -directions, directions)
     kept = np.abs(cosines) > 1e-2
-    found = subject.trace([sphere()], origins[kept], directions[kept])
-    near, far = oracle.sphere_roots(np.zeros(3), 1.0, origins[kept], directions[kept])
-    touched = (near > 0) & (found.t < 1e-3)  # rounded, the origin may lie outside: then the near root is one too
+    origins, directions, cosines = origins[kept], directions[kept], cosines[kept]
+    renderer = subject.tracer(sphere())
+    found = renderer.trace(origins, directions)
+    near, far = oracle.sphere_roots(np.zeros(3), 1.0, origins, directions)
+    touched, left = np.zeros(len(origins), bool), np.isfinite(renderer.trace(origins, -directions).t)
+    if subject.tracing != "float64":  # the origin lies clearly outside or inside: then the root near it is one too
+        touched, left = (near > 0) & (found.t < 1e-3), np.zeros(len(origins), bool)
     exact = np.where(touched, near, far)
-    errors = oracle.absolute(found.t, exact) * np.abs(cosines[kept]) / subject.eps
-    yield measured(errors, "", oracle.ulps(found.t, far, subject.kind)[~touched])
+    errors = oracle.absolute(found.t, exact) * np.abs(cosines) / subject.eps
+    yield measured(np.where(left, np.inf, errors), "", oracle.ulps(found.t, far, subject.kind)[~touched])
 
 
 @SECTION.case("S6", "A ray at a tangent hits at the right distance or misses; nothing is NaN.", "raybench, S6")

@@ -9,7 +9,20 @@ import numpy as np
 from engines.scene import Mesh, Triangle
 from harness.verify import oracle
 from harness.verify.case import Array, Measured, Section, measured
-from harness.verify.stage import UNIT, ball, box, mesh, quad, triangle, unit
+from harness.verify.stage import (
+    FLOOR,
+    UNIT,
+    ball,
+    box,
+    material,
+    mesh,
+    path_tracer,
+    point_view,
+    quad,
+    square,
+    triangle,
+    unit,
+)  # fmt: skip
 from harness.verify.subject import Subject
 
 SECTION = Section("triangles", each_accelerator=True)
@@ -99,12 +112,17 @@ def slivers(subject: Subject) -> Iterator[Measured]:
         yield measured(np.append(wrong, axis.t[0] != 1.0), f"height {height:.0e}")
 
 
-@SECTION.case("T10", "Faces without area beside a good one are skipped.", "raybench, T10")
+@SECTION.case("T10", "Faces without area are skipped, and no light is drawn from them.", "raybench, T10")
 def degenerate_faces(subject: Subject) -> Iterator[Measured]:
     point = triangle(np.zeros((3, 3)))
     good = mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1], [0, 1, 2], [2, 0, 2]])
     hits = subject.trace([point, _line(subject), good], [(0.25, 0.25, 1.0)], [(0.0, 0.0, -1.0)])
-    yield measured((hits.shape[0], hits.primitive[0], hits.t[0]) != (2, 2, 1.0))
+    yield measured((hits.shape[0], hits.primitive[0], hits.t[0]) != (2, 2, 1.0), "hit")
+    lamp = square(1.0, 0.5, index=1, down=True)
+    more = mesh(lamp.vertices, np.insert(lamp.faces, [0, 1, 2], [[0, 0, 1], [2, 2, 2], [3, 1, 3]], axis=0), 1)
+    skins, view = [material(kd=0.5), material(emission=1)], point_view((1.0, 1.0, 2.0), (0.2, 0.0, 0.1), 8)
+    seen, bare = (subject.image([FLOOR, light], skins, [], view, path_tracer(2), 4) for light in (more, lamp))
+    yield measured(seen != bare, "drawn from")
 
 
 def _copies(count: int) -> Mesh:

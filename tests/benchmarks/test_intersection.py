@@ -1,4 +1,4 @@
-"""What a ray costs, and what a tree: every accelerator on a ball of 80 and one of 81,920 triangles, 20,000 rays a round."""
+"""What a ray costs, and what a tree: every accelerator on balls of 80 to 327,680 triangles, and how the cost of a ray grows."""
 
 from functools import cache
 
@@ -10,13 +10,16 @@ from engines.registry import engine
 from engines.scene import scene_from
 
 RAYS = 20_000
-SUBDIVISIONS = {"80": 1, "81920": 6}
+MANY = 500_000
+SUBDIVISIONS = {"80": 1, "20480": 5, "81920": 6, "327680": 7, "1310720": 8}
 CASES = [
     ("numpy", "bvh", "80"),
     ("numba", "none", "80"),
-    *(("numba", name, size) for name in ("grid", "bvh") for size in SUBDIVISIONS),
-    *(("embree", "embree", size) for size in SUBDIVISIONS),
+    ("numpy", "bvh", "20480"),
+    *(("numba", name, size) for name in ("grid", "bvh") for size in ("80", "81920")),
+    *(("embree", "embree", size) for size in ("80", "81920")),
 ]
+LARGE = [(name, size) for name in ("numba", "embree") for size in ("20480", "327680", "1310720")]
 pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
 
 
@@ -33,21 +36,26 @@ def ball(size):
 
 
 @cache
-def prepared(name, accelerator, size):
-    renderer = engine(name).prepare(ball(size), Settings(accelerator=accelerator))
+def prepared(name, accelerator, size, precision=None, threads=None):
+    renderer = engine(name).prepare(ball(size), settings(name, accelerator, precision, threads))
     renderer.warm_up()
     for query in (renderer.trace, renderer.occluded):
         query(*rays())
     return renderer
 
 
+def settings(name, accelerator, precision, threads):
+    chosen = {"precision": precision if name == "numba" else None, "threads": threads}
+    return Settings(accelerator=accelerator, **{key: value for key, value in chosen.items() if value})
+
+
 @cache
-def rays():
+def rays(n=RAYS):
     """From a sphere about the ball to points about it: two thirds hit."""
     rng = np.random.default_rng(1)
-    origins = rng.normal(size=(RAYS, 3))
+    origins = rng.normal(size=(n, 3))
     origins *= 3 / np.linalg.norm(origins, axis=1, keepdims=True)
-    return origins, rng.uniform(-1, 1, (RAYS, 3)) - origins
+    return origins, rng.uniform(-1, 1, (n, 3)) - origins
 
 
 @pytest.mark.parametrize(("name", "accelerator", "size"), CASES)
@@ -64,6 +72,25 @@ def test_occluded(benchmark, name, accelerator, size):
     hidden = benchmark(renderer.occluded, *rays())
     benchmark.extra_info["rays_per_second"] = RAYS / benchmark.stats.stats.median
     assert 0.4 < hidden.mean() < 0.9
+
+
+@pytest.mark.parametrize(("name", "size"), LARGE)
+def test_closest_of_many_incoherent_rays(benchmark, name, size):
+    """float32 and two threads, in both engines; what 1,310,720 triangles take over 20,480 is how the cost grows."""
+    renderer = prepared(name, "auto", size, "float32", 2)
+    hits = benchmark.pedantic(renderer.trace, rays(MANY), rounds=5, warmup_rounds=1)
+    benchmark.extra_info["rays_per_second"] = MANY / benchmark.stats.stats.median
+    assert 0.4 < np.isfinite(hits.t).mean() < 0.9
+
+
+@pytest.mark.parametrize("name", ["numba", "embree"])
+@pytest.mark.parametrize("size", ["327680", "1310720"])
+def test_build_of_a_large_tree(benchmark, name, size):
+    """Two threads. The benchmark is `prepare`, with the world's arrays; `build_seconds` is there as extra information."""
+    chosen, wanted = engine(name), settings(name, "auto", "float32", 2)
+    renderer = benchmark.pedantic(chosen.prepare, (ball(size), wanted), rounds=5, warmup_rounds=1)
+    benchmark.extra_info["build_seconds"] = renderer.counters()["build_seconds"]
+    benchmark.extra_info["accelerator_bytes"] = renderer.counters()["accelerator_bytes"]
 
 
 @pytest.mark.parametrize(("name", "accelerator", "size"), [case for case in CASES if case[1] != "none"])

@@ -1,7 +1,10 @@
 """Renderers by process: what is passed to them, what is believed of what they answer, and what is said when they fail."""
 
+import os
+import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.external.pictures import read_pfm
 from engines.external.template import filled
 
+ROOT = Path(__file__).resolve().parent.parent.parent
 SCENE = engines.load_scene("cornell_box")
 SETTINGS = Settings(6, 4, sampler="random", seed=5)
 
@@ -130,6 +134,17 @@ def test_an_option_that_is_passed_may_be_any(tmp_path):
     engine = engines.engine(str(described(tmp_path, command=words)))
     deep = Settings(6, 4, sampler="random", shader={"name": "path_tracer", "max_depth": 3})
     assert engine.why_not(SCENE, deep) is None
+    flat = Settings(6, 4, sampler="random", shader="albedo")
+    assert "{shader.max_depth}, which albedo does not have" in (engine.why_not(SCENE, flat) or "")
+
+
+def test_the_shipped_example_makes_the_image_of_its_engine(monkeypatch):
+    """The sampler `constant` draws the same under every seed, so that pixels can be compared."""
+    monkeypatch.setenv("PATH", os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+    deep = Settings(6, 4, sampler="constant", shader={"name": "path_tracer", "max_depth": 3}, precision="float64")
+    external, inside = engines.engine(str(ROOT / "configs/renderers/raybench.yaml")), engines.engine("numpy")
+    images = [engine.prepare(SCENE, deep).render(2).mean() for engine in (external, inside)]
+    assert np.allclose(*images, rtol=1e-6) and images[0].max() > 0
 
 
 def test_a_scene_that_is_in_no_file_is_declined_where_it_would_be_read(tmp_path):

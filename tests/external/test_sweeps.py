@@ -1,5 +1,7 @@
 """Renderers by process in a sweep: each mishap is the state of its cell, and the others are measured."""
 
+import subprocess
+import sys
 import time
 
 import pytest
@@ -7,7 +9,7 @@ import sweeping
 from describing import described
 
 from engines.errors import ConfigError
-from harness import config, measure, plan, store, sweep
+from harness import config, machine, measure, plan, store, sweep
 
 MODES = ("well", "crash", "garbage", "nan", "hang")
 
@@ -94,3 +96,10 @@ def test_what_a_renderer_tells_replaces_what_was_waited_for():
     schedule = measure.Schedule(2.0, 1, 8, 100.0)
     points = list(measure.timed_points(Told(), schedule, measure.one_sample(Told()), measure.Disturbance()))  # pyright: ignore
     assert [point.seconds for point in points] == [1.0, 2.0, 4.0, 8.0]
+
+
+def test_a_programs_work_counts_as_the_cells_own():
+    """Else every cell of a renderer by process would seem to be disturbed by others."""
+    before = machine.sample().own
+    subprocess.run([sys.executable, "-c", "while __import__('time').process_time() < 0.3: pass"], check=True)
+    assert machine.sample().own - before > 0.25

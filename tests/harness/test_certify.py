@@ -27,8 +27,8 @@ def made(tmp_path):
         path = sweeping.write(tmp_path, certified_by(engine, spp))
         (wanted,) = plan.make(config.load(path), True).references.values()
         with Pool(True, tmp_path / "log") as pool:
-            references.make(wanted, tmp_path / "refs", pool, True, lambda done, count: None)
-            return wanted, certify.make(wanted, tmp_path / "refs", pool, True, lambda done, count: None)
+            references.make(wanted, tmp_path / "refs", pool, lambda done, count: None)
+            return wanted, certify.make(wanted, tmp_path / "refs", pool, lambda done, count: None)
 
     return make
 

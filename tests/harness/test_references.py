@@ -23,7 +23,7 @@ def made(tmp_path):
         (wanted,) = plan.make(config.load(path, [f"reference.spp={spp}"]), True).references.values()
         rendered = [] if reports is None else reports
         with Pool(True, tmp_path / "log") as pool:
-            meta = references.make(wanted, tmp_path / "refs", pool, True, lambda done, count: rendered.append(done))
+            meta = references.make(wanted, tmp_path / "refs", pool, lambda done, count: rendered.append(done))
         return wanted, meta, rendered[:-1]
 
     return make

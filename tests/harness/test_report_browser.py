@@ -47,6 +47,21 @@ def test_nothing_sticks_out_sideways(page, width, dark):
     assert (colour == "rgb(255, 255, 255)") != dark
 
 
+@pytest.mark.parametrize("section", ["verdicts", "equivalence"])
+def test_tables_that_matter_fit_a_1280_pixel_window(page, section):
+    page.open(page.report, width=1280, dark=False)
+    page.wait_for(READY)
+    room, needed = (page.evaluate(f"document.querySelector('#{section} .scroller').{name}")
+                    for name in ("clientWidth", "scrollWidth"))  # fmt: skip
+    assert needed <= room
+
+
+def test_engines_are_compared_in_words_and_numbers(page):
+    lines = page.evaluate("Array.from(document.querySelectorAll('#equivalence li'), line => line.textContent)")
+    assert len(lines) == 12 == page.evaluate("document.querySelectorAll('#table-equivalence tbody tr').length")
+    assert all("images of" in line and "%" in line for line in lines)
+
+
 def test_every_plot_is_visible(page):
     boxes = page.evaluate("Array.from(document.querySelectorAll('.plot svg'), s => s.getBoundingClientRect().height)")
     assert len(boxes) >= 12 and min(boxes) > 100

@@ -76,7 +76,8 @@ def test_images_hold_the_layers_and_where_they_come_from(finished):
     out = finished[1]
     for event in cells(out):
         kept = [point["spp"] for point in event["points"] if point["image"]]
-        assert kept == ([1, 2, 4, 8] if event["block"] == 0 and not event["label"] else [8])
+        later = [8] if event["label"] else [1, 4, 8]
+        assert kept == ([1, 2, 4, 8] if event["block"] == 0 and not event["label"] else later)
         path = out / event["points"][-1]["image"]
         layers, told = read_film_layers(path), read_provenance(path)
         assert np.allclose(layers.mean, (layers.half0 + layers.half1) / 2, atol=1e-5)

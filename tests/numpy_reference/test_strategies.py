@@ -72,7 +72,7 @@ def test_every_sample_has_the_pdf_of_its_direction(name):
     hits = context.closest(point, found.wi)
     met = np.flatnonzero((hits.rank >= 0) & np.isclose(hits.t, found.distance, rtol=1e-6))  # nothing else in between
     assert met.size > 0.4 * n
-    hits = type(hits)(hits.t[met], hits.rank[met])
+    hits = hits.take(met)
     surface = context.surface(point[:, met], found.wi[:, met], hits)
     again = context.lights.pdf(surface, point[:, met], found.wi[:, met], hits.t)
     assert np.allclose(again, found.pdf[met], rtol=1e-6)
@@ -93,7 +93,7 @@ def test_pdfs_integrate_to_one(name):
     else:
         hits = context.closest(origin, direction)
         met = np.flatnonzero(hits.rank >= 0)
-        hits = type(hits)(hits.t[met], hits.rank[met])
+        hits = hits.take(met)
         surface = context.surface(origin[:, met], direction[:, met], hits)
         pdf[met] = context.lights.pdf(surface, origin[:, met], direction[:, met], hits.t)
     values = 4 * np.pi * pdf

@@ -1,5 +1,6 @@
 """Triangles: exact where that can be computed, watertight where they meet, silent where they have no area."""
 
+import warnings
 from fractions import Fraction
 
 import numpy as np
@@ -88,6 +89,21 @@ def test_slivers_are_hit_on_their_axis_and_give_no_nan(height):  # T8
     found = np.isfinite(many.t)
     assert not np.isnan(many.t).any() and not np.isnan(many.normal).any()
     assert ((many.u >= 0) & (many.v >= 0) & (many.u + many.v <= 1 + EPS))[found].all()
+
+
+def test_weights_are_numbers_where_all_edge_functions_round_to_zero():
+    """Corners on a line through the ray, but for the rounding of one coordinate: exact edge functions decide, and weigh."""
+    rng, hits = np.random.default_rng(6), 0
+    for _ in range(300):
+        x = rng.uniform(0.5, 1.0, 3) * (1.0, -1.0, rng.choice([-1.0, 1.0]))
+        corners = np.stack([x, x / 3.0, rng.uniform(-0.1, 0.1, 3)], -1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = tracer(Triangle(*map(tuple, corners), 0)).trace([(0.0, 0.0, 1.0)], [(0.0, 0.0, -1.0)])
+        hits += int(np.isfinite(found.t[0]))
+        assert np.isfinite([found.u[0], found.v[0]]).all() and found.u[0] >= 0.0 and found.v[0] >= 0.0
+        assert found.u[0] + found.v[0] <= 1.0 + EPS
+    assert hits > 3
 
 
 def test_a_ray_that_leaves_a_triangle_does_not_meet_it_again():  # T7

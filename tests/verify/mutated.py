@@ -25,6 +25,13 @@ class Fault(NamedTuple):
 FAULTS = [
     Fault("sphere by b*b - 4ac", "sphere.py", "discriminant = radius * radius - dot(to_axis, to_axis)",
           "discriminant = (b * b - a * (dot(f, f) - radius * radius)) / a", "S1", "none"),
+    Fault("sphere: roots by plus and minus", "sphere.py", "t0, t1 = gap * (away + radius) / q, q / a",
+          "t0, t1 = (b - np.sqrt(a * discriminant)) / a, (b + np.sqrt(a * discriminant)) / a", "S11", "none"),
+    Fault("sphere: surface without its rounding band", "sphere.py",
+          "np.where(np.abs(gap) <= 4.0 * EPSILON * radius, 0.0, gap)", "1.0 * gap", "S5", "none"),
+    Fault("direction taken for unit", "renderer.py", "scaled / long, length", "scaled, length", "S7", "none"),
+    Fault("field of view taken for half of it", "camera.py", "np.radians(camera.fov) / 2.0", "np.radians(camera.fov)", "cam"),
+    Fault("field of view along the other axis", "camera.py", 'camera.fov_axis == "x"', 'camera.fov_axis == "y"', "cam"),
     Fault("sphere: nearer root only", "sphere.py", "np.where(near > 0.0, near, np.maximum(t0, t1))", "near", "S4", "none"),
     Fault("triangle: hits behind the eye", "triangle.py", "inside & certain & (t > 0.0)", "inside", "B2", "none"),
     Fault("triangle: strict edges", "triangle.py", "inside = np.minimum(np.minimum(u, v), w) >= 0.0",
@@ -66,6 +73,16 @@ FAULTS = [
     Fault("index not inverted inside", "material.py", "np.where(surface.front, ior, 1.0 / ior)", "ior", "D9"),
     Fault("mirror with the wrong sign", "material.py", "direction - 2.0 * dot", "direction + 2.0 * dot", "k"),
     Fault("refracted to the wrong side", "material.py", "(c1 / eta - c2)", "(c1 / eta + c2)", "l"),
+    Fault("refraction without 1 - F", "material.py", "kt * (1.0 - reflectance), kt", "kt, kt", "energy"),
+    Fault("total reflection dims", "material.py", "np.where(total, 1.0, 1.0 / (eta * eta))", "1.0 / (eta * eta)", "wf.glass"),
+    Fault("a diffuse lobe that depends on the viewer", "path_tracer.py", "cosine = dot(at.normal, found.wi)",
+          "cosine = dot(at.normal, found.wi) * np.abs(dot(at.normal, paths.direction.take(lanes, axis=1)))", "recip"),
+    Fault("sky density without its sine", "environment.py", "(2.0 * np.pi**2 * sine)", "(2.0 * np.pi**2)", "c.sky"),
+    Fault("half the area of a sphere light", "area_lights.py", "* 4.0 * np.pi * radius * radius",
+          "* 2.0 * np.pi * radius * radius", "a.mis"),
+    Fault("Halton of one base", "sampler.py", "PRIMES[dimension]", "PRIMES[0]", "q.slope"),
+    Fault("Sobol of one dimension", "sampler.py", "DIRECTIONS[dimension, bits]", "DIRECTIONS[0, bits]", "q.slope"),
+    Fault("strata on a diagonal", "sampler.py", "place >> m if dimension % 2 else", "", "q.slope"),
 ]  # fmt: skip
 
 

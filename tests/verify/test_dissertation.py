@@ -22,5 +22,13 @@ def test_every_named_case_exists():
     assert len(named) > 30 and named <= ids, named - ids
 
 
-def test_every_mistake_of_the_text_has_a_row():
-    assert [row for row in re.findall(r"^\| T(\d+) ", TEXT, re.M)] == [str(k) for k in range(1, 24)]
+ROWS = re.findall(r"^\| ([TM][0-9b]+|ties) \| (.+?) \| (.+?) \| (.+?) \|$", TEXT, re.M)
+
+
+def test_every_mistake_has_a_row_with_what_stands_there_what_is_right_and_what_shows_it():
+    expected = [f"T{k}" for k in range(1, 24)] + [f"M{k}" for k in range(1, 36)]
+    expected.insert(expected.index("M7") + 1, "M7b")
+    assert [row[0] for row in ROWS] == [*expected, "ties"]
+    for name, written, right, shown in ROWS:
+        assert len(written) > 20 and right, name
+        assert re.search(r"verify \w|`[\w/]+\.py::\w+`", shown), f"{name} is shown by nothing"

@@ -1,152 +1,260 @@
-"""Building a two-wide bounding volume hierarchy: binned surface area heuristic (Wald 2007), no recursion.
+"""Growing a two-wide tree over boxes: binned surface area heuristic (Wald 2007), without recursion, by all threads.
 
-An inner node holds the boxes of both children: twelve numbers, lower then upper corner of the first, then of the second. A
-child is the index of an inner node, or for a leaf -1 - (16 first + count), its primitives being order[first : first + count].
+A box is eight float32 numbers, its lower and its negated upper corner with a spare beside each, so that one vector
+minimum joins two. A node is a box and a link (first, count, split): it holds the primitives order[first : first + count], and
+unless split is 0 its halves are the nodes `split` and `split` + 1. The tree over primitives [first, last) owns the places
+2 first + 2 .. 2 last - 1, so the nodes lie in the same places whichever thread puts them there, and in whatever order.
 """
 
 from __future__ import annotations
 
-import math
+from collections import deque
+from concurrent.futures import Executor
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from engines.kernels.jit import inline, kernel
+from engines.kernels.jit import fetch, inline, keep, kernel, pointer, select
+from engines.kernels.simd import convert, fetch8, keep8, lane, lesser, splat, swapped
 
 BINS = 16
-LEAF = 4
-"""Primitives a leaf may hold where splitting does not pay; never more."""
-TRAVERSAL_COST = 1.0
+LEAF = 8
+"""Primitives a leaf may hold, all of one kind."""
 DEEPEST = 48
-"""Below this depth nodes are halved by count, which bounds the depth by DEEPEST + log2(n)."""
-STACK = 96
+"""Below this depth nodes are halved by count, which bounds the depth by DEEPEST + log2(n) + 1."""
+TASK = 4096
+"""Up to so many primitives are one task; what holds more is divided by a task of its own, up to 64 of them."""
+SCRATCH = 10 * 3 * BINS + 16
+
+
+class Growth(NamedTuple):
+    """`records` (2, n, 8) float32 boxes and `order` (2, n) int32: each division moves primitives from one copy to the other.
+    `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. The first `triangles` primitives are triangles, the others
+    spheres; up to `fewest` of a kind are not divided."""
+
+    records: NDArray[np.float32]
+    order: NDArray[np.int32]
+    boxes: NDArray[np.float32]
+    links: NDArray[np.int32]
+    triangles: int
+    fewest: int
 
 
 @inline
-def _area(box):
-    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
+def half_area(box):
+    extent = box + swapped(box)  # lower minus upper corner
+    x, y, z = lane(extent, 0), lane(extent, 1), lane(extent, 2)
     return x * y + y * z + z * x
 
 
 @inline
-def _grow(box, boxes, i):
-    for axis in range(3):
-        box[axis] = min(box[axis], boxes[i, axis])
-        box[3 + axis] = max(box[3 + axis], boxes[i, 3 + axis])
+def _doubled_center(box):
+    """Lower plus upper corner, and the same negated."""
+    return box - swapped(box)
 
 
 @inline
-def _reset(box):
-    for axis in range(3):
-        box[axis], box[3 + axis] = math.inf, -math.inf
-
-
-@inline
-def _centroid(boxes, i, axis):
-    return 0.5 * (np.float64(boxes[i, axis]) + np.float64(boxes[i, 3 + axis]))
-
-
-@inline
-def _join(box, other):
-    for axis in range(3):
-        box[axis], box[3 + axis] = min(box[axis], other[axis]), max(box[3 + axis], other[3 + axis])
-
-
-@inline
-def _split(boxes, order, first, last, box, bins, sizes, right, ends):
-    """The best of the binned planes: (axis, bin, low, scale), axis -1 where all centroids coincide or a leaf is cheaper."""
-    _reset(ends)
+def _survey(records, first, last):
+    """(box, box of the doubled centres) of some primitives."""
+    box = centers = splat(np.float32(np.inf))
     for k in range(first, last):
-        for axis in range(3):
-            c = _centroid(boxes, order[k], axis)
-            ends[axis], ends[3 + axis] = min(ends[axis], c), max(ends[3 + axis], c)
-    total = last - first
-    best, best_axis, best_bin, best_low, best_scale = math.inf, -1, 0, 0.0, 0.0
+        this = fetch8(records, 8 * k)
+        box, centers = lesser(box, this), lesser(centers, _doubled_center(this))
+    return box, centers
+
+
+@inline
+def _bins_per_unit(centers, axis, bins):
+    """0 where an axis has no extent, so that everything lies in its first bin."""
+    scale = np.float32(0.999999 * bins) / -lane(centers + swapped(centers), axis)
+    return select((scale > np.float32(0)) & (scale < np.float32(1e37)), scale, np.float32(0))
+
+
+@inline
+def _fill_bins(records, first, last, centers, scale, boxes, counts, bins):
     for axis in range(3):
-        low, width = ends[axis], ends[3 + axis] - ends[axis]
-        scale = BINS * (1.0 - 1e-9) / width
-        if not (width > 0.0 and math.isfinite(scale)):
-            continue
-        for b in range(BINS):
-            _reset(bins[b])
-            sizes[b] = 0
-        for k in range(first, last):
-            b = int((_centroid(boxes, order[k], axis) - low) * scale)
-            sizes[b] += 1
-            _grow(bins[b], boxes, order[k])
-        n, side = 0, bins[BINS]
-        _reset(side)
-        for b in range(BINS - 1, 0, -1):
-            n += sizes[b]
-            _join(side, bins[b])
-            right[b] = n * _area(side) if n else 0.0
-        n = 0
-        _reset(side)
-        for b in range(BINS - 1):
-            n += sizes[b]
-            _join(side, bins[b])
-            if 0 < n < total:
-                cost = n * _area(side) + right[b + 1]
-                if cost < best:
-                    best, best_axis, best_bin, best_low, best_scale = cost, axis, b, low, scale
-    area = _area(box)
-    if total <= LEAF and best + TRAVERSAL_COST * area >= total * area:
-        best_axis = -1
-    return best_axis, best_bin, best_low, best_scale
+        for b in range(axis * BINS, axis * BINS + bins):
+            keep8(boxes, 8 * b, splat(np.float32(np.inf)))
+            keep(counts, b, np.int32(0))
+    for k in range(first, last):
+        box = fetch8(records, 8 * k)
+        place = convert((_doubled_center(box) - centers) * scale, np.int32)
+        for axis in range(3):
+            b = axis * BINS + np.int64(lane(place, axis))
+            keep8(boxes, 8 * b, lesser(fetch8(boxes, 8 * b), box))
+            keep(counts, b, fetch(counts, b) + np.int32(1))
+
+
+@inline
+def _best_plane(boxes, counts, behind, n, bins):
+    """(axis, last bin before the plane) where count times area, summed over both sides, is least; axis -1 for none."""
+    least, best_axis, best_bin = np.float32(np.inf), -1, 0
+    for axis in range(3):
+        box, held = splat(np.float32(np.inf)), 0
+        for b in range(axis * BINS + bins - 1, axis * BINS, -1):
+            box = lesser(box, fetch8(boxes, 8 * b))
+            held += np.int64(fetch(counts, b))
+            keep(behind, b, np.float32(held) * half_area(box))
+        box, held = splat(np.float32(np.inf)), 0
+        for b in range(axis * BINS, axis * BINS + bins - 1):
+            box = lesser(box, fetch8(boxes, 8 * b))
+            held += np.int64(fetch(counts, b))
+            cost = np.float32(held) * half_area(box) + fetch(behind, b + 1)
+            if cost < least and held > 0 and held < n:  # an empty side costs NaN or inf
+                least, best_axis, best_bin = cost, axis, b - axis * BINS
+    return best_axis, best_bin
+
+
+@inline
+def _divide_by_plane(source, target, first, last, centers, scratch):
+    """Moves primitives to the other copy, those before the best plane to the front; returns how many those are, or 0 and moves
+    nothing where there is no plane."""
+    n = last - first
+    boxes, behind = pointer(scratch, np.float32), pointer(scratch + 32 * 3 * BINS, np.float32)
+    counts, few = pointer(scratch + 36 * 3 * BINS, np.int32), pointer(scratch + 40 * 3 * BINS, np.float32)
+    bins = min(BINS, 4 + n // 2)
+    keep8(few, 8, centers)
+    keep8(few, 0, splat(np.float32(0)))
+    for axis in range(3):
+        keep(few, axis, _bins_per_unit(centers, axis, bins))
+    _fill_bins(source.boxes, first, last, centers, fetch8(few, 0), boxes, counts, bins)
+    axis, plane = _best_plane(boxes, counts, behind, n, bins)
+    if axis < 0:
+        return 0
+    low, scale = fetch(few, 8 + axis), fetch(few, axis)
+    front, back = first, last - 1
+    for k in range(first, last):
+        center = fetch(source.boxes, 8 * k + axis) - fetch(source.boxes, 8 * k + 4 + axis)
+        before = np.int64(np.int32((center - low) * scale) <= plane)
+        place = back + before * (front - back)  # no branch: it would be missed half of the time
+        keep8(target.boxes, 8 * place, fetch8(source.boxes, 8 * k))
+        keep(target.order, place, fetch(source.order, k))
+        front += before
+        back -= 1 - before
+    return front - first
+
+
+class Copy(NamedTuple):
+    """Pointers to one of the two copies of the primitives."""
+
+    boxes: Any
+    order: Any
+
+
+@inline
+def _copy(growth, k):
+    return Copy(
+        pointer(growth.records.ctypes.data + k * growth.records.strides[0], np.float32),
+        pointer(growth.order.ctypes.data + k * growth.order.strides[0], np.int32),
+    )
+
+
+@inline
+def _move(source, target, first, last):
+    for k in range(first, last):
+        keep8(target.boxes, 8 * k, fetch8(source.boxes, 8 * k))
+        keep(target.order, k, fetch(source.order, k))
+
+
+@inline
+def _count_spheres(order, first, last, triangles):
+    spheres = 0
+    for k in range(first, last):
+        spheres += np.int64(np.int64(fetch(order, k)) >= triangles)
+    return spheres
+
+
+@inline
+def _divide_by_kind(source, target, first, last, triangles):
+    """Moves primitives to the other copy, triangles to the front; returns how many those are."""
+    front, back = first, last - 1
+    for k in range(first, last):
+        before = np.int64(np.int64(fetch(source.order, k)) < triangles)
+        place = back + before * (front - back)
+        keep8(target.boxes, 8 * place, fetch8(source.boxes, 8 * k))
+        keep(target.order, place, fetch(source.order, k))
+        front += before
+        back -= 1 - before
+    return front - first
+
+
+@inline
+def _divide(growth, node, copy, first, last, depth, scratch):
+    """Writes a node and moves its primitives to the other copy, in two parts; returns where the second begins, -1 for a
+    leaf."""
+    n, source, target = last - first, _copy(growth, copy), _copy(growth, 1 - copy)
+    box, centers = _survey(source.boxes, first, last)
+    keep8(pointer(growth.boxes.ctypes.data, np.float32), 8 * node, box)
+    growth.links[node, 0], growth.links[node, 1], growth.links[node, 2] = first, n, 0
+    if n <= LEAF:
+        spheres = _count_spheres(source.order, first, last, growth.triangles)
+        if 0 < spheres < n:
+            return first + _divide_by_kind(source, target, first, last, growth.triangles)
+        if n <= growth.fewest:
+            return -1
+    size = 0
+    if depth < DEEPEST:
+        size = _divide_by_plane(source, target, first, last, centers, scratch)
+    if size == 0:
+        size = n // 2
+        _move(source, target, first, last)
+    return first + size
 
 
 @kernel
-def build(boxes, order, nodes, children):
-    """Fills `order` (n,), `nodes` (n, 12) and `children` (n, 2); returns how many inner nodes there are (0 or more).
+def divide(growth, node, copy, first, last, depth, scratch):
+    """Divides a large node once; its halves have their places, but are not written yet."""
+    middle = _divide(growth, node, copy, first, last, depth, scratch.ctypes.data)
+    growth.links[node, 2] = 2 * middle
+    return middle
 
-    With at most LEAF primitives there is one inner node with one leaf and an empty one.
-    """
-    n = len(order)
-    bins, sizes, right = np.empty((BINS + 1, 6)), np.zeros(BINS, np.int64), np.zeros(BINS)
-    box, ends = np.empty(6), np.empty(6)
-    for i in range(n):
-        order[i] = i
-    # tasks: first, last, depth, and where the result goes: node * 2 + side
-    tasks = np.empty((2 * (DEEPEST + 40), 4), np.int64)
-    used = 1
-    nodes[0, 0:3], nodes[0, 3:6] = math.inf, -math.inf
-    nodes[0, 6:9], nodes[0, 9:12] = math.inf, -math.inf
-    children[0, 0], children[0, 1] = -1, -1
-    if n == 0:
-        return 1
-    top = 1
-    tasks[0, 0], tasks[0, 1], tasks[0, 2], tasks[0, 3] = 0, n, 0, 0
+
+@kernel
+def grow(growth, node, copy, first, last, depth, scratch):
+    """Grows all below a node and leaves its primitives' order in copy 0; returns the end of the places used."""
+    todo = np.empty((2 * (DEEPEST + 40), 5), np.int64)
+    todo[0, 0], todo[0, 1], todo[0, 2], todo[0, 3], todo[0, 4] = node, copy, first, last, depth
+    top, used = 1, 2 * first + 2
     while top > 0:
         top -= 1
-        first, last, depth, place = tasks[top, 0], tasks[top, 1], tasks[top, 2], tasks[top, 3]
-        node, side = place // 2, place % 2
-        _reset(box)
-        for k in range(first, last):
-            _grow(box, boxes, order[k])
-        for a in range(6):
-            nodes[node, 6 * side + a] = box[a]
-        axis, plane, low, scale = -1, 0, 0.0, 0.0
-        if last - first > 1 and depth < DEEPEST:
-            axis, plane, low, scale = _split(boxes, order, first, last, box, bins, sizes, right, ends)
-        if axis < 0 and last - first <= LEAF:
-            children[node, side] = -1 - (16 * first + (last - first))
+        node, copy, first, last, depth = todo[top, 0], todo[top, 1], todo[top, 2], todo[top, 3], todo[top, 4]
+        middle = _divide(growth, node, copy, first, last, depth, scratch.ctypes.data)
+        if middle < 0:
+            if copy == 1:
+                for k in range(first, last):
+                    growth.order[0, k] = growth.order[1, k]
             continue
-        middle = (first + last) // 2
-        if axis >= 0:
-            i, j = first, last - 1
-            while i <= j:
-                if int((_centroid(boxes, order[i], axis) - low) * scale) <= plane:
-                    i += 1
-                else:
-                    order[i], order[j] = order[j], order[i]
-                    j -= 1
-            middle = i
-        if place == 0 and used == 1 and depth == 0:
-            inner = 0  # the root's own place
-        else:
-            inner = used
-            used += 1
-            children[node, side] = inner
-        tasks[top, 0], tasks[top, 1], tasks[top, 2], tasks[top, 3] = middle, last, depth + 1, 2 * inner + 1
-        tasks[top + 1, 0], tasks[top + 1, 1], tasks[top + 1, 2], tasks[top + 1, 3] = first, middle, depth + 1, 2 * inner
-        top += 2
+        growth.links[node, 2] = used
+        for side in range(2):
+            todo[top, 0], todo[top, 1], todo[top, 4] = used + 1 - side, 1 - copy, depth + 1
+            todo[top, 2], todo[top, 3] = (first, middle) if side else (middle, last)
+            top += 1
+        used += 2
     return used
+
+
+def grow_tree(growth: Growth, pool: Executor) -> tuple[list[tuple[int, int]], list[int]]:
+    """Grows the tree over all primitives. Returns the ranges of places that were filled, in each of which nodes follow those
+    they lie below, and the nodes above, each after all that lie below it."""
+    n = growth.order.shape[1]
+    large = max(TASK, n // 64)
+    filled: list[tuple[int, int]] = []
+    above: list[tuple[int, int]] = []
+    pending: deque[Any] = deque()
+
+    def task(node: int, copy: int, first: int, last: int, depth: int) -> None:
+        scratch = np.empty(SCRATCH, np.float32)
+        if last - first <= large:
+            filled.append((2 * first + 2, grow(growth, node, copy, first, last, depth, scratch)))
+            above.append((0, node))
+            return
+        middle = divide(growth, node, copy, first, last, depth, scratch)
+        above.append((last - first, node))
+        pending.append(pool.submit(task, 2 * middle, 1 - copy, first, middle, depth + 1))
+        pending.append(pool.submit(task, 2 * middle + 1, 1 - copy, middle, last, depth + 1))
+
+    pending.append(pool.submit(task, 0, 0, 0, n, 0))
+    while pending:
+        pending.popleft().result()
+    return filled, [node for _, node in sorted(above)]

@@ -28,7 +28,7 @@ from engines.kernels.jit import (
     select,
     table,
 )
-from engines.kernels.linear import closest_planes, closest_spheres, occluded_planes, occluded_spheres
+from engines.kernels.linear import block_shadow, closest_planes, closest_spheres, occluded_planes, occluded_spheres
 from engines.kernels.shapes import Frame, ray_frame, shear, triangle_distance
 from engines.kernels.vector import Vec3
 from engines.kernels.world import ACCELERATOR, TRIANGLE_RANK, TRIANGLES, VERTICES, Needs, World
@@ -104,22 +104,33 @@ def _sheared(scratch, place, lane):
     return Vec3(fetch(scratch, i), fetch(scratch, i + LANES), fetch(scratch, i + 2 * LANES))
 
 
-def _make_closest(triangles: bool, spheres: bool, planes: bool, real: Any) -> Any:
-    size = np.dtype(real).itemsize
+@inline
+def _test(lanes, lane, t, rank, shadow, zero):
+    """Takes a distance of the triangle `rank`, inf or NaN where it was missed. Ranks ascend, so of equals the first stays."""
+    if shadow:
+        block_shadow(lanes, lane, t, (t > zero) & (rank != get_int(lanes, at.LEFT, lane)))
+    else:
+        best, held = get(lanes, at.T, lane), get_int(lanes, at.RANK, lane)
+        better = (t > zero) & (t < best) & (rank != get_int(lanes, at.LEFT, lane))
+        put(lanes, at.T, lane, select(better, t, best))
+        put_int(lanes, at.RANK, lane, select(better, held - held + rank, held))
 
-    def closest(block, world):
+
+def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any) -> Any:
+    size = np.dtype(real).itemsize
+    origin, direction = (at.SHADOW_ORIGIN, at.TO_LIGHT) if shadow else (at.ORIGIN, at.DIRECTION)
+
+    def stage(block, world):
         lanes = pointer(block, real)
         for lane in range(np.uint64(LANES)):
-            put_int(lanes, at.RANK, lane, -1)
+            put_int(lanes, at.OCCLUDED if shadow else at.RANK, lane, 0 if shadow else -1)
         if triangles:
             scratch = pointer(block + at.SCRATCH_FIRST * LANES * size, real)
             ranges, corners = table(world, RANGES, np.int64), table(world, CORNERS, real)
             faces, ranks = table(world, FACES, np.int32), table(world, TRIANGLE_RANK, np.int32)
-            _make_frames(lanes, at.DIRECTION)
+            _make_frames(lanes, direction)
             for chunk in range(count(world, CHUNKS)):
-                _shear_corners(
-                    lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), at.ORIGIN
-                )
+                _shear_corners(lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), origin)
                 for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
                     a, b, c = (
                         3 * LANES * np.int64(fetch(faces, 3 * f)),
@@ -131,62 +142,23 @@ def _make_closest(triangles: bool, spheres: bool, planes: bool, real: Any) -> An
                         t = triangle_distance(
                             _sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane)
                         )
-                        best, held = get(lanes, at.T, lane), get_int(lanes, at.RANK, lane)
-                        better = (t > real(0)) & (t < best) & (rank != get_int(lanes, at.LEFT, lane))
-                        put(lanes, at.T, lane, select(better, t, best))
-                        put_int(lanes, at.RANK, lane, select(better, held - held + rank, held))
-        if spheres:
-            closest_spheres(lanes, world, real)
-        if planes:
-            closest_planes(lanes, world, real)
+                        _test(lanes, lane, t, rank, shadow, real(0))
+        if shadow:
+            if spheres:
+                occluded_spheres(lanes, world, real)
+            if planes:
+                occluded_planes(lanes, world, real)
+        else:
+            if spheres:
+                closest_spheres(lanes, world, real)
+            if planes:
+                closest_planes(lanes, world, real)
 
-    return closest
-
-
-def _make_occluded(triangles: bool, spheres: bool, planes: bool, real: Any) -> Any:
-    size = np.dtype(real).itemsize
-
-    def occluded(block, world):
-        lanes = pointer(block, real)
-        for lane in range(np.uint64(LANES)):
-            put_int(lanes, at.OCCLUDED, lane, 0)
-        if triangles:
-            scratch = pointer(block + at.SCRATCH_FIRST * LANES * size, real)
-            ranges, corners = table(world, RANGES, np.int64), table(world, CORNERS, real)
-            faces, ranks = table(world, FACES, np.int32), table(world, TRIANGLE_RANK, np.int32)
-            _make_frames(lanes, at.TO_LIGHT)
-            for chunk in range(count(world, CHUNKS)):
-                _shear_corners(
-                    lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), at.SHADOW_ORIGIN
-                )
-                for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
-                    a, b, c = (
-                        3 * LANES * np.int64(fetch(faces, 3 * f)),
-                        3 * LANES * np.int64(fetch(faces, 3 * f + 1)),
-                        3 * LANES * np.int64(fetch(faces, 3 * f + 2)),
-                    )
-                    rank = fetch(ranks, f)
-                    for lane in range(np.uint64(LANES)):
-                        t = triangle_distance(
-                            _sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane)
-                        )
-                        hidden = get_int(lanes, at.OCCLUDED, lane)
-                        blocked = (
-                            (t > real(0))
-                            & (t < get(lanes, at.SHADOW_T, lane))
-                            & (rank != get_int(lanes, at.LEFT, lane))
-                        )
-                        put_int(lanes, at.OCCLUDED, lane, select(blocked, hidden - hidden + 1, hidden))
-        if spheres:
-            occluded_spheres(lanes, world, real)
-        if planes:
-            occluded_planes(lanes, world, real)
-
-    return occluded
+    return stage
 
 
 @cache
 def stages(triangles: bool, spheres: bool, planes: bool, real: Any) -> tuple[Any, Any]:
     """(closest, occluded) for a scene with these kinds of shapes."""
-    shapes = (triangles, spheres, planes, real)
-    return compile_stage(_make_closest(*shapes)), compile_stage(_make_occluded(*shapes))
+    shapes = (triangles, spheres, planes)
+    return compile_stage(_make(*shapes, False, real)), compile_stage(_make(*shapes, True, real))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels import block as at
-from engines.kernels.jit import const, fetch, inline, kernel
+from engines.kernels.jit import const, fetch, inline, kernel, select
 from engines.kernels.shapes import Frame, ray_frame, shear, sphere_distance, triangle_distance
 from engines.kernels.surface import row3, wide
 from engines.kernels.vector import Vec3, extent
@@ -33,18 +33,16 @@ class Ray(NamedTuple):
 
 
 @inline
-def _inverse(x):
+def finite_inverse(x):
     """1/x, but finite: a component too small to move the ray across the scene acts as if it were a little larger."""
-    tiny = const(1e-18, x)
-    if abs(x) > tiny:
-        return const(1.0, x) / x
-    return const(1e18, x) if x >= const(0.0, x) else const(-1e18, x)
+    tiny = select(x >= const(0.0, x), const(1e-18, x), const(-1e-18, x))
+    return const(1.0, x) / select(abs(x) > const(1e-18, x), x, tiny)
 
 
 @inline
 def ray_of(lanes, lane, origin, direction, eps, real):
     o, d = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane)
-    inverse = Vec3(_inverse(d.x), _inverse(d.y), _inverse(d.z))
+    inverse = Vec3(finite_inverse(d.x), finite_inverse(d.y), finite_inverse(d.z))
     return Ray(o, d, inverse, ray_frame(d), extent(o) * real(PAD_ULPS * eps))
 
 
@@ -97,3 +95,36 @@ def _fill_boxes(vertices, triangles, spheres, pad, result):
         for axis in range(3):
             result[n + i, axis] = spheres[i, axis] - spheres[i, 3] - pad
             result[n + i, 3 + axis] = spheres[i, axis] + spheres[i, 3] + pad
+
+
+def primitive_count(world: World) -> int:
+    return len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES])
+
+
+def fill_records(world: World, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]) -> None:
+    """Boxes (n, 8) of primitives first .. last - 1: lower and negated upper corner, padded, rounded outwards."""
+    shapes = world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES]
+    rounding = 0.0 if world.real == np.float32 else 2.0**-23
+    _fill_records(*shapes, padding(world), rounding, first, last, records, order)
+
+
+@kernel
+def _fill_records(vertices, triangles, spheres, pad, rounding, first, last, records, order):
+    n = len(triangles)
+    for i in range(first, last):
+        order[i] = i
+        records[i, 3] = records[i, 7] = 0
+        for axis in range(3):
+            if i < n:
+                x, y, z = (
+                    vertices[triangles[i, 0], axis],
+                    vertices[triangles[i, 1], axis],
+                    vertices[triangles[i, 2], axis],
+                )
+                low, high = np.float64(min(x, y, z)), np.float64(max(x, y, z))
+            else:
+                center, radius = spheres[i - n, axis], spheres[i - n, 3]
+                low, high = center - radius, center + radius
+            low, high = low - pad, high + pad
+            records[i, axis] = low - abs(low) * rounding
+            records[i, 4 + axis] = -(high + abs(high) * rounding)

@@ -1,0 +1,139 @@
+"""From the two-wide tree to an eight-wide one: which nodes survive is chosen for the least expected cost of a ray.
+
+The cost of showing what lies below a node as at most i = 1 .. 7 children of one wide node follows from the costs of its
+halves (dynamic programming after Ylitie, Karras and Laine 2017). Whether a node ends as a leaf is part of the choice.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.jit import inline, keep, kernel, pointer
+from engines.kernels.simd import fetch8
+from engines.numba_cpu.accel.bvh_build import LEAF, half_area
+
+WIDTH = 8
+NODE_COST, LEAF_COST = 1.0, 1.0
+"""The step of a ray through a wide node, and through a leaf, in the same unit of time."""
+NODE_WORDS = 64
+"""A wide node: x, y, z of its children's lower corners and then of the upper ones, eight float32 each; the children, eight
+int32; and eight times NOTHING. A child is a wide node, or a leaf -1 - (32 first + 16 sphere + count); it holds count
+primitives from place `first`."""
+CHILDREN, NOTHINGS = 48, 56
+NOTHING = -(2**31)
+MOST_PRIMITIVES = 2**26 - 1
+
+
+class Choices(NamedTuple):
+    """`costs` (n, 7) float32: of a node shown as at most 1 .. 7 children, over its area. `ways` (n, 7) int8: how many of 8 the
+    first half gets where the node is wide, 0 for a leaf; then how many of 2 .. 7 where it is not, 0 where one less does."""
+
+    costs: NDArray[np.float32]
+    ways: NDArray[np.int8]
+
+
+@inline
+def _best_way(costs, left, i):
+    """(cost, way) of sharing i children among both halves."""
+    least, way = np.float32(np.inf), 0
+    for k in range(max(i - 7, 1), min(i, 8)):
+        cost = costs[left, k - 1] + costs[left + 1, i - k - 1]
+        if cost < least:
+            least, way = cost, k
+    return least, way
+
+
+@inline
+def _weigh(boxes, links, choices, n, order, triangles):
+    costs, ways = choices.costs, choices.ways
+    first, count, left = links[n, 0], links[n, 1], links[n, 2]
+    area = half_area(fetch8(boxes, 8 * n))
+    mixed = (order[first] < triangles) != (order[first + count - 1] < triangles)  # small nodes are sorted by kind
+    leaf = area * np.float32(LEAF_COST) if count <= LEAF and not mixed else np.float32(np.inf)
+    if left == 0:
+        costs[n] = leaf
+        ways[n] = 0
+        return
+    least, way = _best_way(costs, left, 8)
+    least += area * np.float32(NODE_COST)
+    costs[n, 0], ways[n, 0] = (leaf, 0) if leaf <= least else (least, way)
+    for i in range(2, 8):
+        least, way = _best_way(costs, left, i)
+        fewer = costs[n, i - 2]
+        costs[n, i - 1], ways[n, i - 1] = (least, way) if least < fewer else (fewer, 0)
+
+
+@kernel
+def weigh(boxes, links, choices, first, last, order, triangles):
+    """Fills `choices` for the nodes last - 1 .. first, of which none may lie below an earlier one."""
+    for n in range(last - 1, first - 1, -1):
+        _weigh(pointer(boxes.ctypes.data, np.float32), links, choices, n, order, triangles)
+
+
+@inline
+def _children(links, ways, n, found, todo):
+    """Finds the two-wide nodes that become the children of a wide node; returns their number."""
+    if ways[n, 0] == 0:  # the root is a leaf
+        found[0] = n
+        return 1
+    todo[0, 0], todo[0, 1] = links[n, 2] + 1, WIDTH - ways[n, 0]
+    todo[1, 0], todo[1, 1] = links[n, 2], ways[n, 0]
+    top, size = 2, 0
+    while top > 0:
+        top -= 1
+        m, i = todo[top, 0], todo[top, 1]
+        while i > 1 and ways[m, i - 1] == 0:
+            i -= 1
+        if i == 1:
+            found[size] = m
+            size += 1
+            continue
+        todo[top, 0], todo[top, 1] = links[m, 2] + 1, i - ways[m, i - 1]
+        todo[top + 1, 0], todo[top + 1, 1] = links[m, 2], ways[m, i - 1]
+        top += 2
+    return size
+
+
+@inline
+def _put_child(boxes, nodes, place, m):
+    for axis in range(3):
+        keep(nodes, place + 8 * axis, boxes[m, axis] if m >= 0 else np.float32(np.inf))
+        keep(nodes, place + 24 + 8 * axis, -boxes[m, 4 + axis] if m >= 0 else -np.float32(np.inf))
+
+
+@kernel
+def widen(boxes, links, ways, order, triangles, write, nodes, leaves):
+    """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 3) int32: first, count, 1 for spheres. Returns
+    (k, l), and with `write` False only those."""
+    numbers, words = pointer(nodes.ctypes.data, np.float32), pointer(nodes.ctypes.data, np.int32)
+    found, work = np.empty(WIDTH, np.int64), np.empty((2 * WIDTH, 2), np.int64)
+    todo = np.empty((1024, 2), np.int64)
+    todo[0, 0], todo[0, 1] = 0, 0
+    top, used, ended = 1, 1, 0
+    while top > 0:
+        top -= 1
+        n, base = todo[top, 0], todo[top, 1] * NODE_WORDS
+        size = _children(links, ways, n, found, work)
+        for slot in range(WIDTH):
+            m, child = -1, np.int64(NOTHING)
+            if slot < size:
+                m = found[slot]
+                if ways[m, 0] == 0:
+                    sphere = np.int64(order[links[m, 0]] >= triangles)
+                    if write:
+                        leaves[ended, 0], leaves[ended, 1], leaves[ended, 2] = links[m, 0], links[m, 1], sphere
+                    child = -1 - (32 * links[m, 0] + 16 * sphere + links[m, 1])
+                    ended += 1
+                else:
+                    todo[top, 0], todo[top, 1] = m, used
+                    child = used
+                    used += 1
+                    top += 1
+            if write:
+                _put_child(boxes, numbers, base + slot, m)
+                keep(words, base + CHILDREN + slot, np.int32(child))
+                keep(words, base + NOTHINGS + slot, np.int32(NOTHING))
+    return used, ended

@@ -1,0 +1,88 @@
+"""An archive says what the results say, in a fraction of the bytes, and tells nothing about whose machine it was."""
+
+import json
+import platform
+
+import pytest
+import sweeping
+from synthetic import Size, write_folder
+
+from engines.errors import ConfigError
+from harness import machine, store
+from harness.analysis import analyse
+from harness.archive import archive
+from harness.report.assembly import report_html
+from harness.results import load_results
+from harness.tables import all_tables
+from harness.tables.model import markdown_text
+
+
+def size_of(folder):
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    whole = write_folder(tmp_path_factory.mktemp("whole") / "results", Size(64, 64), threads=(1,))
+    before, out = size_of(whole), tmp_path_factory.mktemp("archived") / "small"
+    return whole, out, before, archive(whole, out)
+
+
+def page_of(folder):
+    """The report without its plots, which take long to draw."""
+    analysis = analyse(load_results(folder))
+    return report_html(analysis, all_tables(analysis), [])
+
+
+def test_it_is_much_smaller(folders):
+    _, _, before, size = folders
+    assert size < before / 4
+
+
+def test_its_tables_say_the_same(folders):
+    """To the digits that are kept: the tables for people show three."""
+    whole, out, *_ = folders
+    tables = [all_tables(analyse(load_results(folder))) for folder in (whole, out)]
+    for one, other in zip(*tables, strict=True):
+        ours, theirs = (markdown_text(table).split() for table in (one, other))
+        assert len(ours) == len(theirs)
+        differing = [(a, b) for a, b in zip(ours, theirs, strict=True) if a != b]
+        assert len(differing) <= 0.02 * len(ours), differing[:5]
+
+
+def test_its_report_has_pictures_references_and_verdicts_without_the_original(folders, tmp_path):
+    whole, out, *_ = folders
+    moved = whole.rename(whole.with_name("gone"))
+    try:
+        page = page_of(out)
+    finally:
+        moved.rename(whole)
+    assert '"has_reference": true' in page and "make the same image" in page and "make different images" in page
+
+
+def test_made_again_it_is_the_same_and_an_archive_is_replaced(folders):
+    whole, out, *_ = folders
+    before = (out / store.EVENTS).read_bytes()
+    archive(whole, out)
+    assert (out / store.EVENTS).read_bytes() == before
+
+
+def test_it_does_not_replace_results_that_are_no_archive(folders, tmp_path):
+    whole = folders[0]
+    other = write_folder(tmp_path / "other", threads=(1,), seeds=2, with_images=False)
+    for target in (whole, other):
+        (target / "references").rename(target / "kept")
+        try:
+            with pytest.raises(ConfigError, match="--out must be"):
+                archive(whole, target)
+        finally:
+            (target / "kept").rename(target / "references")
+
+
+def test_nothing_that_is_stored_names_the_machine_or_where_it_ran(tmp_path):
+    path = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("repeats: 2", "repeats: 1"))
+    sweeping.run(path, tmp_path / "out")
+    stored = (tmp_path / "out" / store.EVENTS).read_text() + (tmp_path / "out" / store.MANIFEST).read_text()
+    assert not {"host", "executable"} & set(machine.provenance())
+    assert str(sweeping.ROOT) not in stored
+    assert platform.node() not in json.loads((tmp_path / "out" / store.MANIFEST).read_text())["machine"].values()

@@ -1,0 +1,157 @@
+"""A sweep over a cluster: the same images as on one machine, one timed cell a machine at a time, nothing lost with a worker."""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+import sweeping
+
+from engines.errors import ConfigError
+from engines.image import read_film_layers
+from harness import store
+
+distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+
+TEXT = sweeping.EXPERIMENT.replace("images: none", "images: last").replace(
+    "'fake_engines:Other'", "'fake_engines:Phased', 'fake_engines:Broken'"
+)
+STATES = {"done": 5, "failed": 1}
+
+
+@pytest.fixture(scope="module")
+def machines():
+    """A scheduler and two workers, each a process that declares itself a machine; both are on this host."""
+    from distributed import LocalCluster
+
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", resources={"machine": 1},
+                      silence_logs=50) as cluster:  # fmt: skip
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """What the same sweep gives on one machine."""
+    folder = tmp_path_factory.mktemp("alone")
+    outcome, _ = sweeping.run(sweeping.write(folder, TEXT), folder / "out")
+    assert outcome.states == STATES
+    return folder
+
+
+def cells(folder):
+    return list(store.latest_cells(store.read_events(folder)).values())
+
+
+def same_images(one, other):
+    """Every last image and the reference, bit for bit."""
+    found = {event["cell_id"]: event["points"][-1]["image"] for event in cells(one) if event["points"]}
+    for event in (event for event in cells(other) if event["points"]):
+        ours, theirs = (read_film_layers(f / image) for f, image in
+                        ((other, event["points"][-1]["image"]), (one, found[event["cell_id"]])))  # fmt: skip
+        assert all((a == b).all() or np.isnan(a).all() for a, b in zip(ours, theirs, strict=True))
+    (reference,) = {event["reference_id"] for event in cells(one)}
+    ours, theirs = (store.reference_arrays(folder, reference) for folder in (one, other))
+    assert (ours.mean == theirs.mean).all() and (ours.half_1 == theirs.half_1).all()
+
+
+def test_quality_alone_is_spread_over_all_machines_and_the_images_are_the_same(machines, alone, tmp_path):
+    path = sweeping.write(tmp_path, TEXT + "timing: false\n")
+    outcome, listener = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
+    assert outcome.states == STATES and len(listener.cells) == 6
+    assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
+    same_images(alone / "out", tmp_path / "out")
+    found = cells(tmp_path / "out")
+    assert len({event["worker"] for event in found}) == 2
+    assert all(event["machine"]["contended"] for event in found), "they ran beside each other"
+    (failed,) = [event for event in found if event["state"] == "failed"]
+    assert failed["message"] == "ValueError: the tree fell over and more"
+    assert "the tree fell over" in (tmp_path / "out" / "worker.log").read_text()
+    environments = [e["env_id"] for e in store.read_events(tmp_path / "out") if e["event"] == "environment"]
+    assert len(environments) == len(set(environments)) and {e["env_id"] for e in found} <= set(environments)
+
+
+def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_path):
+    path = sweeping.write(tmp_path, TEXT)
+    outcome, _ = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
+    assert outcome.states == STATES
+    found = cells(tmp_path / "out")
+    assert len({event["worker"] for event in found}) == 1, "both workers are on this host: one is enough for it"
+    assert [event["order"] for event in found] == [0, 1, 2, 3, 4, 5]
+    events = [event["event"] for event in store.read_events(tmp_path / "out") if event["event"] in ("start", "cell")]
+    assert events == ["start", "cell"] * 6
+    sentinels = [event for event in store.read_events(tmp_path / "out") if event["event"] == "sentinel"]
+    assert [event["block"] for event in sentinels] == [0, 1] and all(event["env_id"] for event in sentinels)
+    assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
+    again, _ = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
+    assert again.measured == 0, "resuming is the same as on one machine"
+
+
+def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_path):
+    path, out, killed = (
+        sweeping.write(tmp_path, TEXT.replace("repeats: 2", "repeats: 1") + "timing: false\n"),
+        tmp_path / "out",
+        [],
+    )
+
+    def kill():
+        """The first worker seen at a cell, a moment into it."""
+        with distributed.Client(machines.scheduler_address, set_as_default=False) as client:
+            deadline = time.monotonic() + 60
+            while not killed and time.monotonic() < deadline:
+                busy = [w for w, keys in client.processing().items() if any("measure_cell" in str(k) for k in keys)]
+                if busy:
+                    pid = client.run(os.getpid, workers=busy[:1])[busy[0]]
+                    os.kill(pid, signal.SIGKILL)
+                    killed.append(busy[0])
+                time.sleep(0.02)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcome, listener = sweeping.run(path, out, cluster=machines.scheduler_address)
+    killer.join()
+    assert killed and any("is gone" in note for note in listener.notes)
+    assert outcome.states == {"done": 3}
+    assert sweeping.rows(out).items() <= sweeping.rows(alone / "out").items()
+    same_images(alone / "out", out)
+    done = [event["cell_id"] for event in store.read_events(out) if event["event"] == "cell"]
+    assert len(done) == len(set(done)) == 3
+
+
+def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
+    from harness import cluster
+
+    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.5)
+    with pytest.raises(ConfigError, match=r"--cluster tcp://127.0.0.1:9: no scheduler answers there"):
+        sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster="tcp://127.0.0.1:9")
+
+
+def test_workers_that_are_no_machines_are_refused(tmp_path):
+    from distributed import LocalCluster
+
+    with (
+        LocalCluster(n_workers=1, processes=False, dashboard_address=":0") as cluster,
+        pytest.raises(ConfigError, match="--resources machine=1"),
+    ):
+        sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster=cluster.scheduler_address)
+
+
+def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch):
+    """What is under way then is not waited for without end."""
+    from distributed import LocalCluster
+
+    from harness import cluster
+
+    monkeypatch.setattr(cluster, "PATIENCE_SECONDS", 0.2)
+    one = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
+    with (
+        LocalCluster(**one, resources={"machine": 1}) as machines,
+        cluster.Cluster(machines.scheduler_address, allow_imports=True) as ours,
+    ):
+        machines.scale(0)
+        deadline = time.monotonic() + 20
+        while ours.machines() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        with pytest.raises(ConfigError, match="no machine for"):
+            list(ours.replicates("fake_engines:Steady", {"scene_path": "nowhere.yaml", "settings": {}}, [1, 2]))

@@ -1,0 +1,103 @@
+"""The tree itself: every primitive in one leaf, boxes that hold what is below them, and the same bytes by any threads."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import engines
+from engines.kernels.world import SPHERES, TRIANGLES, VERTICES, flatten
+from engines.numba_cpu.accel import bvh_walk
+from engines.numba_cpu.accel.bvh import Accelerator
+from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING
+from engines.numba_cpu.accel.bvh_leaves import stride
+
+
+def world_of(subdivisions, spheres=0, real=np.float32):
+    rng = np.random.default_rng(3)
+    mesh = {"procedural": {"name": "tessellated_sphere", "subdivisions": subdivisions}, "material": "m"}
+    balls = [
+        {"sphere": {"center": row[:3].tolist(), "radius": float(abs(row[3])) / 50 + 0.01}, "material": "m"}
+        for row in rng.normal(size=(spheres, 4))
+    ]
+    scene = engines.scene_from({
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [8, 8]},
+        "materials": {"m": {"kd": 0.5}},
+        "shapes": [mesh, *balls],
+    })  # fmt: skip
+    return flatten(scene, real, real)
+
+
+def built(world, threads=1):
+    accelerator = Accelerator({})
+    accelerator.build(world, threads)
+    return world.arrays[bvh_walk.NODES], world.arrays[bvh_walk.LEAVES]
+
+
+def leaf_boxes(world, leaves, code):
+    """(ranks, lower corners, upper corners) of the primitives of a leaf, read from its bytes."""
+    first, sphere, n = (-1 - code) >> 5, ((-1 - code) >> 4) & 1, (-1 - code) & 15
+    data, size = leaves[first * stride(world.real) :].tobytes(), np.dtype(world.real).itemsize
+    row_bytes = n * (32 if sphere else 9 * size)
+    ranks = np.frombuffer(data[row_bytes : row_bytes + 4 * n], np.int32)
+    if sphere:
+        rows = np.frombuffer(data[:row_bytes], np.float64).reshape(4, n).T
+        return ranks, rows[:, :3] - rows[:, 3:], rows[:, :3] + rows[:, 3:]
+    corners = np.frombuffer(data[:row_bytes], world.real).reshape(3, 3, n).transpose(2, 0, 1)
+    return ranks, corners.min(axis=1), corners.max(axis=1)
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_every_primitive_is_in_one_leaf_and_every_box_holds_what_is_below(real):
+    world = world_of(4, spheres=700, real=real)
+    nodes, leaves = built(world)
+    words, found = nodes.view(np.int32), []
+
+    def check(node, low, high):
+        for slot in range(8):
+            child = int(words[node, CHILDREN + slot])
+            if child == NOTHING:
+                continue
+            below, above = nodes[node, slot:24:8], nodes[node, 24 + slot : 48 : 8]
+            assert (below >= low).all() and (above <= high).all()
+            if child >= 0:
+                check(child, below, above)
+                continue
+            ranks, lower, upper = leaf_boxes(world, leaves, child)
+            assert (lower > below).all() and (upper < above).all()
+            found.extend(ranks.tolist())
+
+    check(0, np.full(3, -np.inf), np.full(3, np.inf))
+    assert sorted(found) == list(range(20 * 4**4 + 700))
+    assert nodes.shape[1] == NODE_WORDS
+
+
+@pytest.mark.parametrize("spheres", [0, 700])
+def test_two_threads_build_the_same_bytes_as_one(spheres):
+    world = world_of(6, spheres=spheres)
+    one = [array.copy() for array in built(world, threads=1)]
+    for _ in range(3):
+        for ours, theirs in zip(built(world, threads=2), one, strict=True):
+            assert ours.tobytes() == theirs.tobytes()
+
+
+def test_building_takes_less_than_250_bytes_a_triangle():
+    world = world_of(6)
+    built(world)  # compiles
+    n = len(world.arrays[TRIANGLES])
+    tracemalloc.start()
+    built(world, threads=2)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 250 * n
+    assert world.arrays[VERTICES].size and not world.arrays[SPHERES].size
+
+
+def test_leaves_are_full_and_wide_nodes_too():
+    nodes, _ = built(world_of(6))
+    children = nodes.view(np.int32)[:, CHILDREN : CHILDREN + 8]
+    leaves = children[(children < 0) & (children != NOTHING)]
+    assert (((-1 - leaves) & 15) <= 8).all()
+    assert 81920 / len(leaves) > 5
+    assert (children != NOTHING).sum(axis=1).mean() > 6.5

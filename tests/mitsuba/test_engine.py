@@ -1,0 +1,115 @@
+"""The engine mitsuba as an engine: what it declines and in which words, its samplers, its seeds, and its imports."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings, UnknownName
+from engines.mitsuba import Engine, ScalarEngine, library
+from engines.mitsuba.seeds import seed_of
+
+installed = pytest.mark.skipif(library.lacking(library.LLVM) is not None, reason=str(library.lacking(library.LLVM)))
+
+
+def _plain(**material):
+    return engines.scene_from({
+        "raybench_scene": 1, "name": "plain", "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+        "materials": {"it": material or {"kd": 0.5}},
+        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "it"}],
+        "lights": [{"environment": {"radiance": 1}}],
+    })  # fmt: skip
+
+
+def test_nothing_of_mitsuba_is_imported_before_it_is_used():
+    script = (
+        "import engines, sys; engines.engine('mitsuba').accelerators(); print({'mitsuba', 'drjit'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_what_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setattr(library.util, "find_spec", lambda name: None)
+    reason = Engine().why_not(_plain(), Settings(sampler="random"))
+    assert "pip install 'raybench[mitsuba]'" in str(reason)
+
+
+@installed
+def test_a_missing_libllvm_is_named_and_the_scalar_variant_works(monkeypatch):
+    import drjit
+
+    monkeypatch.setattr(drjit, "has_backend", lambda backend: False)
+    assert "DRJIT_LIBLLVM_PATH" in str(Engine().why_not(_plain(), Settings(sampler="random")))
+    assert ScalarEngine().why_not(_plain(), Settings(sampler="random")) is None
+
+
+@installed
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        ({"kt": 0.9, "ior": 1.9}, "Fresnel"),
+        ({"kd": 0.2, "ks": 0.5, "fresnel": True, "ior": 1.5}, "Fresnel"),
+        ({"kd": [0.9, 0, 0], "ks": [0, 0.9, 0]}, "more than 1"),
+    ],
+)
+def test_materials_without_counterpart_are_declined(material, words):
+    reason = Engine().why_not(_plain(**material), Settings(sampler="random"))
+    assert reason is not None
+    assert "'it'" in reason
+    assert words in reason
+
+
+@installed
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"precision": "float64"}, "float32"),
+        ({"sampler": "sobol"}, "sobol"),
+        ({"shader": {"name": "path_tracer", "direct": "light"}}, "multiple importance"),
+    ],
+)
+def test_settings_without_counterpart_are_declined(settings, words):
+    assert words in str(Engine().why_not(_plain(), Settings(**{"sampler": "random", **settings})))
+
+
+def test_unknown_samplers_are_refused_with_mitsubas_own_among_the_known():
+    with pytest.raises(UnknownName, match="multijitter"):
+        Engine().prepare(_plain(), Settings(sampler="multijiter"))
+
+
+@installed
+def test_patterns_spread_their_samples():
+    """A whole pattern of Mitsuba's stratified samplers has less variance than as many independent samples."""
+    scene = engines.load_scene("two_spheres")
+
+    def error(sampler):
+        images = [
+            Engine().prepare(scene, Settings(24, 16, shader="no_shadows", sampler=sampler, seed=seed)).render(16).mean()
+            for seed in range(6)
+        ]
+        return np.var(images, axis=0).mean()
+
+    independent = error("independent")
+    for name, count in (("stratified", "strata"), ("multijitter", "sample_count"), ("ldsampler", "sample_count")):
+        assert error({"name": name, count: 16}) < 0.7 * independent, name
+
+
+@installed
+@pytest.mark.parametrize("sampler", ["orthogonal", {"name": "multijitter", "sample_count": 4}])
+def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler):
+    films = []
+    for split in ((25,), (1, 3, 21)):
+        renderer = Engine().prepare(_plain(), Settings(6, 5, sampler=sampler, seed=3))
+        for spp in split:
+            renderer.render(spp)
+        films.append(renderer.film)
+    for name in ("sums", "squares", "even_sums", "counts"):
+        assert np.array_equal(getattr(films[0], name), getattr(films[1], name)), name
+
+
+def test_every_seed_and_pass_has_a_seed_of_its_own():
+    seeds = {seed_of(seed, part) for seed in (0, 1, 2, 2**32, 2**40 + 1) for part in range(200)}
+    assert len(seeds) == 1000
