@@ -33,6 +33,7 @@ from engines.embree.packet import (
     fill,
     place_of,
     scratch,
+    together,
     width,
 )
 from engines.kernels import block as at
@@ -139,7 +140,7 @@ def _ask_again(lanes, world, query, place, block, reach, doubtful, upwards, kind
         if again:
             keep(words, i + GEOM_ID * kinds.wide, np.int32(-1))
             keep(packet, i + T_FAR * kinds.wide, np.float32(get(lanes, reach, lane) * scale) * upwards)
-    ask(world, query, EXACT_SCENE if kinds.refine else SCENE, place, block, kinds.wide, not kinds.refine)
+    ask(world, query, EXACT_SCENE if kinds.refine else SCENE, place, block, kinds.wide, not kinds.refine, False)
 
 
 @inline
@@ -215,7 +216,7 @@ def _make_closest(kinds: Kinds, real: Any) -> Any:
         if kinds.triangles or kinds.spheres:
             place = scratch(block, size)
             fill(lanes, world, place, RAY, kinds.wide, upwards, real)
-            ask(world, INTERSECT, SCENE, place, block, kinds.wide, False)
+            ask(world, INTERSECT, SCENE, place, block, kinds.wide, False, together(place, kinds.wide))
             doubtful = _put_claims(lanes, world, place, kinds, real)
             if doubtful != 0:
                 _ask_again(lanes, world, INTERSECT, place, block, at.T, doubtful, upwards, kinds, real)
@@ -258,7 +259,7 @@ def _make_occluded(kinds: Kinds, real: Any) -> Any:
         if kinds.triangles or kinds.spheres:
             place = scratch(block, size)
             fill(lanes, world, place, SHADOW_RAY, kinds.wide, upwards, real)
-            ask(world, OCCLUDE, SCENE, place, block, kinds.wide, kinds.triangles)
+            ask(world, OCCLUDE, SCENE, place, block, kinds.wide, kinds.triangles, False)
             doubtful = _put_shadows(lanes, world, place, kinds, real)
             if kinds.refine and doubtful != 0:
                 _ask_again(lanes, world, OCCLUDE, place, block, at.SHADOW_T, doubtful, upwards, kinds, real)

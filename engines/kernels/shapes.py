@@ -10,7 +10,6 @@ import numpy as np
 from engines.kernels.jit import const, fma, inline, select
 from engines.kernels.vector import Vec3, cross, dot
 
-
 _ON_SPHERE = 4.0 * float(np.finfo(np.float64).eps)
 
 
