@@ -23,10 +23,18 @@ BUILT_IN = {
     "embreex_batch": "engines.embreex_batch:Engine",
 }
 
+SPECIAL = {"dahlquist": "engines.dahlquist.engine:Engine"}
+"""Engines that render one scene alone: asked for by name, but not among those that render any."""
+
 
 def engine_names() -> list[str]:
     """Names of the engines that can be asked for, ours first; nothing is imported."""
     return [*BUILT_IN, *sorted(point.name for point in _entry_points())]
+
+
+def known_names() -> list[str]:
+    """All names that `engine` knows."""
+    return [*engine_names(), *SPECIAL]
 
 
 def engine(name: Any) -> Engine:
@@ -40,8 +48,8 @@ def engine(name: Any) -> Engine:
         return _described(name)
     if ":" in name:
         return _made(load_attribute(name), name)
-    if name in BUILT_IN:
-        return _made(load_attribute(BUILT_IN[name]), name)
+    if name in (ours := BUILT_IN | SPECIAL):
+        return _made(load_attribute(ours[name]), name)
     for point in _entry_points():
         if point.name == name:
             try:
@@ -49,7 +57,7 @@ def engine(name: Any) -> Engine:
             except Exception as error:
                 raise ConfigError(f"engine {name!r} ({point.value}): cannot be loaded: {error}") from error
             return _made(found, name)
-    raise UnknownName("engine", name, engine_names())
+    raise UnknownName("engine", name, known_names())
 
 
 def all_engines() -> list[Engine]:

@@ -261,9 +261,9 @@ class Blocks:
         """All of them, or where time counts one a host: two workers on a host would disturb each other."""
         if not self.timed:
             return dict(machines)
-        busy = {task.address for task in self.running}
+        at_work = {task.address for task in self.running} | {address for address, rest in self.queues.items() if rest}
         one: dict[str, str] = {}
-        for address in sorted(machines, key=lambda address: (address not in busy, address)):
+        for address in sorted(machines, key=lambda address: (address not in at_work, address)):
             one.setdefault(machines[address]["host"], address)
         return {address: machines[address] for address in one.values()}
 
@@ -284,7 +284,7 @@ class Blocks:
     def _start(self, cell: Cell, address: str, share: float) -> None:
         sweep = self.sweep
         sweep.begin(cell)
-        first = (address, cell.block) not in self.begun
+        first = self.timed and (address, cell.block) not in self.begun
         self.begun.add((address, cell.block))
         asked = request(cell, sweep.plan.experiment.checkpoints)
         task = self.cluster.submit(cell, asked, address, share, first)

@@ -14,7 +14,7 @@ from typing import Any
 from engines import choices
 from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.interface import Settings
-from engines.registry import engine_names, is_file, load_attribute
+from engines.registry import is_file, known_names, load_attribute
 from engines.scene.yaml_file import Located
 from harness import catalog, fields
 
@@ -64,8 +64,8 @@ def _engine(node: Located, folder: Path) -> str:
             if (file := place / Path(given).expanduser()).is_file():
                 return str(file.resolve())
         raise node.refuse("there is no such file")
-    if ":" not in given and given not in engine_names():
-        raise node.refuse(f"unknown engine: {suggestion(given, engine_names())}")
+    if ":" not in given and given not in known_names():
+        raise node.refuse(f"unknown engine: {suggestion(given, known_names())}")
     return given
 
 

@@ -55,7 +55,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.plugin": {"engines.choices", "engines.kernels"},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
-    "engines.dahlquist": {"engines.errors", "engines.image", "engines.kernels"},
+    "engines.dahlquist": {*_BASE, "engines.image", "engines.kernels"},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.external": {*_BASE, "engines.image"},
     "engines.mitsuba": _BASE,

@@ -17,8 +17,8 @@ three in [`scenes/mobilert/`](../scenes/mobilert) need a mesh that is not ours t
 All pictures: `python docs/pictures/gallery.py`.
 """
 SQUARE = ("cornell_box", "mobilert_cornell", "mobilert_cornell2", "mobilert_spheres", "mobilert_spheres2", "furnace")
-SQUARE += ("cornell_spheres", "mesh_sphere", "tree")
-SAMPLES = {"glassware": 2048, "many_lights": 1024, "mobilert_cornell": 1024, "mobilert_cornell2": 1024}
+SQUARE += ("cornell_spheres", "mesh_sphere", "tree", "dahlquist")
+SAMPLES = {"glassware": 512, "many_lights": 1024, "mobilert_cornell": 512, "mobilert_cornell2": 512}
 
 
 def command(name: str) -> list[str]:
@@ -40,10 +40,10 @@ def entry(name: str) -> str:
 
 def main(wanted: list[str]) -> None:
     names = sorted(file.stem for file in SCENES.glob("*.yaml"))
+    (DOCS / "gallery.md").write_text("\n".join([HEAD, *map(entry, names)]), encoding="utf-8")
     PICTURES.mkdir(exist_ok=True)
     for name in wanted or names:
         subprocess.run([sys.executable, "-m", "harness", *command(name)[1:]], cwd=DOCS.parent, check=True)
-    (DOCS / "gallery.md").write_text("\n".join([HEAD, *map(entry, names)]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -81,7 +81,9 @@ def _speed_table(name: str, title: str, note: str, analysis: Analysis, found: li
 def _build_table(found: list[Family]) -> Table:
     names = values(found)
     table = Table(
-        "builds", "Time to build an accelerator", "Milliseconds, median over blocks with a 95 % interval.",
+        "builds", "Time to build an accelerator",
+        "Milliseconds in a process that has built none before, so that a compiled builder is loaded within them; "
+        "median over blocks with a 95 % interval.",
         [HEADINGS["scene"], Column("primitives", "Primitives of the scene.", "count"),
          *(Column(value, f"Milliseconds to build {value}.", "estimate", value) for value in names)],
     )  # fmt: skip

@@ -129,24 +129,22 @@ def ranking(family: Family, measure: Measure = seconds_per_sample) -> list[str]:
 
 
 def demanding(found: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list[Family]:
-    """One family a scene (or what else of `HEADINGS`): the one whose samples take most rays."""
-    chosen: dict[tuple[str, ...], Family] = {}
+    """One family a scene (or what else of `HEADINGS`): that of the shader whose samples take most rays over all of them."""
+    rays: dict[str, list[float]] = {}
     for family in found:
-        key = tuple(family.held[key] for key in keys)
-        if key not in chosen or _rays_per_sample(family.any) > _rays_per_sample(chosen[key].any):
-            chosen[key] = family
-    return list(chosen.values())
+        end = family.any.done[0]["points"][-1]
+        rays.setdefault(family.shader, []).append(float(end.get("rays") or 0) / end["spp"])
+    order = sorted(rays, key=lambda shader: -sum(rays[shader]) / len(rays[shader]))
+    chosen: dict[tuple[str, ...], Family] = {}
+    for family in sorted(found, key=lambda family: order.index(family.shader)):
+        chosen.setdefault(tuple(family.held[key] for key in keys), family)
+    return [family for family in found if family in chosen.values()]
 
 
 def usual(found: Sequence[Family], key: str) -> list[Family]:
     """The families with the value of `key` that most of them have."""
     counts = Counter(family.held[key] for family in found)
     return [family for family in found if family.held[key] == counts.most_common(1)[0][0]]
-
-
-def _rays_per_sample(contender: Contender) -> float:
-    end = contender.done[0]["points"][-1]
-    return float(end.get("rays") or 0) / end["spp"]
 
 
 def best(analysis: Analysis, family: Family, measure: Measure = seconds_per_sample) -> list[str]:

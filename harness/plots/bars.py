@@ -19,7 +19,7 @@ from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
 from harness.tables.verdicts import thread_families
 
 PHASE_COLOURS = {"import": "#999999", "load": "#f0e442", "build": "#e69f00", "compile": "#cc79a7", "render": "#0072b2"}
-PHASE_HATCHES = {"import": "...", "load": "xxx", "build": "///", "compile": "\\\\\\", "render": ""}
+PHASE_HATCHES = {"import": "|||", "load": "xxx", "build": "///", "compile": "\\\\\\", "render": ""}
 
 
 def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:

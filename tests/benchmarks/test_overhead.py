@@ -1,12 +1,10 @@
 """What a whole measured cell adds to the time of its passes: worker process, pipes, metrics and events included."""
 
-import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from harness import config, plan, store, sweep
@@ -59,13 +57,15 @@ def measured(tmp_path, monkeypatch):
 
     def bare():
         command = [sys.executable, str(HERE / "busy_engine.py"), str(PASSES)]
-        return json.loads(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
+        return float(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
 
     return cell, bare
 
 
 def test_cell_against_bare_loop(benchmark, measured):
-    """Rounds in turn. On the clock is the call alone: against the engine's own clock, and against the bare loop's."""
+    """On the clock is the call alone: against the engine's own clock. And a pass does not work longer because metrics,
+    pipes and events come between it and the next: against the same passes in a loop, rounds in turn, in processor time,
+    which other programs hardly touch."""
     cell, bare = measured
     cells, bares = [], []
 
@@ -74,15 +74,13 @@ def test_cell_against_bare_loop(benchmark, measured):
         bares.append(bare())
 
     benchmark.pedantic(one_round, rounds=ROUNDS)
-    passes = [np.diff([0.0, *(point["seconds"] for point in found["points"])]) for found in cells]
-    assert [len(found) for found in passes] == [PASSES] * ROUNDS
-    inside = sum(found["points"][-1]["seconds"] for found in cells) / sum(
-        f["counters"]["inside_seconds"] for f in cells
+    assert [len(found["points"]) for found in cells] == [PASSES] * ROUNDS
+    on_the_clock = sum(found["points"][-1]["seconds"] for found in cells)
+    over_own = on_the_clock / sum(found["counters"]["inside_seconds"] for found in cells) - 1
+    over_bare = min(found["counters"]["least_cpu_seconds"] for found in cells) / min(bares) - 1
+    benchmark.extra_info.update(over_own_clock=over_own, over_bare_loop=over_bare)
+    print(
+        f"\non the clock beyond the engine's own {100 * over_own:.3f} %, a pass beyond a bare loop {100 * over_bare:+.2f} %"
     )
-    least = min(map(min, passes)) / min(map(min, bares))
-    typical = float(np.median(np.concatenate(passes)) / np.median(np.concatenate(bares)))
-    benchmark.extra_info.update(over_own_clock=inside - 1, over_bare_least=least - 1, over_bare_median=typical - 1)
-    print(f"\non the clock beyond the engine's own {100 * (inside - 1):.3f} %, beyond a bare loop {100 * (least - 1):+.2f} % "
-          f"(least), {100 * (typical - 1):+.2f} % (median)")  # fmt: skip
-    assert inside < 1.01
-    assert least < 1.01
+    assert 0 <= over_own < 0.01
+    assert over_bare < 0.01

@@ -155,3 +155,20 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
             time.sleep(0.05)
         with pytest.raises(ConfigError, match="no machine for"):
             list(ours.replicates("fake_engines:Steady", {"scene_path": "nowhere.yaml", "settings": {}}, [1, 2]))
+
+
+def test_a_host_finishes_its_block_on_the_worker_that_began_it():
+    """Of two workers on a host one gets timed cells; a third that comes later does not take its place in mid-block."""
+    from collections import deque
+    from types import SimpleNamespace
+
+    from harness.cluster import Blocks
+
+    blocks = Blocks.__new__(Blocks)
+    blocks.timed, blocks.running = True, [SimpleNamespace(address="tcp://b:2")]
+    blocks.queues = {"tcp://a:9": deque(["a cell"]), "tcp://b:1": deque(), "tcp://b:2": deque()}
+    hosts = {"tcp://a:1": "a", "tcp://a:9": "a", "tcp://b:1": "b", "tcp://b:2": "b", "tcp://c:1": "c"}
+    chosen = blocks._usable({address: {"host": host} for address, host in hosts.items()})
+    assert set(chosen) == {"tcp://a:9", "tcp://b:2", "tcp://c:1"}
+    blocks.timed = False
+    assert set(blocks._usable({address: {"host": host} for address, host in hosts.items()})) == set(hosts)

@@ -105,6 +105,16 @@ def test_the_teapot_has_the_published_patches():
     assert points.reshape(-1, 3).max(axis=0).tolist() == [3.525, 2, 3.15]
 
 
+@pytest.mark.parametrize(("first", "volume"), [(24, 0.229), (28, 0.399)], ids=["handle", "spout"])
+def test_handle_and_spout_face_outwards(first, volume):
+    """The corners of the control nets, as quadrangles, enclose a volume seen from their middle, if a coarse one."""
+    nets = patches()[first : first + 4]
+    nets = nets - nets.reshape(-1, 3).mean(axis=0)
+    a, b, c, d = nets[:, :-1, :-1], nets[:, 1:, :-1], nets[:, 1:, 1:], nets[:, :-1, 1:]
+    found = (np.cross(a, b) * c + np.cross(a, c) * d).sum() / 6
+    assert 0.5 * volume < found < 4 * volume
+
+
 def test_the_teapot_is_symmetric_and_faces_outwards_and_its_patches_share_their_edges():
     mesh = shape(name="teapot", segments=6, height=3.15)
     assert mesh.vertices.min(axis=0) == pytest.approx([-3, 0, -2]) and mesh.vertices[:, 1].max() == pytest.approx(3.15)
@@ -134,9 +144,7 @@ def test_a_stadium_rises_outwards_and_leaves_its_field_free():
     assert (np.einsum("ij,ij->i", normals, corners.mean(axis=1) * [1, 0, 1])[~level] < 0).all()
 
 
-@pytest.mark.parametrize(
-    ("option", "wrong"), [("part", "rungs"), ("level", 0), ("rod", 0.9), ("sides", 2)], ids=str
-)
+@pytest.mark.parametrize(("option", "wrong"), [("part", "rungs"), ("level", 0), ("rod", 0.9), ("sides", 2)], ids=str)
 def test_options_out_of_range_are_refused(option, wrong):
     from engines.errors import SceneError
 

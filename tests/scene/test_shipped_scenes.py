@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import engines
-from engines.scene import DirectionalLight, EnvironmentLight, Mesh, Perspective, Plane, Sphere
+from engines.errors import SceneError
+from engines.scene import (
+    DirectionalLight,
+    EnvironmentLight,
+    Mesh,
+    Orthographic,
+    Perspective,
+    PerspectiveArctan,
+    Plane,
+    PointLight,
+    Sphere,
+    Triangle,
+)  # fmt: skip
 from engines.scene.files import scene_names
 from engines.scene.geometry import face_normals
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
-SHIPPED = ["cornell_box", "cornell_spheres", "furnace", "mesh_sphere", "terrain", "two_spheres"]
+SHIPPED = sorted(file.stem for file in SCENES.glob("*.yaml"))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -24,7 +37,15 @@ def test_every_shipped_scene_loads_without_warning_and_says_where_it_comes_from(
 
 
 def test_scenes_are_listed_by_bare_name():
-    assert set(SHIPPED) <= set(scene_names())
+    assert len(SHIPPED) > 20 and set(SHIPPED) <= set(scene_names())
+
+
+def test_the_gallery_shows_every_shipped_scene():
+    text = (SCENES.parent / "docs" / "gallery.md").read_text()
+    pictures = SCENES.parent / "docs" / "pictures" / "gallery"
+    assert re.findall(r"^## (\w+)$", text, re.M) == SHIPPED
+    assert {file.stem for file in pictures.iterdir()} == set(SHIPPED)
+    assert sum(file.stat().st_size for file in pictures.iterdir()) < 1_500_000
 
 
 def face_count(scene):
@@ -86,6 +107,47 @@ def test_cornell_spheres_is_mobilerts_scene_with_z_negated():
     assert scene.materials[mirror.material].ks == (0.9,) * 3
     assert scene.materials[glass.material].kt == (0.9,) * 3 and scene.materials[glass.material].ior == 1.9
     assert scene.materials[scene.shapes[10].material].two_sided
+
+
+def test_the_four_scenes_of_mobilert_hold_what_it_holds():
+    """Counts by kind: planes, spheres, triangles, point lights; the cameras are its own."""
+    wanted = {"cornell": (6, 2, 1, 1), "cornell2": (6, 2, 4, 0), "spheres": (0, 1, 1, 0), "spheres2": (1, 5, 0, 1)}
+    for name, counts in wanted.items():
+        scene = engines.load_scene(f"mobilert_{name}")
+        held = [sum(isinstance(shape, kind) for shape in scene.shapes) for kind in (Plane, Sphere, Triangle)]
+        assert (*held, sum(isinstance(light, PointLight) for light in scene.lights)) == counts
+        for plane in (shape for shape in scene.shapes if isinstance(shape, Plane)):
+            assert np.dot(np.subtract(scene.camera.eye, plane.point), plane.normal) > 0, "the front faces the camera"
+        assert isinstance(scene.camera, Orthographic if name == "spheres" else PerspectiveArctan)
+    assert engines.load_scene("mobilert_spheres").camera.height == 5
+
+
+def test_the_back_wall_begins_where_mobilert_draws_it():
+    """Its left edge was seen at column 53 of 256 and by formula lies at 52.8; a pinhole of 45 degrees shows it at 57.8."""
+    from engines.numpy_reference.camera import camera_rays
+
+    columns = np.linspace(0, 256, 100_001)
+    scene = engines.load_scene("mobilert_cornell")
+    origins, directions = camera_rays(scene.camera, columns, np.full_like(columns, 128.0), 256, 256)
+    x = (origins + directions * (-1 - origins[2]) / directions[2])[0]
+    assert columns[np.abs(x + 1).argmin()] == pytest.approx(52.8, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "file"), [("water", "CornellBox-Water.obj"), ("teapot", "teapot.obj"), ("conference", "conference.obj")]
+)
+def test_views_of_mobilerts_meshes_work_with_a_file_beside_them_and_say_which_is_missing(tmp_path, name, file):
+    scene = tmp_path / f"{name}.yaml"
+    scene.write_text((SCENES / "mobilert" / f"{name}.yaml").read_text())
+    with pytest.raises(SceneError, match=rf"{name}.yaml:7 shapes\[0\].mesh.file = '{file}': no such file: looked in"):
+        engines.load_scene(scene)
+    (tmp_path / "paint.mtl").write_text("newmtl paint\nKd 0.5 0.25 0.125\n")
+    (tmp_path / file).write_text("mtllib paint.mtl\nv -500 0 0\nv 500 0 0\nv 0 900 0\nusemtl paint\nf 1 2 3\n")
+    found = engines.load_scene(scene)
+    assert isinstance(found.camera, PerspectiveArctan) and found.materials[0].kd == (0.5, 0.25, 0.125)
+    settings = engines.Settings(8, 8, shader="albedo", sampler="random")
+    image = engines.engine("numpy").prepare(found, settings).render(1).mean()
+    assert image[4, 4] == pytest.approx((0.5, 0.25, 0.125)), "the camera looks at the mesh"
 
 
 def test_the_furnace_has_emission_and_albedo_one_half_on_both_sides():

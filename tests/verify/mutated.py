@@ -80,7 +80,7 @@ FAULTS = [
     Fault("sky density without its sine", "environment.py", "(2.0 * np.pi**2 * sine)", "(2.0 * np.pi**2)", "c.sky"),
     Fault("half the area of a sphere light", "area_lights.py", "* 4.0 * np.pi * radius * radius",
           "* 2.0 * np.pi * radius * radius", "a.mis"),
-    Fault("Halton of one base", "sampler.py", "PRIMES[dimension]", "PRIMES[0]", "q.slope"),
+    Fault("Halton of one base", "sampler.py", "PRIMES[dimension]", "PRIMES[0]", "q.edge"),
     Fault("Sobol of one dimension", "sampler.py", "DIRECTIONS[dimension, bits]", "DIRECTIONS[0, bits]", "q.slope"),
     Fault("strata on a diagonal", "sampler.py", "place >> m if dimension % 2 else", "", "q.slope"),
 ]  # fmt: skip

@@ -20,7 +20,7 @@ def stadium(tiers: int, segments: int, size: float, rise: float, depth: float, c
     x = (size / 2 + out)[:, None] * np.cos(around)
     z = (size / 3 + out)[:, None] * np.sin(around)
     y = np.broadcast_to(up[:, None], x.shape)
-    vertices = np.stack([x, y, z], axis=2).reshape(-1, 3) + np.array(center)
+    vertices = np.stack([x, y, z], axis=2, dtype=np.float64).reshape(-1, 3) + np.array(center)
     index = np.arange(x.size, dtype=np.int32).reshape(x.shape)
     ahead = np.roll(index, -1, axis=1)
     return Faces(vertices, quads(index[:-1], ahead[:-1], ahead[1:], index[1:]), "stadium")

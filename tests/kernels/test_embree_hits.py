@@ -1,0 +1,64 @@
+"""Embree's hits are confirmed in float64: what the triangle does not confirm is no hit, and hides nothing."""
+
+import numpy as np
+import pytest
+
+from engines import Settings
+from engines.registry import engine
+from harness.verify import oracle
+from harness.verify.stage import mesh, scene, unit
+
+N = 100
+
+
+def needles():
+    """Corners (n, 3, 3) of triangles 1e-4 thin, and rays that pass beside most of them, almost in their planes."""
+    rng = np.random.default_rng(18)
+    a, along = rng.uniform(-1, 1, (N, 3)), unit(rng.normal(size=(N, 3)))
+    aside = unit(np.cross(along, rng.normal(size=(N, 3))))
+    corners = np.stack([a, a + along, a + 0.5 * along + 1e-4 * aside], 1)
+    target = corners.mean(axis=1) + aside * rng.normal(size=(N, 1)) * 1e-4
+    out = 1e-3 * rng.normal(size=(N, 1)) * np.cross(along, aside)
+    directions = unit(aside + out + 0.3 * rng.normal(size=(N, 1)) * along)
+    return (part.astype(np.float32).astype(float) for part in (corners, target - 3 * directions, directions))
+
+
+def found(refine):
+    """For rays that miss their needle: which shape is hit (1: a wall behind), and what `occluded` says before the wall."""
+    corners, origins, directions = needles()
+    exact = oracle.triangle(corners[:, 0], corners[:, 1], corners[:, 2], origins, directions)
+    _, u, v = (np.asarray(part, np.float64) for part in exact)
+    shapes, dark = [], []
+    for i in np.flatnonzero(np.minimum(np.minimum(u, v), 1 - u - v) < -1e-9):
+        o, d = origins[i : i + 1], directions[i : i + 1]
+        aside = unit(np.cross(d[0], (0.6, 0.0, 0.8)))
+        up = np.cross(aside, d[0])
+        wall = o[0] + 8 * d[0] + 9 * np.array([-aside - up, aside - up, up])
+        held = scene([mesh(corners[i], [[0, 1, 2]]), mesh(wall, [[0, 1, 2]])])
+        accelerator = {"name": "embree", "refine": refine}
+        renderer = engine("embree").prepare(held, Settings(precision="float64", accelerator=accelerator))
+        shapes.append(renderer.trace(o, d).shape[0])
+        dark.append(renderer.occluded(o, d, 7.0)[0])
+    return np.array(shapes), np.array(dark)
+
+
+def test_a_false_hit_is_dropped_and_what_it_hid_is_found():
+    shapes, dark = found(refine=True)
+    assert len(shapes) > 50 and (shapes == 1).all() and not dark.any()
+
+
+def test_without_refinement_embree_claims_needles_that_are_missed():
+    shapes, dark = found(refine=False)
+    assert (shapes == 0).any() and dark.any()
+
+
+@pytest.mark.parametrize("scale", [1e-20, 1.0, 1e18])
+def test_shadows_are_seen_at_every_scale(scale):
+    wall = mesh(scale * np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0]]), [[0, 1, 2]])
+    renderer = engine("embree").prepare(scene([wall]), Settings(precision="float64"))
+    origins = scale * np.array([[0.0, 0, 1], [3.0, 0, 1]])
+    reach = [[1.001 * scale] * 2, [0.999 * scale] * 2]
+    assert [renderer.occluded(origins, [[0, 0, -1]] * 2, far).tolist() for far in reach] == [
+        [True, False],
+        [False, False],
+    ]
