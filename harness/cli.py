@@ -118,11 +118,15 @@ def render(
 def dahlquist(
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "320x480",
     calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
-    time_elapsed: Annotated[int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")] = 3000,
+    time_elapsed: Annotated[
+        int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")
+    ] = 3000,
     no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
     no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
     interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
-    exact: Annotated[bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")] = False,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")
+    ] = False,
     redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
     probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
     probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
@@ -260,7 +264,27 @@ def equivalence(
     from harness.verify.equivalent import Asked, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
-    raise typer.Exit(compare(Asked(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands)))
+    raise typer.Exit(
+        compare(Asked(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands))
+    )
+
+
+@app.command()
+def export(
+    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    to: Annotated[str, typer.Option("--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
+    max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,
+    spp: Annotated[int, typer.Option(min=1, help="Samples a pixel.")] = 64,
+    allow_imports: AllowImports = False,
+) -> None:
+    """Write a scene for another renderer, with its camera and a path integrator."""
+    from engines.export import export as exported
+    from engines.scene import load_scene
+    from harness import catalog
+
+    held = load_scene(catalog.find("scenes", scene), allow_imports=allow_imports)
+    typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
 
 
 @app.command(name="list")

@@ -22,11 +22,13 @@ def show() -> None:
     """Prints the lists. An engine that cannot be loaded is listed with the reason."""
     console = consoles()[0]
     accelerators: dict[str, Mapping[str, Any]] = {}
+    samplers: dict[str, Mapping[str, Any]] = {}
     engines = _table("engines", "", "")
     for name in engine_names():
         try:
             found = engine(name)
             accelerators[name] = found.accelerators()
+            samplers[name] = getattr(found, "samplers", dict)()
             engines.add_row(name, f"version {found.version}")
         except RaybenchError as error:
             engines.add_row(name, f"cannot be loaded: {escape(str(error))}")
@@ -35,6 +37,9 @@ def show() -> None:
     console.print(engines)
     for title, table in (("shaders", SHADERS), ("samplers", SAMPLERS)):
         _options(console, title, table)
+    for name, table in samplers.items():
+        if table:
+            _options(console, f"samplers of {name} alone", table)
     for name, table in accelerators.items():
         _options(console, f"accelerators of {name}", table)
     console.print(f"\n[bold]tone mappers[/]\n  {', '.join(TONE_MAPPERS)}")

@@ -227,7 +227,12 @@ def primitive_count(scene: Scene) -> int:
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
-    return engine.why_not(scene, engine_settings(settings, 0, allow_imports))
+    try:
+        return engine.why_not(scene, engine_settings(settings, 0, allow_imports))
+    except UnknownName as unknown:
+        if unknown.kind == "sampler":  # an engine's own, which the configuration was right to name
+            return f"the engine {engine.name} has no sampler {unknown.found}"
+        raise
 
 
 def _reference(

@@ -21,7 +21,7 @@ from engines.tonemap import tone_mapper
 from harness import catalog, machine, measure
 from harness.commands import allow_here, consoles
 from harness.progress import duration
-from harness.settings import engine_settings, require_commands, require_imports
+from harness.settings import engine_settings, known, require_commands, require_imports
 
 MAX_SPP = 2**31
 
@@ -105,8 +105,9 @@ def _settings(request: Request) -> dict[str, Any]:
         given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
         if not isinstance(given, dict) or not isinstance(given.get("name"), str):
             raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is wanted")
-        known = kind in tables and ":" not in given["name"]
-        settings[kind] = resolve(kind, given, tables[kind]).describe() if known else given
+        if kind in tables and ":" not in given["name"]:
+            given = resolve(kind, given, known(kind, given["name"], tables[kind])).describe()
+        settings[kind] = given
     return settings
 
 

@@ -6,6 +6,7 @@ the plugin object itself, or a factory called with the options written beside th
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import Any
 from engines import choices
 from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.interface import Settings
-from engines.registry import is_file, known_names, load_attribute
+from engines.registry import engine as engine_of
+from engines.registry import engine_names, is_file, known_names, load_attribute
 from engines.scene.yaml_file import Located
 from harness import catalog, fields
 
@@ -79,11 +81,24 @@ def _named_choice(kind: str, table: Mapping[str, Mapping[str, choices.Option]] |
         if table is None or ":" in given["name"]:
             return given
         try:
-            return choices.resolve(kind, given, table).describe()
+            return choices.resolve(kind, given, known(kind, given["name"], table)).describe()
         except RaybenchError as error:
             raise node.origin.error(f"{node.where}: {error}") from error
 
     return read
+
+
+def known(kind: str, name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """`table`, with the samplers that single engines bring where it lacks a sampler's name."""
+    return {**table, **_samplers_of_engines()} if kind == "sampler" and name not in table else table
+
+
+def _samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
+    found: dict[str, Mapping[str, choices.Option]] = {}
+    for name in engine_names():
+        with contextlib.suppress(RaybenchError):
+            found |= getattr(engine_of(name), "samplers", dict)()
+    return found
 
 
 def _precision(node: Located, folder: Path) -> str | None:

@@ -27,6 +27,7 @@ PUBLIC = {
     "engines.conformance",
     "engines.dahlquist",
     "engines.errors",
+    "engines.export",
     "engines.film",
     "engines.image",
     "engines.interface",
@@ -57,8 +58,9 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", "engines.kernels"},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
-    "engines.external": {*_BASE, "engines.image"},
+    "engines.external": {*_BASE, "engines.export", "engines.image"},
     "engines.mitsuba": _BASE,
+    "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
         *("engines.registry", "engines.scene", "engines.tonemap"),

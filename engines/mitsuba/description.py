@@ -82,6 +82,20 @@ def described(scene: Scene, place_mesh: PlaceMesh, place_image: PlaceImage, robu
     return Description(nodes, parts)
 
 
+def scene_lacks(scene: Scene) -> str | None:
+    """One sentence on what of the scene Mitsuba has no counterpart for, or None."""
+    if lacks := camera_lacks(scene.camera):
+        return f"Mitsuba has no counterpart of {lacks}"
+    for material in scene.materials:
+        if lacks := material_lacks(material):
+            return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
+    if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
+        return "the scene has several environments, of which Mitsuba renders one"
+    if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
+        return "Mitsuba's point lights fall off with the square of the distance"
+    return None
+
+
 # ---- materials -------------------------------------------------------------------------------------------------------
 
 

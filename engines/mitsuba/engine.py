@@ -10,8 +10,8 @@ from engines.choices import SHADERS, Option, integer, one_of, resolve
 from engines.errors import Unsupported
 from engines.interface import Renderer, Settings
 from engines.mitsuba import library
-from engines.mitsuba.description import camera_lacks, material_lacks
-from engines.scene.model import EnvironmentLight, PointLight, Scene
+from engines.mitsuba.description import scene_lacks
+from engines.scene.model import Scene
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
@@ -42,7 +42,7 @@ class Engine:
 
     def samplers(self) -> Mapping[str, Mapping[str, Option]]:
         """Samplers of Mitsuba's own."""
-        return SAMPLERS
+        return SAMPLERS if self.variant == library.LLVM else {"independent": {}}
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         try:
@@ -66,7 +66,7 @@ class Engine:
             accelerator=resolve("accelerator", settings.accelerator, ACCELERATORS),
             precision=settings.precision or "float32",
         )
-        reason = self._settings_lack(chosen) or _scene_lacks(scene) or library.lacking(self.variant)
+        reason = self._settings_lack(chosen) or scene_lacks(scene) or library.lacking(self.variant)
         if reason is not None:
             raise Unsupported(reason)
         return chosen
@@ -100,19 +100,6 @@ def _scalar_lacks(shader: str, sampler: str) -> str | None:
         return (
             "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"
         )
-    return None
-
-
-def _scene_lacks(scene: Scene) -> str | None:
-    if lacks := camera_lacks(scene.camera):
-        return f"Mitsuba has no counterpart of {lacks}"
-    for material in scene.materials:
-        if lacks := material_lacks(material):
-            return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
-    if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
-        return "the scene has several environments, of which Mitsuba renders one"
-    if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
-        return "Mitsuba's point lights fall off with the square of the distance"
     return None
 
 

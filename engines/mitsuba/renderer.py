@@ -31,7 +31,6 @@ class Renderer:
         self.film = Film(*settings.size(scene))
         self._stop = threading.Event()
         self._rays, self._compile_seconds = 0, 0.0
-        self._seconds_per_sample: float | None = None
         self._build()
 
     def _build(self) -> None:
@@ -53,13 +52,9 @@ class Renderer:
         self._activate()
         target = self._passes.done + spp
         while self._passes.done < target:
-            first, begin = self._passes.done, perf_counter()
-            step = 1 if on_pass else self._passes.step(self._seconds_per_sample)
-            whole = self._passes.render(min(step, target - first))
-            taken = self._passes.done - first
-            if taken:
-                self._seconds_per_sample = (perf_counter() - begin) / taken
-                self._rays += taken * self.film.width * self.film.height
+            first = self._passes.done
+            whole = self._passes.render(min(1 if on_pass else self._passes.step(), target - first))
+            self._rays += (self._passes.done - first) * self.film.width * self.film.height
             if on_pass is not None and whole:
                 self._passes.fill(self.film)
                 on_pass(self.film)

@@ -37,7 +37,8 @@ class Passes:
         self.done = 0
         self._film = Film(width, height)
 
-    def step(self, seconds_per_sample: float | None) -> int:
+    def step(self) -> int:
+        """Samples a pixel after which `stop` is heard."""
         return 1
 
     def compile(self) -> None:

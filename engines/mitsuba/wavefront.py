@@ -8,6 +8,7 @@ this takes 0.97 times as long as `mitsuba.render`, whose film holds the means al
 
 from __future__ import annotations
 
+from time import perf_counter
 from typing import Any
 
 from engines.film import Film
@@ -16,9 +17,9 @@ from engines.mitsuba.shaders import SHADERS
 from engines.mitsuba.stage import Stage
 
 LAUNCH_SAMPLES = 1 << 20
-"""Samples of the first launch; the others take about `LAUNCH_SECONDS`."""
-LAUNCH_SECONDS = 0.5
-"""Tracing a launch costs some 10 ms, and within one neither `stop` nor an interrupt is heard."""
+"""Samples of the first launch; the others take about `LAUNCH_SECONDS`, or `RECORDINGS` times as long as recording one."""
+LAUNCH_SECONDS, RECORDINGS = 0.5, 20.0
+"""Recording costs some 10 ms, and seconds where surfaces are many; in a launch neither `stop` nor an interrupt is heard."""
 
 
 class Wavefront:
@@ -30,6 +31,7 @@ class Wavefront:
         self._pixels = stage.size[0] * stage.size[1]
         self._endless = stage.settings.sampler.name in ("random", "independent")
         self._period = int(stage.camera.sampler().sample_count())  # as Mitsuba rounds it
+        self._recording_seconds, self._seconds_per_sample = 0.0, 0.0
         self.restart()
 
     def restart(self) -> None:
@@ -43,11 +45,11 @@ class Wavefront:
         sums = tuple(dr.zeros(mi.Vector3d, self._pixels) for _ in range(3))
         return *sums, dr.zeros(mi.UInt32, self._pixels)
 
-    def step(self, seconds_per_sample: float | None) -> int:
+    def step(self) -> int:
         """Samples a pixel for the next launch."""
-        if seconds_per_sample is None:
+        if not self._seconds_per_sample:
             return max(1, LAUNCH_SAMPLES // self._pixels)
-        return max(1, int(LAUNCH_SECONDS / max(seconds_per_sample, 1e-9)))
+        return max(1, int(max(LAUNCH_SECONDS, RECORDINGS * self._recording_seconds) / self._seconds_per_sample))
 
     def compile(self) -> None:
         """Compiles the kernel by running it without taking a sample."""
@@ -82,6 +84,7 @@ class Wavefront:
 
     def _launch(self, sampler: Any, sums: tuple[Any, ...], first: int, count: int) -> tuple[Any, tuple[Any, ...]]:
         """Takes `count` samples a pixel, of index `first` and on, and waits until they are there."""
+        begin = perf_counter()
         mi, dr, (width, height) = self._stage.mi, self._stage.dr, self._stage.size
         camera, aperture = self._stage.camera, mi.Point2f(0.5)
         first, last = dr.opaque(mi.UInt32, first), dr.opaque(mi.UInt32, first + count)
@@ -108,6 +111,9 @@ class Wavefront:
             _, sampler, *gathered = step(first, sampler, *sums)
             sampler.advance()
         sampler.schedule_state()
+        recorded = perf_counter()
         dr.eval(gathered)
         dr.sync_thread()
+        self._recording_seconds = recorded - begin
+        self._seconds_per_sample = (perf_counter() - recorded) / count if count else 0.0
         return sampler, tuple(gathered)

@@ -1,0 +1,35 @@
+"""The meshes and images that lie beside an exported scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from engines.image import write_image
+from engines.mitsuba.ply import write_ply
+
+Array = NDArray[Any]
+
+
+class Beside:
+    """Writes into the folder `<name>_files` beside `path`; names are relative to the folder of `path`."""
+
+    def __init__(self, path: Path) -> None:
+        self.folder = path.parent / f"{path.stem}_files"
+        self.meshes = 0
+
+    def mesh(self, name: str, vertices: Array, faces: Array, normals: Array | None) -> str:
+        """A binary PLY file; `name` does not matter."""
+        self.folder.mkdir(exist_ok=True)
+        file = self.folder / f"mesh_{self.meshes}.ply"
+        self.meshes += 1
+        write_ply(file, vertices, faces, normals)
+        return f"{self.folder.name}/{file.name}"
+
+    def image(self, name: str, image: Array) -> str:
+        """An EXR file."""
+        self.folder.mkdir(exist_ok=True)
+        write_image(self.folder / f"{name}.exr", image, {})
+        return f"{self.folder.name}/{name}.exr"

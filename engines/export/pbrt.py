@@ -1,0 +1,175 @@
+"""A scene as a file for pbrt-v4 (Pharr, Jakob, Humphreys 2023), with its meshes beside it.
+
+What differs: planes are squares a thousand times as large as the scene, colours pass through pbrt's spectra, and its
+path integrator has a roulette of its own. Depths count in segments here and in bounces there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engines.errors import Unsupported
+from engines.export.files import Beside
+from engines.mitsuba.description import extent, material_lacks
+from engines.scene.model import (
+    BLACK,
+    DirectionalLight,
+    EnvironmentLight,
+    Light,
+    Material,
+    Mesh,
+    Orthographic,
+    Perspective,
+    Plane,
+    PointLight,
+    Scene,
+    Shape,
+    SphereSet,
+    Triangle,
+)
+
+PLANE_EXTENTS = 1e3
+
+
+def write_pbrt(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -> None:
+    """Writes `path` (.pbrt). Raises `Unsupported` for what pbrt has no counterpart of."""
+    if reason := _lacks(scene):
+        raise Unsupported(reason)
+    beside = Beside(path)
+    lines = [*_view(scene, max_depth, spp), "WorldBegin"]
+    for light in scene.lights:
+        lines += _light(light)
+    for index, material in enumerate(scene.materials):
+        lines += _material(f"material_{index}", material)
+    for shape in scene.shapes:
+        lines += _shape(scene, shape, beside)
+    path.write_text("\n".join(lines) + "\n")
+
+
+def _lacks(scene: Scene) -> str | None:
+    """One sentence on what pbrt has no counterpart for, or None."""
+    if not isinstance(scene.camera, (Perspective, Orthographic)):
+        return "pbrt has no counterpart of cameras but perspective and orthographic ones"
+    for material in scene.materials:
+        lacks = material_lacks(material)
+        if lacks is None and max(material.kt) > 0.0 and (*material.ks, *material.kt) != (1.0,) * 6:
+            lacks = "tinted glass"
+        if lacks:
+            return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
+    for light in scene.lights:
+        if isinstance(light, EnvironmentLight) and light.image is not None:
+            return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
+        if isinstance(light, PointLight) and not light.falloff:
+            return "pbrt's point lights fall off with the square of the distance"
+    return None
+
+
+def _view(scene: Scene, max_depth: int, spp: int) -> Iterator[str]:
+    camera = scene.camera
+    assert isinstance(camera, (Perspective, Orthographic))
+    width, height = camera.resolution
+    yield "Scale -1 1 1"  # pbrt's camera space is left-handed
+    yield f"LookAt {_numbers((*camera.eye, *camera.target, *camera.up))}"
+    if isinstance(camera, Perspective):
+        yield f'Camera "perspective" "float fov" [ {_shorter_fov(camera)!r} ]'
+    else:
+        y = camera.height / 2.0
+        x = y * width / height
+        yield f'Camera "orthographic" "float screenwindow" [ {_numbers((-x, x, -y, y))} ]'
+    name = Path(scene.source).stem or "scene"
+    yield f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ] "string filename" [ "{name}.exr" ]'
+    yield 'PixelFilter "box" "float xradius" [ 0.5 ] "float yradius" [ 0.5 ]'
+    yield f'Sampler "independent" "integer pixelsamples" [ {spp} ]'
+    yield f'Integrator "path" "integer maxdepth" [ {max_depth - 1} ]'
+
+
+def _shorter_fov(camera: Perspective) -> float:
+    """pbrt measures the angle along the shorter side."""
+    sides = dict(zip("xy", camera.resolution, strict=True))
+    ratio = min(sides.values()) / sides[camera.fov_axis]
+    return math.degrees(2.0 * math.atan(math.tan(math.radians(camera.fov) / 2.0) * ratio))
+
+
+def _light(light: Light) -> Iterator[str]:
+    if isinstance(light, PointLight):
+        yield f'LightSource "point" {_rgb("I", light.intensity)} "point3 from" [ {_numbers(light.position)} ]'
+    elif isinstance(light, DirectionalLight):
+        ends = f'"point3 from" [ 0 0 0 ] "point3 to" [ {_numbers(light.direction)} ]'
+        yield f'LightSource "distant" {_rgb("L", light.irradiance)} {ends}'
+    else:
+        yield f'LightSource "infinite" {_rgb("L", light.radiance)}'
+
+
+def _material(name: str, material: Material) -> Iterator[str]:
+    diffuse, mirror = max(material.kd), max(material.ks)
+    if max(material.kt) > 0.0:
+        yield _named(name, "dielectric", f'"float eta" [ {material.ior!r} ]')
+    elif mirror == 0.0:
+        yield _named(name, "diffuse", _rgb("reflectance", material.kd))
+    elif diffuse == 0.0:
+        yield _named(name, "conductor", _rgb("reflectance", material.ks))
+    else:
+        weight = mirror / (diffuse + mirror)
+        yield _named(f"{name}_kd", "diffuse", _rgb("reflectance", np.divide(material.kd, 1.0 - weight)))
+        yield _named(f"{name}_ks", "conductor", _rgb("reflectance", np.divide(material.ks, weight)))
+        yield _named(name, "mix", f'"string materials" [ "{name}_kd" "{name}_ks" ] "float amount" [ {weight!r} ]')
+
+
+def _named(name: str, kind: str, parameters: str) -> str:
+    return f'MakeNamedMaterial "{name}" "string type" [ "{kind}" ] {parameters}'
+
+
+def _shape(scene: Scene, shape: Shape, beside: Beside) -> Iterator[str]:
+    if isinstance(shape, Plane):
+        corners, faces = _square(shape, extent(scene) * PLANE_EXTENTS)
+        body = f'Shape "trianglemesh" "point3 P" [ {_numbers(corners.ravel())} ] "integer indices" [ {faces} ]'
+        yield from _dressed(scene, shape.material, [body])
+    elif isinstance(shape, Triangle):
+        corners = _numbers((*shape.a, *shape.b, *shape.c))
+        body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "integer indices" [ 0 1 2 ]'
+        yield from _dressed(scene, shape.material, [body])
+    elif isinstance(shape, Mesh):
+        for material in np.unique(shape.materials):
+            used, faces = np.unique(shape.faces[shape.materials == material], return_inverse=True)
+            normals = None if shape.normals is None else shape.normals[used]
+            file = beside.mesh(shape.name, shape.vertices[used], faces.reshape(-1, 3), normals)
+            yield from _dressed(scene, int(material), [f'Shape "plymesh" "string filename" [ "{file}" ]'])
+    else:
+        centers, radii = (
+            (shape.centers, shape.radii) if isinstance(shape, SphereSet) else ([shape.center], [shape.radius])
+        )
+        for center, radius in zip(centers, radii, strict=True):
+            body = [f"Translate {_numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
+            yield from _dressed(scene, shape.material, body)
+
+
+def _dressed(scene: Scene, index: int, body: list[str]) -> Iterator[str]:
+    material = scene.materials[index]
+    yield "AttributeBegin"
+    yield f'  NamedMaterial "material_{index}"'
+    if material.emission != BLACK:
+        sides = "true" if material.two_sided else "false"
+        yield f'  AreaLightSource "diffuse" {_rgb("L", material.emission)} "bool twosided" [ {sides} ]'
+    yield from (f"  {line}" for line in body)
+    yield "AttributeEnd"
+
+
+def _square(plane: Plane, half: float) -> tuple[Any, str]:
+    normal = np.array(plane.normal)
+    tangent = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
+    tangent *= half / np.linalg.norm(tangent)
+    other = np.cross(normal, tangent)
+    return np.add(plane.point, [-tangent - other, tangent - other, tangent + other, other - tangent]), "0 1 2 0 2 3"
+
+
+def _rgb(name: str, values: Any) -> str:
+    return f'"rgb {name}" [ {_numbers(values)} ]'
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,126 @@
+"""Mitsuba and our engines make the same images, at the scale of pixels, tiles and the whole (harness.statistics).
+
+Replicates are consecutive samples of one render: under independent random numbers these are independent images. All
+seeds are fixed; each of the three scales raises a false alarm once in 10,000 scenes.
+"""
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings
+from harness import catalog
+from harness.statistics import equivalence
+
+pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+
+ALPHA = 1e-4
+SIDE, REPLICATES, SPP = 24, 16, 8
+MANY = 200
+"""Surfaces above which Mitsuba takes seconds to record each kernel, for each is a case of its own."""
+WAVEFRONT, SCALAR = engines.engine("mitsuba"), engines.engine("mitsuba_scalar")
+
+
+def _replicates(engine, scene, shader, seed):
+    """(REPLICATES, SIDE, SIDE, 3) independent images."""
+    settings = Settings(
+        SIDE, SIDE, shader=shader, sampler="random", precision=engine_precision(engine), seed=seed, threads=2
+    )
+    reason = engine.why_not(scene, settings)
+    if reason is not None:
+        pytest.skip(reason)
+    renderer = engine.prepare(scene, settings)
+    sums = [np.zeros((SIDE, SIDE, 3))]
+    sums += [renderer.render(SPP).sums.copy() for _ in range(REPLICATES)]
+    return np.diff(np.stack(sums), axis=0) / SPP
+
+
+def engine_precision(engine):
+    return "float64" if engine.name == "numpy" else "float32"
+
+
+def _assert_equivalent(theirs, ours):
+    found = equivalence(ours, theirs, margin=0.02, alpha=ALPHA)
+    assert found.verdict != "different", found
+    assert found.detectable < 0.1, f"a test that could have seen nothing: {found}"
+
+
+def _scene(name):
+    return engines.load_scene(catalog.find("scenes", name))
+
+
+@pytest.mark.parametrize("name", sorted(catalog.shipped("scenes")))
+def test_the_wavefront_agrees_with_embree_on_every_shipped_scene(name):
+    scene = _scene(name)
+    if sum(len(getattr(shape, "radii", [0])) for shape in scene.shapes) > MANY:
+        pytest.skip("Mitsuba records a case for every sphere, which takes minutes")
+    theirs = _replicates(WAVEFRONT, scene, "path_tracer", 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("embree"), scene, "path_tracer", 2))
+
+
+@pytest.mark.parametrize("name", ["cornell_box", "two_spheres", "furnace"])
+def test_the_scalar_variant_agrees_with_the_wavefront(name):
+    theirs = _replicates(SCALAR, _scene(name), "path_tracer", 3)
+    _assert_equivalent(theirs, _replicates(WAVEFRONT, _scene(name), "path_tracer", 1))
+
+
+@pytest.mark.parametrize("shader", ["whitted", "no_shadows", "depth_map", "albedo"])
+@pytest.mark.parametrize("name", ["cornell_box", "two_spheres"])
+def test_the_other_shaders_agree_with_numpy(name, shader):
+    theirs = _replicates(WAVEFRONT, _scene(name), shader, 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene(name), shader, 2))
+
+
+@pytest.mark.parametrize("shader", ["depth_map", "albedo"])
+def test_the_scalar_variant_agrees_with_numpy(shader):
+    theirs = _replicates(SCALAR, _scene("two_spheres"), shader, 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene("two_spheres"), shader, 2))
+
+
+def _everything(**changes):
+    """All that Mitsuba has a counterpart for, in one scene."""
+    return {
+        "raybench_scene": 1, "name": "everything",
+        "camera": {"type": "orthographic", "eye": [0, 2, 8], "target": [0, 1, 0], "up": [0, 1, 0], "height": 4},
+        "materials": {
+            "floor": {"kd": [0.6, 0.5, 0.4]}, "coat": {"kd": [0.3, 0.2, 0.1], "ks": [0.5, 0.6, 0.4]}, "mirror": {"ks": 0.9},
+            "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
+            "lamp": {"emission": [6, 5, 4]}, "glow": {"emission": [1, 2, 3], "two_sided": True, "kd": 0.2},
+        },
+        "shapes": [
+            {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"},
+            {"sphere": {"center": [-1.5, 0.7, 0], "radius": 0.7}, "material": "glass"},
+            {"sphere": {"center": [0, 0.5, 1], "radius": 0.5}, "material": "mirror"},
+            {"sphere": {"center": [1.5, 0.6, 0], "radius": 0.6}, "material": "coat"},
+            {"sphere": {"center": [-0.8, 2.4, 0], "radius": 0.2}, "material": "glow"},
+            {"procedural": {"name": "sphereflake", "level": 1}, "material": "coat"},
+            {"triangle": {"a": [-2, 3.5, -1], "b": [-1, 3.5, 1], "c": [0, 3.5, -1]}, "material": "glow"},
+            {"procedural": {"name": "box", "half_size": [0.2, 0.2, 0.2], "center": [1.9, 1.9, 0], "rotate_y": 20},
+             "material": "lamp"},
+        ],
+        "lights": [
+            {"point": {"position": [0, 3, 3], "intensity": [3, 2, 1]}},
+            {"directional": {"direction": [1, -2, -1], "irradiance": 0.4}}, {"environment": {"radiance": [0.2, 0.3, 0.4]}},
+        ],
+        **changes,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("shader", ["path_tracer", "whitted"])
+def test_everything_that_mitsuba_has_agrees_with_numpy(shader):
+    scene = engines.scene_from(_everything())
+    _assert_equivalent(_replicates(WAVEFRONT, scene, shader, 1), _replicates(engines.engine("numpy"), scene, shader, 2))
+
+
+def test_an_image_of_the_sky_is_the_same_function(tmp_path):
+    """A sky of few and steep texels, seen by itself and in a mirror."""
+    from engines.image import write_image
+
+    rows, columns = np.mgrid[0:6, 0:8]
+    sky = np.stack([0.1 + rows / 4, 0.2 + columns / 8, 0.3 + 3.0 * ((rows == 2) & (columns == 3))], axis=-1)
+    write_image(tmp_path / "sky.exr", sky, {})
+    camera = {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1.5, 0], "up": [0, 1, 0], "fov": 100}
+    lights = [{"environment": {"image": "sky.exr", "radiance": [1, 0.8, 0.6]}}]
+    scene = engines.scene_from(_everything(camera=camera, lights=lights), folder=tmp_path)
+    theirs = _replicates(WAVEFRONT, scene, "path_tracer", 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), scene, "path_tracer", 2))
