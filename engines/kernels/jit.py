@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,7 +34,22 @@ LANES = 16
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 
 compile_seconds = 0.0
-"""Seconds this process has spent compiling or loading stages."""
+"""Seconds this process has spent compiling or loading kernels and stages; what two threads wait for at once counts once."""
+_compiling, _since, _lock = 0, 0.0, threading.Lock()
+
+
+@contextmanager
+def _timed_compilation() -> Iterator[None]:
+    global compile_seconds, _compiling, _since
+    with _lock:
+        _since = time.perf_counter() if _compiling == 0 else _since
+        _compiling += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _compiling -= 1
+            compile_seconds += time.perf_counter() - _since if _compiling == 0 else 0.0
 
 
 @cache
@@ -100,6 +117,13 @@ def kernel(function: Callable[..., Any]) -> Any:
     """A jitted function that Python calls: releases the GIL, kept on disk."""
     dispatcher = numba.njit(nogil=True, **OPTIONS)(function)
     dispatcher._cache = _cached(function)
+    compile_for = dispatcher._compile_for_args
+
+    def timed(*arguments: Any, **named: Any) -> Any:
+        with _timed_compilation():
+            return compile_for(*arguments, **named)
+
+    dispatcher._compile_for_args = timed
     return dispatcher
 
 
@@ -118,13 +142,11 @@ def compile_stage(function: Callable[..., Any], on_disk: bool = True) -> Any:
 
 def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool = True) -> Any:
     """Compiles a C function of the given numba signature."""
-    global compile_seconds
-    start = time.perf_counter()
     compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))
     if on_disk:
         compiled._cache = _cached(function)
-    compiled.compile()
-    compile_seconds += time.perf_counter() - start
+    with _timed_compilation():
+        compiled.compile()
     return compiled
 
 

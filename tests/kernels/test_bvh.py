@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import engines
+from engines.errors import Unsupported
 from engines.kernels.world import SPHERES, TRIANGLES, VERTICES, flatten
 from engines.numba_cpu.accel import bvh_walk
 from engines.numba_cpu.accel.bvh import Accelerator
 from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING
 from engines.numba_cpu.accel.bvh_leaves import stride
+
+CAMERA = {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [8, 8]}
 
 
 def world_of(subdivisions, spheres=0, real=np.float32):
@@ -22,7 +25,7 @@ def world_of(subdivisions, spheres=0, real=np.float32):
     ]
     scene = engines.scene_from({
         "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [8, 8]},
+        "camera": CAMERA,
         "materials": {"m": {"kd": 0.5}},
         "shapes": [mesh, *balls],
     })  # fmt: skip
@@ -101,3 +104,32 @@ def test_leaves_are_full_and_wide_nodes_too():
     assert (((-1 - leaves) & 15) <= 8).all()
     assert 81920 / len(leaves) > 5
     assert (children != NOTHING).sum(axis=1).mean() > 6.5
+
+
+def test_a_scene_of_a_septillion_metres_is_met_along_the_axes():
+    rng = np.random.default_rng(8)
+    vertices = 1e24 * (rng.uniform(-1, 1, (200, 1, 3)) + 0.2 * rng.normal(size=(200, 3, 3))).reshape(-1, 3)
+    origins = 1e24 * rng.uniform(-2, 2, (300, 3))
+    directions = np.eye(3)[np.arange(300) % 3] * np.where(np.arange(300) % 2, 1.0, -1.0)[:, None]
+    scene = engines.scene_from({
+        "raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}},
+        "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(600).reshape(-1, 3)}, "material": "m"}],
+    })  # fmt: skip
+    hits = [
+        engines.engine("numba")
+        .prepare(scene, engines.Settings(8, 8, shader="albedo", accelerator=name))
+        .trace(origins, directions)
+        for name in ("none", "bvh")
+    ]
+    assert 10 < np.isfinite(hits[0].t).sum() < 290
+    assert np.array_equal(hits[0].t, hits[1].t)
+
+
+def test_a_scene_too_large_for_boxes_in_float32_is_refused():
+    vertices = 1e200 * np.random.default_rng(9).uniform(-1, 1, (600, 3))
+    scene = engines.scene_from({
+        "raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}},
+        "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(600).reshape(-1, 3)}, "material": "m"}],
+    })  # fmt: skip
+    with pytest.raises(Unsupported, match="of at most 1e"):
+        engines.engine("numba").prepare(scene, engines.Settings(8, 8, shader="albedo", accelerator="bvh"))

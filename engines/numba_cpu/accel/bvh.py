@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import Executor, ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from engines.numba_cpu.accel.primitives import fill_records, primitive_count
 SMALL, FEWEST = 2**14, 2
 """Trees of up to SMALL primitives are grown down to FEWEST a leaf, larger ones to LEAF, which costs 0.1 % of the expected time
 of a ray and saves a third of the build."""
+FARTHEST = 1e29
+"""Metres up to which slabs in float32 neither overflow nor lose a box."""
 
 
 class Accelerator:
@@ -38,8 +40,13 @@ class Accelerator:
         if n > MOST_PRIMITIVES:
             raise Unsupported(f"bvh: {n} primitives, of at most {MOST_PRIMITIVES}")
         if n > 0:
+            reach = float(np.abs(world.bounds - world.center).max())
+            if not reach < FARTHEST:
+                raise Unsupported(
+                    f"bvh: the scene reaches {reach:.3g} m, of at most {FARTHEST:g}; take accelerator none"
+                )
             with ThreadPoolExecutor(threads) as pool:
-                nodes, leaves = _build(world, n, threads, pool)
+                nodes, leaves = _build(world, 2.0 ** float(np.frexp(reach)[1]), threads, pool)  # no area overflows
             world.bind(bvh_walk.NODES, nodes)
             world.bind(bvh_walk.LEAVES, leaves)
             self._bytes = nodes.nbytes + leaves.nbytes
@@ -53,40 +60,52 @@ class Accelerator:
         return bvh_walk.stages(needs.triangles, needs.spheres, needs.planes, real)
 
 
-def _build(world: World, n: int, threads: int, pool: Executor) -> tuple[Any, Any]:
+class Grown(NamedTuple):
+    """The two-wide tree, boxes in multiples of `unit`; and what `grow_tree` says of its places."""
+
+    unit: float
+    order: Any
+    boxes: Any
+    links: Any
+    filled: list[tuple[int, int]]
+    above: list[int]
+
+
+def _build(world: World, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
     """Wide nodes, and leaves. What a step no longer needs is gone before the next asks for memory: 200 bytes a triangle."""
-    order, boxes, links, filled, above = _grown(world, n, threads, pool)
-    nodes, leaves = _widened(order, boxes, links, filled, above, len(world.arrays[TRIANGLES]), pool)
-    del boxes, links
-    data = empty_leaves(n, world.real)
+    grown = _grown(world, unit, threads, pool)
+    nodes, leaves = _widened(grown, len(world.arrays[TRIANGLES]), pool)
+    order = grown.order
+    del grown
+    data = empty_leaves(len(order), world.real)
     _share(pool, threads, len(leaves), lambda first, last: fill_leaves(leaves[first:last], order, world, data))
     return nodes, data
 
 
-def _grown(world: World, n: int, threads: int, pool: Executor) -> tuple[Any, ...]:
-    """The two-wide tree: order, boxes, links; and what `grow_tree` says of its places."""
+def _grown(world: World, unit: float, threads: int, pool: Executor) -> Grown:
+    n = primitive_count(world)
     growth = Growth(
         np.empty((2, n, 8), np.float32), np.empty((2, n), np.int32),
         np.empty((2 * n, 8), np.float32), np.empty((2 * n, 3), np.int32),
         len(world.arrays[TRIANGLES]), FEWEST if n <= SMALL else LEAF,
     )  # fmt: skip
-    _share(pool, threads, n, lambda first, last: fill_records(world, first, last, growth.records[0], growth.order[0]))
+    records, order = growth.records[0], growth.order[0]
+    _share(pool, threads, n, lambda first, last: fill_records(world, unit, first, last, records, order))
     filled, above = grow_tree(growth, pool)
-    return growth.order[0].copy(), growth.boxes, growth.links, filled, above
+    return Grown(unit, order.copy(), growth.boxes, growth.links, filled, above)
 
 
-def _widened(
-    order: Any, boxes: Any, links: Any, filled: list[tuple[int, int]], above: list[int], triangles: int, pool: Executor
-) -> tuple[Any, Any]:
+def _widened(grown: Grown, triangles: int, pool: Executor) -> tuple[Any, Any]:
     """The eight-wide tree: nodes, and which primitives are in its leaves."""
+    unit, order, boxes, links = grown.unit, grown.order, grown.boxes, grown.links
     choices = Choices(np.empty((len(boxes), 7), np.float32), np.empty((len(boxes), 7), np.int8))
-    list(pool.map(lambda part: weigh(boxes, links, choices, *part, order, triangles), filled))
-    for node in above:
+    list(pool.map(lambda part: weigh(boxes, links, choices, *part, order, triangles), grown.filled))
+    for node in grown.above:
         weigh(boxes, links, choices, node, node + 1, order, triangles)
     nodes, leaves = np.empty((0, NODE_WORDS), np.float32), np.empty((0, 3), np.int32)
-    counts = widen(boxes, links, choices.ways, order, triangles, False, nodes, leaves)
+    counts = widen(boxes, unit, links, choices.ways, order, triangles, False, nodes, leaves)
     nodes, leaves = np.empty((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 3), np.int32)
-    widen(boxes, links, choices.ways, order, triangles, True, nodes, leaves)
+    widen(boxes, unit, links, choices.ways, order, triangles, True, nodes, leaves)
     return nodes, leaves
 
 

@@ -25,6 +25,8 @@ primitives from place `first`."""
 CHILDREN, NOTHINGS = 48, 56
 NOTHING = -(2**31)
 MOST_PRIMITIVES = 2**26 - 1
+TINY = 3e-45
+"""Two units in the last place of the smallest numbers, by which boxes are widened: rounding there is not relative."""
 
 
 class Choices(NamedTuple):
@@ -38,7 +40,7 @@ class Choices(NamedTuple):
 @inline
 def _best_way(costs, left, i):
     """(cost, way) of sharing i children among both halves."""
-    least, way = np.float32(np.inf), 0
+    least, way = np.float32(np.inf), max(i - 7, 1)
     for k in range(max(i - 7, 1), min(i, 8)):
         cost = costs[left, k - 1] + costs[left + 1, i - k - 1]
         if cost < least:
@@ -52,14 +54,15 @@ def _weigh(boxes, links, choices, n, order, triangles):
     first, count, left = links[n, 0], links[n, 1], links[n, 2]
     area = half_area(fetch8(boxes, 8 * n))
     mixed = (order[first] < triangles) != (order[first + count - 1] < triangles)  # small nodes are sorted by kind
-    leaf = area * np.float32(LEAF_COST) if count <= LEAF and not mixed else np.float32(np.inf)
+    may_end = count <= LEAF and not mixed
+    leaf = area * np.float32(LEAF_COST) if may_end else np.float32(np.inf)
     if left == 0:
         costs[n] = leaf
         ways[n] = 0
         return
     least, way = _best_way(costs, left, 8)
     least += area * np.float32(NODE_COST)
-    costs[n, 0], ways[n, 0] = (leaf, 0) if leaf <= least else (least, way)
+    costs[n, 0], ways[n, 0] = (leaf, 0) if may_end and leaf <= least else (least, way)
     for i in range(2, 8):
         least, way = _best_way(costs, left, i)
         fewer = costs[n, i - 2]
@@ -98,16 +101,16 @@ def _children(links, ways, n, found, todo):
 
 
 @inline
-def _put_child(boxes, nodes, place, m):
+def _put_child(boxes, unit, nodes, place, m):
     for axis in range(3):
-        keep(nodes, place + 8 * axis, boxes[m, axis] if m >= 0 else np.float32(np.inf))
-        keep(nodes, place + 24 + 8 * axis, -boxes[m, 4 + axis] if m >= 0 else -np.float32(np.inf))
+        keep(nodes, place + 8 * axis, np.float32(boxes[m, axis] * unit - TINY if m >= 0 else np.inf))
+        keep(nodes, place + 24 + 8 * axis, np.float32(TINY - boxes[m, 4 + axis] * unit if m >= 0 else -np.inf))
 
 
 @kernel
-def widen(boxes, links, ways, order, triangles, write, nodes, leaves):
+def widen(boxes, unit, links, ways, order, triangles, write, nodes, leaves):
     """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 3) int32: first, count, 1 for spheres. Returns
-    (k, l), and with `write` False only those."""
+    (k, l), and with `write` False only those. `boxes` are in multiples of `unit`."""
     numbers, words = pointer(nodes.ctypes.data, np.float32), pointer(nodes.ctypes.data, np.int32)
     found, work = np.empty(WIDTH, np.int64), np.empty((2 * WIDTH, 2), np.int64)
     todo = np.empty((1024, 2), np.int64)
@@ -133,7 +136,7 @@ def widen(boxes, links, ways, order, triangles, write, nodes, leaves):
                     used += 1
                     top += 1
             if write:
-                _put_child(boxes, numbers, base + slot, m)
+                _put_child(boxes, unit, numbers, base + slot, m)
                 keep(words, base + CHILDREN + slot, np.int32(child))
                 keep(words, base + NOTHINGS + slot, np.int32(NOTHING))
     return used, ended

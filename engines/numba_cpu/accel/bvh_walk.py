@@ -130,9 +130,9 @@ def _set_reach(ray, t):
 
 
 @inline
-def _start_axis(ray, axis, o, d, slack):
+def _start_axis(ray, axis, o, d, slack, tiny):
     """Slabs of one axis: distances are plane * inverse + offset, the origin moved by `slack` so that the box widens."""
-    inverse = finite_inverse(d)
+    inverse = finite_inverse(d, tiny)
     forward = inverse > np.float32(0)
     lean = select(forward, slack, -slack)
     keep(ray.numbers, INVERSE + axis, inverse)
@@ -144,10 +144,12 @@ def _start_axis(ray, axis, o, d, slack):
 @inline
 def _start(ray, o, d, t):
     """Sets up a ray at the root."""
-    slack = np.float32(extent(o)) * np.float32(PAD_ULPS * EPS)
-    _start_axis(ray, 0, np.float32(o.x), np.float32(d.x), slack)
-    _start_axis(ray, 1, np.float32(o.y), np.float32(d.y), slack)
-    _start_axis(ray, 2, np.float32(o.z), np.float32(d.z), slack)
+    far = np.float32(extent(o))
+    slack = far * np.float32(PAD_ULPS * EPS)
+    tiny = _most(np.float32(1e-18), far * np.float32(1e-37))  # no offset overflows
+    _start_axis(ray, 0, np.float32(o.x), np.float32(d.x), slack, tiny)
+    _start_axis(ray, 1, np.float32(o.y), np.float32(d.y), slack, tiny)
+    _start_axis(ray, 2, np.float32(o.z), np.float32(d.z), slack, tiny)
     _set_reach(ray, t)
     keep(ray.words, PLACE, np.int32(0))
     keep(ray.words, HEIGHT, np.int32(0))

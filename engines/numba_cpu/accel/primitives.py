@@ -33,16 +33,16 @@ class Ray(NamedTuple):
 
 
 @inline
-def finite_inverse(x):
-    """1/x, but finite: a component too small to move the ray across the scene acts as if it were a little larger."""
-    tiny = select(x >= const(0.0, x), const(1e-18, x), const(-1e-18, x))
-    return const(1.0, x) / select(abs(x) > const(1e-18, x), x, tiny)
+def finite_inverse(x, tiny):
+    """1/x, but finite: a component too small to move the ray across the scene acts as if it were `tiny`."""
+    return const(1.0, x) / select(abs(x) > tiny, x, select(x >= const(0.0, x), tiny, -tiny))
 
 
 @inline
 def ray_of(lanes, lane, origin, direction, eps, real):
     o, d = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane)
-    inverse = Vec3(finite_inverse(d.x), finite_inverse(d.y), finite_inverse(d.z))
+    tiny = real(1e-18)
+    inverse = Vec3(finite_inverse(d.x, tiny), finite_inverse(d.y, tiny), finite_inverse(d.z, tiny))
     return Ray(o, d, inverse, ray_frame(d), extent(o) * real(PAD_ULPS * eps))
 
 
@@ -101,15 +101,18 @@ def primitive_count(world: World) -> int:
     return len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES])
 
 
-def fill_records(world: World, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]) -> None:
-    """Boxes (n, 8) of primitives first .. last - 1: lower and negated upper corner, padded, rounded outwards."""
+def fill_records(
+    world: World, unit: float, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]
+) -> None:
+    """Boxes (n, 8) of primitives first .. last - 1 in multiples of `unit`, a power of two: lower and negated upper corner,
+    padded, rounded outwards."""
     shapes = world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES]
     rounding = 0.0 if world.real == np.float32 else 2.0**-23
-    _fill_records(*shapes, padding(world), rounding, first, last, records, order)
+    _fill_records(*shapes, padding(world), rounding, unit, first, last, records, order)
 
 
 @kernel
-def _fill_records(vertices, triangles, spheres, pad, rounding, first, last, records, order):
+def _fill_records(vertices, triangles, spheres, pad, rounding, unit, first, last, records, order):
     n = len(triangles)
     for i in range(first, last):
         order[i] = i
@@ -125,6 +128,6 @@ def _fill_records(vertices, triangles, spheres, pad, rounding, first, last, reco
             else:
                 center, radius = spheres[i - n, axis], spheres[i - n, 3]
                 low, high = center - radius, center + radius
-            low, high = low - pad, high + pad
+            low, high = (low - pad) / unit, (high + pad) / unit
             records[i, axis] = low - abs(low) * rounding
             records[i, 4 + axis] = -(high + abs(high) * rounding)
