@@ -38,11 +38,11 @@ TILTED = [(0.5, 1.2, -0.4), (1.1, 0.6, -0.5), (1.3, 0.9, 0.6), (0.4, 1.5, 0.5)]
 POLYGONS: list[tuple[str, Mesh, float, float]] = [
     ("half below the horizon", quad(WALL, 1), 0.0, 0.7),
     ("below a corner", square(1.0, 0.5, 1, down=True), 0.5, 0.7),
-    ("below its centre", square(1.0, 0.5, 1, down=True), 0.0, 1.0),
+    ("below its centre", square(1.0, 0.5, 1, down=True), 0.0, 0.5),
     ("aside", square(0.7, 0.4, 1, down=True), 1.3, 0.7),
-    ("close", square(0.1, 0.3, 1, down=True), 0.1, 0.4),
+    ("close", square(0.1, 0.3, 1, down=True), 0.1, 0.2),
     ("far", square(3.0, 1.5, 1, down=True), 2.0, 0.9),
-    ("tilted", quad(TILTED[::-1], 1), 0.2, 0.8),
+    ("tilted", quad(TILTED, 1), 0.2, 0.8),
     ("three corners", mesh([(-0.7, 0.9, 0.4), (-0.3, 1.3, -0.8), (0.8, 0.7, 0.1)], [[0, 1, 2]], 1), 0.0, 0.6),
 ]
 """(name, light, x = z of the point where it is not 0, albedo)"""
@@ -54,7 +54,7 @@ def polygons(subject: Subject) -> Iterator[Measured]:
         z = x if name == "below a corner" else 0.0
         truth = rho / math.pi * forms.polygon(lamp.vertices - np.array([x, 0.0, z]), (0.0, 1.0, 0.0))
         for direct in STRATEGIES:
-            view = point_view((x - 2.0, 1.6, z + 3.0), (x, 0.0, z), 32)
+            view = point_view((x - 2.0, 0.2, z + 3.0), (x, 0.0, z), 32)  # below the lamps
             materials = [material(kd=rho), material(emission=1.0)]
             seen = means(subject, [FLOOR, lamp], materials, [], view, path_tracer(2, direct))
             yield z_score(subject, seen, truth, f"{name}, {direct}")
@@ -68,10 +68,10 @@ def sphere_lights(subject: Subject) -> Iterator[Measured]:
     for radius, distance, degrees in subject.some(parameters, 2):
         beta = math.radians(degrees)
         lamp = sphere((distance * math.sin(beta), distance * math.cos(beta), 0.0), radius, 1)
-        truth = 0.9 / math.pi * forms.sphere(radius, distance, beta)
+        truth = 0.5 / math.pi * forms.sphere(radius, distance, beta)
         for direct in STRATEGIES:
             view = point_view((-4.0, 1.5, 1.0), ORIGIN, 32)
-            materials = [material(kd=0.9), material(emission=1.0)]
+            materials = [material(kd=0.5), material(emission=1.0)]
             seen = means(subject, [FLOOR, lamp], materials, [], view, path_tracer(2, direct))
             yield z_score(subject, seen, truth, f"R {radius}, d {distance}, beta {degrees}, {direct}")
 
