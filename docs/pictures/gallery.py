@@ -3,6 +3,7 @@
 The words about a scene are the comment on top of its file; the pictures are what the command beside each makes.
 """
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,13 +17,12 @@ Every scene that comes with raybench, by the path tracer. A scene is named by it
 three in [`scenes/mobilert/`](../scenes/mobilert) need a mesh that is not ours to ship, and say so where it is missing.
 All pictures: `python docs/pictures/gallery.py`.
 """
-SQUARE = ("cornell_box", "mobilert_cornell", "mobilert_cornell2", "mobilert_spheres", "mobilert_spheres2", "furnace")
-SQUARE += ("cornell_spheres", "mesh_sphere", "tree", "dahlquist")
-SAMPLES = {"glassware": 512, "many_lights": 1024, "mobilert_cornell": 512, "mobilert_cornell2": 512}
+SAMPLES = {"glassware": 384, "many_lights": 1024, "mobilert_cornell": 1024, "mobilert_cornell2": 512}
 
 
 def command(name: str) -> list[str]:
-    size = "160x160" if name in SQUARE else "240x160"
+    width, height = map(int, re.findall(r"resolution: \[(\d+), (\d+)\]", (SCENES / f"{name}.yaml").read_text())[0])
+    size = f"{160 * width // height}x160"
     target = f"docs/pictures/gallery/{name}.png"
     engine = ["--engine", "embree", "--precision", "float32"]
     return ["raybench", "render", name, *engine, "--spp", str(SAMPLES.get(name, 256)), "--size", size, "-o", target]
