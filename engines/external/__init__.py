@@ -4,7 +4,7 @@
     name: lantern                      # what tables call it; not the name of one of raybench's engines
     version: "3.9"                     # part of a cell's identity, as is the content of this file
     command: [lantern, -t, "{threads}", -n, "{spp}", --seed, "{seed}", -o, "{image}", "{scene}"]
-    scene_format: raybench             # what {scene} is: the scene's own file
+    scene_format: raybench             # what {scene} is: the scene's own file; or mitsuba, pbrt: exported for it
     image: exr                         # or pfm: what it writes to {image}; linear radiance
     time: process                      # from its start to its end; or by a pattern, see below
     shaders: [{name: path_tracer}]     # what it can do, under raybench's names
@@ -18,6 +18,9 @@ empty one, the working directory), `{spp}`, `{seed}`, `{threads}`, `{width}`, `{
 `{sampler}`, and options as `{shader.max_depth}`; `{{` and `}}` are braces. `{scene}`, `{image}`, `{spp}` and `{seed}` must
 occur, and `{threads}` unless `threads: n` says how many it always takes. An option of a shader or sampler that is not
 passed must be at its default, or be given in the list: `shaders: [{name: path_tracer, max_depth: 8}]`.
+
+An exported scene holds size and depth; Mitsuba's XML wants `-D spp={spp} -D seed={seed}`, as in
+`configs/renderers/mitsuba.yaml`.
 
 The clock. Every call of `render` is a process of its own with a seed of its own. With `time: process` a call costs what
 the process took: start, reading the scene, building, rendering, writing. With

@@ -20,7 +20,7 @@ from engines.errors import RaybenchError, RendererFailed, Unsupported
 from engines.external.description import UNITS, Description, read
 from engines.external.pictures import read_picture
 from engines.external.process import Process
-from engines.external.scenes import FORMATS
+from engines.external.scenes import CARRIES, FORMATS
 from engines.external.template import filled
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
@@ -65,9 +65,10 @@ class Engine:
             raise Unsupported(f"{said.name} computes in {said.precision}")
         if said.threads not in (None, settings.threads):
             raise Unsupported(f"{said.name} always takes {said.threads} threads")
+        resolved = replace(settings, shader=shader, sampler=sampler, precision=said.precision)
         with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
-            FORMATS[said.scene_format](scene, settings, Path(folder))
-        return replace(settings, shader=shader, sampler=sampler, precision=said.precision)
+            FORMATS[said.scene_format](scene, resolved, Path(folder))
+        return resolved
 
     def _require(
         self, kind: str, asked: Choice, known: Mapping[str, Choice], table: Mapping[str, Mapping[str, Option]]
@@ -76,7 +77,8 @@ class Engine:
             raise Unsupported(f"{self._said.name} has no {kind} {asked.name}: its file lists {', '.join(known)}")
         for key, value in asked.options.items():
             fixed = known[asked.name].options[key]
-            if f"{kind}.{key}" not in self._said.passed and value != fixed:
+            passed = self._said.passed | CARRIES[self._said.scene_format]
+            if f"{kind}.{key}" not in passed and value != fixed:
                 raise Unsupported(f"{self._said.name} has {kind} {asked.name} with {key} = {fixed} only")
         for passed in sorted(self._said.passed):
             if passed.startswith(f"{kind}.") and passed.partition(".")[2] not in asked.options:

@@ -17,6 +17,7 @@ from engines.external.pictures import read_pfm
 from engines.external.template import filled
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+MITSUBA = Path(sys.executable).parent / "mitsuba"
 SCENE = engines.load_scene("cornell_box")
 SETTINGS = Settings(6, 4, sampler="random", seed=5)
 
@@ -196,3 +197,20 @@ def test_portable_float_maps_are_read_from_the_bottom_up_in_either_byte_order():
     for bad in (b"", b"P6 1 1 255\nabc", b"PF\n2 2\n-1\n1234", b"PF\n0 0\n-1\n"):
         with pytest.raises(ValueError, match="portable float map"):
             read_pfm(bad)
+
+
+@pytest.mark.skipif(not MITSUBA.exists(), reason="the command of the extra `mitsuba` is not installed")
+def test_mitsubas_own_command_makes_the_image_of_ours(monkeypatch):
+    """Image means over six processes and six seeds: a false alarm has probability 1e-5 or so."""
+    monkeypatch.setenv("PATH", os.pathsep.join([str(MITSUBA.parent), os.environ["PATH"]]))
+    means = []
+    shader = {"name": "path_tracer", "max_depth": 4}
+    for name, precision in ((str(ROOT / "configs/renderers/mitsuba.yaml"), "float32"), ("embreex_batch", "float64")):
+        asked = {"sampler": "random", "shader": shader, "precision": precision, "threads": 4}
+        renderers = [engines.engine(name).prepare(SCENE, Settings(16, 12, seed=seed, **asked)) for seed in range(6)]
+        means.append([renderer.render(256).mean().mean() for renderer in renderers])
+        assert len(set(means[-1])) == 6, "every seed has its own noise"
+    ours, theirs = np.array(means)
+    error = np.sqrt((ours.var(ddof=1) + theirs.var(ddof=1)) / 6)
+    assert abs(ours.mean() - theirs.mean()) < 8 * error  # Student's t with some 10 degrees of freedom
+    assert error < 0.02 * theirs.mean(), "too noisy to see anything"
