@@ -12,7 +12,20 @@ from sweeping import raybench
 
 from engines.image import read_film_layers, read_provenance
 
-VERBS = ("run", "plan", "reference", "render", "report", "rescore", "merge", "compare", "status", "list", "schema")
+VERBS = (
+    "run",
+    "plan",
+    "reference",
+    "render",
+    "report",
+    "rescore",
+    "merge",
+    "compare",
+    "status",
+    "export",
+    "list",
+    "schema",
+)
 
 
 def ended(done, code):
