@@ -208,9 +208,9 @@ def test_mitsubas_own_command_makes_the_image_of_ours(monkeypatch):
     for name, precision in ((str(ROOT / "configs/renderers/mitsuba.yaml"), "float32"), ("embreex_batch", "float64")):
         asked = {"sampler": "random", "shader": shader, "precision": precision, "threads": 4}
         renderers = [engines.engine(name).prepare(SCENE, Settings(16, 12, seed=seed, **asked)) for seed in range(6)]
-        means.append([renderer.render(256).mean().mean() for renderer in renderers])
+        means.append([renderer.render(128).mean().mean() for renderer in renderers])
         assert len(set(means[-1])) == 6, "every seed has its own noise"
     ours, theirs = np.array(means)
     error = np.sqrt((ours.var(ddof=1) + theirs.var(ddof=1)) / 6)
     assert abs(ours.mean() - theirs.mean()) < 8 * error  # Student's t with some 10 degrees of freedom
-    assert error < 0.02 * theirs.mean(), "too noisy to see anything"
+    assert error < 0.03 * theirs.mean(), "too noisy to see anything"
