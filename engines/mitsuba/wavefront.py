@@ -42,8 +42,9 @@ class Wavefront:
 
     def _zeros(self) -> tuple[Any, ...]:
         mi, dr = self._stage.mi, self._stage.dr
-        sums = tuple(dr.zeros(mi.Vector3d, self._pixels) for _ in range(3))
-        return *sums, dr.zeros(mi.UInt32, self._pixels)
+        zeros = *(dr.zeros(mi.Vector3d, self._pixels) for _ in range(3)), dr.zeros(mi.UInt32, self._pixels)
+        dr.make_opaque(zeros)  # known constants would make a kernel of their own
+        return zeros
 
     def step(self) -> int:
         """Samples a pixel for the next launch."""
@@ -52,8 +53,13 @@ class Wavefront:
         return max(1, int(max(LAUNCH_SECONDS, RECORDINGS * self._recording_seconds) / self._seconds_per_sample))
 
     def compile(self) -> None:
-        """Compiles the kernel by running it without taking a sample."""
-        self._launch(self._seeded(0), self._zeros(), 0, 0 if self._endless else 1)
+        """Compiles the two kernels of `render`, for a sampler fresh from its seed and for one that goes on.
+
+        They run without taking a sample, or where the sampler has a pattern, with its first two.
+        """
+        count = 0 if self._endless else 1
+        sampler, sums = self._launch(self._seeded(0), self._zeros(), 0, count)
+        self._launch(sampler, sums, count, count)
 
     def render(self, samples: int) -> bool:
         """Adds samples to every pixel, and says so."""
@@ -78,7 +84,8 @@ class Wavefront:
     def _seeded(self, pattern: int) -> Any:
         sampler = self._stage.camera.sampler().clone()
         sampler.set_samples_per_wavefront(1)
-        sampler.seed(seed_of(self._stage.settings.seed, pattern), self._pixels)
+        seed = seed_of(self._stage.settings.seed, pattern)
+        sampler.seed(self._stage.dr.opaque(self._stage.mi.UInt32, seed), self._pixels)  # not part of the kernel
         sampler.schedule_state()
         return sampler
 
