@@ -75,7 +75,7 @@ class Passes:
         hit = depth > 0.0
         if self._kind == "albedo":
             table = np.concatenate([first_colours(self._stage)[self._stage.places], np.zeros((1, 3))])
-            return table[np.where(hit, np.rint(place).astype(int), -1)]
+            return table[np.rint(place).astype(int) - 1]  # Mitsuba counts from 1, and 0 is nothing
         return np.repeat(_grey(self._stage, hit, depth, position)[..., None], 3, axis=2)
 
 
