@@ -1,0 +1,182 @@
+"""Speed targets besides paths: `python tests/benchmarks/targets.py [ROW...]`. Rays against embreex's own loop, trees and their
+memory, growth with size, threads, first pixels, each as one line. Paths against Mitsuba are in `peers.py`.
+
+Contestants of a row take turns; each figure is the median over the turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import engines
+
+TURNS = 5
+RAYS = 1_000_000
+
+
+def ball(subdivisions: int) -> engines.Scene:
+    """20 x 4^subdivisions triangles; 7 gives 327,680."""
+    return engines.scene_from({
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
+                   "resolution": [1000, 1000]},
+        "materials": {"white": {"kd": 0.5}},
+        "shapes": [{"procedural": {"name": "tessellated_sphere", "subdivisions": subdivisions}, "material": "white"}],
+        "lights": [{"environment": {"radiance": 1}}],
+    })  # fmt: skip
+
+
+def prepared(engine: str, scene: engines.Scene, accelerator: Any = "auto", threads: int = 2, **more: Any) -> Any:
+    settings = engines.Settings(accelerator=accelerator, threads=threads, precision="float32", **more)
+    renderer = engines.engine(engine).prepare(scene, settings)
+    renderer.warm_up()
+    return renderer
+
+
+def incoherent(n: int) -> tuple[Any, Any]:
+    """Rays from a sphere of twice the ball's radius through random points within it."""
+    rng = np.random.default_rng(1)
+    start, through = rng.normal(size=(2, n, 3))
+    start *= 2 / np.linalg.norm(start, axis=1, keepdims=True)
+    through *= rng.random((n, 1)) ** (1 / 3) / np.linalg.norm(through, axis=1, keepdims=True)
+    way = through - start
+    return start, way / np.linalg.norm(way, axis=1, keepdims=True)
+
+
+def coherent(n: int) -> tuple[Any, Any]:
+    """Camera rays, row by row of a square image that the ball fills."""
+    side = int(n**0.5)
+    x, y = np.meshgrid(*(np.linspace(-0.3, 0.3, side),) * 2)
+    way = np.stack([x.ravel(), -y.ravel(), np.full(side * side, -1.0)], axis=1)
+    return np.tile([0.0, 0.0, 3.0], (side * side, 1)), way / np.linalg.norm(way, axis=1, keepdims=True)
+
+
+def in_turns(calls: dict[str, Callable[[], Any]]) -> dict[str, float]:
+    """Median seconds of each call."""
+    seconds: dict[str, list[float]] = {name: [] for name in calls}
+    for call in calls.values():
+        call()
+    for turn in range(TURNS):
+        for name in list(calls)[:: 1 if turn % 2 else -1]:
+            start = time.perf_counter()
+            calls[name]()
+            seconds[name].append(time.perf_counter() - start)
+    return {name: statistics.median(found) for name, found in seconds.items()}
+
+
+def told(what: str, ratio: float, wanted: str, detail: str = "") -> None:
+    print(f"{what:64} {ratio:8.3g}   {wanted:12} {detail}", flush=True)
+
+
+def trace() -> None:
+    """Incoherent and camera rays on 327,680 triangles."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = ball(7)
+    mesh: Any = scene.shapes[0]
+    theirs = EmbreeScene(robust=True)
+    kept = TriangleMesh(theirs, mesh.vertices[mesh.faces].astype(np.float32))
+    (origins, directions), eye = incoherent(RAYS), coherent(RAYS)
+    narrow = origins.astype(np.float32), directions.astype(np.float32)
+    embree, numba = prepared("embree", scene), prepared("numba", scene, "bvh")
+    found = in_turns({
+        "embreex.run": lambda: theirs.run(*narrow, query="INTERSECT"),
+        "embree": lambda: embree.trace(origins, directions),
+        "numba bvh": lambda: numba.trace(origins, directions),
+        "embree, camera": lambda: embree.trace(*eye),
+        "numba bvh, camera": lambda: numba.trace(*eye),
+    })  # fmt: skip
+    del kept
+    rate = {name: RAYS / seconds / 1e6 for name, seconds in found.items()}
+    detail = ", ".join(f"{name} {value:.2f}" for name, value in rate.items()) + " million rays/s"
+    told("trace, embree on 2 threads over embreex.run", rate["embree"] / rate["embreex.run"], ">= 1.9", detail)
+    told("trace, numba bvh over embree", rate["numba bvh"] / rate["embree"], ">= 0.8")
+    told("trace, embree, camera rays over incoherent", rate["embree, camera"] / rate["embree"], ">= 1.5")
+
+
+def build() -> None:
+    """Seconds that prepare spends on the tree."""
+    for subdivisions, wanted in ((7, "<= 0.15 s"), (8, "<= 0.79 s")):
+        scene, faces = ball(subdivisions), 20 * 4**subdivisions
+        seconds: dict[str, list[float]] = {"bvh": [], "embree": []}
+        for _ in range(TURNS):
+            for engine, name in (("numba", "bvh"), ("embree", "embree")):
+                counters = prepared(engine, scene, name).counters()
+                seconds[name].append(counters["build_seconds"])
+        renderer = prepared("numba", scene, "bvh")
+        detail = f"embree {statistics.median(seconds['embree']):.3f} s; " \
+            f"{renderer.counters()['accelerator_bytes'] / faces:.0f} bytes a triangle"
+        told(f"build of {faces:,} triangles, numba bvh (with flattening), s", statistics.median(seconds["bvh"]), wanted, detail)
+
+
+def growth() -> None:
+    """Cost of an incoherent ray from 20,480 to 1,310,720 triangles."""
+    origins, directions = incoherent(RAYS // 4)
+    for engine, name, wanted in (("numba", "bvh", "<= 2.5"), ("embree", "embree", "<= 2")):
+        small, large = (prepared(engine, ball(k), name) for k in (5, 8))
+        found = in_turns({
+            "small": lambda small=small: small.trace(origins, directions),
+            "large": lambda large=large: large.trace(origins, directions),
+        })  # fmt: skip
+        told(f"cost of a ray, 1.3e6 over 2e4 triangles, {engine}", found["large"] / found["small"], wanted)
+
+
+def threads() -> None:
+    scene, shader = engines.load_scene("cornell_box"), {"name": "path_tracer", "max_depth": 6, "rr_depth": 1000}
+    size = {"width": 512, "height": 512, "shader": shader, "sampler": "sobol"}
+    for engine, name in (("numba", "auto"), ("numba", "bvh"), ("embree", "auto")):
+        one, two = (prepared(engine, scene, name, k, **size) for k in (1, 2))
+        found = in_turns({"one": lambda one=one: one.render(8), "two": lambda two=two: two.render(16)})
+        told(f"speed-up with 2 threads, {engine} {name}", 2 * found["one"] / found["two"], ">= 1.85")
+
+
+def first() -> None:
+    """A second process: importing the library, and the first pixel from caches."""
+    pixel = "; r = engines.engine('numba').prepare(engines.load_scene('cornell_box'), engines.Settings(8, 8)); r.render(1)"
+    for what, code, wanted in (("import engines", "", "< 0.4 s"), ("first pixel of cornell_box", pixel, "< 2.5 s")):
+        command = [sys.executable, "-c", "import engines" + code]
+        found = in_turns({"it": lambda command=command: subprocess.run(command, check=True)})
+        told(f"second process, {what}, s", found["it"], wanted)
+
+
+def numpy() -> None:
+    rays = incoherent(65_536)
+    renderer = engines.engine("numpy").prepare(ball(4), engines.Settings(accelerator="bvh"))
+    found = in_turns({"it": lambda: renderer.trace(*rays)})
+    told("numpy bvh, 5,120 triangles, million rays/s", len(rays[0]) / found["it"] / 1e6, ">= 0.3")
+
+
+def memory() -> None:
+    """Peak of a process that draws 1.3 million triangles at 1920 x 1080 with embree."""
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import targets, resource; "
+        "targets.prepared('embree', targets.ball(8), width=1920, height=1080).render(1); "
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)"
+    )
+    command = [sys.executable, "-c", code, os.path.dirname(os.path.abspath(__file__))]
+    peak = float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    told("peak memory, 1.3e6 triangles, 1920x1080, embree, GiB", peak, "< 1.2")
+
+
+ROWS = {f.__name__: f for f in (trace, build, growth, threads, first, numpy, memory)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rows", nargs="*", default=list(ROWS), help=", ".join(ROWS))
+    for name in parser.parse_args().rows:
+        ROWS[name]()
+
+
+if __name__ == "__main__":
+    main()
