@@ -24,7 +24,7 @@ bench: .venv/.installed
 	@echo "The report: $(CURDIR)/$(OUT)/report.html (tables and plots lie beside it)"
 
 test: .venv/.installed-test
-	@$(BIN)/python -m pytest --ignore=tests/benchmarks $(ARGS)
+	@$(BIN)/python -m pytest --ignore=tests/benchmarks -n auto --dist loadfile $(ARGS)
 
 microbench: .venv/.installed-test
 	@$(BIN)/python -m pytest tests/benchmarks --benchmark-only $(ARGS)
