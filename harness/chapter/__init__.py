@@ -15,7 +15,7 @@ import matplotlib
 
 from engines.errors import ConfigError
 from harness.analysis import Analysis, analyse
-from harness.chapter import experiment
+from harness.chapter import dahlquist, experiment
 from harness.chapter.document import Chapter, Section, html, latex, markdown
 from harness.plots.style import STYLE
 from harness.results import load_results
@@ -23,7 +23,7 @@ from harness.results import load_results
 __all__ = ["write_chapter"]
 
 TITLE = "Results"
-WRITERS: dict[str, Callable[[Analysis, Path], Section]] = {}
+WRITERS: dict[str, Callable[[Analysis, Path], Section]] = {"dahlquist": dahlquist.section}
 
 
 def write_chapter(folders: Sequence[Path], target: Path) -> list[Path]:

@@ -24,12 +24,12 @@ def section(analysis: Analysis, plots: Path) -> Section:
         below = topic.section(analysis, plots)
         if below is not None:
             made.sections.append(below)
-    made.sections.append(_limits(analysis))
+    made.sections.append(limits(analysis, _bias(analysis)))
     return made
 
 
 def _setting(analysis: Analysis) -> list[str]:
-    results, machine = analysis.results, analysis.results.manifest.get("machine") or {}
+    results = analysis.results
     settings = [contender.settings for contender in results.contenders if contender.done]
     if not settings:
         return ["Nothing was measured."]
@@ -38,14 +38,12 @@ def _setting(analysis: Analysis) -> list[str]:
         "accelerator": len({(s.engine, s.accelerator) for s in settings}), "thread count": len({s.threads for s in settings}),
         "shader": len({s.shader for s in settings}), "sampler": len({s.sampler for s in settings}),
     }  # fmt: skip
-    cpu = machine.get("cpu") or "an unnamed processor"
-    cores = machine.get("usable_cores") or machine.get("cores")
     sizes = sorted({s.size for s in settings})
     return [
         f"{plural(len(results.scenes), 'scene')} {'was' if len(results.scenes) == 1 else 'were'} rendered with "
         f"{listed([plural(number, noun) for noun, number in varied.items()])}, {len(settings)} configurations in all, "
         f"at {listed(sizes)} pixels.",
-        f"The machine was {cpu}{f' with {cores} usable cores' if cores else ''}.",
+        *place(analysis),
         f"Every configuration was measured once in each of {plural(len(blocks), 'block')}, in random order, with another seed "
         "in each.",
         "Times are those of rendering alone.",
@@ -55,14 +53,25 @@ def _setting(analysis: Analysis) -> list[str]:
     ]
 
 
-def _limits(analysis: Analysis) -> Section:
-    """What did not run, how quiet the machine was, and how many comparisons were made."""
+def place(analysis: Analysis) -> list[str]:
+    """On what machine it was measured."""
+    machine = analysis.results.manifest.get("machine") or {}
+    cores = machine.get("usable_cores") or machine.get("cores")
+    cpu = machine.get("cpu") or "an unnamed processor"
+    return [f"The machine was {cpu}{f' with {cores} usable cores' if cores else ''}."]
+
+
+def limits(analysis: Analysis, *more: str) -> Section:
+    """What did not run, how quiet the machine was, what is noise; and `more` of the same kind."""
     results = analysis.results
     states: dict[str, int] = {}
     for cell in results.cells:
         states[str(cell["state"])] = states.get(str(cell["state"]), 0) + 1
     counted = listed([f"{number} {state}" for state, number in sorted(states.items())])
     said = [f"Of {plural(len(results.cells), 'cell')}, {counted}."]
+    missing = set(results.manifest.get("cell_ids") or ()) - {cell["cell_id"] for cell in results.cells}
+    if missing:
+        said.append(f"{plural(len(missing), 'cell')} of the experiment had not been begun.")
     contended = sum(bool((cell.get("machine") or {}).get("contended")) for cell in results.cells)
     said.append(f"{plural(contended, 'cell')} shared the machine with other work while being timed." if contended
                 else "No cell shared the machine with other work while being timed.")  # fmt: skip
@@ -70,8 +79,7 @@ def _limits(analysis: Analysis) -> Section:
         floors = [f"{100 * math.expm1(floor):.1f} % on {scene}" for scene, floor in sorted(analysis.floors.items())]
         said.append(f"One configuration measured twice under two names differed by up to {listed(floors)}; nothing within "
                     "that is called faster.")  # fmt: skip
-    said.append(_bias(analysis))
-    parts: list[Any] = [Paragraph(said)]
+    parts: list[Any] = [Paragraph([*said, *more])]
     reasons = _reasons(analysis)
     return Section("What else to know", [*parts, Listing(reasons)] if reasons else parts)
 

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.analysis import Analysis
+from harness.analysis import Analysis, seconds_per_sample
 from harness.chapter.document import FigurePart
-from harness.chapter.families import Family, compare, demanding, thousands, values
+from harness.chapter.families import Family, compare, demanding, estimate, thousands, values
 from harness.plots.style import (
     ENGINE_COLOURS,
     FAINT,
@@ -25,7 +25,7 @@ from harness.plots.style import (
     new_figure,
     save,
 )
-from harness.results import point_error
+from harness.results import Contender, point_error
 from harness.statistics import median_interval
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
@@ -72,6 +72,31 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
     shader = " and ".join(dict.fromkeys(family.shader for family in found))
     return finished(figure, plots, "accelerators", f"Speed by accelerator and scene, {shader}",
                     "A row a scene: paths a second of each accelerator with its interval, on a logarithmic axis.")  # fmt: skip
+
+
+def frame_times(named: Sequence[tuple[str, Contender]], plots: Path) -> Plot | None:
+    """Milliseconds a frame of contenders with the names of their rows; a marker a number of threads."""
+    if not named:
+        return None
+    rows = list(dict.fromkeys(name for name, _ in named))
+    counts = sorted({contender.settings.threads for _, contender in named})
+    figure = new_figure(7.2, 1.2 + 0.3 * len(rows))
+    axis = figure.subplots()
+    for index, threads in enumerate(counts):
+        shift = 0.16 * (index - (len(counts) - 1) / 2)
+        shown = [(rows.index(name) + shift, estimate(seconds_per_sample(c), 1e3)) for name, c in named
+                 if c.settings.threads == threads]  # fmt: skip
+        whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in shown]).T
+        axis.errorbar([e.value for _, e in shown], [row for row, _ in shown], xerr=np.abs(whiskers), elinewidth=1,
+                      fmt=MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)],
+                      label=f"{threads} thread{'' if threads == 1 else 's'}")  # fmt: skip
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlabel("milliseconds a frame")
+    log_scales(axis)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(counts), 5))
+    return finished(figure, plots, "frames", "Frame times",
+                    "A row an engine with its accelerator: milliseconds a frame, on a logarithmic axis.")  # fmt: skip
 
 
 def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
