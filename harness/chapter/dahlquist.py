@@ -61,14 +61,15 @@ def _setting(analysis: Analysis) -> list[str]:
         return ["Nothing was measured."]
     blocks = {cell["block"] for contender in measured for cell in contender.done}
     sizes = sorted({contender.settings.size for contender in measured})
+    noise = " or comes as near to it as one configuration measured twice" if analysis.floors else ""
     return [
         f"The engines of raybench rendered the scene of Dahlquist's ray tracer beside a port of that program, at "
         f"{listed(sizes)} pixels.",
         "A sample is a frame: one primary ray through every pixel.",
         *place(analysis),
         f"Every configuration was measured once in each of {plural(len(blocks), 'block')}, in random order.",
-        "Times are those of rendering alone; they are compared block by block, and where an interval at 95 % holds equality "
-        "the two are called a tie.",
+        "Times are those of rendering alone; they are compared block by block, and two are called a tie where the interval of "
+        f"their ratio at 95 % holds equality{noise}.",
     ]
 
 

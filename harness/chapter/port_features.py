@@ -22,14 +22,14 @@ ELSEWHERE = "two_spheres"
 """A small scene that is none of the port's."""
 FACTS = (
     ("light", "a sun, without shadows", "emitting shapes, points, suns and skies, with shadows"),
-    ("surfaces", "a colour and a whole mirror on top of it", "diffuse, mirror and glass, that reflect no more than they get"),
+    ("surfaces", "a colour and a whole mirror on top of it", "diffuse, mirror, glass"),
     ("what is behind", "a picture fixed to the screen; mirrors show another", "one environment, seen and mirrored alike"),
     ("numbers", "8 bits, clipped, by a fixed order of float32 operations", "radiance in float32 or float64"),
-    ("threads", "any number; what each draws is the same to the byte", "any number; samples are the same"),
+    ("threads", "any number; the frame is the same", "any number; the image is the same"),
     ("progressive", "no: every frame is final; interlaced, a call draws every other row",
      "yes: samples add up, with checkpoints between"),
-    ("interactive", "balls are dragged", "shapes and camera move by `update`"),
-    ("rays of one's own", "no", "yes: `trace` and `occluded`"),
+    ("interactive", "balls are dragged", "shapes and camera move"),
+    ("rays of one's own", "no", "yes"),
 )  # fmt: skip
 """Feature, the port, raybench: what engines/dahlquist and the other engines are written to do."""
 
@@ -88,4 +88,4 @@ def _depth(results: Results) -> str:
         for c in results.contenders if c.done and c.settings.engine != PORT
     }  # fmt: skip
     known = sorted(depth for depth in depths if isinstance(depth, int))
-    return f"as many as `max_depth` allows, here {listed([str(depth) for depth in known])}" if known else ""
+    return f"as many as max_depth allows, here {listed([str(depth) for depth in known])}" if known else ""

@@ -155,4 +155,4 @@ def test_features_are_those_of_the_code(tmp_path):
     row = next(line for line in text.splitlines() if line.startswith("| accelerators |"))
     assert all(name in row for name in {*port.accelerators(), *engines.engine("numba").accelerators()} - {"auto"})
     assert "dahlquist: area_hierarchy (none)" in row and "numba: bvh (" in row, "raced, and what else there is"
-    assert "as many as `max_depth` allows, here 6" in text
+    assert "as many as max_depth allows, here 6" in text
