@@ -30,8 +30,10 @@ CALLS, TIME_ELAPSED = 11, 3000
 """The frame calls after which balls stand as in scenes/dahlquist.yaml."""
 VISIBLE = 16
 """Levels by which a pixel has to differ to be counted."""
+STORED = 0.125
+"""Levels that half precision, in which archives keep images, can take from a pixel: a difference of so little is none."""
 SAME = 0.5
-"""Levels within which two images are the same: what storing them in half precision can change, and no more."""
+"""Levels within which all pixels of two images have to be for them to count as one image."""
 DRAWN = 320
 """Pixels along a drawn image, at the most."""
 Image = NDArray[np.float64]
@@ -106,8 +108,8 @@ def _differences(
         if alike is not None:
             alike.names.append(name)
         else:
-            levels = np.abs(image - truth.frame).max(axis=2)[truth.balls].round(2)
-            found.append(Difference([name], image, levels))
+            levels = np.abs(image - truth.frame).max(axis=2)[truth.balls]
+            found.append(Difference([name], image, np.where(levels > STORED, levels, 0.0)))
     return sorted(found, key=lambda one: float(one.levels.mean())), without
 
 
