@@ -130,7 +130,8 @@ def test_images_are_compared_on_balls_alone(tmp_path, frame):
     assert f"Balls show in {balls.sum()} pixels" in text
     assert "- dahlquist area_hierarchy and embree show the balls as the reference does." in text
     assert (
-        "- numba bvh: 20 levels of 255 from the port's in the median, and more than 16 in 100 % of the pixels." in text
+        "- numba bvh: 20.0 levels of 255 from the port's in the median, and more than 16 in 100 % of the pixels."
+        in text
     )
 
 
