@@ -113,7 +113,7 @@ def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
     """The experiment of a path or bare name, with `key.key=value` overrides applied."""
     path = catalog.find("configs", str(given))
     shown = catalog.shown(path)
-    root = read_yaml(shown, ConfigError)
+    root = read_yaml(path, ConfigError, shown)
     for text in overrides:
         root = override(root, text)
     return parse(root, path.parent, path.stem, shown)

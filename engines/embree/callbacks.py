@@ -75,6 +75,13 @@ def _make_triangle_bounds(real: Any) -> Any:
     return bounds
 
 
+@inline
+def _ties(packet, ids, n, i, near, geometry, primitive):
+    """Whether a hit is as near as the one held, of the same kind and of lower index: Embree calls back in any order."""
+    held = fetch(ids, GEOM_ID * n + i) == geometry and primitive < np.int64(fetch(ids, PRIM_ID * n + i))
+    return held and near == fetch(packet, T_FAR * n + i)
+
+
 def _make_query(spheres: bool, any_hit: bool, real: Any) -> Any:
     origin, direction, reach = (
         (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T) if any_hit else (at.ORIGIN, at.DIRECTION, at.T)
@@ -108,7 +115,7 @@ def _make_query(spheres: bool, any_hit: bool, real: Any) -> Any:
                 near = np.float32(t * scale)
                 if any_hit:
                     keep(packet, T_FAR * n + i, np.float32(-np.inf))
-                elif near < fetch(packet, T_FAR * n + i):
+                elif near < fetch(packet, T_FAR * n + i) or _ties(packet, ids, n, i, near, geometry, primitive):
                     keep(packet, T_FAR * n + i, near)
                     keep(ids, PRIM_ID * n + i, np.int32(primitive))
                     keep(ids, GEOM_ID * n + i, geometry)

@@ -27,12 +27,19 @@ _OPTIONS = {
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
 
 
+NOT_PROMISED = {
+    "ties_go_to_the_lower_index": "among faces that coincide Embree takes the first or the last, as its packets come"
+}
+"""Names of claims of `engines.conformance`, with reasons."""
+
+
 class Engine:
     """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are confirmed
     and solved anew, which `refine` switches off."""
 
     name = "embree"
     version = "2"
+    not_promised: Mapping[str, str] = NOT_PROMISED
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         return ACCELERATORS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from engines.film import Film
 from engines.mitsuba.seeds import seed_of
 from engines.mitsuba.shaders import path_node
-from engines.mitsuba.stage import Stage, far_corner, first_colours
+from engines.mitsuba.stage import Stage, far_corner
 
 BLOCK = 16
 """Pixels a side of Mitsuba's blocks. Fixed: its seeds depend on the block, and by default the block on the threads."""
@@ -29,7 +29,7 @@ class Passes:
         options = self._stage.settings.shader.options
         if self._kind == "path_tracer":
             return path_node(options)
-        return {"type": "aov", "aovs": "t:depth,p:position,n:shape_index"}
+        return {"type": "aov", "aovs": "t:depth,p:position"}
 
     def restart(self) -> None:
         """Back to before the first sample."""
@@ -68,15 +68,11 @@ class Passes:
         film.bad_samples = self._film.bad_samples
 
     def _colours(self, developed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(h, w, 3) of what Mitsuba's film shows: colours, or depth, position and shape."""
+        """(h, w, 3) of what Mitsuba's film shows: colours, or depth and position."""
         if self._kind == "path_tracer":
             return developed
-        depth, position, place = developed[..., -5], developed[..., -4:-1], developed[..., -1]
-        hit = depth > 0.0
-        if self._kind == "albedo":
-            table = np.concatenate([first_colours(self._stage)[self._stage.places], np.zeros((1, 3))])
-            return table[np.rint(place).astype(int) - 1]  # Mitsuba counts from 1, and 0 is nothing
-        return np.repeat(_grey(self._stage, hit, depth, position)[..., None], 3, axis=2)
+        depth, position = developed[..., -4], developed[..., -3:]
+        return np.repeat(_grey(self._stage, depth > 0.0, depth, position)[..., None], 3, axis=2)
 
 
 def _grey(

@@ -98,12 +98,12 @@ class Located:
         return self.value
 
 
-def read_yaml(path: str | PathLike[str], error: type[RaybenchError] = SceneError) -> Located:
-    """The tree of a YAML file.
+def read_yaml(path: str | PathLike[str], error: type[RaybenchError] = SceneError, name: str = "") -> Located:
+    """The tree of a YAML file, which messages call `name` or by its path.
 
     Raises `error` for files that are missing, unreadable, empty, too large, not text or not strict YAML.
     """
-    name = fspath(path)
+    name = name or fspath(path)
     try:
         with Path(path).open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)

@@ -73,10 +73,9 @@ def test_the_other_shaders_agree_with_numpy(name, shader):
     _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene(name), shader, 2))
 
 
-@pytest.mark.parametrize("shader", ["depth_map", "albedo"])
-def test_the_scalar_variant_agrees_with_numpy(shader):
-    theirs = _replicates(SCALAR, _scene("two_spheres"), shader, 1)
-    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene("two_spheres"), shader, 2))
+def test_the_scalar_variant_agrees_with_numpy():
+    theirs = _replicates(SCALAR, _scene("two_spheres"), "depth_map", 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene("two_spheres"), "depth_map", 2))
 
 
 def _everything(**changes):
