@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
+from itertools import chain
 from typing import Any, Protocol
 
 import numpy as np
@@ -203,7 +204,8 @@ class Renderer:
             self._stages()
             first = self.film.spp
             step = 1 if on_pass else SAMPLES_A_TABLE
-            for target in [*range(first + step, first + spp, step), first + spp] if spp > 0 else []:
+            # not a list: that of an endless render takes tenths of a second to make, and to drop after stop()
+            for target in chain(range(first + step, first + spp, step), [first + spp] if spp > 0 else []):
                 self._render_to(target)
                 if self._control[driver.STOP]:
                     break
