@@ -148,7 +148,7 @@ def _page(frame: NDArray[np.uint8]) -> Any:
 
 def _encoder(output: Path) -> Any:
     try:
-        import imageio_ffmpeg
+        import imageio_ffmpeg  # pyright: ignore[reportMissingImports]  # the extra `video`
     except ImportError:
         raise ConfigError(
             f"-o {output}: no video encoder is installed: pip install 'raybench[video]', or write a .gif or a folder"

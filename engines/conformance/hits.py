@@ -197,11 +197,15 @@ def what_is_no_ray_misses(subject: Subject) -> None:
 
 
 def ties_go_to_the_lower_index(subject: Subject) -> None:
-    """Of surfaces at exactly the same distance the lower shape is hit, then the lower primitive."""
+    """Of faces at exactly the same distance the lower shape is hit, then the lower primitive."""
     corners = ((0, 0, 0), (2, 0, 0), (0, 2, 0))
     hit = Ray((0.5, 0.25, 1), (0, 0, -1), 1, (0, 0, 1), u=0.25, v=0.125)
     _hold(subject, [triangle(*corners)] * 3, [hit])
     _hold(subject, [mesh([list(corner) for corner in corners], [[0, 1, 2]] * 3)], [hit])
+
+
+def ties_of_spheres_go_to_the_lower_shape(subject: Subject) -> None:
+    """Of spheres at exactly the same distance the lower shape is hit."""
     for label, renderer in subject.tracers(scene([sphere()] * 3)):
         _compare(renderer, [Ray((0, 0, 5), (0, 0, -1), 4, (0, 0, 1))], label)
 
@@ -265,6 +269,7 @@ CLAIMS = (
     t_counts_in_lengths_of_the_direction,
     what_is_no_ray_misses,
     ties_go_to_the_lower_index,
+    ties_of_spheres_go_to_the_lower_shape,
     trace_and_occluded_agree,
     rays_do_not_see_each_other,
     normals_are_unit_and_face_the_ray,

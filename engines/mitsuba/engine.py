@@ -22,7 +22,8 @@ SAMPLERS: dict[str, dict[str, Option]] = {
     "independent": {}, "multijitter": _PATTERN, "orthogonal": _PATTERN, "ldsampler": _PATTERN,
 }  # fmt: skip
 """Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`."""
-NOT_PROMISED = {"ties_go_to_the_lower_index": "of surfaces at the same distance Embree returns any"}
+ANY = "of surfaces at the same distance Embree returns any"
+NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lower_shape": ANY}
 
 
 class Engine:

@@ -115,7 +115,7 @@ class OneBadRaySpoilsAll(Renderer):
         return super().trace(np.full_like(origins, np.nan) if bad else origins, directions, t_max)
 
 
-@breaks(hits.ties_go_to_the_lower_index)
+@breaks(hits.ties_go_to_the_lower_index, hits.ties_of_spheres_go_to_the_lower_shape)
 class LastWins(Renderer):
     def wins(self, t, other):
         return t <= other
