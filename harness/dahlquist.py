@@ -160,16 +160,20 @@ def _write_mp4(output: Path, frames: Iterator[NDArray[np.uint8]], frames_per_sec
     first = _even(next(frames))
     height, width, _ = first.shape
     options = {"fps": frames_per_second, "quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
-    writer = _encoder(output).write_frames(str(output), (width, height), **options)
+    part = output.with_name(f".{output.name}.part.mp4")
+    writer = _encoder(output).write_frames(str(part), (width, height), **options)
     try:
         writer.send(None)
         writer.send(first)
         for frame in frames:
             writer.send(_even(frame))
+        writer.close()
+        part.replace(output)  # a short movie's failure shows in this alone: the encoder leaves no file
     except OSError as problem:
         raise ConfigError(f"-o {output}: the encoder failed: {str(problem).strip().splitlines()[-1]}") from problem
     finally:
         writer.close()
+        part.unlink(missing_ok=True)
 
 
 def _even(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:

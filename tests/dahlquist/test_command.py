@@ -2,6 +2,7 @@
 
 import hashlib
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -63,6 +64,19 @@ def test_an_mp4_is_written_where_an_encoder_is_installed(tmp_path):
     assert done.exit_code == 0, done.output
     frames, _ = encoder.count_frames_and_secs(str(file))
     assert frames == 5
+
+
+def test_an_mp4_that_the_encoder_does_not_write_is_an_error(tmp_path, monkeypatch):
+    """Whatever the encoder is: this one swallows the frames."""
+
+    def write_frames(path, size, **options):
+        while True:
+            yield
+
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", SimpleNamespace(write_frames=write_frames))
+    done = command("--size", "16x16", "--engine", "numpy", "--animate", 2, "-o", tmp_path / "movie.mp4")
+    assert isinstance(done.exception, RaybenchError) and "the encoder failed" in str(done.exception)
+    assert not list(tmp_path.iterdir())
 
 
 def test_without_an_encoder_the_message_names_the_extra(tmp_path, monkeypatch):
