@@ -147,18 +147,22 @@ def words(pair: EnginePair) -> str:
     if pair.comparison is None:
         return f"{names}: not compared, for there are no two different images of each."
     found, (k, m), (n, o), paired = pair.comparison
-    interval = f"between {percent(found.low)} and {percent(found.high)}"
-    told = {
-        "equivalent": f"make the same image: the means differ by {interval}, less than {100 * MARGIN:g} %, and "
-                      "neither pixels nor tiles stand out",
-        "different": f"make different images: {'; '.join(_reasons(found))}",
-        "inconclusive": f"are not told apart, nor shown to be equal: the means differ by {interval}, and only less than "
-                        f"{100 * MARGIN:g} % would count as equal",
-    }[found.verdict]  # fmt: skip
     samples = f"{n} spp" if n == o else f"{n} and {o} spp"
     rests = f"{k} and {m} images of {samples}{', pairs of one seed' if paired else ''}"
-    seen = percent(found.detectable).removeprefix("+")
-    return f"{names} {told}. A bias of {seen} would have been seen ({rests})."
+    return f"{names} {conclusion(found)} ({rests})."
+
+
+def conclusion(found: Equivalence, margin: float = MARGIN) -> str:
+    """The verdict on two engines as the rest of a sentence, and the bias that would have been seen."""
+    interval = f"between {percent(found.low)} and {percent(found.high)}"
+    told = {
+        "equivalent": f"make the same image: the means differ by {interval}, less than {100 * margin:g} %, and "
+                      "neither pixels nor tiles stand out",
+        "different": f"make different images: {'; '.join(_reasons(found, margin))}",
+        "inconclusive": f"are not told apart, nor shown to be equal: the means differ by {interval}, and only less than "
+                        f"{100 * margin:g} % would count as equal",
+    }[found.verdict]  # fmt: skip
+    return f"{told}. A bias of {percent(found.detectable).removeprefix('+')} would have been seen"
 
 
 def percent(share: float) -> str:
@@ -166,10 +170,10 @@ def percent(share: float) -> str:
     return "0.001 %" if abs(share) < 1e-5 else f"{100 * share:+.2g} %"
 
 
-def _reasons(found: Equivalence) -> list[str]:
+def _reasons(found: Equivalence, margin: float) -> list[str]:
     """Which of the tests a pair failed."""
     reasons = []
-    if not -MARGIN < found.low <= found.high < MARGIN and found.image_p < found.alpha:
+    if not -margin < found.low <= found.high < margin and found.image_p < found.alpha:
         reasons.append(f"the means differ by {percent(found.difference)}")
     if found.tile_p < found.tile_threshold:
         reasons.append("tiles stand out")

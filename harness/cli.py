@@ -230,7 +230,10 @@ def verify(
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
-            "--engine", metavar="NAME", help="An engine, ours or module:attribute. May be repeated. [default: all]"
+            "--engine",
+            metavar="NAME",
+            help="An engine, ours or module:attribute, or all that are installed. May be repeated. "
+            "[default: numpy, numba, embree]",
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
@@ -239,12 +242,17 @@ def verify(
         typer.Option("--case", metavar="ID", help="A case or a section alone. May be repeated."),
     ] = None,
     out: Annotated[Optional[Path], typer.Option("--out", help="[default: results/verify]")] = None,  # noqa: UP045
+    jobs: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(min=1, help="Processes side by side. [default: one a core, 8 at most]"),
+    ] = None,
     allow_imports: AllowImports = False,
 ) -> None:
     """Hold engines to hard cases and known answers; exit code 1 where a promise is broken."""
+    from harness.verify.command import Asked
     from harness.verify.command import verify as verified
 
-    raise typer.Exit(verified(engine or [], quick, only or [], out, allow_imports))
+    raise typer.Exit(verified(Asked(engine or [], quick, only or [], out, jobs, allow_imports)))
 
 
 @app.command()

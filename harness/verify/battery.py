@@ -25,7 +25,7 @@ from harness.verify import (
     triangles,
 )
 from harness.verify.case import Case, Measured
-from harness.verify.promises import PROMISES, Promise
+from harness.verify.promises import OWN, PROMISES, Promise
 from harness.verify.subject import Declined, Subject, accelerators, precisions
 
 SECTIONS = (spheres.SECTION, triangles.SECTION, boxes_and_trees.SECTION, rays.SECTION, spawned_rays.SECTION,
@@ -86,10 +86,14 @@ def examine(case: Case, subject: Subject) -> list[Finding]:
     except Declined as reason:
         return [_finding(case, subject, Measured(np.zeros(0), note=str(reason)), DECLINED, 0.0)]
     except Exception as error:
-        failed = Measured(np.array([np.inf]), note=f"{type(error).__name__}: {error}")
-        return [_finding(case, subject, failed, BROKEN, time.perf_counter() - since)]
+        return [broken(case, subject, f"{type(error).__name__}: {error}", time.perf_counter() - since)]
     seconds = (time.perf_counter() - since) / max(len(results), 1)
     return [_finding(case, subject, result, None, seconds) for result in results]
+
+
+def broken(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> Finding:
+    """The finding of a case that gave no answer."""
+    return _finding(case, subject, Measured(np.array([np.inf]), note=note), BROKEN, seconds)
 
 
 def _error(promise: Promise, errors: Any) -> float:
@@ -109,7 +113,8 @@ def _typical(errors: Any) -> float:
 
 def _verdict(case: Case, subject: Subject, promise: Promise, result: Measured, error: float) -> tuple[float, str]:
     """(allowed, verdict); what is not promised is kept where it would pass as a promise of float64."""
-    limit = promise.limit(subject.tracing, result.parameter)
+    own = OWN.get((subject.engine.name, subject.precision), {})
+    limit = own[case.id] if case.id in own else promise.limit(subject.tracing, result.parameter)
     wanted = limit if limit is not None else promise.limit("float64", result.parameter)
     if wanted is None:
         raise KeyError(f"case {case.id}: no promise for {result.parameter!r}")

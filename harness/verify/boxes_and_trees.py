@@ -148,6 +148,32 @@ def cell_walls(subject: Subject) -> Iterator[Measured]:
         yield measured((np.abs(hits.t / away - 1) > 16 * subject.eps) | (hits.shape != 2), f"from {away:g}")
 
 
+@SECTION.case("A7", "However coarse or fine an accelerator is told to be, down to one cell, its hits are the same.",
+              "raybench, A2: resolution 1")  # fmt: skip
+def any_resolution(subject: Subject) -> Iterator[Measured]:
+    """Against the engine's first accelerator, over all options that are numbers."""
+    first, n = accelerators(subject.engine)[0], subject.count(1600)
+    scenes: list[list[Shape]] = [[UNIT_UP], [_floor(8)], [soup(60, 0.3)], [*(_floor(4, z) for z in (-1.0, -0.5, 0.0))]]
+    for option, value in _extremes(subject):
+        chosen, wrong = {"name": subject.accelerator, option: value}, np.zeros(0, bool)
+        for given in scenes:
+            shapes = _cast_meshes(subject, given)
+            origins, directions = _rays(subject, shapes, n)
+            hits = subject.tracer(*shapes, accelerator=chosen).trace(origins, directions)
+            expected = subject.tracer(*shapes, accelerator=first).trace(origins, directions)
+            wrong = np.append(wrong, _differences(hits, expected))
+        yield measured(wrong, f"{option} {value:g}")
+
+
+def _extremes(subject: Subject) -> Iterator[tuple[str, float]]:
+    """The smallest and the largest power of ten that each option of the accelerator takes."""
+    for name, option in subject.engine.accelerators()[subject.accelerator].items():
+        if isinstance(option.default, (int, float)) and not isinstance(option.default, bool):
+            powers = [type(option.default)(10.0**power) for power in range(-3, 4)]
+            taken = [value for value in powers if option.check(value) is None]
+            yield from ((name, value) for value in dict.fromkeys([*taken[:1], *taken[-1:]]))
+
+
 @SECTION.case("A3", "A hit beyond the current cell is not taken before a nearer one.", "raybench, A3")
 def not_early(subject: Subject) -> Iterator[Measured]:
     rng, n = np.random.default_rng(33), subject.count(2000)

@@ -2,34 +2,102 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
 
 from engines import registry
-from engines.errors import ConfigError
+from engines.errors import ConfigError, UnknownName
 from harness.commands import allow_here, consoles
+from harness.examinations import case_words, chosen_cases
+from harness.machine import usable_cores
+from harness.progress import duration
 from harness.settings import require_imports
-from harness.verify import output
-from harness.verify.battery import BROKEN, CASES, findings
+from harness.verify import output, workers
+from harness.verify.battery import BROKEN, CASES, Finding
+
+OURS = ("numpy", "numba", "embree")
+"""Who is asked when nobody is named."""
+EVERY = "all"
+MOST_JOBS = 8
+"""Processes by default: each holds an engine and what it compiled, half a gigabyte at worst."""
 
 
-def verify(names: Sequence[str], quick: bool, only: Sequence[str], out: Path | None, allow_imports: bool) -> int:
-    """Runs the battery, prints and writes what it found; 1 where a promise is broken."""
+class Asked(NamedTuple):
+    """The command line; `only` holds ids of cases and names of sections, all where there are none."""
+
+    engines: Sequence[str] = ()
+    quick: bool = False
+    only: Sequence[str] = ()
+    out: Path | None = None
+    jobs: int | None = None
+    allow_imports: bool = False
+
+
+def verify(asked: Asked) -> int:
+    """Runs the battery, prints and writes what it found; 1 where a promise is broken, 130 where it was interrupted."""
     stdout, stderr = consoles()
-    allow_here(allow_imports)
-    for name in names:
-        require_imports(name, allow_imports)
-        if registry.is_file(name):
-            raise ConfigError(f"{name}: a renderer by process answers no single rays: ask `raybench equivalence`")
-    engines = [registry.engine(name) for name in names] if names else registry.all_engines()
-    chosen = [case for case in CASES if not only or case.id in only or case.section in only]
-    found = []
-    with stderr.status("verify") as status:
-        for finding in findings(engines, quick, chosen):
-            status.update(f"{finding.engine} {finding.precision} {finding.case}: {finding.asked}")
-            found.append(finding)
+    allow_here(asked.allow_imports)
+    for word in asked.only:
+        if word not in case_words():
+            raise UnknownName("case or section", word, case_words())
+    cases = chosen_cases(asked.only) if asked.only else CASES
+    folder = asked.out or Path("results") / "verify"
+    _make(folder)
+    parts = workers.parts(_engines(asked, stderr), asked.quick, cases)
+    try:
+        found = _examined(parts, asked.jobs or min(len(usable_cores()), MOST_JOBS), stderr)
+    except KeyboardInterrupt:
+        stderr.print("\nInterrupted: nothing is written.")
+        return 130
     output.show(found, stdout)
-    folder = out or Path("results") / "verify"
-    output.write(found, folder, quick)
+    output.write(found, folder, asked.quick)
     stdout.print(f"Written: {folder / 'verify.html'} (and .json, .csv, .tex)", soft_wrap=True)
     return int(any(finding.verdict == BROKEN for finding in found))
+
+
+def _make(folder: Path) -> None:
+    """Before the work, not after it."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: {error.strerror}: name a folder that can be written to") from error
+    if not os.access(folder, os.W_OK):
+        raise ConfigError(f"--out {folder}: cannot be written to")
+
+
+def _engines(asked: Asked, stderr: Console) -> list[str]:
+    """The engines' names; tells who else could be asked, and warns of installed ones that cannot be loaded."""
+    names = list(dict.fromkeys(asked.engines))
+    for name in names:
+        require_imports(name, asked.allow_imports)
+        if registry.is_file(name):
+            raise ConfigError(f"{name}: a renderer by process answers no single rays: ask `raybench equivalence`")
+    if names and EVERY not in names:
+        return names
+    installed = [engine.name for engine in registry.all_engines()]
+    if names:
+        return list(dict.fromkeys([*installed, *(name for name in names if name != EVERY)]))
+    others = [name for name in installed if name not in OURS]
+    if others:
+        stderr.print(f"Asked: {', '.join(OURS)}. Installed besides: {', '.join(others)} (--engine NAME, or --engine all).",
+                     markup=False, soft_wrap=True)  # fmt: skip
+    return list(OURS)
+
+
+def _examined(parts: Sequence[workers.Part], jobs: int, stderr: Console) -> list[Finding]:
+    """All findings in the order of the parts; on stderr a line a part, or on a terminal how far it is."""
+    done: dict[int, workers.Done] = {}
+    with stderr.status(f"verify: {len(parts)} parts, {jobs} at a time") as status:
+        for each in workers.run(parts, jobs):
+            done[each.number] = each
+            told = output.counts(each.findings)
+            words = (f"verify [{len(done)}/{len(parts)}] {each.part.words}: "
+                     f"{output.counts_text(told)}, {duration(each.seconds)}")  # fmt: skip
+            status.update(words)
+            if not stderr.is_terminal or told[BROKEN]:
+                stderr.print(words, markup=False, highlight=False, soft_wrap=True)
+    return [finding for number in sorted(done) for finding in done[number].findings]

@@ -16,9 +16,11 @@ from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
 from engines.scene import Scene, load_scene
 from harness import catalog
+from harness.agreement import conclusion
 from harness.commands import allow_here, consoles
 from harness.settings import require_commands, require_imports
 from harness.statistics import Equivalence, equivalence
+from harness.statistics.equivalence import shared_alpha
 from harness.tables.model import number_text
 
 COLOURS = {"equivalent": "green", "inconclusive": "yellow", "different": "bold red"}
@@ -54,8 +56,11 @@ def compare(asked: Asked) -> int:
         place: replicate_images(engine_of(name), scene, settings_of(asked), asked.replicates, place * asked.replicates)
         for place, name in enumerate(asked.engines)
     }
-    rows = [(asked.engines[a], asked.engines[b], equivalence(images[a], images[b], asked.margin))
-            for a, b in combinations(range(len(asked.engines)), 2)]  # fmt: skip
+    pairs = list(combinations(range(len(asked.engines)), 2))
+    alpha = shared_alpha(len(pairs))
+    rows = [
+        (asked.engines[a], asked.engines[b], equivalence(images[a], images[b], asked.margin, alpha)) for a, b in pairs
+    ]
     _show(scene, asked, rows)
     return int(any(found.verdict == "different" for _, _, found in rows))
 
@@ -95,24 +100,31 @@ def _show(scene: Scene, asked: Asked, rows: Sequence[tuple[str, str, Equivalence
         "B",
         "pixels p",
         "tiles p",
-        "image p",
         "KS p",
+        "image p",
         "(B - A) / A",
         "90 % interval",
         "detectable",
         "verdict",
     )
-    table = Table(*names, box=None, header_style="bold")
+    table = Table(*names, box=None, header_style="dim", pad_edge=False)
     for first, second, found in rows:
-        numbers = (found.pixel_p, found.tile_p, found.image_p, found.ks_p)
+        numbers = (found.pixel_p, found.tile_p, found.ks_p, found.image_p)
         shares = [f"{100 * share:+.3f} %" for share in (found.difference, found.low, found.high)]
         table.add_row(first, second, *map(number_text, numbers), shares[0], f"{shares[1]} to {shares[2]}",
                       f"{100 * found.detectable:.3f} %", f"[{COLOURS[found.verdict]}]{found.verdict}[/]")  # fmt: skip
     stdout.print(table)
-    if rows:
-        found = rows[0][2]
-        words = (f"{scene.name}, {asked.size}, {asked.replicates} images of {asked.spp} spp an engine. "
-                 f"Different below p = {found.pixel_threshold:.1e} (pixels), {found.tile_threshold:.1e} (tiles), 0.01 (KS); "
-                 f"equivalent where the interval lies within {100 * asked.margin:g} %. "
-                 "Detectable: the bias of the mean seen with 80 % power.")  # fmt: skip
-        stdout.print(words, soft_wrap=True)
+    for first, second, found in rows:
+        stdout.print(f"{first} and {second} {conclusion(found, asked.margin)}.", markup=False, soft_wrap=True)
+    if any(found.verdict == "inconclusive" for _, _, found in rows):
+        stdout.print("Four times --spp, or --replicates, halve an interval.", markup=False)
+    found = rows[0][2]
+    words = (
+        f"{scene.name}, {asked.size}, {asked.replicates} images of {asked.spp} spp an engine, all of seeds of their own. "
+        f"Different: p below {number_text(found.pixel_threshold)} for a pixel, {number_text(found.tile_threshold)} for a "
+        f"tile, {number_text(found.alpha)} for the tiles together (KS), or {number_text(found.alpha)} for the image with "
+        f"an interval that leaves the margin of {100 * asked.margin:g} %; each of the four gives "
+        f"{'the pair' if len(rows) == 1 else 'all pairs together'} a false alarm of 1 %. "
+        "Detectable: the bias of the mean that is seen with 80 % power."
+    )
+    stdout.print(words, style="dim", markup=False, soft_wrap=True)

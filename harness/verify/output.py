@@ -8,7 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jinja2
 from rich.console import Console
@@ -46,6 +46,7 @@ COLUMNS = [
 ]
 SHORT = ("case", "engine", "tracing", "accelerator", "parameter", "error", "unit", "allowed", "verdict", "median",
          "tail", "worst")  # fmt: skip
+WIDEST = 120
 COLOURS = {KEPT: "green", NOT_PROMISED: "yellow", BROKEN: "bold red", DECLINED: "dim"}
 
 
@@ -89,40 +90,79 @@ def counts(found: Sequence[Finding]) -> Counter[str]:
     return Counter(finding.verdict for finding in found)
 
 
+def counts_text(counted: Counter[str]) -> str:
+    return ", ".join(f"{counted[verdict]} {verdict}" for verdict in COLOURS if counted[verdict]) or "nothing asked"
+
+
 def show(found: Sequence[Finding], console: Console) -> None:
-    """One row a case, engine and tracing precision: the finding nearest to its limit; all that is not kept in full."""
-    names = ("case", "asked", "engine", "precision", "accelerator", "parameter", "error", "allowed", "verdict")
-    printed = Printed(*names, box=None, header_style="bold")
-    for finding, rest in condensed(found):
-        texts = [finding.case, finding.asked, finding.engine, finding.precision, *_where(finding, rest),
-                 f"{number_text(finding.error)} {finding.unit}", limit_text(finding)]  # fmt: skip
-        printed.add_row(*map(escape, texts), f"[{COLOURS[finding.verdict]}]{finding.verdict}[/]")
-    console.print(printed)
+    """A table an engine and precision: of each case the finding nearest to its limit, and whatever is broken in full."""
+    by_engine: dict[str, list[Finding]] = {}
+    for finding in found:
+        traces = "" if finding.tracing == finding.precision else f" (traces in {finding.tracing})"
+        by_engine.setdefault(f"{finding.engine} {finding.precision}{traces}", []).append(finding)
+    for engine, findings in by_engine.items():
+        console.print(_printed(engine, findings), width=min(console.width, WIDEST))
+        console.print()
     for finding in found:
         if finding.verdict == BROKEN and finding.note:
             where = f"{finding.case} {finding.engine} {finding.precision} {finding.accelerator}"
-            console.print(f"{where}: {finding.note}", style="red", markup=False)
-    console.print(", ".join(f"{number} {verdict}" for verdict, number in sorted(counts(found).items())) + ".")
+            console.print(f"{where}: {finding.note}", style="red", markup=False, soft_wrap=True)
+    console.print(f"{counts_text(counts(found))}.", markup=False)
 
 
-def _where(finding: Finding, rest: int) -> tuple[str, str]:
-    more = f" (+{rest} kept)" if rest else ""
-    return finding.accelerator, finding.parameter + more
+def _printed(engine: str, found: Sequence[Finding]) -> Printed:
+    """Distributions in ulp take three columns where any case of the engine has them."""
+    printed = Printed(title=engine, title_justify="left", title_style="bold", box=None, header_style="dim",
+                      pad_edge=False, collapse_padding=True, padding=(0, 2, 0, 0))  # fmt: skip
+    with_ulps = any(not math.isnan(finding.worst) for finding in found)
+    printed.add_column("case", no_wrap=True)
+    printed.add_column("what is asked", max_width=40 if with_ulps else 58, min_width=20)
+    printed.add_column("worst at", max_width=26, min_width=12)
+    printed.add_column("error", justify="right", no_wrap=True)
+    printed.add_column("allowed", justify="right", no_wrap=True)
+    if with_ulps:
+        for name in ("ulp: 50 %", "99.9 %", "worst"):
+            printed.add_column(name, justify="right", no_wrap=True)
+    printed.add_column("verdict")
+    for finding, rest, spread in condensed(found):
+        accelerator = "" if finding.accelerator == "auto" else finding.accelerator
+        where = ", ".join(filter(None, [accelerator, finding.parameter]))
+        unit = "" if finding.unit in ("relative", "absolute") else f" {finding.unit}"
+        texts = [finding.case, finding.asked, where, f"{number_text(finding.error)}{unit}", limit_text(finding)]
+        if with_ulps:
+            shares = (spread.median, spread.tail, spread.worst)
+            texts += ["" if math.isnan(share) else number_text(share) for share in shares]
+        more = f" [dim]+{rest}[/]" if rest else ""
+        printed.add_row(*map(escape, texts), f"[{COLOURS[finding.verdict]}]{finding.verdict}[/]{more}")
+    return printed
 
 
-def condensed(found: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Of the kept findings of a case, engine and precision the worst, with how many it stands for; others as they are."""
+class Condensed(NamedTuple):
+    """A finding, how many more of its case and verdict it stands for, and the one of them that is worst in ulp."""
+
+    finding: Finding
+    rest: int
+    spread: Finding
+
+
+def condensed(found: Sequence[Finding]) -> list[Condensed]:
+    """Of the findings of a case, engine, precision and verdict the one nearest to its limit; of broken ones all."""
     groups: dict[tuple[str, ...], list[Finding]] = {}
     for finding in found:
         group = groups.setdefault((finding.engine, finding.precision, finding.section, finding.case), [])
         group.append(finding)
-    rows: list[tuple[Finding, int]] = []
+    rows: list[Condensed] = []
     for group in groups.values():
-        kept = [finding for finding in group if finding.verdict == KEPT]
-        if kept:
-            rows.append((max(kept, key=_closeness), len(kept) - 1))
-        rows += [(finding, 0) for finding in group if finding.verdict != KEPT]
+        for verdict in (KEPT, NOT_PROMISED, DECLINED):
+            alike = [finding for finding in group if finding.verdict == verdict]
+            if alike:
+                rows.append(Condensed(max(alike, key=_closeness), len(alike) - 1, max(alike, key=_worst)))
+        rows += [Condensed(finding, 0, finding) for finding in group if finding.verdict == BROKEN]
     return rows
+
+
+def _worst(finding: Finding) -> float:
+    return -1.0 if math.isnan(finding.worst) else finding.worst
 
 
 def _closeness(finding: Finding) -> float:
@@ -154,7 +194,7 @@ def page(found: Sequence[Finding], quick: bool, plots: Sequence[Plot] = ()) -> s
         sections=sections, engines=engines, matrix=matrix, counts=counts(found), quick=quick, promises=PROMISES,
         number=number_text, limit=limit_text, isnan=math.isnan,
         plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
-        worst=lambda given: [finding for finding, _ in condensed(given)],
+        worst=lambda given: [row.finding for row in condensed(given)],
         has_ulps=lambda given: any(not math.isnan(finding.worst) for finding in given),
         failures=[f for f in found if f.verdict == BROKEN], lost=[f for f in found if f.verdict == NOT_PROMISED],
     )  # fmt: skip

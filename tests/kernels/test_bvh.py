@@ -1,6 +1,7 @@
 """The tree itself: every primitive in one leaf, boxes that hold what is below them, and the same bytes by any threads."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from engines.errors import Unsupported
 from engines.kernels.world import SPHERES, TRIANGLES, VERTICES, flatten
 from engines.numba_cpu.accel import bvh_walk
 from engines.numba_cpu.accel.bvh import Accelerator
+from engines.numba_cpu.accel.bvh_build import DEEPEST
 from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING
 from engines.numba_cpu.accel.bvh_leaves import stride
+from engines.scene import Mesh
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [8, 8]}
 
@@ -74,6 +77,24 @@ def test_every_primitive_is_in_one_leaf_and_every_box_holds_what_is_below(real):
     check(0, np.full(3, -np.inf), np.full(3, np.inf))
     assert sorted(found) == list(range(20 * 4**4 + 700))
     assert nodes.shape[1] == NODE_WORDS
+
+
+@pytest.mark.parametrize(
+    "sizes", [np.ones(20_000), 2.0 ** -np.arange(120.0), 2.0 ** np.linspace(0, -100, 5000)],
+    ids=["one triangle again and again", "each half as far as the last", "many at every scale"],
+)  # fmt: skip
+def test_no_scene_makes_the_tree_deep(sizes):
+    corners = sizes[:, None, None] * np.array([[1.0, 0, 0], [1.0, 0.5, 0], [1.0, 0, 0.5]])
+    scene = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}}, "shapes": []})
+    mesh = Mesh(corners.reshape(-1, 3), np.arange(3 * len(sizes), dtype=np.int32).reshape(-1, 3),
+                np.zeros(len(sizes), np.int32))  # fmt: skip
+    nodes, _ = built(flatten(replace(scene, shapes=(mesh,)), np.float64, np.float64))
+    depth, level = 0, [0]
+    while level:
+        depth += 1
+        level = [int(child) for child in nodes.view(np.int32)[level, CHILDREN : CHILDREN + 8].ravel()
+                 if child >= 0 and child != NOTHING]  # fmt: skip
+    assert depth <= DEEPEST + np.log2(len(sizes)) + 1
 
 
 @pytest.mark.parametrize("spheres", [0, 700])

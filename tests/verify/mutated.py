@@ -1,4 +1,4 @@
-"""Copies of the reference engine with one planted fault each, as packages of their own."""
+"""Copies of the reference engine, or of the jitted one, with one planted fault each, as packages of their own."""
 
 import importlib
 import re
@@ -7,11 +7,16 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-SOURCES = Path(__file__).resolve().parents[2] / "engines" / "numpy_reference"
+SOURCES = Path(__file__).resolve().parents[2] / "engines"
+HOUSES = {"numpy_reference": ("numpy_reference",), "numba_cpu": ("numba_cpu", "kernels")}
+"""The package of an engine's class, and the folders that make the engine."""
 
 
 class Fault(NamedTuple):
-    """`before` becomes `after` in `file`; `case` (with `accelerator`) must see it."""
+    """`before` becomes `after` in `file`; `case` (with `accelerator`) must see it.
+
+    Files of the reference have a bare name, those of the jitted engine their folder's before it.
+    """
 
     name: str
     file: str
@@ -20,6 +25,10 @@ class Fault(NamedTuple):
     case: str
     accelerator: str = "auto"
     also: tuple[str, str] = ("", "")
+
+    @property
+    def jitted(self) -> bool:
+        return "/" in self.file
 
 
 FAULTS = [
@@ -83,24 +92,43 @@ FAULTS = [
     Fault("Halton of one base", "sampler.py", "PRIMES[dimension]", "PRIMES[0]", "q.edge"),
     Fault("Sobol of one dimension", "sampler.py", "DIRECTIONS[dimension, bits]", "DIRECTIONS[0, bits]", "q.slope"),
     Fault("strata on a diagonal", "sampler.py", "place >> m if dimension % 2 else", "", "q.slope"),
+    Fault("kernels: sphere by b*b - 4ac", "kernels/shapes.py", "discriminant = radius * radius - dot(l, l)",
+          "discriminant = (b * b - a * (dot(f, f) - radius * radius)) / a", "S1", "none"),
+    Fault("kernels: watertight edges made strict", "kernels/shapes.py", "(low >= zero) | (high <= zero)",
+          "(low > zero) | (high < zero)", "T4", "none"),
+    Fault("kernels: hits before a constant epsilon are dropped", "numba_cpu/accel/grid.py",
+          "valid = distance > real(0) and this != left", "valid = distance > real(1e-4) and this != left", "T15", "grid"),
+    Fault("kernels: slab by min and max alone", "numba_cpu/accel/bvh_walk.py", "inverse = finite_inverse(d, tiny)",
+          "inverse = np.float32(1) / d", "B1", "bvh"),
+    Fault("kernels: a hit beyond the cell is taken", "numba_cpu/accel/grid.py",
+          "if t * widen + ray.slack + fetch(grid.box, 6) < exit_:", "if rank >= 0:", "A3", "grid"),
+    Fault("kernels: point light without 1/d^2", "kernels/lights.py", "scale = one / select(falloff",
+          "scale = one + const(0.0, falloff) * select(falloff", "d"),
+    Fault("kernels: normal never turned to the viewer", "kernels/surface.py",
+          "geometric = select3(front, place.stored, -place.stored)", "geometric = place.stored", "d"),
 ]  # fmt: skip
 
 
 def mutated(fault, folder):
     """The engine with the fault, imported from a copy under `folder`."""
     package = "planted_" + re.sub(r"\W+", "_", fault.name)
-    copy = folder / package
-    shutil.copytree(SOURCES, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    file = copy / fault.file
+    house, copy = "numba_cpu" if fault.jitted else "numpy_reference", folder / package
+    for part in HOUSES[house]:
+        shutil.copytree(SOURCES / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
+    (copy / "__init__.py").touch()
+    file = copy / fault.file if fault.jitted else copy / house / fault.file
     source = file.read_text()
     assert source.count(fault.before) >= 1, f"{fault.file} no longer holds {fault.before!r}"
     assert fault.also[0] in source
     file.write_text(source.replace(fault.before, fault.after).replace(*fault.also) if fault.also[0]
                     else source.replace(fault.before, fault.after))  # fmt: skip
-    for path in copy.glob("*.py"):
-        path.write_text(path.read_text().replace("engines.numpy_reference", package))
+    for path in copy.rglob("*.py"):
+        text = path.read_text()
+        for part in HOUSES[house]:
+            text = text.replace(f"engines.{part}", f"{package}.{part}")
+        path.write_text(text)
     sys.path.insert(0, str(folder))
     try:
-        return importlib.import_module(package).Engine()
+        return importlib.import_module(f"{package}.{house}").Engine()
     finally:
         sys.path.remove(str(folder))

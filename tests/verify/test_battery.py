@@ -2,10 +2,10 @@
 
 import csv
 import json
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from frail_engines import Misser
 from typer.testing import CliRunner
 
 import engines
@@ -37,29 +37,6 @@ def test_numba_keeps_the_fast_cases(precision):
     subject = Subject(engines.engine("numba"), precision, "bvh")
     found = [finding for case in FAST if case.id != "T6" for finding in examine(case, subject)]
     assert {finding.verdict for finding in found} <= {KEPT, NOT_PROMISED}
-
-
-@dataclass
-class Misser:
-    """An engine whose rays all miss; it declines to render glass."""
-
-    name: str = "misser"
-    version: str = "0"
-
-    def accelerators(self):
-        return {"auto": {}}
-
-    def why_not(self, scene, settings):
-        glass = any(material.fresnel for material in scene.materials)
-        return "no glass" if glass else None if settings.precision == "float64" else "float64 only"
-
-    def prepare(self, scene, settings):
-        return self
-
-    def trace(self, origins, directions, t_max=np.inf):
-        n = len(origins)
-        none = np.full(n, -1)
-        return engines.Hits(np.full(n, np.inf), none, none, np.zeros((n, 3)), np.zeros(n), np.zeros(n))
 
 
 def test_an_engine_that_misses_breaks_its_promises_and_may_decline():
