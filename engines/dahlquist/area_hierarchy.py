@@ -17,25 +17,25 @@ EVERYWHERE = np.array([-np.inf, np.inf, -np.inf, np.inf], REAL)
 
 def boxes(centres: Reals) -> Reals:
     """(n, 4) lowest and highest y, lowest and highest z for balls at `centres` (n, 3)."""
-    return np.array([_box(centre, radius) for centre, radius in zip(centres, RADII, strict=True)], REAL)
-
-
-def _box(centre: Reals, radius: np.float32) -> list[np.float32]:
-    squared = REAL((centre.astype(np.float64) ** 2).sum())
-    axis = centre / np.sqrt(squared)
-    sine = radius / np.sqrt(squared - radius)
-    squared_cosine = REAL(1.0 - np.float64(sine) ** 2)
+    squared = _squared_length(centres.T)
+    axis = centres.T / np.sqrt(squared)
+    sine = RADII / np.sqrt(squared - RADII)
+    squared_cosine = (1.0 - sine.astype(np.float64) ** 2).astype(REAL)
     sides = []
     for k in (1, 2):
-        towards = np.zeros(3, REAL)
+        towards = np.zeros((3, 1), REAL)
         towards[k] = 1
         across = _cross(axis, _cross(axis, towards))
-        across = across / np.sqrt(REAL((across.astype(np.float64) ** 2).sum()))
+        across = across / np.sqrt(_squared_length(across))
         ends = axis[k] * squared_cosine - across[k] * sine, axis[k] * squared_cosine + across[k] * sine
-        sides += [min(ends), max(ends)]
-    return sides
+        sides += [np.minimum(*ends), np.maximum(*ends)]
+    return np.stack(sides, axis=1)
+
+
+def _squared_length(a: Reals) -> Reals:
+    return (a.astype(np.float64) ** 2).sum(axis=0).astype(REAL)
 
 
 def _cross(a: Reals, b: Reals) -> Reals:
     """The original's cross product: y has the wrong sign."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[0] * b[2] - a[2] * b[0], a[0] * b[1] - a[1] * b[0]], REAL)
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[0] * b[2] - a[2] * b[0], a[0] * b[1] - a[1] * b[0]])

@@ -1,4 +1,4 @@
-"""What sixteen rays see: balls, the probe in their mirrors, the background behind them; and pixels as they lie in memory."""
+"""What sixteen rays see of balls, and of the probe in their mirrors; and pixels as they lie in memory."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.dahlquist.animation import REAL
-from engines.dahlquist.frame import BACKGROUND, DARK, SPHERE
+from engines.dahlquist.frame import SPHERE
 from engines.dahlquist.numba_rays import (
     BALL,
     BALL_REALS,
@@ -17,7 +17,6 @@ from engines.dahlquist.numba_rays import (
     DISTANCE,
     FIRST,
     HALF,
-    ONE,
     ORIGIN,
     SECOND,
     ZERO,
@@ -26,13 +25,12 @@ from engines.dahlquist.numba_rays import (
 )  # fmt: skip
 from engines.dahlquist.numpy_frame import TO_LIGHT
 from engines.kernels.block import get3, put3
-from engines.kernels.jit import LANES, fetch, get, get_int, inline, keep, pointer, put_int, select
+from engines.kernels.jit import LANES, fetch, get, get_int, inline, pointer, put_int, select
 from engines.kernels.vector import Vec3, dot
 
 TWO, FOUR, MOST = (REAL(x) for x in (2, 4, 255))
 TO_LIGHT_X, TO_LIGHT_Y, TO_LIGHT_Z = (REAL(x) for x in TO_LIGHT[:, 0])
 LOW_BYTE = np.uint32(255)
-DARK_WORD = np.uint32(DARK[0] | DARK[1] << 8 | DARK[2] << 16 | BACKGROUND << 24)
 
 
 class Tables(NamedTuple):
@@ -86,43 +84,13 @@ def finish(lanes, level, tables, environment):
             colour = get3(lanes, SECOND, lane) + colour
         if level >= 1:
             colour = get3(lanes, FIRST, lane) + colour
-        put_int(lanes, COLOUR, lane, np.int32(_word(colour, SPHERE)))
+        put_int(lanes, COLOUR, lane, np.int32(word(colour, SPHERE)))
 
 
 @inline
-def draw_background(lanes, begun, column, row, width, height, tables, environment, pixels):
-    """The background where nothing was met, unless it is there already."""
-    texels, stretch = pointer(tables.background, REAL), pointer(tables.stretch, REAL)
-    y = REAL(tables.background_height) * (REAL(row) / REAL(height))
-    top = np.int64(y)
-    bottom = min(top + (1 if REAL(top) < y else 0), tables.background_height - 1)
-    fy = y - REAL(top)
-    for lane in range(np.uint64(LANES)):
-        x = column + np.int64(lane)
-        if x < width and not (begun and get_int(lanes, BALL, lane) >= 0):
-            place = row * width + x
-            if fetch(pixels, place) >> np.uint32(24) == np.uint32(BACKGROUND):
-                continue
-            if not environment:
-                keep(pixels, place, DARK_WORD)
-                continue
-            left, right = np.int64(fetch(stretch, 3 * x)), np.int64(fetch(stretch, 3 * x + 1))
-            fx = fetch(stretch, 3 * x + 2)
-            above, below = top * tables.background_width, bottom * tables.background_width
-            high = _colour(texels, above + left) * (ONE - fx) + _colour(texels, above + right) * fx
-            low = _colour(texels, below + left) * (ONE - fx) + _colour(texels, below + right) * fx
-            keep(pixels, place, _word(high * (ONE - fy) + low * fy, BACKGROUND))
-
-
-@inline
-def _colour(texels, k):
-    return Vec3(fetch(texels, 4 * k), fetch(texels, 4 * k + 1), fetch(texels, 4 * k + 2))
-
-
-@inline
-def _texel(word):
+def _texel(bits):
     """Red, green and blue of a word."""
-    red, green, blue = word & LOW_BYTE, word >> np.uint32(8) & LOW_BYTE, word >> np.uint32(16) & LOW_BYTE
+    red, green, blue = bits & LOW_BYTE, bits >> np.uint32(8) & LOW_BYTE, bits >> np.uint32(16) & LOW_BYTE
     return Vec3(REAL(np.int32(red)), REAL(np.int32(green)), REAL(np.int32(blue)))
 
 
@@ -134,7 +102,7 @@ def _byte(x):
 
 
 @inline
-def _word(colour, flag):
+def word(colour, flag):
     """A pixel as it lies in memory: red in the lowest byte, the flag in the highest."""
     rgb = _byte(colour.x) | _byte(colour.y) << np.uint32(8) | _byte(colour.z) << np.uint32(16)
     return rgb | np.uint32(flag) << np.uint32(24)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from engines.dahlquist.animation import COLOURS, RADII, REAL
 from engines.dahlquist.frame import Frame, Pictures, View
-from engines.dahlquist.numba_colours import Tables, draw_background, finish, reflect
+from engines.dahlquist.numba_background import ALPHA, CHANNELS, Scratch, beside, draw_background
+from engines.dahlquist.numba_colours import Tables, finish, reflect
 from engines.dahlquist.numba_rays import (
     BALL,
     BALL_REALS,
@@ -30,6 +31,7 @@ from engines.dahlquist.numba_rays import (
     PIXEL,
     SECOND,
     WAITING,
+    ZERO,
     begin_search,
     in_box,
     meet,
@@ -44,32 +46,33 @@ from engines.kernels.vector import Vec3
 
 STRIP = 4
 """Rows that a thread takes at once."""
+HELD_FIELDS = (ORIGIN, SECOND, WAITING)
+"""How many fields rays of each level have in a queue."""
 
 
 @inline
-def _push(lanes, lane, queue, capacity, n):
-    """Puts a ray that has met a ball into place n of a queue."""
+def _push(lanes, lane, level, queue, capacity, n):
+    """Puts a ray that has met a ball into place n of a queue, with what rays of its level have."""
     _keep3(queue, DIRECTION * capacity + n, capacity, get3(lanes, DIRECTION, lane))
-    _keep3(queue, ORIGIN * capacity + n, capacity, get3(lanes, ORIGIN, lane))
-    _keep3(queue, FIRST * capacity + n, capacity, get3(lanes, FIRST, lane))
-    _keep3(queue, SECOND * capacity + n, capacity, get3(lanes, SECOND, lane))
     keep(queue, DISTANCE * capacity + n, get(lanes, DISTANCE, lane))
     keep(queue, BALL * capacity + n, get(lanes, BALL, lane))
     keep(queue, PIXEL * capacity + n, get(lanes, PIXEL, lane))
+    if level > 0:
+        _keep3(queue, ORIGIN * capacity + n, capacity, get3(lanes, ORIGIN, lane))
+        _keep3(queue, FIRST * capacity + n, capacity, get3(lanes, FIRST, lane))
+    if level > 1:
+        _keep3(queue, SECOND * capacity + n, capacity, get3(lanes, SECOND, lane))
 
 
 @inline
-def _pull(lanes, queue, capacity, first):
+def _pull(lanes, level, queue, capacity, first):
     """Takes sixteen rays that wait; beyond the last there are stale ones, which are harmless and never drawn."""
-    for lane in range(np.uint64(LANES)):
-        n = first + np.int64(lane)
-        put3(lanes, DIRECTION, lane, _fetch3(queue, DIRECTION * capacity + n, capacity))
-        put3(lanes, ORIGIN, lane, _fetch3(queue, ORIGIN * capacity + n, capacity))
-        put3(lanes, FIRST, lane, _fetch3(queue, FIRST * capacity + n, capacity))
-        put3(lanes, SECOND, lane, _fetch3(queue, SECOND * capacity + n, capacity))
-        put(lanes, DISTANCE, lane, fetch(queue, DISTANCE * capacity + n))
-        put(lanes, BALL, lane, fetch(queue, BALL * capacity + n))
-        put(lanes, PIXEL, lane, fetch(queue, PIXEL * capacity + n))
+    for field in range(HELD_FIELDS[level]):
+        for lane in range(np.uint64(LANES)):
+            put(lanes, field, lane, fetch(queue, field * capacity + first + np.int64(lane)))
+    if level == 0:
+        for lane in range(np.uint64(LANES)):
+            put3(lanes, ORIGIN, lane, Vec3(ZERO, ZERO, ZERO))
 
 
 @inline
@@ -80,18 +83,13 @@ def _keep3(queue, place, stride, value):
 
 
 @inline
-def _fetch3(queue, place, stride):
-    return Vec3(fetch(queue, place), fetch(queue, place + stride), fetch(queue, place + 2 * stride))
-
-
-@inline
 def _mirror(lanes, level, queue, waiting, further, capacity, tables, flags, pixels):
     """Shades the rays of a queue; those whose mirrors show a ball go into the queue `further`. Returns how many these are."""
     balls = pointer(tables.balls, REAL)
     environment, reflections = flags
     n = 0
     for first in range(0, waiting, LANES):
-        _pull(lanes, queue, capacity, first)
+        _pull(lanes, level, queue, capacity, first)
         reflect(lanes, balls)
         for lane in range(np.uint64(LANES)):
             put_int(lanes, BALL, lane, np.int32(-1))
@@ -106,7 +104,7 @@ def _mirror(lanes, level, queue, waiting, further, capacity, tables, flags, pixe
                 put3(lanes, SECOND, lane, diffuse)
         for lane in range(np.uint64(min(LANES, waiting - first))):
             if get_int(lanes, BALL, lane) >= 0:
-                _push(lanes, lane, further, capacity, n)
+                _push(lanes, lane, level + 1, further, capacity, n)
                 n += 1
             else:
                 keep(pixels, np.int64(get_int(lanes, PIXEL, lane)), np.uint32(get_int(lanes, COLOUR, lane)))
@@ -114,12 +112,13 @@ def _mirror(lanes, level, queue, waiting, further, capacity, tables, flags, pixe
 
 
 @inline
-def _row(lanes, row, width, spans, boxes, queue, waiting, capacity, tables, environment, pixels, height):
+def _row(lanes, row, size, spans, boxes, queue, waiting, capacity, tables, scratch, environment, pixels_at):
     """Primary rays of a row: those that meet a ball join the queue, the others' pixels show the background. Returns how many
     wait now."""
-    balls = pointer(tables.balls, REAL)
+    balls, width = pointer(tables.balls, REAL), size[0]
     for k in range(BALLS):
         spans[k] = span(boxes, k, row, width)
+    texel_rows = beside(row, size[1], tables)
     for column in range(0, width, LANES):
         begun = False
         for k in range(BALLS):
@@ -134,15 +133,15 @@ def _row(lanes, row, width, spans, boxes, queue, waiting, capacity, tables, envi
             for lane in range(np.uint64(min(LANES, width - column))):
                 if get_int(lanes, BALL, lane) >= 0:
                     put_int(lanes, PIXEL, lane, np.int32(row * width + column) + np.int32(lane))
-                    _push(lanes, lane, queue, capacity, waiting)
+                    _push(lanes, lane, 0, queue, capacity, waiting)
                     waiting += 1
-        draw_background(lanes, begun, column, row, width, height, tables, environment, pixels)
+        draw_background(lanes, begun, column, row, size, texel_rows, tables, scratch, environment, pixels_at)
     return waiting
 
 
-def _draw(memory, capacity, tables, size, rows, flags, next_strip, pixels_at):
+def _draw(memory, capacity, tables, scratch, size, rows, flags, next_strip, pixels_at):
     """What one thread does: strips of rows, until there are none."""
-    width, height = size
+    height = size[1]
     first_row, row_step = rows
     lanes, one_queue = pointer(memory, REAL), pointer(memory + 4 * FIELDS * LANES, REAL)
     other_queue = pointer(memory + 4 * (FIELDS * LANES + WAITING * capacity), REAL)
@@ -155,7 +154,7 @@ def _draw(memory, capacity, tables, size, rows, flags, next_strip, pixels_at):
         waiting = 0
         for row in range(start, min(start + STRIP * row_step, height), row_step):
             waiting = _row(
-                lanes, row, width, spans, boxes, one_queue, waiting, capacity, tables, flags[0], pixels, height
+                lanes, row, size, spans, boxes, one_queue, waiting, capacity, tables, scratch, flags[0], pixels_at
             )  # fmt: skip
         here, there = one_queue, other_queue
         for level in range(HITS):
@@ -173,12 +172,14 @@ class Painter:
 
     def __init__(self, width: int, height: int, pictures: Pictures, threads: int) -> None:
         self._size = width, height
-        self._probe, self._background = _words(pictures.probe), _padded(pictures.background)
+        self._probe, self._background = _words(pictures.probe), _flagged(pictures.background)
         self._stretch = _stretch(width, self._background.shape[1])
         # A line more than a strip needs: fields a power of two apart would fall into the same sets of the cache.
         self._capacity = -(-STRIP * width // LANES) * LANES + LANES
         memory = FIELDS * LANES + 2 * WAITING * self._capacity
         self._memory = [np.zeros(memory, REAL) for _ in range(threads)]
+        self._rows = [np.zeros((2, CHANNELS * width), REAL) for _ in range(threads)]
+        self._held = np.zeros((threads, 2), np.int64)
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="dahlquist")
         self._draw = _compiled()
 
@@ -193,20 +194,25 @@ class Painter:
             self._background.ctypes.data, width, height, self._stretch.ctypes.data,
         )  # fmt: skip
         next_strip = np.zeros(1, np.int64)
+        self._held[:] = -1
         rows, flags = (view.first_row, view.row_step), (view.environment, view.reflections)
 
-        def work(memory: NDArray[np.float32]) -> None:
+        def work(k: int) -> None:
+            scratch = Scratch(self._rows[k].ctypes.data, self._held[k].ctypes.data)
             self._draw(
-                memory.ctypes.data, self._capacity, tables, self._size, rows, flags, next_strip.ctypes.data,
-                frame.ctypes.data,
+                self._memory[k].ctypes.data, self._capacity, tables, scratch, self._size, rows, flags,
+                next_strip.ctypes.data, frame.ctypes.data,
             )  # fmt: skip
 
-        list(self._pool.map(work, self._memory))
+        others = [self._pool.submit(work, k) for k in range(1, len(self._memory))]
+        work(0)
+        for other in others:
+            other.result()
 
 
-def _padded(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """(h, w, 4) numbers of red, green, blue, and 0."""
-    return np.ascontiguousarray(np.pad(picture, ((0, 0), (0, 0), (0, 1))), REAL)
+def _flagged(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """(h, w, 4) numbers of red, green, blue, and what becomes the flag."""
+    return np.ascontiguousarray(np.pad(picture.astype(REAL), ((0, 0), (0, 0), (0, 1)), constant_values=ALPHA))
 
 
 def _words(picture: NDArray[np.uint8]) -> NDArray[np.uint32]:

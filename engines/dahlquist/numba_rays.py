@@ -15,7 +15,7 @@ from engines.kernels.jit import LANES, fetch, get, get_int, inline, put, put_int
 from engines.kernels.vector import Vec3, dot
 
 # fields of a block, sixteen numbers each; the first WAITING of them are a queue's too
-DIRECTION, ORIGIN, FIRST, SECOND, DISTANCE, BALL, PIXEL = 0, 3, 6, 9, 12, 13, 14
+DIRECTION, DISTANCE, BALL, PIXEL, ORIGIN, FIRST, SECOND = 0, 3, 4, 5, 6, 9, 12
 WAITING = 15
 TOWARDS, DIFFUSE, TRIED, COLOUR = 15, 18, 21, 22
 FIELDS = 23
@@ -26,6 +26,8 @@ BOX_REALS = 4
 ZERO, HALF, ONE, FAR = (REAL(x) for x in (0, 0.5, 1, np.inf))
 SLACK, STEEP = REAL(1e-5), REAL(0.999)
 """What widens the spans of rows, and the largest y that they distinguish."""
+RIM = REAL(1.00001)
+"""What widens squared radii where squares are formed in float32."""
 
 
 @inline
@@ -102,18 +104,21 @@ def in_box(lanes, boxes, k):
 
 
 @inline
-def _reach(lanes, balls, k):
-    """How many of the sixteen lines pass through ball k ahead of their origins; their TRIED is 1."""
-    centre, radius = centre_of(balls, k), np.float64(fetch(balls, k * BALL_REALS + 3))
-    reached = np.int32(0)
+def _near(lanes, balls, k):
+    """How many of the sixteen lines pass near ball k ahead of their origins, or through it; their TRIED is 1.
+
+    The squares are formed in float32, which is off by less than `RIM` in the last bits: `meet` decides."""
+    centre, radius = centre_of(balls, k), fetch(balls, k * BALL_REALS + 3)
+    reach = radius * radius * RIM
+    found = np.int32(0)
     for lane in range(np.uint64(LANES)):
         origin, towards = get3(lanes, ORIGIN, lane), get3(lanes, TOWARDS, lane)
         t = dot(get3(lanes, DIRECTION, lane), centre - origin)
-        left = radius * radius - np.float64(_squared_length(origin + towards * t - centre))
-        through = (t > ZERO) & (left >= 0.0)
-        put(lanes, TRIED, lane, select(through, ONE, -ONE))
-        reached += select(through, np.int32(1), np.int32(0))
-    return reached
+        off = origin + towards * t - centre
+        within = (t > ZERO) & (dot(off, off) <= reach)
+        put(lanes, TRIED, lane, select(within, ONE, -ONE))
+        found += select(within, np.int32(1), np.int32(0))
+    return found
 
 
 @inline
@@ -138,5 +143,5 @@ def search(lanes, balls):
     """The nearest ball of each lane's ray, by the plain list."""
     begin_search(lanes)
     for k in range(BALLS):
-        if _reach(lanes, balls, k) > 0:
+        if _near(lanes, balls, k) > 0:
             meet(lanes, balls, k)
