@@ -166,10 +166,10 @@ def _corners(shape: Shape) -> Array:
 def _parts(scene: Scene, place_mesh: PlaceMesh) -> Iterator[Part]:
     size = extent(scene)
     for index, shape in enumerate(scene.shapes):
-        pieces = _triangles(shape) if isinstance(shape, (Triangle, Mesh)) else None
-        if pieces is None:
+        if not isinstance(shape, (Triangle, Mesh)):
             yield from _round_or_flat(scene, index, shape, size)
             continue
+        pieces = _triangles(shape)
         for material in np.unique(pieces.materials):
             faces = np.flatnonzero(pieces.materials == material)
             for piece, side in _sides(pieces, faces, scene.materials[material], GAP * size):

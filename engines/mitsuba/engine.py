@@ -97,8 +97,6 @@ class ScalarEngine(Engine):
 def _scalar_lacks(shader: str, sampler: str) -> str | None:
     if shader in ("whitted", "no_shadows"):
         return f"Mitsuba has no integrator {shader}, and ours is in Python, too slow for its scalar variant"
-    if shader == "albedo":
-        return "Mitsuba's scalar variant tells shapes by indices, once seen wrong where other scenes were rendered before"
     if sampler not in ("random", "independent"):
         return (
             "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"

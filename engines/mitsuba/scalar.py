@@ -29,7 +29,7 @@ class Passes:
         options = self._stage.settings.shader.options
         if self._kind == "path_tracer":
             return path_node(options)
-        return {"type": "aov", "aovs": "t:depth,p:position"}
+        return {"type": "aov", "aovs": "a:albedo" if self._kind == "albedo" else "t:depth,p:position"}
 
     def restart(self) -> None:
         """Back to before the first sample."""
@@ -68,9 +68,11 @@ class Passes:
         film.bad_samples = self._film.bad_samples
 
     def _colours(self, developed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(h, w, 3) of what Mitsuba's film shows: colours, or depth and position."""
+        """(h, w, 3) of what Mitsuba's film shows: colours, reflectances, or depth and position."""
         if self._kind == "path_tracer":
             return developed
+        if self._kind == "albedo":
+            return self._stage.scale * developed[..., -3:]
         depth, position = developed[..., -4], developed[..., -3:]
         return np.repeat(_grey(self._stage, depth > 0.0, depth, position)[..., None], 3, axis=2)
 

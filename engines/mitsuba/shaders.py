@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
-from engines.mitsuba.stage import Stage, far_corner, first_colours, listed_emitters
+from engines.mitsuba.stage import Stage, far_corner, listed_emitters
 
 Radiance = Callable[[Any, Any], Any]
 
@@ -98,18 +96,9 @@ def depth_map(stage: Stage) -> Radiance:
 
 
 def albedo(stage: Stage) -> Radiance:
-    mi, dr = stage.mi, stage.dr
-    numbers = [
-        int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in stage.loaded.shapes()
-    ]  # fmt: skip
-    table = np.zeros((max(numbers, default=0) + 1, 3))
-    table[numbers] = first_colours(stage)[stage.places]
-    channels = [mi.Float(np.ascontiguousarray(table[:, k], np.float32)) for k in range(3)]
-
     def radiance(sampler: Any, ray: Any) -> Any:
         si = stage.loaded.ray_intersect(ray)
-        number = dr.reinterpret_array(mi.UInt32, si.shape)
-        return mi.Color3f(*(dr.gather(mi.Float, channel, number, si.is_valid()) for channel in channels))
+        return stage.scale * si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
 
     return radiance
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,13 +14,14 @@ from engines.interface import Settings
 from engines.mitsuba.description import Description, Part, described, extent, sensor
 from engines.mitsuba.library import activate
 from engines.mitsuba.ply import write_ply
-from engines.scene.model import Material, Plane, Scene, Sphere, SphereSet, Triangle
+from engines.scene.model import Material, Plane, Scene, Sphere, SphereSet, Triangle, Triple
 
 Array = NDArray[Any]
 
 
 class Stage(NamedTuple):
-    """`mi`, `dr`: the modules. `loaded`: Mitsuba's scene. `places`: for each of its shapes the index of its part."""
+    """`mi`, `dr`: the modules. `loaded`: Mitsuba's scene. `places`: for each of its shapes the index of its part. `scale`:
+    what its diffuse reflectances have to be multiplied by, where they are colours to show."""
 
     mi: Any
     dr: Any
@@ -29,6 +31,7 @@ class Stage(NamedTuple):
     size: tuple[int, int]
     parts: tuple[Part, ...]
     places: Array
+    scale: float = 1.0
 
     @property
     def camera(self) -> Any:
@@ -43,6 +46,9 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
     """
     mi, dr = activate(variant, settings.threads)
     width, height = settings.size(scene)
+    scale = 1.0
+    if settings.shader.name == "albedo":
+        scene, scale = _painted(scene)
     with tempfile.TemporaryDirectory(prefix="raybench-mitsuba-") as folder:
         description = _described(mi, scene, settings, Path(folder))
         nodes = dict(description.nodes)
@@ -50,7 +56,27 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
         loaded = mi.load_dict(_with_transforms(mi, nodes), optimize=False)
     order = {f"shape_{index}": index for index in range(len(description.parts))}
     places = np.array([order[shape.id()] for shape in loaded.shapes()], np.int64)
-    return Stage(mi, dr, loaded, scene, settings, (width, height), description.parts, places)
+    return Stage(mi, dr, loaded, scene, settings, (width, height), description.parts, places, scale)
+
+
+def _painted(scene: Scene) -> tuple[Scene, float]:
+    """The scene in the dark with all surfaces diffuse, of the colours that the shader albedo shows, and what to multiply by.
+
+    The scalar variant's `shape_index`, by which shapes could be told apart instead, was once off for a whole scene.
+    """
+    colours = [_first_colour(material) for material in scene.materials]
+    scale = max([1.0, *map(max, colours)])
+    materials = tuple(
+        Material(material.name, kd=(red / scale, green / scale, blue / scale))
+        for material, (red, green, blue) in zip(scene.materials, colours, strict=True)
+    )
+    return replace(scene, materials=materials, lights=()), scale
+
+
+def _first_colour(material: Material) -> Triple:
+    """What the shader albedo shows: the first of kd, ks, kt and emission that is not black."""
+    weights = (material.kd, material.ks, material.kt, material.emission)
+    return next((weight for weight in weights if max(weight) > 0.0), weights[0])
 
 
 def _described(mi: Any, scene: Scene, settings: Settings, folder: Path) -> Description:
@@ -93,16 +119,6 @@ def listed_emitters(stage: Stage) -> list[Any]:
     shapes = [shape for shape, place in zip(stage.loaded.shapes(), stage.places, strict=True) if place not in planes]
     others = [light for light in stage.loaded.emitters() if light.id().startswith("light_")]
     return [*others, *(shape.emitter() for shape in shapes if shape.is_emitter())]
-
-
-def first_colours(stage: Stage) -> Array:
-    """(parts, 3): what the shader albedo shows of each: the first of kd, ks, kt and emission that is not black."""
-    return np.array([_first_colour(stage.scene.materials[part.material]) for part in stage.parts]).reshape(-1, 3)
-
-
-def _first_colour(material: Material) -> tuple[float, float, float]:
-    weights = (material.kd, material.ks, material.kt, material.emission)
-    return next((weight for weight in weights if max(weight) > 0.0), weights[0])
 
 
 def far_corner(stage: Stage) -> Array | None:

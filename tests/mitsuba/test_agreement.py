@@ -73,9 +73,37 @@ def test_the_other_shaders_agree_with_numpy(name, shader):
     _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene(name), shader, 2))
 
 
-def test_the_scalar_variant_agrees_with_numpy():
-    theirs = _replicates(SCALAR, _scene("two_spheres"), "depth_map", 1)
-    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene("two_spheres"), "depth_map", 2))
+@pytest.mark.parametrize("shader", ["depth_map", "albedo"])
+def test_the_scalar_variant_agrees_with_numpy(shader):
+    theirs = _replicates(SCALAR, _scene("two_spheres"), shader, 1)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), _scene("two_spheres"), shader, 2))
+
+
+@pytest.mark.parametrize("engine", [WAVEFRONT, SCALAR], ids=lambda engine: engine.name)
+def test_scenes_that_are_alive_together_keep_their_colours(engine):
+    """Colours above 1 and seen from behind among them."""
+    colours = [(0.25, 0.5, 0.75), (6.0, 5.0, 4.0), (0.5, 0.25, 0.125)]
+    one, other = (engines.scene_from(_squares(order)) for order in (colours, colours[::-1]))
+    settings = Settings(3, 1, shader="albedo", sampler="random", precision="float32", threads=2)
+    renderers = [engine.prepare(scene, settings) for scene in (one, other)]
+    for renderer, order in zip(renderers, (colours, colours[::-1]), strict=True):
+        assert np.allclose(renderer.render(2).mean()[0], order, rtol=1e-6)
+
+
+def _squares(colours):
+    """A pixel of each colour, side by side; those above 1 emit, and the last shows its back."""
+    faces = [[0, 1, 2], [0, 2, 3]]
+    shapes = [
+        {"vertices": [[x - 0.5, -1, 0], [x + 0.5, -1, 0], [x + 0.5, 1, 0], [x - 0.5, 1, 0]], "faces": faces}
+        for x in (-1, 0, 1)
+    ]
+    shapes[2]["faces"] = [face[::-1] for face in faces]
+    return {
+        "raybench_scene": 1, "name": "three",
+        "camera": {"type": "orthographic", "eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
+        "materials": {f"m{k}": {"emission" if max(c) > 1 else "kd": list(c)} for k, c in enumerate(colours)},
+        "shapes": [{"mesh": shape, "material": f"m{k}"} for k, shape in enumerate(shapes)],
+    }  # fmt: skip
 
 
 def _everything(**changes):
