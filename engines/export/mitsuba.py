@@ -50,8 +50,8 @@ def _write(parent: ElementTree.Element, name: str, value: Any) -> None:
     elif isinstance(value, dict) and value["type"] == "ref":
         ElementTree.SubElement(parent, "ref", name=name, id=value["id"])
     elif isinstance(value, dict):
-        named = {"name": name} if parent.tag != "scene" else {"id": name}
-        element = ElementTree.SubElement(parent, _TAG_OF[value["type"]], type=value["type"], **named)
+        named = "name" if parent.tag != "scene" else "id"
+        element = ElementTree.SubElement(parent, _TAG_OF[value["type"]], {"type": value["type"], named: name})
         for key, inner in value.items():
             if key != "type":
                 _write(element, key, inner)

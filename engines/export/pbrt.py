@@ -15,28 +15,13 @@ import numpy as np
 
 from engines.errors import Unsupported
 from engines.export.files import Beside
-from engines.mitsuba.description import extent, material_lacks
-from engines.scene.model import (
-    BLACK,
-    DirectionalLight,
-    EnvironmentLight,
-    Light,
-    Material,
-    Mesh,
-    Orthographic,
-    Perspective,
-    Plane,
-    PointLight,
-    Scene,
-    Shape,
-    SphereSet,
-    Triangle,
-)
+from engines.mitsuba.description import camera_lacks, extent, material_lacks
+from engines.scene import model
 
 PLANE_EXTENTS = 1e3
 
 
-def write_pbrt(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -> None:
+def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64) -> None:
     """Writes `path` (.pbrt). Raises `Unsupported` for what pbrt has no counterpart of."""
     if reason := _lacks(scene):
         raise Unsupported(reason)
@@ -51,10 +36,10 @@ def write_pbrt(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -> N
     path.write_text("\n".join(lines) + "\n")
 
 
-def _lacks(scene: Scene) -> str | None:
+def _lacks(scene: model.Scene) -> str | None:
     """One sentence on what pbrt has no counterpart for, or None."""
-    if not isinstance(scene.camera, (Perspective, Orthographic)):
-        return "pbrt has no counterpart of cameras but perspective and orthographic ones"
+    if lacks := camera_lacks(scene.camera):
+        return f"pbrt has no counterpart of {lacks}"
     for material in scene.materials:
         lacks = material_lacks(material)
         if lacks is None and max(material.kt) > 0.0 and (*material.ks, *material.kt) != (1.0,) * 6:
@@ -62,20 +47,20 @@ def _lacks(scene: Scene) -> str | None:
         if lacks:
             return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
     for light in scene.lights:
-        if isinstance(light, EnvironmentLight) and light.image is not None:
+        if isinstance(light, model.EnvironmentLight) and light.image is not None:
             return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
-        if isinstance(light, PointLight) and not light.falloff:
+        if isinstance(light, model.PointLight) and not light.falloff:
             return "pbrt's point lights fall off with the square of the distance"
     return None
 
 
-def _view(scene: Scene, max_depth: int, spp: int) -> Iterator[str]:
+def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     camera = scene.camera
-    assert isinstance(camera, (Perspective, Orthographic))
+    assert isinstance(camera, (model.Perspective, model.Orthographic))
     width, height = camera.resolution
     yield "Scale -1 1 1"  # pbrt's camera space is left-handed
     yield f"LookAt {_numbers((*camera.eye, *camera.target, *camera.up))}"
-    if isinstance(camera, Perspective):
+    if isinstance(camera, model.Perspective):
         yield f'Camera "perspective" "float fov" [ {_shorter_fov(camera)!r} ]'
     else:
         y = camera.height / 2.0
@@ -88,24 +73,24 @@ def _view(scene: Scene, max_depth: int, spp: int) -> Iterator[str]:
     yield f'Integrator "path" "integer maxdepth" [ {max_depth - 1} ]'
 
 
-def _shorter_fov(camera: Perspective) -> float:
+def _shorter_fov(camera: model.Perspective) -> float:
     """pbrt measures the angle along the shorter side."""
     sides = dict(zip("xy", camera.resolution, strict=True))
     ratio = min(sides.values()) / sides[camera.fov_axis]
     return math.degrees(2.0 * math.atan(math.tan(math.radians(camera.fov) / 2.0) * ratio))
 
 
-def _light(light: Light) -> Iterator[str]:
-    if isinstance(light, PointLight):
+def _light(light: model.Light) -> Iterator[str]:
+    if isinstance(light, model.PointLight):
         yield f'LightSource "point" {_rgb("I", light.intensity)} "point3 from" [ {_numbers(light.position)} ]'
-    elif isinstance(light, DirectionalLight):
+    elif isinstance(light, model.DirectionalLight):
         ends = f'"point3 from" [ 0 0 0 ] "point3 to" [ {_numbers(light.direction)} ]'
         yield f'LightSource "distant" {_rgb("L", light.irradiance)} {ends}'
     else:
         yield f'LightSource "infinite" {_rgb("L", light.radiance)}'
 
 
-def _material(name: str, material: Material) -> Iterator[str]:
+def _material(name: str, material: model.Material) -> Iterator[str]:
     diffuse, mirror = max(material.kd), max(material.ks)
     if max(material.kt) > 0.0:
         yield _named(name, "dielectric", f'"float eta" [ {material.ior!r} ]')
@@ -124,16 +109,16 @@ def _named(name: str, kind: str, parameters: str) -> str:
     return f'MakeNamedMaterial "{name}" "string type" [ "{kind}" ] {parameters}'
 
 
-def _shape(scene: Scene, shape: Shape, beside: Beside) -> Iterator[str]:
-    if isinstance(shape, Plane):
+def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[str]:
+    if isinstance(shape, model.Plane):
         corners, faces = _square(shape, extent(scene) * PLANE_EXTENTS)
         body = f'Shape "trianglemesh" "point3 P" [ {_numbers(corners.ravel())} ] "integer indices" [ {faces} ]'
         yield from _dressed(scene, shape.material, [body])
-    elif isinstance(shape, Triangle):
+    elif isinstance(shape, model.Triangle):
         corners = _numbers((*shape.a, *shape.b, *shape.c))
         body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "integer indices" [ 0 1 2 ]'
         yield from _dressed(scene, shape.material, [body])
-    elif isinstance(shape, Mesh):
+    elif isinstance(shape, model.Mesh):
         for material in np.unique(shape.materials):
             used, faces = np.unique(shape.faces[shape.materials == material], return_inverse=True)
             normals = None if shape.normals is None else shape.normals[used]
@@ -141,25 +126,25 @@ def _shape(scene: Scene, shape: Shape, beside: Beside) -> Iterator[str]:
             yield from _dressed(scene, int(material), [f'Shape "plymesh" "string filename" [ "{file}" ]'])
     else:
         centers, radii = (
-            (shape.centers, shape.radii) if isinstance(shape, SphereSet) else ([shape.center], [shape.radius])
+            (shape.centers, shape.radii) if isinstance(shape, model.SphereSet) else ([shape.center], [shape.radius])
         )
         for center, radius in zip(centers, radii, strict=True):
             body = [f"Translate {_numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
             yield from _dressed(scene, shape.material, body)
 
 
-def _dressed(scene: Scene, index: int, body: list[str]) -> Iterator[str]:
+def _dressed(scene: model.Scene, index: int, body: list[str]) -> Iterator[str]:
     material = scene.materials[index]
     yield "AttributeBegin"
     yield f'  NamedMaterial "material_{index}"'
-    if material.emission != BLACK:
+    if material.emission != model.BLACK:
         sides = "true" if material.two_sided else "false"
         yield f'  AreaLightSource "diffuse" {_rgb("L", material.emission)} "bool twosided" [ {sides} ]'
     yield from (f"  {line}" for line in body)
     yield "AttributeEnd"
 
 
-def _square(plane: Plane, half: float) -> tuple[Any, str]:
+def _square(plane: model.Plane, half: float) -> tuple[Any, str]:
     normal = np.array(plane.normal)
     tangent = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
     tangent *= half / np.linalg.norm(tangent)

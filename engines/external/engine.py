@@ -148,9 +148,11 @@ class Renderer:
         raise Unsupported(f"{self._said.name} renders images and answers no single rays")
 
     def counters(self) -> Mapping[str, float]:
-        """Rays, build and memory are the program's secret: 0."""
+        """Rays, build and memory are the program's secret: 0. `told_by_program` is 1 where the clock is the program's own
+        words, 0 where it is that of its process."""
         unknown = dict.fromkeys(("rays", "build_seconds", "compile_seconds", "accelerator_bytes"), 0.0)
-        return {**unknown, "bad_samples": self.film.bad_samples, "told_seconds": self._told}
+        clock = {"told_seconds": self._told, "told_by_program": float(self._said.time is not None)}
+        return {**unknown, **clock, "bad_samples": self.film.bad_samples}
 
     def _run(self, spp: int, stream: int | str) -> tuple[NDArray[np.float64], float] | None:
         """The image of `spp` new samples and the seconds that count; None where it was stopped."""

@@ -22,7 +22,7 @@ class Primitives(Protocol):
         """Which of the copies in `data` serves each ray (n,), and what `distance` wants of it (k, n)."""
         ...
 
-    def distance(self, primitive: Any, ray: Any) -> Array:
+    def distance(self, primitive: Any, ray: Any, /) -> Array:
         """t > 0 of the hit, inf for a miss; the arguments broadcast after their first axis."""
         ...
 

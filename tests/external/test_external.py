@@ -78,6 +78,7 @@ def test_the_process_is_the_clock_unless_its_words_are(tmp_path):
     assert told.counters()["told_seconds"] == 4.0, "the last match counts, in the unit of its group"
     told.render(1)
     assert told.counters()["told_seconds"] == 5.0
+    assert (timed.counters()["told_by_program"], told.counters()["told_by_program"]) == (0, 1)
     with pytest.raises(RendererFailed, match="tells no time"):
         renderer(tmp_path, "wordless", time={"pattern": r"took (?P<s>[0-9.]+)s"}).render(1)
 
