@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from harness.analysis import Analysis
 from harness.chapter import figures
@@ -21,10 +20,13 @@ from harness.chapter.families import (
     identity,
     pairs,
     ranking,
+    row_of,
     thousands,
-    values,
+    value_columns,
 )
 from harness.chapter.sentences import SPEED, finding, listed, plural, tally
+from harness.results import Contender
+from harness.statistics import Estimate
 from harness.tables import Column, Table
 
 
@@ -63,36 +65,27 @@ def _order(analysis: Analysis, family: Family) -> str:
 
 
 def _speed_table(name: str, title: str, note: str, analysis: Analysis, found: list[Family]) -> Table:
-    names = values(found)
     table = Table(name, title, note, [
-        *identity(found),
-        *(Column(value, f"Thousands of paths a second of {value}.", "estimate", value) for value in names),
+        *identity(found), *value_columns(found, "Thousands of paths a second of {}."),
         Column("fastest", "The fastest, and all that cannot be told apart from it."),
     ])  # fmt: skip
-    for family in found:
-        row: dict[str, Any] = dict(family.held)
-        for value, contender in family.members.items():
-            row[value] = thousands(contender)
-        row["fastest"] = listed(best(analysis, family))
-        table.rows.append(row)
+    table.rows += [row_of(family, thousands, fastest=listed(best(analysis, family))) for family in found]
     return table
 
 
 def _build_table(found: list[Family]) -> Table:
-    names = values(found)
     table = Table(
         "builds", "Time to build an accelerator",
         "Milliseconds in a process that has built none before, so that a compiled builder is loaded within them; "
         "median over blocks with a 95 % interval.",
         [HEADINGS["scene"], Column("primitives", "Primitives of the scene.", "count"),
-         *(Column(value, f"Milliseconds to build {value}.", "estimate", value) for value in names)],
+         *value_columns(found, "Milliseconds to build {}.")],
     )  # fmt: skip
     for family in demanding(found):
-        row: dict[str, Any] = {"scene": family.scene, "primitives": family.any.cells[0].get("primitives")}
-        for value, contender in family.members.items():
-            builds = {
-                cell["block"]: (cell.get("phases") or {}).get("build_seconds") or math.nan for cell in contender.done
-            }
-            row[value] = estimate(builds, 1e3)
-        table.rows.append(row)
+        table.rows.append(row_of(family, _build_milliseconds, primitives=family.any.cells[0].get("primitives")))
     return table
+
+
+def _build_milliseconds(contender: Contender) -> Estimate:
+    builds = {cell["block"]: (cell.get("phases") or {}).get("build_seconds") or math.nan for cell in contender.done}
+    return estimate(builds, 1e3)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from harness.analysis import Analysis, seconds_per_sample
 from harness.results import Contender, choices_of, name_words
@@ -101,6 +101,16 @@ def identity(found: Sequence[Family]) -> list[Column]:
 def values(found: Sequence[Family]) -> list[str]:
     """Every value that occurs, in the order of first appearance."""
     return list(dict.fromkeys(value for family in found for value in family.members))
+
+
+def value_columns(found: Sequence[Family], meaning: str, heading: str = "{}") -> list[Column]:
+    """A column of estimates for each value that occurs; `{}` in the words stands for it."""
+    return [Column(value, meaning.format(value), "estimate", heading.format(value)) for value in values(found)]
+
+
+def row_of(family: Family, number: Callable[[Contender], Estimate], **more: Any) -> dict[str, Any]:
+    """A row of a table with `value_columns`: what the family holds, a number for each member, and `more`."""
+    return {**family.held, **{value: number(contender) for value, contender in family.members.items()}, **more}
 
 
 def compare(analysis: Analysis, one: Contender, other: Contender, measure: Measure = seconds_per_sample) -> Speedup:

@@ -24,12 +24,14 @@ FACTS = (
     ("light", "a sun, without shadows", "emitting shapes, points, suns and skies, with shadows"),
     ("surfaces", "a colour and a whole mirror on top of it", "diffuse, mirror, glass"),
     ("what is behind", "a picture fixed to the screen; mirrors show another", "one environment, seen and mirrored alike"),
-    ("numbers", "8 bits, clipped, by a fixed order of float32 operations", "radiance in float32 or float64"),
-    ("threads", "any number; the frame is the same", "any number; the image is the same"),
+    ("numbers", "float32 in a fixed order, squares added in float64; frames of 8 bits, clipped",
+     "radiance in float32 or float64"),
+    ("threads", "any number in the port, eight in the original; the frame is the same",
+     "any number; the image is the same"),
     ("progressive", "no: every frame is final; interlaced, a call draws every other row",
      "yes: samples add up, with checkpoints between"),
     ("interactive", "balls are dragged", "shapes and camera move"),
-    ("rays of one's own", "no", "yes"),
+    ("rays of one's own", "which ball a pixel shows", "closest hits and visibility of any rays"),
 )  # fmt: skip
 """Feature, the port, raybench: what engines/dahlquist and the other engines are written to do."""
 

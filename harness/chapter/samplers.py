@@ -9,7 +9,18 @@ from typing import Any
 from harness.analysis import Analysis, error_targets
 from harness.chapter import figures
 from harness.chapter.document import Paragraph, Section, TablePart
-from harness.chapter.families import Family, Measure, best, estimate, families, identity, pairs, pairs_by, values
+from harness.chapter.families import (
+    Family,
+    Measure,
+    best,
+    estimate,
+    families,
+    identity,
+    pairs,
+    pairs_by,
+    row_of,
+    value_columns,
+)
 from harness.chapter.sentences import ERROR, QUALITY, SPEED, listed, tally
 from harness.results import Contender, point_error
 from harness.statistics import time_to_quality
@@ -63,21 +74,18 @@ def _error_pairs(analysis: Analysis, found: list[Family]) -> list[Any]:
 
 
 def _error_table(analysis: Analysis, found: list[Family]) -> Table:
-    names = values(found)
     table = Table(
         "samplers", "Error at the same number of samples",
         f"{analysis.results.metric}; median over seeds with a 95 % interval. Errors that the reference's noise hides are left "
         "out. Least: all that cannot be told apart from the first.",
         [*identity(found), Column("spp", "Samples a pixel.", "count"),
-         *(Column(name, f"Error of {name}.", "estimate", name) for name in names), Column("least", "The least error.")],
+         *value_columns(found, "Error of {}."), Column("least", "The least error.")],
     )  # fmt: skip
     for family in found:
         spp = _common_spp(family)
         measure = _errors_at(analysis, spp)
-        row: dict[str, Any] = {**family.held, "spp": spp}
-        row |= {value: estimate(measure(contender)) for value, contender in family.members.items()}
-        row["least"] = listed(best(analysis, family, measure))
-        table.rows.append(row)
+        least = listed(best(analysis, family, measure))
+        table.rows.append(row_of(family, lambda c, measure=measure: estimate(measure(c)), spp=spp, least=least))
     return table
 
 
@@ -113,18 +121,16 @@ def _quality_tallies(analysis: Analysis, found: list[Family]) -> list[str]:
 
 
 def _quality_table(analysis: Analysis, found: list[Family]) -> Table:
-    names = values(found)
     table = Table(
         "sampler_times", "Time to a quality by sampler",
         f"Seconds of rendering until the hardest target that all reach, in {analysis.results.metric}; median over seeds with a "
         "95 % interval.",
         [*identity(found), Column("target", "Quality to reach.", "exact"),
-         *(Column(name, f"Seconds of {name}.", "estimate", f"{name} [s]") for name in names)],
+         *value_columns(found, "Seconds of {}.", "{} [s]")],
     )  # fmt: skip
     for family in found:
         target = _hardest(analysis, family)
         if target is not None:
             measure = _times_to(analysis, target)
-            row: dict[str, Any] = {**family.held, "target": target}
-            table.rows.append(row | {value: estimate(measure(c)) for value, c in family.members.items()})
+            table.rows.append(row_of(family, lambda c, measure=measure: estimate(measure(c)), target=target))
     return table
