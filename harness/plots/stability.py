@@ -150,4 +150,6 @@ def _legend(curves: Sequence[Series]) -> list[Line2D]:
     if len(precisions) > 1:
         entries += [Line2D([], [], color=INK, linestyle="none", marker="o", label=name,
                            markerfacecolor="white" if name == "float32" else INK) for name in precisions]  # fmt: skip
+    if any(math.isinf(float(finding["error"])) for curve in curves for finding in curve.findings):
+        entries.append(Line2D([], [], color=INK, linestyle="none", marker="x", label="some rays miss"))
     return entries

@@ -32,21 +32,17 @@ def in_faces(subject: Subject) -> Iterator[Measured]:
     cells = 16
     inner = np.arange(1, cells) / cells
     x, y = (part.ravel() for part in np.meshgrid(inner, inner))
-    origins = np.stack([x, y, np.ones(x.size)], -1)
-    shapes: dict[str, list[Shape]] = {"flat": [_floor(cells)], "cube": [_floor(cells), _floor(cells, -1.0)]}
+    slants = np.array([(dx, dy, -1.0) for dx in ZEROS for dy in ZEROS])
+    origins = np.tile(np.stack([x, y, np.ones(x.size)], -1), (len(slants), 1))
+    directions = np.repeat(slants, x.size, axis=0)
+    shapes: dict[str, list[Mesh]] = {"flat": [_floor(cells)], "cube": [_floor(cells), _floor(cells, -1.0)]}
     for name, held in shapes.items():
-        renderer = subject.tracer(*held)
         for axis in range(3):
             order = np.roll(np.arange(3), axis)
-            turned = [mesh(m.vertices[:, order], m.faces) for m in held if isinstance(m, Mesh)]
-            renderer = subject.tracer(*turned)
-            wrong = np.zeros(0, bool)
-            for dx in ZEROS:
-                for dy in ZEROS:
-                    d = np.tile(np.array([dx, dy, -1.0])[order], (x.size, 1))
-                    hits = renderer.trace(origins[:, order], d)
-                    wrong = np.append(wrong, (hits.t != 1.0) | ~renderer.occluded(origins[:, order], d))
-            yield measured(wrong, f"{name} across {'xyz'[(2 + axis) % 3]}")
+            renderer = subject.tracer(*(mesh(m.vertices[:, order], m.faces) for m in held))
+            hits = renderer.trace(origins[:, order], directions[:, order])
+            hidden = renderer.occluded(origins[:, order], directions[:, order])
+            yield measured((hits.t != 1.0) | ~hidden, f"{name} across {'xyz'[(2 + axis) % 3]}")
 
 
 @SECTION.case("B2", "From inside a box every ray hits; from its faces outwards none does.", "raybench")

@@ -74,7 +74,8 @@ def roulette_mean(subject: Subject) -> Iterator[Measured]:
     for rho, rr_depth in subject.some(((0.5, 1), (0.7, 3), (0.5, 2), (0.9, 1), (0.3, 4)), 2):
         walls = material(kd=rho, emission=0.25 * (1 - rho), two_sided=True)
         shader = path_tracer(10_000, "bsdf", rr_depth)
-        seen = means(subject, [box()], [walls], [], point_view(**CORNER, side=40), shader)
+        view = point_view(**CORNER, side=26 if subject.quick else 40)
+        seen = means(subject, [box()], [walls], [], view, shader)
         yield z_score(subject, seen, 0.25, f"rho {rho}, from segment {rr_depth}")
 
 
@@ -129,7 +130,8 @@ def off_centre(subject: Subject) -> Iterator[Measured]:
         distance = float(np.linalg.norm(to_light))
         near = float(to_light @ -point) / radius / distance**3
         truth = rho / math.pi * radius**2 * (near + rho / (1 - rho) / radius**2)
-        view = point_view((0.3 * radius, 0.0, 0.1 * radius), (0.3 * radius, 0.0, -radius), 12)
+        side = 8 if subject.quick else 12
+        view = point_view((0.3 * radius, 0.0, 0.1 * radius), (0.3 * radius, 0.0, -radius), side)
         room, light = [sphere(ORIGIN, radius)], PointLight((0.0, y, 0.0), grey(radius**2))
         seen = means(subject, room, [material(kd=rho)], [light], view, path_tracer(30))
         yield z_score(subject, seen, truth, f"y {y}, rho {rho}, r {radius}")

@@ -73,7 +73,8 @@ def _edges(subject: Subject) -> Integrands:
 def average(subject: Subject) -> Iterator[Measured]:
     lamp = sphere((1.0, math.sqrt(3.0), 0.0), 1.0, 1)
     truth = 0.9 / math.pi * forms.sphere(1.0, 2.0, math.pi / 6)
-    view, materials = point_view((-4, 1.5, 1), ORIGIN, 16), [material(kd=0.9), material(emission=1)]
+    view = point_view((-4, 1.5, 1), ORIGIN, 8 if subject.quick else 16)
+    materials = [material(kd=0.9), material(emission=1)]
     for sampler in SAMPLERS:
         chosen = _chosen(sampler, 4)
         seen = means(subject, [FLOOR, lamp], materials, [], view, path_tracer(2), 4, sampler=chosen)
