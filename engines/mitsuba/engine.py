@@ -27,7 +27,11 @@ NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lo
 
 
 class Engine:
-    """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32."""
+    """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32.
+
+    With `on_pass`, `stop` is heard after every sample a pixel. Without, it is heard between kernel launches: half a second,
+    or twenty times as long as recording one takes where surfaces are many. Shorter launches would make the peer look slow.
+    """
 
     name = "mitsuba"
     variant = library.LLVM
