@@ -9,6 +9,7 @@ from functools import partial
 
 from harness import conclusions
 from harness.agreement import EnginePair, Replicates, common_spp, compared, engine_pairs, kinship
+from harness.metrics import as_error
 from harness.results import Contender, Event, Results, phase_seconds, point_error
 from harness.statistics import (
     BiasEstimate,
@@ -142,7 +143,7 @@ def _own_verdict(results: Results, contender: Contender) -> Verdict:
         contender,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
         cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
-        slope=convergence_slope([results.curve(cell, "spp") for cell in done]),
+        slope=convergence_slope([results.curve(cell, "spp", results.relative_metric) for cell in done]),
         final_error=median_interval([point_error(end, results.metric)[0] for end in ends]),
         final_spp=median_interval([float(end["spp"]) for end in ends]),
         efficiency=efficiency([_mse(end) for end in ends], seconds),
@@ -155,8 +156,6 @@ def _own_verdict(results: Results, contender: Contender) -> Verdict:
 
 def error_targets(results: Results) -> list[float]:
     """The targets as errors that fall (SSIM and PSNR turned round)."""
-    from harness.results import as_error
-
     return [as_error(results.metric, target) for target in results.targets]
 
 
@@ -191,7 +190,8 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
     flags = []
     if verdict.bias is not None and verdict.bias.biased:
         flags.append(f"biased by {100 * verdict.bias.root:.2g} %")
-        if on_bias_floor(verdict.bias, verdict.final_error.value):
+        left = [point_error(cell["points"][-1], results.relative_metric)[0] for cell in verdict.contender.done]
+        if on_bias_floor(verdict.bias, median_interval(left).value):
             flags.append("sits on its bias floor")
     if verdict.equivalence is not None and verdict.equivalence.verdict == "different":
         flags.append("differs from the baseline's image")
@@ -205,7 +205,14 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
         flags.append("non-finite pixels")
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
         flags.append("contended")
+    if any(tells_its_time(cell) for cell in verdict.contender.done):
+        flags.append("times as the program tells them")
     return flags
+
+
+def tells_its_time(cell: Event) -> bool:
+    """Whether an external program's own words were the clock."""
+    return bool((cell.get("counters") or {}).get("told_by_program"))
 
 
 def _error_times_spp(results: Results, contender: Contender, spp: int | None) -> dict[int, float]:

@@ -1,12 +1,14 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
 It keeps of the images those that a report shows, in half precision, and what was concluded from the others as an event;
-of the events what still counts, with numbers to six digits; and the references in float32, as a folder of its own.
+of the events what still counts, with numbers to six digits; and the references in float32, as a folder of its own. Of
+absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
 """
 
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,6 +28,8 @@ DIGITS = 6
 MEASURED = ("phases", "counters", "machine", "sentinel_seconds", "wall_seconds")
 DROPPED = ("start", conclusions.EVENT)
 """Kinds of events that say nothing about what was measured, or are written anew."""
+FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
+"""The folders of an absolute path."""
 
 
 def archive(folder: Path, out: Path) -> int:
@@ -41,9 +45,9 @@ def archive(folder: Path, out: Path) -> int:
     shutil.rmtree(out / REFERENCES, ignore_errors=True)
     with store.Events(out) as events:
         for event in _still_counting(store.read_events(folder)):
-            events.append(_shortened(event, kept, folder, out))
+            events.append(without_folders(_shortened(event, kept, folder, out)))
         events.append(_rounded(conclusions.event(analysis)))
-    store.write_json(out / store.MANIFEST, store.read_manifest(folder))
+    store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
     for image in kept:
         (out / image).parent.mkdir(parents=True, exist_ok=True)
         write_image(out / image, half(read_image(folder / image)))
@@ -71,6 +75,15 @@ def _shortened(event: dict[str, Any], kept: set[str], folder: Path, out: Path) -
         return event
     points = [{**point, "image": point["image"] if point.get("image") in kept else None} for point in event["points"]]
     return {**event, **{key: _rounded(event[key]) for key in MEASURED if key in event}, "points": _rounded(points)}
+
+
+def without_folders(value: Any) -> Any:
+    """The same data; in its texts `/home/me/x.yaml` is `x.yaml`."""
+    if isinstance(value, Mapping):
+        return {key: without_folders(child) for key, child in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_folders(child) for child in value]
+    return FOLDERS.sub("", value) if isinstance(value, str) else value
 
 
 def _rounded(value: Any) -> Any:

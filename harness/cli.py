@@ -175,11 +175,17 @@ def report(
 
 
 @app.command()
-def rescore(folder: Folder) -> None:
+def rescore(
+    folder: Folder,
+    overrides: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--set", metavar="KEY=VALUE", help="Another quality: --set quality.epsilon=0.1. May be repeated."),
+    ] = None,
+) -> None:
     """Compute all metrics again from the images of a results folder, without rendering; then write the report."""
     from harness import commands
 
-    commands.rescore(folder)
+    commands.rescore(folder, overrides or [], ["raybench", *sys.argv[1:]])
 
 
 @app.command()

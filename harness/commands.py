@@ -113,11 +113,8 @@ def plan(
 ) -> None:  # fmt: skip
     """Prints the configurations of an experiment with their states, and how long what is left may take."""
     stdout, stderr = consoles()
-    allow_here(allow_imports)
-    experiment = configs.load(given, overrides)
-    folder = results_folder(experiment, out)
-    made = plans.make(experiment, allow_imports, allow_commands)
-    _warn(made, stderr)
+    made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
+    experiment = made.experiment
     events = store.read_events(folder) if (folder / store.EVENTS).exists() else []
     latest = store.latest_cells(events)
     metric = experiment.quality.name
@@ -137,6 +134,17 @@ def plan(
         stdout.print(
             f"{len(made.examinations)} cases of the battery to be asked of the engines, {left} of them not yet."
         )
+
+
+def _planned(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool, console: Console
+) -> tuple[Plan, Path]:  # fmt: skip
+    """The plan of an experiment, its warnings said, and its results folder."""
+    allow_here(allow_imports)
+    experiment = configs.load(given, overrides)
+    made = plans.make(experiment, allow_imports, allow_commands)
+    _warn(made, console)
+    return made, results_folder(experiment, out)
 
 
 def _plan_references(console: Console, made: Plan, folder: Path) -> None:
@@ -188,12 +196,8 @@ def reference(
     from harness.pool import Pool, WorkerFailed
 
     stdout, stderr = consoles()
-    allow_here(allow_imports)
-    experiment = configs.load(given, overrides)
-    folder = results_folder(experiment, out)
+    made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
     root = folder.parent / "references"
-    made = plans.make(experiment, allow_imports, allow_commands)
-    _warn(made, stderr)
     failed = 0
     try:
         with store.locked(folder), Pool(allow_imports, folder / "worker.log") as pool:
@@ -271,13 +275,13 @@ def chapter(folders: Sequence[Path], target: Path) -> None:
         consoles()[0].print(str(written), soft_wrap=True)
 
 
-def rescore(folder: Path) -> None:
-    """Measures every stored image again, against the reference and epsilon of its results."""
+def rescore(folder: Path, overrides: Sequence[str], command: Sequence[str]) -> None:
+    """Measures every stored image again, against the reference and quality of its results, or another quality."""
     from harness.rescore import rescore as again
 
     _require_results(folder)
     with store.locked(folder):
-        scored, without = again(folder)
+        scored, without = again(folder, overrides, command)
         _write_derived(folder)
     console = consoles()[0]
     console.print(f"{scored} checkpoints scored again, {without} kept as they were: they have no image.")

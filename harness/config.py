@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from harness.settings import SETTING_READERS, Budget
 
 SCHEMA_VERSION = 1
 SETTINGS = tuple(SETTING_READERS)
-METRICS = ("relmse", "mse", "mape", "smape")
+METRICS = ("relmse", "mse", "mape", "smape", "psnr", "ssim", "flip")
 IMAGES = ("all", "some", "last", "none")
 SEED_LIMIT = 2**63 - 1
 
@@ -103,6 +104,7 @@ class Experiment:
     control: bool
     images: str
     timing: bool
+    baseline: str | None
     warnings: tuple[str, ...]
     resolved: Mapping[str, Any]
     source: str = ""
@@ -171,7 +173,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         raise root.at(("reference", "certify")).refuse(
             f"another engine than the reference's, {reference.engine}, is wanted"
         )
-    quality = _quality(top)
+    quality = read_quality(top)
     repeats, seed = read.get("repeats", 3), read.get("seed", 1)
     _seeds_differ(root, seed, repeats, reference)
     if "order" in top:
@@ -182,7 +184,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         checkpoints=_checkpoints(top), repeats=repeats, seed=seed, order_seed=order.get("seed", 1),
         reference=reference, quality=quality, control=read.get("control", repeats >= 3),
         images=read.get("images", "some"), warnings=tuple(warnings), resolved={}, source=source,
-        verify=_verify(top), timing=read.get("timing", True),
+        verify=_verify(top), timing=read.get("timing", True), baseline=read.get("baseline"),
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -212,6 +214,7 @@ _SCALARS: dict[str, Any] = {
     "control": _switch,
     "timing": _switch,
     "images": fields.one_of(*IMAGES),
+    "baseline": lambda node: None if node.value is None else fields.text(node),
 }
 _ORDER = {"policy": fields.one_of("blocks"), "seed": fields.integer(0, SEED_LIMIT)}
 _CHECKPOINTS = {"ratio": fields.number(1.01, 1024.0), "start": fields.integer(1, 2**31)}
@@ -251,7 +254,9 @@ def exact_root(ratio: float) -> float:
     return root if abs(root - ratio) < 1e-4 * ratio else ratio
 
 
-def _quality(top: Mapping[str, Located]) -> Quality:
+def read_quality(top: Mapping[str, Located]) -> Quality:
+    """The section `quality` of a file's top level, or the default."""
+
     def targets(node: Located) -> tuple[float, ...] | None:
         if node.value == "auto":
             return None
@@ -261,7 +266,23 @@ def _quality(top: Mapping[str, Located]) -> Quality:
         return tuple(sorted({above_zero(child) for child in node.value}, reverse=True))
 
     readers = {"metric": fields.one_of(*METRICS), "epsilon": fields.number(0.0, 1e6, open_low=True), "targets": targets}
-    return _section(top, "quality", readers, Quality)
+    found: Quality = _section(top, "quality", readers, Quality)
+    _reachable(top, found)
+    return found
+
+
+def _reachable(top: Mapping[str, Located], quality: Quality) -> None:
+    """Refuses targets that no image has, `auto` where qualities rise, and FLIP without its evaluator."""
+    from harness.metrics import as_error, higher_is_better
+
+    if quality.metric == "flip" and find_spec("flip_evaluator") is None:
+        raise top["quality"].at(("metric",)).refuse("FLIP's evaluator is not installed: pip install 'raybench[flip]'")
+    if not higher_is_better(quality.metric):
+        return
+    if quality.targets is None or "targets" not in top["quality"].value:
+        raise top["quality"].refuse(f"targets are wanted with {quality.metric}: there is no default, and auto is for errors")
+    if min(as_error(quality.metric, target) for target in quality.targets) <= 0.0:
+        raise top["quality"].at(("targets",)).refuse("must be below 1")
 
 
 def _verify(top: Mapping[str, Located]) -> VerifyAsked | None:
@@ -299,7 +320,7 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "combinations": [axes.plain(combination) for combination in experiment.combinations],
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "control": experiment.control,
-        "images": experiment.images, "timing": experiment.timing,
+        "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
         "verify": asdict(experiment.verify) if experiment.verify else None,
         "reference": asdict(experiment.reference),
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},

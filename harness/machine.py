@@ -43,6 +43,7 @@ def provenance() -> dict[str, Any]:
     """`environment` with what identifies the moment: commit, governor, load. No names: results may be published."""
     return {
         **environment(),
+        "raybench": _installed("raybench"),
         "scaling_governor": _first_line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
         "load_1m": round(load_1m(), 2),
         "git": git_state(Path(__file__).resolve().parent.parent),

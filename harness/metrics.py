@@ -79,6 +79,24 @@ def metric_name(metric: str, epsilon: float) -> str:
     return f"relmse_e{epsilon:g}" if metric == "relmse" else metric
 
 
+def higher_is_better(metric: str) -> bool:
+    return metric in ("psnr", "ssim")
+
+
+def as_error(metric: str, value: float) -> float:
+    """A quality as an error that falls: PSNR as the MSE it stands for, SSIM as 1 - SSIM, errors as they are."""
+    if metric == "psnr":
+        return 10 ** (-value / 10)
+    return 1 - value if metric == "ssim" else value
+
+
+def error_words(metric: str) -> str:
+    """What tables call the error, and whether the reference's noise has been taken out of it."""
+    error = {"psnr": "MSE of display values (from PSNR)", "ssim": "1 - SSIM"}.get(metric, metric)
+    corrected = metric == "mse" or metric.startswith("relmse_e")
+    return f"{error}, {'noise-corrected' if corrected else 'the noise of the reference included'}"
+
+
 def corrected_error_map(image: Image, reference: Reference, epsilon: float) -> Image:
     """(h, w, 3): (A-R1)(A-R2) / (R^2 + eps), whose expectation holds no noise of the reference.
 

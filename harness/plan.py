@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from engines import choices
-from engines.errors import RaybenchError, UnknownName
+from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.registry import is_file, load_attribute
@@ -127,9 +127,17 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
     warnings = [f"{path}: {warning}" for path, warned in scenes.items() for warning in warned]
+    _baseline_runs(experiment, {cell.engine_name for cell in cells})
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
     examinations = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings), examinations)
+
+
+def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
+    """Refuses a baseline that is no engine of the experiment, under the name that tables use."""
+    if experiment.baseline is not None and experiment.baseline not in engines:
+        near = suggestion(experiment.baseline, engines)
+        raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
 
 
 class _Known:

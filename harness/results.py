@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.metrics import Reference
+from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
 
 PHASES = ("import", "load", "build", "compile", "render")
@@ -96,17 +96,24 @@ class Results:
 
     @property
     def epsilon(self) -> float:
-        """The metric's epsilon (radiance squared), 0.01 for metrics that have none."""
-        return float(self.metric.partition("_e")[2]) if self.metric.startswith("relmse_e") else 0.01
+        """The epsilon of relMSE (radiance squared): that of the metric's name, else of the config."""
+        quality = (self.manifest.get("config") or {}).get("quality") or {}
+        named = self.metric.partition("_e")[2] if self.metric.startswith("relmse_e") else quality.get("epsilon", 0.01)
+        return float(named)
+
+    @property
+    def relative_metric(self) -> str:
+        """relMSE, whatever the quality metric: slopes of the RMSE and biases are about mean squares."""
+        return metric_name("relmse", self.epsilon)
 
     def of_scene(self, scene: str) -> list[Contender]:
         """The scene's contenders that have something to show."""
         return [c for c in self.contenders if c.settings.scene == scene and c.done]
 
-    def curve(self, cell: Event, x: str = "seconds") -> Curve:
+    def curve(self, cell: Event, x: str = "seconds", metric: str = "") -> Curve:
         """A cell's error over `seconds`, `spp` or `rays`: noise-corrected with its standard error where it is known."""
         points = cell.get("points") or []
-        errors, spreads = np.array([point_error(point, self.metric) for point in points]).reshape(-1, 2).T
+        errors, spreads = np.array([point_error(point, metric or self.metric) for point in points]).reshape(-1, 2).T
         return curve([float(point.get(x) or math.nan) for point in points], errors, spreads)
 
     def reference(self, reference_id: str | None) -> Reference | None:
@@ -186,17 +193,6 @@ def phase_seconds(cell: Event, phase: str) -> float:
     return float(value) if value is not None and math.isfinite(value) else 0.0
 
 
-def higher_is_better(metric: str) -> bool:
-    return metric.startswith(("psnr", "ssim"))
-
-
-def as_error(metric: str, value: float) -> float:
-    """A quality as an error that falls: PSNR as the MSE it stands for, SSIM as 1 - SSIM, errors as they are."""
-    if metric == "psnr":
-        return 10 ** (-value / 10)
-    return 1 - value if metric == "ssim" else value
-
-
 def point_error(point: Event, metric: str) -> tuple[float, float]:
     """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one."""
     metrics = point.get("metrics") or {}
@@ -217,8 +213,6 @@ def read_image(path: Path) -> np.ndarray | None:
 
 
 def _metric_of(quality: Mapping[str, Any]) -> str:
-    from harness.metrics import metric_name
-
     return metric_name(quality.get("metric", "relmse"), float(quality.get("epsilon", 0.01)))
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS
-from engines.registry import engine_names
+from engines.registry import known_names
 from harness.config import IMAGES, METRICS, SECTIONS, TOP_KEYS
 from harness.rules import COMPARISONS
-from harness.settings import SETTING_READERS
+from harness.settings import SETTING_READERS, samplers_of_engines
 
 _TIME = {"type": "string", "pattern": r"^\s*([0-9]+(\.[0-9]*)?|\.[0-9]+)\s*(ms|s|m|min|h)\s*$"}
 _SEED = {"type": "integer", "minimum": 0}
@@ -18,9 +18,10 @@ def experiment_schema() -> dict[str, Any]:
     """A draft 2020-12 schema. It is no stricter than `harness.config`, which has the last word."""
     settings = _settings()
     anything = {key: {} for key in settings}
+    together = _object({key: {"type": "array", "minItems": 1, "items": value} for key, value in settings.items()})
     sections: dict[str, Any] = {
-        "matrix": _object({key: {"type": "array", "minItems": 1, "items": value} for key, value in settings.items()}),
-        "zip": {"type": ["array", "object"]},
+        "matrix": together,
+        "zip": {"anyOf": [together, {"type": "array", "items": together}]},
         "exclude": {"type": "array", "items": _object(_conditions(anything))},
         "include": {"type": "array", "items": _object(settings)},
         "extend": {
@@ -47,10 +48,10 @@ def experiment_schema() -> dict[str, Any]:
         }),
     }  # fmt: skip
     scalars: dict[str, Any] = {
-        "raybench_experiment": {"const": 1}, "name": {"type": "string"}, "question": {"type": "string"},
+        "raybench_experiment": {"const": 1}, "name": {"type": ["string", "number"]},
+        "question": {"type": ["string", "number"]},
         "repeats": {"type": "integer", "minimum": 1, "maximum": 1000}, "seed": _SEED, "control": {"type": "boolean"},
-        "timing": {"type": "boolean"},
-        "images": {"enum": list(IMAGES)},
+        "timing": {"type": "boolean"}, "images": {"enum": list(IMAGES)}, "baseline": {"type": ["string", "null"]},
     }  # fmt: skip
     known = {**scalars, **sections, **settings}
     assert set(known) == set(TOP_KEYS) and set(sections) == set(SECTIONS)
@@ -74,9 +75,9 @@ def _choice(names: list[str]) -> dict[str, Any]:
 def _settings() -> dict[str, Any]:
     found: dict[str, Any] = {
         "scene": {"type": "string"},
-        "engine": {"anyOf": [{"enum": engine_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}]},
+        "engine": {"anyOf": [{"enum": known_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}]},
         "shader": _choice(sorted(SHADERS)),
-        "sampler": _choice(sorted(SAMPLERS)),
+        "sampler": _choice(sorted({*SAMPLERS, *samplers_of_engines()})),
         "accelerator": _choice([]),
         "precision": {"enum": ["float64", "float32", None]},
         "threads": {"type": "integer", "minimum": 1, "maximum": 1024},

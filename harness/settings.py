@@ -90,10 +90,11 @@ def _named_choice(kind: str, table: Mapping[str, Mapping[str, choices.Option]] |
 
 def known(kind: str, name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
     """`table`, with the samplers that single engines bring where it lacks a sampler's name."""
-    return {**table, **_samplers_of_engines()} if kind == "sampler" and name not in table else table
+    return {**table, **samplers_of_engines()} if kind == "sampler" and name not in table else table
 
 
-def _samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
+def samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
+    """Those that single engines bring, with their options."""
     found: dict[str, Mapping[str, choices.Option]] = {}
     for name in engine_names():
         with contextlib.suppress(RaybenchError):

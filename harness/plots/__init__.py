@@ -14,6 +14,7 @@ from harness.analysis import Analysis
 from harness.machine import usable_cores
 from harness.plots import stability
 from harness.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
+from harness.plots.builds import build_against_traverse
 from harness.plots.curves import error_curves, pareto, target_ecdf
 from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import Panel, panels
@@ -26,7 +27,8 @@ WORTH_A_SECOND_PROCESS = 6
 
 
 OF_ALL_SCENES = (
-    "targets-over-time", "speed-up-over-threads", "cost-over-primitives", "cost-over-resolution", "sentinel",
+    "targets-over-time", "speed-up-over-threads", "build-against-traverse", "cost-over-primitives",
+    "cost-over-resolution", "sentinel",
 )  # fmt: skip
 
 
@@ -86,6 +88,10 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
         Sketch("speed-up-over-threads", "Speed-up over threads",
                "Speed-up against the fewest threads, with intervals; dotted: ideal; serial fraction by Amdahl's law.",
                lambda: thread_speedups(analysis, palette)),
+        Sketch("build-against-traverse", "Accelerators: build against traverse",
+               "Points by the time an accelerator takes to build and the time of a path through it, on logarithmic axes; "
+               "lines join contenders that differ in the accelerator alone. Lower left is better.",
+               lambda: build_against_traverse(analysis, palette)),
         Sketch("cost-over-primitives", "Cost over the number of primitives",
                "Rising curves on logarithmic axes: time of a path, and of building the accelerator, over the primitives "
                "of the scenes; numbers in the legend are exponents of the path's time between the two largest scenes.",

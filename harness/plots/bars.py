@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.plots.panels import MOST_CURVES, Panel
-from harness.plots.style import FAINT, GRID, INK, LINES, Palette, log_scales, new_figure
+from harness.plots.style import FAINT, GRID, INK, LINES, Palette, log_scales, new_figure, small_multiples
 from harness.results import PHASES
 from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
 from harness.tables.verdicts import thread_families
@@ -96,17 +96,12 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
     scenes = list(dict.fromkeys(family[0].settings.scene for family in families))
     if not scenes:
         return None
-    columns = min(len(scenes), 3)
     most = max(sum(family[0].settings.scene == scene for family in families) for scene in scenes)
     many = most > MOST_CURVES
     height = 3.0 + (0.5 if many else 0.11 * most)
-    rows = math.ceil(len(scenes) / columns)
-    figure = new_figure(max(7.2, 3.4 * columns), height * rows)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for spare in grid[len(scenes) :]:
-        spare.remove()
+    figure, grid = small_multiples(len(scenes), 3.4, height)
     counts = sorted({contender.settings.threads for family in families for contender in family})
-    for axis, scene in zip(grid, scenes, strict=False):
+    for axis, scene in zip(grid, scenes, strict=True):
         axis.plot(counts, np.array(counts) / counts[0], color=FAINT, linewidth=0.8, linestyle=":", label="ideal")
         for family in families:
             if family[0].settings.scene == scene:

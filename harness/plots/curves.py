@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis, Verdict, error_targets
-from harness.plots.panels import MOST_CURVES, Facet, Panel, facets, reference_noise
-from harness.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure
+from harness.plots.panels import MOST_CURVES, Panel, facets, reference_noise
+from harness.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
 from harness.results import Contender, Results, point_error
 from harness.statistics import ecdf, median_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
@@ -51,7 +51,7 @@ def error_curves(analysis: Analysis, panel: Panel, palette: Palette, x: str) -> 
     if not positive:
         return None
     parts = facets(panel.verdicts)
-    figure, axes = _facet_axes(parts)
+    figure, axes = small_multiples(len(parts), 3.7, 4.2 if len(parts) <= 3 else 4.0)
     bottom = min(errors.min() for errors in positive)
     for axis, part in zip(axes, parts, strict=True):
         for verdict in panel.verdicts:
@@ -79,7 +79,8 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     points = [point for verdict in panel.verdicts for point in _pareto_points(analysis.results, verdict)]
     if not points:
         return None
-    bounds = np.array([[*point.time[1:3], *point.error[1:3]] for point in points])
+    beaten_by = math.exp(-analysis.floors.get(panel.scene, 0.0))  # a lead within the noise floor is none
+    bounds = np.array([[beaten_by * point.time.low, point.time.high, *point.error[1:3]] for point in points])
     front = pareto_front(*bounds.T)
     figure = new_figure(7.2, 4.6)
     axis = figure.subplots()
@@ -115,7 +116,7 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
         return None
     first = {id(verdicts[0]): verdicts for verdicts in solvers.values()}
     parts = facets([verdicts[0] for verdicts in solvers.values()])
-    figure, axes = _facet_axes(parts)
+    figure, axes = small_multiples(len(parts), 3.7, 4.2 if len(parts) <= 3 else 4.0)
     latest = max((c["points"][-1]["seconds"] for v in analysis.verdicts for c in v.contender.done), default=1.0)
     for axis, part in zip(axes, parts, strict=True):
         for verdict in part.verdicts:
@@ -157,17 +158,6 @@ def _whisker(estimate: Any) -> list[list[float]]:
     return [[estimate.value - estimate.low], [estimate.high - estimate.value]]
 
 
-def _facet_axes(parts: list[Facet]) -> tuple[Figure, list[Axes]]:
-    """Subplots side by side, three a row, that share their axes."""
-    columns = min(len(parts), 3)
-    rows = math.ceil(len(parts) / columns)
-    figure = new_figure(7.2 if len(parts) == 1 else 3.7 * columns, 4.2 if rows == 1 else 4.0 * rows)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for spare in grid[len(parts) :]:
-        spare.remove()
-    return figure, list(grid[: len(parts)])
-
-
 def _curve_label(verdict: Verdict, x: str) -> str:
     if x == "spp" and not math.isnan(verdict.slope.value):
         return f"{verdict.contender.name} ({verdict.slope.value:.2f})"
@@ -192,9 +182,9 @@ def _grey_curve(axis: Axes, data: Band) -> None:
 def _frame(axis: Axes, results: Results, panel: Panel, bottom: float) -> None:
     """Log-log axes, targets, and the noise of the reference where it is in sight."""
     log_scales(axis, y=True)
-    for target in error_targets(results):
+    for named, target in zip(results.targets, error_targets(results), strict=True):
         axis.axhline(target, color=INK, linewidth=0.8, linestyle=(0, (2, 2)))
-        axis.annotate(f"{target:g}", (1.0, target), xycoords=("axes fraction", "data"), fontsize=7, ha="right",
+        axis.annotate(f"{named:g}", (1.0, target), xycoords=("axes fraction", "data"), fontsize=7, ha="right",
                       va="bottom", color=INK)  # fmt: skip
     floor = min([bottom, *error_targets(results)]) * 0.7
     noise = reference_noise(results, panel)

@@ -7,6 +7,7 @@ that print in black and white stays readable. Files are the same to the byte at 
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -22,8 +23,11 @@ from harness.results import Contender, Results
 
 INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
 """Colours that the report's dark mode replaces."""
-ENGINE_COLOURS = {"numpy": "#009e73", "numba": "#d55e00", "embree": "#0072b2", "mitsuba": "#cc79a7"}
-OTHER_COLOURS = ("#e69f00", "#56b4e9", "#7f3c8d", "#8c6d31", "#5b6c5d", "#a6192e", "#3d5a80", "#b5838d")
+ENGINE_COLOURS = {
+    "numpy": "#009e73", "numba": "#d55e00", "embree": "#0072b2", "mitsuba": "#cc79a7", "embreex_batch": "#3d5a80",
+    "mitsuba_scalar": "#b5838d", "dahlquist": "#8c6d31",
+}  # fmt: skip
+OTHER_COLOURS = ("#e69f00", "#56b4e9", "#7f3c8d", "#5b6c5d", "#a6192e")
 LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 STYLE: dict[str, Any] = {
@@ -128,10 +132,21 @@ def new_figure(width: float = 7.2, height: float = 4.2) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+def small_multiples(count: int, width: float, height: float, sharey: bool = True) -> tuple[Figure, list[Axes]]:
+    """Subplots of `width` x `height` inches, three a row, that share their x axis."""
+    columns = min(count, 3)
+    rows = math.ceil(count / columns)
+    figure = new_figure(max(7.2, width * columns), height * rows)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=sharey, squeeze=False).ravel()
+    for spare in grid[count:]:
+        spare.remove()
+    return figure, list(grid[:count])
+
+
 def save(figure: Figure, folder: Path, name: str) -> str:
     """Writes svg, png and pdf and returns the svg text."""
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the layout is found; finding it again for each format would take half the time
+    figure.set_layout_engine(None)  # the layout is found; with any engine each format would be drawn twice
     for suffix in ("png", "pdf"):
         figure.savefig(folder / f"{name}.{suffix}", metadata=NO_DATES[suffix])
     buffer = io.StringIO()

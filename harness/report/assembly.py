@@ -14,7 +14,8 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness import agreement
-from harness.analysis import Analysis
+from harness.analysis import Analysis, tells_its_time
+from harness.metrics import error_words
 from harness.plots import Plot
 from harness.plots.panels import Panel, panels
 from harness.plots.style import FAINT, GRID, INK
@@ -49,7 +50,7 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
         machines=_machines(analysis), runs=results.runs, references=_references(results),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
-        metric=results.metric, floors=floors, style=Markup(_asset("report.css")),
+        metric=results.metric, error_words=error_words(results.metric), floors=floors, style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
     )  # fmt: skip
 
@@ -57,17 +58,20 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
 def headlines(analysis: Analysis) -> list[dict[str, Any]]:
     """Per panel and target: who was first (warm), how long it took, and who cannot be told apart from it."""
     targets = list(enumerate(analysis.results.targets))
-    return [_headline(panel, index, target) for panel in panels(analysis) for index, target in targets]
+    return [_headline(panel, index, target, analysis.floors.get(panel.scene, 0.0))
+            for panel in panels(analysis) for index, target in targets]  # fmt: skip
 
 
-def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
+def _headline(panel: Panel, index: int, target: float, floor: float) -> dict[str, Any]:
+    """`floor` is the scene's noise floor as a log-ratio. Who has no interval is told apart from nobody."""
     arrived = [verdict for verdict in panel.verdicts if math.isfinite(verdict.warm[index].median)]
     ranked = sorted(arrived, key=lambda verdict: verdict.warm[index].median)
     line = {"scene": panel.title, "target": f"{target:g}", "winner": None, "out_of": len(panel.verdicts)}
     if not ranked:
         return line
     best = ranked[0]
-    rivals = [v.contender.name for v in ranked[1:] if v.warm[index].low <= best.warm[index].high]
+    slowest = best.warm[index].high * math.exp(floor)
+    rivals = [v.contender.name for v in ranked[1:] if not v.warm[index].low > slowest]
     return line | {
         "winner": best.contender.name, "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
         "rivals": rivals, "flags": best.flags, "reached": len(ranked),
@@ -93,8 +97,9 @@ def cell_table(analysis: Analysis) -> Table:
          Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples a pixel at the end.", "count"),
          Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
          Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
-         Column("error", f"{results.metric} at the end, noise-corrected.", "number"),
-         Column("note", "Message, or what disturbed the timing."), Column("command", "Repeats the cell.")],
+         Column("error", f"At the end: {error_words(results.metric)}.", "number"),
+         Column("note", "Message, what disturbed the timing, or that a program told its own time."),
+         Column("command", "Repeats the cell.")],
     )  # fmt: skip
     for contender in results.contenders:
         for cell in contender.cells:
@@ -103,10 +108,12 @@ def cell_table(analysis: Analysis) -> Table:
 
 
 def _cell_row(analysis: Analysis, contender: Contender, cell: Event) -> dict[str, Any]:
+    contended = (cell.get("machine") or {}).get("contended")
+    notes = [cell.get("message"), contended and "contended", tells_its_time(cell) and "time as the program tells it"]
     row = {
         "state": cell["state"], "scene": contender.settings.scene, "contender": contender.name,
         "block": cell.get("block"), "seed": cell.get("seed"), "command": repeat_command(cell),
-        "note": cell.get("message") or ("contended" if (cell.get("machine") or {}).get("contended") else ""),
+        "note": "; ".join(note for note in notes if note),
     }  # fmt: skip
     if cell.get("points"):
         end = cell["points"][-1]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from engines.film import to_bitmap
 from engines.image import png_bytes
 from harness.analysis import Analysis, Verdict
-from harness.metrics import Reference
+from harness.metrics import Reference, higher_is_better
 from harness.plots.panels import Panel, panels
 from harness.results import Event, Results, point_error
 from harness.tables.model import number_text
@@ -92,7 +92,8 @@ def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]
 def point_words(results: Results, point: Event) -> str:
     """`256 spp, 3.21 s, relmse_e0.01 4.5e-04`."""
     error, _ = point_error(point, results.metric)
-    return f"{point['spp']} spp, {number_text(point['seconds'])} s, {results.metric} {number_text(error)}"
+    name = "error" if higher_is_better(results.metric) else results.metric
+    return f"{point['spp']} spp, {number_text(point['seconds'])} s, {name} {number_text(error)}"
 
 
 def _group(results: Results, panel: Panel, pictures: list[tuple[Image, dict[str, Any]]], factor: int) -> PictureGroup:

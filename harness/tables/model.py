@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-ESTIMATES = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never")}
+ESTIMATES = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never"), "payback": ("never", "at once")}
 """Kinds with an interval: the words for infinity and for zero."""
 
 
@@ -18,7 +18,8 @@ class Column(NamedTuple):
 
     Kinds: text, number (3 significant digits), exact (as configured), count, percent (of a share), and `estimate`, a
     number with its interval: csv gives it three columns (`name`, `name_low`, `name_high`), texts print
-    `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never got there.
+    `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never got there, a `payback`
+    one whose infinity means that it never pays.
     """
 
     name: str

@@ -6,8 +6,10 @@ import math
 from typing import Any
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
+from harness.metrics import error_words
 from harness.results import PHASES, Contender, Results
 from harness.statistics import Estimate, QualityTime, Speedup, amdahl_fit, parallel_speedups
+from harness.tables.accelerators import accelerators
 from harness.tables.agreement import (
     BASELINE,
     CONTENDER,
@@ -26,7 +28,7 @@ from harness.tables.model import Column, Table
 def all_tables(analysis: Analysis) -> list[Table]:
     """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying."""
     makers = (time_to_quality, speedups, convergence, equivalence, agreement, phases, threads, failures)
-    where_asked = [table for table in (growth(analysis), accuracy(analysis)) if table.rows]
+    where_asked = [table for table in (accelerators(analysis), growth(analysis), accuracy(analysis)) if table.rows]
     return [*(make(analysis) for make in makers), *where_asked]
 
 
@@ -35,7 +37,7 @@ def time_to_quality(analysis: Analysis) -> Table:
     results = analysis.results
     table = Table(
         "time_to_quality", "Time to quality",
-        f"Median over seeds with a 95 % bootstrap interval; targets in {results.metric}, noise-corrected. "
+        f"Median over seeds with a 95 % bootstrap interval; targets in {results.metric}; error: {error_words(results.metric)}. "
         "A target not reached within the budget is counted, never extrapolated.",
         [SCENE, CONTENDER, Column("target", f"Quality to reach, in {results.metric}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
@@ -99,7 +101,7 @@ def convergence(analysis: Analysis) -> Table:
         "convergence", "Convergence and throughput",
         "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
         [SCENE, CONTENDER, Column("spp", "Samples a pixel at the last checkpoint.", "estimate"),
-         Column("error", f"{analysis.results.metric} at the last checkpoint, noise-corrected.", "estimate"),
+         Column("error", f"At the last checkpoint: {error_words(analysis.results.metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
          Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
          Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),

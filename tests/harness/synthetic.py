@@ -66,6 +66,13 @@ def write_folder(folder: Path, size: Size = SMALL, seeds: int = 5, with_images: 
     return folder
 
 
+def write_reported(folder: Path) -> Path:
+    """A folder of three seeds with everything that is derived from it; returns the report's path."""
+    from harness.report import write_derived
+
+    return write_derived(write_folder(folder, Size(64, 48), seeds=3))
+
+
 def cases(threads):
     """(scene, engine, accelerator, sampler, threads, label) of the cells that work."""
     for scene in SCENES:

@@ -81,8 +81,13 @@ def test_it_does_not_replace_results_that_are_no_archive(folders, tmp_path):
 
 def test_nothing_that_is_stored_names_the_machine_or_where_it_ran(tmp_path):
     path = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("repeats: 2", "repeats: 1"))
-    sweeping.run(path, tmp_path / "out")
+    sweeping.run(path, tmp_path / "out", command=["raybench", "run", str(path), f"--out={tmp_path}/out"])
     stored = (tmp_path / "out" / store.EVENTS).read_text() + (tmp_path / "out" / store.MANIFEST).read_text()
     assert not {"host", "executable"} & set(machine.provenance())
     assert str(sweeping.ROOT) not in stored
+    archive(tmp_path / "out", tmp_path / "archived")
+    for name in (store.EVENTS, store.MANIFEST, *tmp_path.glob("archived/references/*/*/meta.json")):
+        assert str(tmp_path) not in (tmp_path / "archived" / name).read_text()
+    command = store.read_manifest(tmp_path / "archived")["command"]
+    assert command == ["raybench", "run", path.name, "--out=out"]
     assert platform.node() not in json.loads((tmp_path / "out" / store.MANIFEST).read_text())["machine"].values()

@@ -4,10 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from engines.errors import ConfigError
 from engines.scene.yaml_file import parse_yaml
-from harness import config
+from harness import catalog, config
 from harness.schema import experiment_schema
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -184,6 +185,8 @@ MISTAKES = {
     "quality: {epsilon: 0}": "a.yaml:4 quality.epsilon = 0: must be a number in (0, 1e+06]",
     "quality: {targets: [0.1, -1]}": "a.yaml:4 quality.targets[1] = -1: must be a number in (0, 1e+30]",
     "quality: {targets: automatic}": "a.yaml:4 quality.targets = 'automatic': a list of errors, or auto, is wanted",
+    "quality: {metric: psnr}": "a.yaml:4 quality: targets are wanted with psnr",
+    "quality: {metric: ssim, targets: [0.9, 1.5]}": "a.yaml:4 quality.targets: must be below 1",
     "reference: {engine: embre}": "a.yaml:4 reference.engine = 'embre': unknown engine: did you mean 'embree'?",
     "reference: {spp: 1}": "a.yaml:4 reference.spp = 1: must be an integer in [2, 2147483648]",
     "reference:\n  seed: 2": "a.yaml:5 reference.seed: seeds 2 and up are the reference's, 1 to 3 the cells'",
@@ -244,7 +247,34 @@ def test_a_matrix_that_explodes_is_refused_before_it_is_built():
         parsed(HEAD + f"matrix: {{engine: [numba], threads: {many}}}\nzip: [{{precision: {['float32'] * 500}}}]\n")
 
 
-def test_the_schema_knows_every_key_and_accepts_its_own_kind():
-    schema = experiment_schema()
-    assert set(schema["properties"]) == set(config.TOP_KEYS)
-    json.dumps(schema)
+@pytest.fixture(scope="module")
+def validator():
+    schema = json.loads(json.dumps(experiment_schema()))
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+def plain(text):
+    return parse_yaml(text, "a.yaml", ConfigError).plain()
+
+
+def test_the_schema_knows_every_key_and_accepts_what_the_program_reads(validator):
+    assert set(experiment_schema()["properties"]) == set(config.TOP_KEYS)
+    assert list(validator.iter_errors(plain(FULL))) == []
+    odd = f"{HEAD}engine: numba\nname: 2024\nsampler: {{name: multijitter, sample_count: 16}}\nprecision: null\n"
+    for text in (odd, f"{HEAD}zip: {{engine: [numba, embree], precision: [float32, float64]}}\nbaseline: numba\n"):
+        parsed(text)
+        assert list(validator.iter_errors(plain(text))) == []
+
+
+@pytest.mark.parametrize("name", sorted(catalog.shipped("configs")))
+def test_the_schema_accepts_every_shipped_experiment(validator, name):
+    assert list(validator.iter_errors(plain(catalog.shipped("configs")[name].read_text()))) == []
+
+
+@pytest.mark.parametrize("wrong", [
+    "matrx: {engine: [numba]}", "engine: nmba", "threads: 0", "budget: {max_time: 20}", "images: yes",
+    "zip: [{enginee: [numba]}]", "quality: {targets: []}", "exclude: [{threads: {gee: 2}}]",
+])  # fmt: skip
+def test_an_editor_is_told_of_mistakes_by_the_schema(validator, wrong):
+    assert list(validator.iter_errors(plain(f"{HEAD}{wrong}\n")))

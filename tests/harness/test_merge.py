@@ -11,7 +11,6 @@ from harness import store
 from harness.analysis import analyse
 from harness.merge import merge
 from harness.plots.panels import panels
-from harness.report import write_derived
 from harness.results import load_results
 from tests.harness.synthetic import Size, write_folder
 
@@ -58,6 +57,12 @@ def merged(here, there):
     return out
 
 
+@pytest.fixture(scope="module")
+def commanded(here, there):
+    """What the command printed, and the folder that it wrote."""
+    return raybench("merge", here, there, "--out", here.parent / "out"), here.parent / "out"
+
+
 def done(folder):
     return [cell for cell in load_results(folder).cells if cell["state"] == "done"]
 
@@ -91,13 +96,13 @@ def test_machines_share_no_panel_no_baseline_and_no_verdict(merged):
     assert all(v.contender.settings.machine in v.contender.name for v in analysis.verdicts)
 
 
-def test_report_and_shared_plots_carry_a_banner(merged, tmp_path):
-    copy = shutil.copytree(merged, tmp_path / "copy")
-    text = write_derived(copy).read_text()
+def test_report_and_shared_plots_carry_a_banner(commanded):
+    out = commanded[1]
+    text = (out / "report.html").read_text()
     assert "from 2 machines or library versions (env0; env1: Other 9000, 4 cores)" in text
-    assert "must not be compared" in (copy / "plots" / "targets-over-time.svg").read_text()
-    assert "must not be compared" in (copy / "plots" / "sentinel.svg").read_text()
-    alone = sorted(path.name for path in (copy / "plots").glob("error-over-time-*.svg"))
+    assert "must not be compared" in (out / "plots" / "targets-over-time.svg").read_text()
+    assert "must not be compared" in (out / "plots" / "sentinel.svg").read_text()
+    alone = sorted(path.name for path in (out / "plots").glob("error-over-time-*.svg"))
     assert [name.rpartition("_")[2] for name in alone] == ["env0.svg", "env1.svg"]
 
 
@@ -135,12 +140,11 @@ def test_a_folder_that_holds_something_is_left_alone(here, tmp_path):
         merge([here], tmp_path)
 
 
-def test_the_command_merges_and_reports(here, there, tmp_path):
-    done = raybench("merge", here, there, "--out", tmp_path / "out")
+def test_the_command_merges_and_reports(commanded):
+    done, out = commanded
     assert done.returncode == 0, done.stderr
     assert "10 measured cells of machine env0" in done.stdout and "must not be compared" in done.stdout
-    assert (tmp_path / "out" / "report.html").exists()
-    assert "20 done" in raybench("status", tmp_path / "out").stdout
-    assert store.read_manifest(tmp_path / "out")["name"]
-    refused = raybench("run", "quick", "--out", tmp_path / "out")
+    assert "20 done" in raybench("status", out).stdout
+    assert store.read_manifest(out)["name"]
+    refused = raybench("run", "quick", "--out", out)
     assert refused.returncode == 2 and "was made by `raybench merge`" in refused.stderr

@@ -143,6 +143,7 @@ def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
         ("accelerator={name: tree, leaf: 3}", "unknown option of accelerator 'tree' 'leaf'"),
         ("matrix.engine=['fake_engines:Stedy']", "fake_engines:Stedy: cannot be imported"),
         ("shader=nothing:here", "nothing:here: cannot be imported"),
+        ("baseline=stedy", "baseline = 'stedy': no engine of this experiment: did you mean 'steady'?"),
     ],
 )
 def test_names_that_nobody_knows_are_errors_before_anything_runs(tmp_path, override, message):

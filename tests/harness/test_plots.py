@@ -1,6 +1,7 @@
 """Plots: all are drawn, the same at every run, one colour an engine, readable with many curves, never in the way."""
 
 import json
+import shutil
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,21 +15,25 @@ from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import facets, panels
 from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem, log_scales, new_figure
 from harness.results import load_results, results_of
-from tests.harness.synthetic import SMALL, done_cell, write_folder
+from tests.harness.synthetic import SMALL, done_cell
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    return write_folder(tmp_path_factory.mktemp("plots"), seeds=3, with_images=False)
+    return tmp_path_factory.mktemp("plots")
 
 
 @pytest.fixture(scope="module")
-def analysis(folder):
-    return analyse(load_results(folder))
+def analysis(reported, tmp_path_factory):
+    """From manifest, events, images and references alone."""
+    derived = shutil.ignore_patterns("plots", "tables", "*.csv", "report.html")
+    return analyse(load_results(shutil.copytree(reported, tmp_path_factory.mktemp("bare") / "copy", ignore=derived)))
 
 
 @pytest.fixture(scope="module")
 def plots(analysis, folder):
+    (folder / "plots").mkdir()
+    (folder / "plots" / "stale.svg").write_text("old")
     return write_plots(analysis, folder)
 
 
@@ -44,17 +49,17 @@ def test_every_plot_comes_as_svg_png_and_pdf(plots, folder):
         ElementTree.parse(folder / "plots" / f"{name}.svg")
 
 
-def test_plots_are_the_same_at_every_run(plots, analysis, folder):
-    before = {path.name: path.read_bytes() for path in (folder / "plots").iterdir()}
-    (folder / "plots" / "stale.svg").write_text("old")
-    write_plots(analysis, folder)
-    assert {path.name: path.read_bytes() for path in (folder / "plots").iterdir()} == before
+def test_plots_are_the_same_at_every_run_and_older_ones_are_removed(plots, folder, reported):
+    ours, theirs = (
+        {path.name: path.read_bytes() for path in (place / "plots").iterdir()} for place in (folder, reported)
+    )
+    assert ours == theirs
 
 
 def test_who_draws_makes_no_difference(plots, analysis, folder, tmp_path):
-    alone = draw(analysis, tmp_path, 1, 3)
-    with Beside(analysis, tmp_path / "nowhere", 1, 3) as failing:
-        failing._share = (analysis, tmp_path, 1, 3)
+    alone = draw(analysis, tmp_path, 1, 8)
+    with Beside(analysis, tmp_path / "nowhere", 1, 8) as failing:
+        failing._share = (analysis, tmp_path, 1, 8)
         assert failing.drawn() == alone, "a second process that fails is replaced"
     assert {plot.name: plot for plot in plots}.items() >= {plot.name: plot for plot in alone.values()}.items()
     for path in tmp_path.iterdir():

@@ -2,9 +2,7 @@
 
 import pytest
 
-from harness.report import write_derived
 from tests.harness.chromium import PROGRAM, Browser
-from tests.harness.synthetic import Size, write_folder
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
 
@@ -16,11 +14,9 @@ PIXELS = """(() => { const c = document.getElementById('viewer-canvas');
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    folder = write_folder(tmp_path_factory.mktemp("browser"), Size(64, 48), seeds=2, threads=(1,))
-    report = write_derived(folder)
+def browser(tmp_path_factory, reported):
     with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        browser.report = report
+        browser.report = reported / "report.html"
         yield browser
 
 
@@ -135,8 +131,8 @@ def test_search_shows_the_rows_that_hold_all_words(page):
                   "i.dispatchEvent(new Event('input')); })()")  # fmt: skip
     shown = page.evaluate("Array.from(document.querySelectorAll('#table-cells tbody tr'))"
                           ".filter(r => !r.hidden).map(r => r.cells[2].textContent)")  # fmt: skip
-    assert len(shown) == 4 and all("numpy" in name and "sobol" in name for name in shown)
-    assert page.evaluate("document.querySelector('[data-count=table-cells]').textContent").startswith("4 of")
+    assert len(shown) == 6 and all("numpy" in name and "sobol" in name for name in shown)
+    assert page.evaluate("document.querySelector('[data-count=table-cells]').textContent").startswith("6 of")
 
 
 def test_the_theme_button_turns_light_to_dark(page):

@@ -1,5 +1,6 @@
 """Whole sweeps with fake engines in real worker processes: what is recorded, and that mishaps stay small."""
 
+import shutil
 import time
 
 import numpy as np
@@ -9,6 +10,7 @@ import sweeping
 from engines.errors import ConfigError
 from engines.image import read_film_layers, read_provenance
 from harness import config, plan, store, targets
+from harness.results import load_results
 
 ENGINES = "['fake_engines:Steady', 'fake_engines:Other']"
 
@@ -110,6 +112,25 @@ def test_rescoring_changes_no_number_but_by_float32(finished):
     assert (scored, without) == (2 * 4 + 4 * 3 + 3, 4 + 3 * 3)
     for event in cells(out):
         assert [p["metrics"]["mse"] for p in event["points"]] == pytest.approx(before[event["cell_id"]], rel=1e-5)
+
+
+def test_rescoring_for_another_quality_is_recorded_and_loses_no_score(finished, tmp_path):
+    from harness.rescore import rescore
+
+    out = shutil.copytree(finished[1], tmp_path / "out")
+    shutil.copytree(finished[1].parent / "references", tmp_path / "references")
+    changes = ["quality.epsilon=0.1", "quality.targets=auto"]
+    rescore(out, changes, ["raybench", "rescore"])
+    results = load_results(out)
+    assert results.metric == "relmse_e0.1" and results.epsilon == 0.1 and len(results.targets) == 4
+    assert results.runs[-1]["command"] == ["raybench", "rescore"]
+    pictured = [point["metrics"] for event in cells(out) for point in event["points"] if point["image"]]
+    assert all(scores["relmse_e0.1"] < scores["relmse_e0.01"] for scores in pictured)
+    targets_before = results.targets
+    rescore(out)
+    assert load_results(out).targets == targets_before, "auto targets are resolved once"
+    with pytest.raises(ConfigError, match="repeats: unknown key"):
+        rescore(out, ["repeats=3"])
 
 
 def test_one_failing_cell_does_not_stop_the_sweep(tmp_path):

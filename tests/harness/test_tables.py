@@ -5,10 +5,14 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
-from harness.analysis import analyse
+from harness.analysis import analyse, baseline_engine_of
+from harness.plots.panels import Panel, panels
+from harness.report.assembly import _headline
 from harness.results import brief_choice, choice_text, load_results
 from harness.tables import all_tables, columns, write_tables
 from harness.tables.model import (
@@ -90,6 +94,44 @@ def test_slopes_are_named(tables):
     for row in tables["convergence"].rows:
         if row["scene"] == "cornell_box":
             assert row["slope_verdict"] == ("steeper" if "sobol" in row["contender"] else "monte carlo")
+
+
+def test_slopes_are_of_mean_squares_whatever_the_quality_metric(folder):
+    results = load_results(folder)
+    results.metric = "mape"
+    slopes = {
+        v.contender.name: v.slope for v in analyse(results).verdicts if v.contender.settings.scene == "cornell_box"
+    }
+    assert slopes["numba random 1 thread"].verdict == "monte carlo"
+    assert slopes["numba sobol 1 thread"].value == pytest.approx(-0.7, abs=0.02)
+
+
+def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
+    """The folder's PSNR says an MSE of a fifth of its relMSE."""
+    results = load_results(folder)
+    results.metric, results.targets = "psnr", [-10 * math.log10(0.2 * target) for target in results.targets]
+    found = analyse(results)
+    times = found.verdicts[0].warm
+    assert times[0].median == pytest.approx(analysis.verdicts[0].warm[0].median, rel=0.05)
+    assert all(a.median <= b.median for a, b in pairwise(times))
+    words = {table.name: table for table in all_tables(found)}["time_to_quality"].note
+    assert "MSE of display values (from PSNR), the noise of the reference included" in words
+
+
+def test_nothing_is_ranked_inside_the_noise_floor(analysis):
+    panel = next(panel for panel in panels(analysis) if panel.scene == "cornell_box")
+    told = [_headline(panel, 0, 0.1, floor) for floor in (0.0, 0.5)]
+    assert told[0]["winner"] == told[1]["winner"] and not told[0]["rivals"] and told[1]["rivals"]
+    alone = replace(panel.verdicts[0].warm[0], median=1e-9, low=math.nan, high=math.nan)
+    unknown = replace(panel.verdicts[0], warm=[alone])
+    line = _headline(Panel(panel.title, [unknown, *panel.verdicts[1:]]), 0, 0.1, 0.0)
+    assert len(line["rivals"]) == line["reached"] - 1, "without an interval nobody is first"
+
+
+def test_the_config_may_name_the_baseline(folder):
+    results = load_results(folder)
+    results.manifest["config"]["baseline"] = "embree"
+    assert baseline_engine_of(results) == "embree"
 
 
 def test_failures_name_state_reason_and_count(tables):
