@@ -12,7 +12,7 @@ from typing import Any
 from harness.analysis import Analysis
 from harness.chapter import accelerators, samplers, shaders, threads
 from harness.chapter.document import Listing, Paragraph, Section
-from harness.chapter.sentences import listed, plural
+from harness.chapter.sentences import error_name, listed, plural
 
 TOPICS = (accelerators, threads, shaders, samplers)
 
@@ -34,8 +34,9 @@ def _setting(analysis: Analysis) -> list[str]:
     if not settings:
         return ["Nothing was measured."]
     blocks = {cell["block"] for contender in results.contenders for cell in contender.done}
+    used, names = {(s.engine, s.accelerator) for s in settings}, {s.engine for s in settings}
     varied = {
-        "accelerator": len({(s.engine, s.accelerator) for s in settings}), "thread count": len({s.threads for s in settings}),
+        "engine" if len(used) == len(names) else "accelerator": len(used), "thread count": len({s.threads for s in settings}),
         "shader": len({s.shader for s in settings}), "sampler": len({s.sampler for s in settings}),
     }  # fmt: skip
     sizes = sorted({s.size for s in settings})
@@ -49,7 +50,7 @@ def _setting(analysis: Analysis) -> list[str]:
         "Times are those of rendering alone.",
         "Speeds of two configurations are compared block by block; intervals are at 95 % for one comparison, and where an "
         "interval holds equality the two are called a tie.",
-        f"Errors are {results.metric} against references of many samples, corrected for the references' own noise.",
+        f"Errors are {error_name(results.metric)} against references of many samples, corrected for the references' own noise.",
     ]
 
 

@@ -89,8 +89,8 @@ def families(analysis: Analysis, axis: str) -> list[Family]:
 
 
 def accelerator_name(engine: str, accelerator: str) -> str:
-    """`numba bvh`, but `embree` for Embree's own."""
-    return engine if accelerator in (engine, "") else f"{engine} {accelerator}"
+    """`numba bvh`, but `embree` for Embree's own, and the engine alone where it chose."""
+    return engine if accelerator in (engine, "auto", "") else f"{engine} {accelerator}"
 
 
 def identity(found: Sequence[Family]) -> list[Column]:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis, seconds_per_sample
 from harness.chapter.document import FigurePart
 from harness.chapter.families import Family, compare, demanding, estimate, thousands, values
+from harness.plots.curves import error_label
 from harness.plots.style import (
     ENGINE_COLOURS,
     FAINT,
@@ -143,7 +144,7 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
         axis.set_xlabel("samples a pixel")
         axis.tick_params(labelbottom=True)
     for axis in grid[: len(chosen) : columns]:
-        axis.set_ylabel(analysis.results.metric)
+        axis.set_ylabel(error_label(analysis.results.metric))
     handles = {
         label: handle
         for axis in grid[: len(chosen)]

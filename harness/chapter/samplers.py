@@ -21,7 +21,7 @@ from harness.chapter.families import (
     row_of,
     value_columns,
 )
-from harness.chapter.sentences import ERROR, QUALITY, SPEED, listed, tally
+from harness.chapter.sentences import ERROR, QUALITY, SPEED, error_name, listed, tally
 from harness.results import Contender, point_error
 from harness.statistics import time_to_quality
 from harness.tables import Column, Table
@@ -76,8 +76,8 @@ def _error_pairs(analysis: Analysis, found: list[Family]) -> list[Any]:
 def _error_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "samplers", "Error at the same number of samples",
-        f"{analysis.results.metric}; median over seeds with a 95 % interval. Errors that the reference's noise hides are left "
-        "out. Least: all that cannot be told apart from the first.",
+        f"{error_name(analysis.results.metric)}; median over seeds with a 95 % interval. Errors that the reference's noise "
+        "hides are left out. Least: all that cannot be told apart from the first.",
         [*identity(found), Column("spp", "Samples a pixel.", "count"),
          *value_columns(found, "Error of {}."), Column("least", "The least error.")],
     )  # fmt: skip
@@ -123,8 +123,8 @@ def _quality_tallies(analysis: Analysis, found: list[Family]) -> list[str]:
 def _quality_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "sampler_times", "Time to a quality by sampler",
-        f"Seconds of rendering until the hardest target that all reach, in {analysis.results.metric}; median over seeds with a "
-        "95 % interval.",
+        f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; median over "
+        "seeds with a 95 % interval.",
         [*identity(found), Column("target", "Quality to reach.", "exact"),
          *value_columns(found, "Seconds of {}.", "{} [s]")],
     )  # fmt: skip

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from harness.chapter.families import Found, Pair, reciprocal, spread
+from harness.plots.curves import error_label
 from harness.statistics import Estimate, Speedup
 from harness.tables.model import number_text
 
@@ -39,7 +40,9 @@ def finding(one: str, other: str, speedup: Speedup, wording: Wording = SPEED) ->
     if speedup.verdict == "faster":
         return f"{one} {wording.better} {other} by a factor of {interval(speedup)}"
     if speedup.verdict == "tie":
-        return f"{one} and {other} cannot be told apart ({wording.ratio} is {interval(speedup)})"
+        alike = speedup.low <= 1 <= speedup.high
+        text = "cannot be told apart" if alike else "differ no more than two measurements of one configuration do"
+        return f"{one} and {other} {text}: {wording.ratio} is {interval(speedup)}"
     return f"{one} and {other} were not measured often enough to be compared"
 
 
@@ -50,14 +53,15 @@ def tally(pair: Pair, wording: Wording = SPEED, case: str = "case") -> str:
     known = len(better) + len(worse) + len(ties)
     if not known:
         return f"{first} and {second} were not measured often enough to be compared."
-    cases = f"{known} {case if known == 1 else case + 's'}"
+    cases = f"{known} {case}s"
     if len(ties) == known:
-        text = f"{first} and {second} cannot be told apart in {'the' if known == 1 else 'any of'} {cases}"
+        text = f"{first} and {second} cannot be told apart{'' if known == 1 else f' in any of {cases}'}"
     elif len(better) == len(worse):
         text = f"Of {cases}, {first} {wording.better} {second} in {_with_factor(better)}, "
         text += f"and the other way round in {_with_factor(reciprocals(worse))}"
     else:
-        text = f"{first} {wording.better} {second} in {_share(len(better), cases, known)}, by {_factors(better)}"
+        where = f" in {_share(len(better), cases, known)}," if known > 1 else ""
+        text = f"{first} {wording.better} {second}{where} by {_factors(better)}"
         if worse:
             text += f"; the other way round in {_with_factor(reciprocals(worse))}"
     if ties and len(ties) < known:
@@ -72,9 +76,7 @@ def reciprocals(found: Sequence[Found]) -> list[Found]:
 
 
 def _share(number: int, cases: str, known: int) -> str:
-    if number < known:
-        return f"{number} of {cases}"
-    return f"the one {cases[2:]}" if known == 1 else f"all {cases}"
+    return f"{number} of {cases}" if number < known else f"all {cases}"
 
 
 def _factors(found: Sequence[Found]) -> str:
@@ -89,6 +91,11 @@ def _with_factor(found: Sequence[Found]) -> str:
 def listed(names: Sequence[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
     return "".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def error_name(metric: str) -> str:
+    """A metric in words: `relative MSE (epsilon 0.01)`."""
+    return error_label(metric).replace("ε = ", "epsilon ").replace("−", "-")
 
 
 def plural(number: int, noun: str) -> str:
