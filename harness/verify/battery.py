@@ -80,15 +80,20 @@ def findings(engines: Sequence[Engine], quick: bool = False, cases: Sequence[Cas
 
 def examine(case: Case, subject: Subject) -> list[Finding]:
     """The findings of one case; an exception is a broken promise, a refusal is none."""
+    return list(examined(case, subject))
+
+
+def examined(case: Case, subject: Subject) -> Iterator[Finding]:
+    """The same one by one, as they are measured."""
     since = time.perf_counter()
     try:
-        results = list(case.check(subject))
+        for result in case.check(subject):
+            yield _finding(case, subject, result, None, time.perf_counter() - since)
+            since = time.perf_counter()
     except Declined as reason:
-        return [_finding(case, subject, Measured(np.zeros(0), note=str(reason)), DECLINED, 0.0)]
+        yield _finding(case, subject, Measured(np.zeros(0), note=str(reason)), DECLINED, 0.0)
     except Exception as error:
-        return [broken(case, subject, f"{type(error).__name__}: {error}", time.perf_counter() - since)]
-    seconds = (time.perf_counter() - since) / max(len(results), 1)
-    return [_finding(case, subject, result, None, seconds) for result in results]
+        yield broken(case, subject, f"{type(error).__name__}: {error}", time.perf_counter() - since)
 
 
 def broken(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> Finding:

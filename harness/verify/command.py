@@ -23,7 +23,7 @@ OURS = ("numpy", "numba", "embree")
 """Who is asked when nobody is named."""
 EVERY = "all"
 MOST_JOBS = 8
-"""Processes by default: each holds an engine and what it compiled, half a gigabyte at worst."""
+"""Processes by default: each holds an engine and what it compiled, a gigabyte where that is everything."""
 
 
 class Asked(NamedTuple):

@@ -46,7 +46,7 @@ COLUMNS = [
 ]
 SHORT = ("case", "engine", "tracing", "accelerator", "parameter", "error", "unit", "allowed", "verdict", "median",
          "tail", "worst")  # fmt: skip
-WIDEST = 120
+WIDEST, NARROW = 120, 100
 COLOURS = {KEPT: "green", NOT_PROMISED: "yellow", BROKEN: "bold red", DECLINED: "dim"}
 
 
@@ -101,7 +101,7 @@ def show(found: Sequence[Finding], console: Console) -> None:
         traces = "" if finding.tracing == finding.precision else f" (traces in {finding.tracing})"
         by_engine.setdefault(f"{finding.engine} {finding.precision}{traces}", []).append(finding)
     for engine, findings in by_engine.items():
-        console.print(_printed(engine, findings), width=min(console.width, WIDEST))
+        console.print(_printed(engine, findings, console.width >= NARROW), width=min(console.width, WIDEST))
         console.print()
     for finding in found:
         if finding.verdict == BROKEN and finding.note:
@@ -110,31 +110,35 @@ def show(found: Sequence[Finding], console: Console) -> None:
     console.print(f"{counts_text(counts(found))}.", markup=False)
 
 
-def _printed(engine: str, found: Sequence[Finding]) -> Printed:
-    """Distributions in ulp take three columns where any case of the engine has them."""
+def _printed(engine: str, found: Sequence[Finding], room: bool) -> Printed:
+    """Distributions in ulp have a column where there is room and any case of the engine has one."""
     printed = Printed(title=engine, title_justify="left", title_style="bold", box=None, header_style="dim",
                       pad_edge=False, collapse_padding=True, padding=(0, 2, 0, 0))  # fmt: skip
-    with_ulps = any(not math.isnan(finding.worst) for finding in found)
+    with_ulps = room and any(not math.isnan(finding.worst) for finding in found)
     printed.add_column("case", no_wrap=True)
-    printed.add_column("what is asked", max_width=40 if with_ulps else 58, min_width=20)
-    printed.add_column("worst at", max_width=26, min_width=12)
+    printed.add_column("what is asked", min_width=24, max_width=58)
+    printed.add_column("worst at", min_width=12, max_width=20)
     printed.add_column("error", justify="right", no_wrap=True)
     printed.add_column("allowed", justify="right", no_wrap=True)
     if with_ulps:
-        for name in ("ulp: 50 %", "99.9 %", "worst"):
-            printed.add_column(name, justify="right", no_wrap=True)
-    printed.add_column("verdict")
+        printed.add_column("ulp: median /\n99.9 % / worst", justify="right", no_wrap=True)
+    printed.add_column("verdict", no_wrap=True)
     for finding, rest, spread in condensed(found):
         accelerator = "" if finding.accelerator == "auto" else finding.accelerator
-        where = ", ".join(filter(None, [accelerator, finding.parameter]))
+        where = ", ".join(filter(None, [accelerator, finding.parameter])) if finding.error != 0 else ""
         unit = "" if finding.unit in ("relative", "absolute") else f" {finding.unit}"
         texts = [finding.case, finding.asked, where, f"{number_text(finding.error)}{unit}", limit_text(finding)]
-        if with_ulps:
-            shares = (spread.median, spread.tail, spread.worst)
-            texts += ["" if math.isnan(share) else number_text(share) for share in shares]
         more = f" [dim]+{rest}[/]" if rest else ""
-        printed.add_row(*map(escape, texts), f"[{COLOURS[finding.verdict]}]{finding.verdict}[/]{more}")
+        ulps = [_ulps(spread)] if with_ulps else []
+        printed.add_row(*map(escape, [*texts, *ulps]), f"[{COLOURS[finding.verdict]}]{finding.verdict}[/]{more}")
     return printed
+
+
+def _ulps(finding: Finding) -> str:
+    shares = (finding.median, finding.tail, finding.worst)
+    if math.isnan(finding.worst):
+        return ""
+    return " / ".join("∞" if math.isinf(x) else f"{x:.0f}" if x >= 100 else f"{x:.2g}" for x in shares)
 
 
 class Condensed(NamedTuple):

@@ -28,10 +28,14 @@ def tracing_precision(engine: Any, precision: str) -> str:
     return getattr(engine, "tracing_precision", None) or TRACING.get(engine.name, precision)
 
 
-OWN: dict[tuple[str, str], dict[str, float]] = {("embree", "float64"): {"T15": 0, "T18": 0}}
-"""What an engine promises in a precision beyond what it traces in would let it: (engine, precision) -> case -> limit.
+OWN: dict[tuple[str, str], dict[str, float]] = {
+    ("embree", "float64"): {"T15": 0, "T18": 0},
+    ("numba", "float32"): {"T11": 0, "T13": 0},
+}
+"""What an engine promises in a precision beyond what all that trace in it do: (engine, precision) -> case -> limit.
 
-In float64 embree scales scenes to about 1 before Embree sees them, and confirms every hit in float64."""
+In float64 embree scales scenes to about 1 before Embree sees them, and confirms every hit in float64. Ties are broken by
+numba's own trees in either precision."""
 
 
 class Promise(NamedTuple):

@@ -11,18 +11,18 @@ import pytest
 from mutated import FAULTS, mutated
 
 import engines
-from harness.verify.battery import BROKEN, CASES, KEPT, examine
+from harness.verify.battery import BROKEN, CASES, KEPT, examined
 from harness.verify.subject import Subject
 
 BY_ID = {case.id: case for case in CASES}
 
 
 def _verdicts(engine, fault):
+    """As they are found: a fault is caught by the first that is broken."""
+    subject = Subject(engine, "float64", fault.accelerator)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return {
-            finding.verdict for finding in examine(BY_ID[fault.case], Subject(engine, "float64", fault.accelerator))
-        }
+        yield from (finding.verdict for finding in examined(BY_ID[fault.case], subject))
 
 
 DEAR = pytest.mark.skipif(
@@ -46,4 +46,4 @@ def test_a_planted_fault_is_caught(fault, tmp_path):
     "fault", _each(ASKED.values(), lambda fault: f"{fault.case} {fault.accelerator} {fault.jitted}")
 )
 def test_the_same_case_is_kept_without_it(fault):
-    assert _verdicts(engines.engine("numba" if fault.jitted else "numpy"), fault) == {KEPT}
+    assert set(_verdicts(engines.engine("numba" if fault.jitted else "numpy"), fault)) == {KEPT}
