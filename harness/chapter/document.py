@@ -88,7 +88,7 @@ _PREAMBLE = r"""\documentclass{report}
 \usepackage[utf8]{inputenc}
 \usepackage[T1]{fontenc}
 \usepackage[margin=2.5cm]{geometry}
-\usepackage{booktabs,graphicx,float}
+\usepackage{array,booktabs,graphicx,float}
 \graphicspath{{plots/}}
 \begin{document}
 """
@@ -96,6 +96,8 @@ _PREAMBLE = r"""\documentclass{report}
 
 _FITTING = r"\resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}"
 """What follows keeps its size, or shrinks to the width of the text."""
+_PROSE = r">{\raggedright\arraybackslash}p{%.2f\textwidth}"
+"""A column whose words wrap."""
 
 
 def latex(chapter: Chapter) -> str:
@@ -118,6 +120,9 @@ def _latex_part(part: Part) -> str:
         return f"\\begin{{itemize}}\n{items}\n\\end{{itemize}}\n"
     if isinstance(part, TablePart):
         floating = latex_text(part.table).replace("\\begin{table}", "\\begin{table}[H]\\centering")
+        rest = len(part.table.columns) - 1
+        if rest and all(column.kind == "text" for column in part.table.columns):
+            return floating.replace("{l" + "l" * rest + "}", f"{{l*{{{rest}}}{{{_PROSE % (0.7 / rest)}}}}}")
         fitting = f"{_FITTING}{{!}}{{\\begin{{tabular}}"
         return floating.replace("\\begin{tabular}", fitting).replace("\\end{tabular}", "\\end{tabular}}")
     return (
@@ -136,7 +141,7 @@ table { border-collapse: collapse; font: 13px/1.4 system-ui, sans-serif; }
 caption { caption-side: top; text-align: left; padding-bottom: .4rem; }
 th { border-top: 2px solid #222; border-bottom: 1px solid #222; }
 td, th { padding: .2rem .6rem; text-align: right; white-space: nowrap; }
-td.text, th.text { text-align: left; }
+td.text, th.text { text-align: left; white-space: normal; }
 tbody tr:last-child td { border-bottom: 2px solid #222; }
 figure { margin: 1.2rem 0; }
 figure svg { width: 100%; height: auto; }
