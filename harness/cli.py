@@ -153,6 +153,21 @@ def dahlquist(
 
 
 @app.command()
+def view(
+    scene: Annotated[str, typer.Argument(help="A scene below the folder, or a bare name from scenes/.")] = "cornell_box",
+    folder: Annotated[Path, typer.Option(help="What the page may read, and save races in.")] = Path("."),
+    engine: Annotated[str, typer.Option(help="The one chosen at first. [default: embree]")] = "",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="[default: one that is free]")] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
+    allow_imports: AllowImports = False,
+) -> None:
+    """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
+    from harness.view import open_viewer
+
+    open_viewer(scene, folder, port, engine, allow_imports, browser=not no_browser)
+
+
+@app.command()
 def report(
     folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
     chapter: Annotated[

@@ -1,0 +1,79 @@
+"""Takes the pictures of the viewer in docs/view.md: python docs/pictures/view.py [NAME ...]
+
+Needs Chromium and the extra `view`. Names: view, dark, narrow, race, dahlquist.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.view.driving import Page, Viewer  # noqa: E402
+
+TARGET = Path(__file__).resolve().parent / "view"
+READY = "window.raybench && (raybench.part || raybench.parts || raybench.menu)"
+
+
+def rendered(page: Page, scene: str, size: tuple[int, int], spp: int) -> None:
+    for key, value in {"scene": scene, "width": size[0], "height": size[1], "wanted": spp}.items():
+        page.set(f"#{key}", value)
+    page.wait_for(f"raybench.state === 'busy' && raybench.told.spp > {spp // 3} && !raybench.frame.coarse", 120)
+
+
+def view(page: Page, address: str) -> None:
+    page.visit(address, 1280, 960)
+    page.wait_for(READY)
+    rendered(page, "two_spheres", (640, 480), 1500)
+    page.mouse("mouseMoved", *page.spot(0.4, 0.6))
+    page.wait_for("raybench.probe")
+
+
+def dark(page: Page, address: str) -> None:
+    page.visit(address, 1280, 960, dark=True)
+    page.wait_for(READY)
+    rendered(page, "cornell_box", (512, 512), 1500)
+
+
+def narrow(page: Page, address: str) -> None:
+    page.visit(address, 360, 760)
+    page.wait_for(READY)
+    rendered(page, "mobilert_spheres2", (400, 400), 600)
+
+
+def race(page: Page, address: str) -> None:
+    page.visit(address + "race.html", 1280, 1180)
+    page.wait_for("window.raybench && raybench.parts.length === 2")
+    page.click("#add")
+    for key, value in {"scene": "cornell_box", "width": 160, "height": 160, "targets": "0.1 0.01", "reference-spp": 2048,
+                       "max-seconds": 6}.items():  # fmt: skip
+        page.set(f"#{key}", value)
+    page.click("#start")
+    page.wait_for("raybench.state === 'finished'", 240)
+
+
+def dahlquist(page: Page, address: str) -> None:
+    page.visit(address + "dahlquist.html", 1280, 1060)
+    page.wait_for("window.raybench && raybench.menu")
+    page.wait_for("raybench.told && raybench.told.frames_per_second && raybench.frames > 200", 120)
+
+
+SHOTS: dict[str, Callable[[Page, str], None]] = {
+    "view": view, "dark": dark, "narrow": narrow, "race": race, "dahlquist": dahlquist,
+}  # fmt: skip
+
+
+def main(names: list[str]) -> None:
+    TARGET.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder, Viewer(Path(folder)) as viewer, Page(Path(folder, "profile")) as page:
+        for name in names or SHOTS:
+            SHOTS[name](page, viewer.address)
+            page.evaluate("new Promise(done => setTimeout(done, 400))")
+            page.evaluate("scrollTo(0, 0)")
+            page.picture(TARGET / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

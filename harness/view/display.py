@@ -1,0 +1,37 @@
+"""Pixels for a canvas: RGBA, 8 bits, from linear radiance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.film import Film
+from engines.tonemap import ToneMapper, tone_mapper
+
+
+class Tone:
+    """A tone mapper after an exposure in stops: itself one."""
+
+    def __init__(self, mapper: str = "srgb", exposure: float = 0.0) -> None:
+        self.name, self.exposure = mapper, exposure
+        self._mapper: ToneMapper = tone_mapper(mapper)
+
+    def __call__(self, radiance: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._mapper(radiance * radiance.dtype.type(2.0**self.exposure))
+
+
+def rgba(film: Film, tone: Tone) -> bytes:
+    """(height, width, 4) uint8 as bytes. In float32: half the time of float64, and no 8-bit value can tell."""
+    counts = np.maximum(film.counts, 1).astype(np.float32)[:, :, None]
+    shown = tone((film.sums.astype(np.float32) / counts).astype(np.float32))
+    pixels = np.empty((film.height, film.width, 4), np.uint8)
+    np.nan_to_num(shown, copy=False, nan=0.0, posinf=1.0, neginf=0.0)
+    pixels[:, :, :3] = np.rint(np.clip(shown, 0.0, 1.0) * 255.0)
+    pixels[:, :, 3] = 255
+    return pixels.tobytes()
+
+
+def half_floats(film: Film) -> bytes:
+    """(height, width, 3) little-endian float16 of the mean, for views that the page computes itself."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.clip(film.mean(), -65504, 65504).astype("<f2").tobytes()

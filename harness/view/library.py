@@ -1,0 +1,83 @@
+"""Which scenes a page may open: those that come with raybench, and scene files below one folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from engines.errors import ConfigError, suggestion
+from harness import catalog
+
+MOST_LISTED = 500
+MOST_SEEN = 20_000
+HEAD = 4096
+"""Bytes in which a scene file must say that it is one to be listed."""
+UNLISTED = ("results", "node_modules", "__pycache__")
+
+
+class Library:
+    """Scenes by the names that a page shows: bare names of shipped ones, paths from `folder` of others."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+
+    def names(self) -> list[str]:
+        """Shipped scenes, then files below the folder."""
+        shipped = catalog.shipped("scenes")
+        held = {path.resolve() for path in shipped.values()}
+        return [*shipped, *(str(p.relative_to(self.folder)) for p in self._files() if p.resolve() not in held)]
+
+    def _files(self) -> list[Path]:
+        found: list[Path] = []
+        seen = 0
+        for place, folders, files in os.walk(self.folder):
+            folders[:] = sorted(name for name in folders if name[:1] not in "._" and name not in UNLISTED)
+            for name in sorted(files):
+                seen += 1
+                path = Path(place, name)
+                if name.endswith((".yaml", ".yml")) and _is_scene(path):
+                    found.append(path)
+            if seen > MOST_SEEN or len(found) >= MOST_LISTED:
+                break
+        return found[:MOST_LISTED]
+
+    def find(self, name: str) -> Path:
+        """The file of a name. Raises `ConfigError` where there is none, and for paths out of the folder, links followed."""
+        shipped = catalog.shipped("scenes")
+        if name in shipped:
+            return shipped[name].resolve()
+        if "/" not in name and not name.endswith((".yaml", ".yml")):
+            raise ConfigError(f"unknown scene {name!r}: {suggestion(name, shipped)}")
+        path = self.inside(name)
+        if not path.is_file():
+            raise ConfigError(f"scene {name!r}: there is no such file below {self.folder}")
+        return path
+
+    def name_of(self, given: str) -> str:
+        """The name of a scene that a command line gave, as a path from here or by its bare name."""
+        here = Path(given).expanduser()
+        if ("/" in given or given.endswith((".yaml", ".yml"))) and here.is_file():
+            resolved = here.resolve()
+            if not resolved.is_relative_to(self.folder):
+                raise ConfigError(f"{given}: lies outside {self.folder}: choose another --folder")
+            return str(resolved.relative_to(self.folder))
+        self.find(given)
+        return given
+
+    def inside(self, name: str) -> Path:
+        """The path that `name` means below the folder, which need not exist; refused where it leads out."""
+        try:
+            path = (self.folder / name).resolve()
+        except (OSError, ValueError, RuntimeError) as problem:
+            raise ConfigError(f"{name!r}: not a usable path: {problem}") from problem
+        if not path.is_relative_to(self.folder):
+            raise ConfigError(f"{name!r}: lies outside {self.folder}, the folder that the viewer was given")
+        return path
+
+
+def _is_scene(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return b"raybench_scene" in file.read(HEAD)
+    except OSError:
+        return False

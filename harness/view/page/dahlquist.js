@@ -1,0 +1,124 @@
+// The page with Dahlquist's program: its animation, its switches, and balls that are dragged.
+
+import { Link, byId, count, duration, lastOfFrame, showProblem, themeButton } from "./link.js";
+
+const SWITCHES = ["reflections", "environment", "interlaced", "redraw"];
+const KEYBOARD = 20; // the finger that keys move
+const STEP = 8;
+const canvas = byId("canvas");
+const context = canvas.getContext("2d", { alpha: false });
+const page = { frames: 0, state: "idle", touched: [] };
+window.raybench = page;
+let held = null; // where the keyboard's finger is
+
+const link = new Link("dahlquist", {
+  menu, frame, state,
+  touched: (header) => page.touched.push(header.ball),
+  problem: (header) => showProblem(header.text),
+  lost: (header) => showProblem(header.text),
+  closed: () => state({ state: "stopped", doing: "no connection" }),
+});
+
+function menu(header) {
+  if (page.menu) return;
+  page.menu = header;
+  byId("engine").append(...header.engines.map((name) => new Option(name)));
+  Object.assign(byId("threads"), { max: header.cores, value: header.cores });
+  for (const [name, seconds, rays] of header.original) {
+    const row = byId("figures").insertRow();
+    const heading = document.createElement("th");
+    heading.scope = "row";
+    heading.textContent = `the original, ${name}`;
+    row.append(heading);
+    for (const text of [duration(seconds), count(rays), (1 / seconds).toFixed(1)]) row.insertCell().textContent = text;
+  }
+  begin();
+}
+
+function frame(header, bytes) {
+  const pixels = new Uint8ClampedArray(bytes);
+  for (let i = 3; i < pixels.length; i += 4) pixels[i] = 255; // alpha is the original's flag
+  if (canvas.width !== header.width || canvas.height !== header.height) resize(header.width, header.height);
+  context.putImageData(new ImageData(pixels, header.width, header.height), 0, 0);
+  page.frames += 1;
+  link.send({ do: "ack" });
+}
+
+function resize(width, height) {
+  Object.assign(canvas, { width, height });
+  canvas.parentElement.style.setProperty("--aspect", width / height);
+}
+
+function state(header) {
+  page.state = header.state;
+  page.told = header;
+  if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
+  byId("doing").textContent = header.doing;
+  const running = ["busy", "waiting"].includes(header.state);
+  byId("stop").disabled = !running;
+  byId("start").disabled = running;
+  if (!header.call_seconds) return;
+  byId("own-name").textContent = `here, ${header.size}`;
+  byId("own-call").textContent = duration(header.call_seconds);
+  byId("own-rays").textContent = count(header.rays_per_second);
+  byId("own-frames").textContent = header.frames_per_second ? header.frames_per_second.toFixed(1) : "–";
+}
+
+function begin() {
+  showProblem(null);
+  const value = (id) => Number(byId(id).value);
+  link.send({ do: "demo", width: value("width"), height: value("height"), engine: byId("engine").value, threads: value("threads") });
+  switches();
+}
+
+function switches() {
+  const speed = Number(byId("speed").value);
+  byId("speed-told").textContent = speed;
+  const chosen = Object.fromEntries(SWITCHES.map((name) => [name, byId(name).checked]));
+  link.send({ do: "switches", ...chosen, speed });
+}
+
+function at(event) {
+  const box = canvas.getBoundingClientRect();
+  return { x: ((event.clientX - box.left) / box.width) * canvas.width, y: ((event.clientY - box.top) / box.height) * canvas.height };
+}
+
+const fingers = new Map(); // pointer -> number of the finger
+const sendMoves = new Map();
+
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  const finger = [...Array(10).keys()].find((free) => ![...fingers.values()].includes(free)) ?? 9;
+  fingers.set(event.pointerId, finger);
+  sendMoves.set(event.pointerId, lastOfFrame((place) => { if (fingers.has(event.pointerId)) link.send({ do: "move", finger, ...place }); }));
+  link.send({ do: "touch", finger, ...at(event) });
+});
+canvas.addEventListener("pointermove", (event) => sendMoves.get(event.pointerId)?.(at(event)));
+for (const end of ["pointerup", "pointercancel"]) {
+  canvas.addEventListener(end, (event) => {
+    if (fingers.has(event.pointerId)) link.send({ do: "release", finger: fingers.get(event.pointerId) });
+    fingers.delete(event.pointerId);
+    sendMoves.delete(event.pointerId);
+  });
+}
+
+// Keys hold a ball by its number, and move it as a finger would.
+canvas.addEventListener("keydown", (event) => {
+  const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  if (/^[1-5]$/.test(event.key)) link.send({ do: "hold", finger: KEYBOARD, ball: Number(event.key) - 1 });
+  else if (arrows[event.key] && held) {
+    held = { x: held.x + STEP * arrows[event.key][0], y: held.y + STEP * arrows[event.key][1] };
+    link.send({ do: "move", finger: KEYBOARD, ...held });
+  } else if (event.key === "Escape") { held = null; link.send({ do: "release", finger: KEYBOARD }); }
+  else return;
+  event.preventDefault();
+});
+link.hear.held = (header) => { held = { x: header.x, y: header.y }; page.held = header; };
+
+themeButton();
+byId("start").addEventListener("click", () => (page.told?.size ? link.send({ do: "resume" }) : begin()));
+byId("stop").addEventListener("click", () => link.send({ do: "stop" }));
+for (const name of [...SWITCHES, "speed"]) byId(name).addEventListener("input", switches);
+for (const name of ["width", "height", "engine", "threads"]) byId(name).addEventListener("change", begin);
+byId("form").addEventListener("submit", (event) => event.preventDefault());
+addEventListener("pagehide", () => { link.leaving = true; link.socket.close(); });

@@ -1,0 +1,92 @@
+// The live plot: error over seconds, both logarithmic, with targets as lines. SVG, so that it is sharp at any size.
+
+const SPACE = "http://www.w3.org/2000/svg";
+const WIDTH = 900;
+const HEIGHT = 380;
+const EDGE = { left: 64, right: 132, top: 14, bottom: 44 };
+const MARKS = ["circle", "square", "triangle", "diamond"];
+
+function element(name, attributes, text) {
+  const made = document.createElementNS(SPACE, name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key === "style") made.style.cssText = value; // the page's policy forbids the attribute
+    else made.setAttribute(key, value);
+  }
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+function decades(low, high) {
+  const found = [];
+  for (let exponent = Math.floor(low); exponent <= Math.ceil(high); exponent++) found.push(exponent);
+  return found;
+}
+
+function power(exponent) {
+  return exponent >= -3 && exponent <= 3 ? String(Number((10 ** exponent).toPrecision(1))) : `1e${exponent}`;
+}
+
+function markPath(kind, x, y, r) {
+  if (kind === 1) return `M${x - r} ${y - r}h${2 * r}v${2 * r}h${-2 * r}z`;
+  if (kind === 2) return `M${x} ${y - 1.2 * r}l${1.2 * r} ${2.2 * r}h${-2.4 * r}z`;
+  if (kind === 3) return `M${x} ${y - 1.3 * r}l${1.3 * r} ${1.3 * r}l${-1.3 * r} ${1.3 * r}l${-1.3 * r} ${-1.3 * r}z`;
+  return `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
+}
+
+// Lanes: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state}]}].
+export function drawPlot(svg, lanes, targets) {
+  svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
+  const points = lanes.flatMap((lane) => lane.points).filter(([seconds, error]) => seconds > 0 && error > 0);
+  svg.replaceChildren();
+  if (points.length === 0) return;
+  const xs = points.map(([seconds]) => Math.log10(seconds));
+  const ys = [...points.map(([, error]) => Math.log10(error)), ...targets.map(Math.log10)];
+  const [x0, x1] = [Math.min(...xs) - 0.05, Math.max(Math.max(...xs), Math.min(...xs) + 0.5) + 0.05];
+  const [y0, y1] = [Math.min(...ys) - 0.15, Math.max(...ys) + 0.15];
+  const px = (x) => EDGE.left + ((x - x0) / (x1 - x0)) * (WIDTH - EDGE.left - EDGE.right);
+  const py = (y) => EDGE.top + ((y1 - y) / (y1 - y0)) * (HEIGHT - EDGE.top - EDGE.bottom);
+  const right = WIDTH - EDGE.right;
+  for (const exponent of decades(x0, x1).filter((e) => e >= x0 && e <= x1)) {
+    const x = px(exponent);
+    svg.append(element("line", { x1: x, x2: x, y1: EDGE.top, y2: HEIGHT - EDGE.bottom, class: "grid" }));
+    svg.append(element("text", { x, y: HEIGHT - EDGE.bottom + 18, "text-anchor": "middle" }, power(exponent)));
+  }
+  for (const exponent of decades(y0, y1).filter((e) => e >= y0 && e <= y1)) {
+    const y = py(exponent);
+    svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "grid" }));
+    svg.append(element("text", { x: EDGE.left - 8, y: y + 4, "text-anchor": "end" }, power(exponent)));
+  }
+  svg.append(element("text", { x: (EDGE.left + right) / 2, y: HEIGHT - 6, "text-anchor": "middle", class: "faint" }, "seconds of rendering"));
+  svg.append(element("text", { x: 14, y: (HEIGHT - EDGE.bottom) / 2, "text-anchor": "middle", class: "faint", transform: `rotate(-90 14 ${(HEIGHT - EDGE.bottom) / 2})` }, "relative mean squared error"));
+  for (const target of targets) {
+    const y = py(Math.log10(target));
+    svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "target" }));
+    svg.append(element("text", { x: right + 6, y: y + 4 }, `target ${target}`));
+  }
+  lanes.forEach((lane, index) => drawLane(svg, lane, index, px, py));
+  svg.setAttribute("aria-label", words(lanes));
+}
+
+function drawLane(svg, lane, index, px, py) {
+  const colour = `var(--lane-${index + 1})`;
+  const places = lane.points.filter(([seconds, error]) => seconds > 0 && error > 0).map(([s, e]) => [px(Math.log10(s)), py(Math.log10(e))]);
+  if (places.length === 0) return;
+  const path = places.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
+  svg.append(element("path", { d: path, fill: "none", style: `stroke: ${colour}`, "stroke-width": 2 }));
+  for (const [x, y] of places) svg.append(element("path", { d: markPath(index, x, y, 3), style: `fill: ${colour}` }));
+  for (const crossing of lane.crossings.filter((c) => c.state === "reached" || c.state === "at_first")) {
+    const [x, y] = [px(Math.log10(crossing.seconds)), py(Math.log10(crossing.target))];
+    svg.append(element("path", { d: markPath(index, x, y, 8), fill: "none", style: `stroke: ${colour}`, "stroke-width": 2.5 }));
+  }
+}
+
+// What the plot says, for those who hear it.
+function words(lanes) {
+  const said = lanes.filter((lane) => lane.points.length).map((lane) => {
+    const [seconds, error] = lane.points.at(-1);
+    return `${lane.name}: error ${error?.toPrecision(2)} after ${seconds.toPrecision(2)} seconds`;
+  });
+  return `Error over time. ${said.join("; ")}`;
+}
+
+export const markName = (index) => MARKS[index];

@@ -1,0 +1,117 @@
+"""Latency of the viewer: `python tests/benchmarks/view.py [--engine NAME] [--scene NAME] [--size 512x512]`.
+
+Speaks to a server as a page does, without a browser: from a request to the whole frame, on loopback. The first tab's figures
+hold what starting costs; the others are of a worker that has rendered the scene before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import numpy as np
+
+from tests.view.driving import Viewer
+from tests.view.tab import Tab
+
+MOVES_A_SECOND = (10, 30)
+SECONDS = 4.0
+
+
+def frame(tab: Tab, coarse: bool | None = None, seconds: float = 120.0):
+    return tab.hear(lambda told: told["is"] == "frame" and coarse in (None, told["coarse"]), seconds)
+
+
+def milliseconds(values: list[float]) -> str:
+    ordered = sorted(values)
+    return f"median {1e3 * statistics.median(ordered):.0f} ms, worst {1e3 * ordered[-1]:.0f} ms"
+
+
+def first_frames(tab: Tab, request: dict, times: int) -> tuple[list[float], list[float]]:
+    """Seconds to the first frame, and to the first at full resolution."""
+    coarse, full = [], []
+    for _ in range(times):
+        start = time.perf_counter()
+        tab.send(**request)
+        tab.hear(lambda told: told["is"] == "opened", 120)
+        frame(tab)
+        coarse.append(time.perf_counter() - start)
+        frame(tab, coarse=False)
+        full.append(time.perf_counter() - start)
+        tab.send(do="stop")
+        tab.state("stopped", "finished")
+    return coarse, full
+
+
+def moves(tab: Tab, a_second: float) -> tuple[int, int, list[float]]:
+    """Camera moves sent, frames that came, and seconds from each frame to the next."""
+    sent, came, last, gaps = 0, 0, time.perf_counter(), []
+    begin = time.perf_counter()
+    while (now := time.perf_counter()) - begin < SECONDS:
+        if now - begin >= sent / a_second:
+            angle = 0.02 * sent
+            eye = [3.9 * float(np.sin(angle)), 0.0, 3.9 * float(np.cos(angle))]
+            tab.send(do="camera", eye=eye, target=[0, 0, 0], up=[0, 1, 0])
+            sent += 1
+        try:
+            frame(tab, seconds=max(0.001, sent / a_second - (time.perf_counter() - begin)))
+        except TimeoutError:
+            continue
+        came += 1
+        gaps.append(time.perf_counter() - last)
+        last = time.perf_counter()
+    return sent, came, gaps
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--engine", default="embree")
+    parser.add_argument("--scene", default="cornell_box")
+    parser.add_argument("--size", default="512x512")
+    parser.add_argument("--threads", type=int, default=2)
+    given = parser.parse_args()
+    width, height = map(int, given.size.split("x"))
+    part = {"engine": given.engine, "shader": {"name": "path_tracer", "max_depth": 6}, "sampler": {"name": "sobol"},
+            "accelerator": {"name": "auto"}, "threads": given.threads}  # fmt: skip
+    request = {"do": "open", "scene": given.scene, "part": part, "width": width, "height": height, "spp": 1 << 20}
+    print(f"{given.scene} {given.size}, {given.engine}, {given.threads} threads")
+    with tempfile.TemporaryDirectory() as folder, Viewer(Path(folder)) as viewer:
+        start = time.perf_counter()
+        with Tab(viewer) as tab:
+            (coarse,), (full,) = first_frames(tab, request, 1)
+            total = time.perf_counter() - start
+            print(f"a new tab: first frame after {coarse:.2f} s, at full resolution after {full:.2f} s ({total:.2f} s in all)")
+            coarse_warm, full_warm = first_frames(tab, request, 7)
+            print(f"warm: first frame {milliseconds(coarse_warm)}; at full resolution {milliseconds(full_warm)}")
+            for a_second in MOVES_A_SECOND:
+                sent, came, gaps = moves(tab, a_second)
+                print(f"{a_second} moves/s: {sent} sent, {came} frames in {SECONDS:g} s; between frames {milliseconds(gaps)}")
+            tab.send(**request)
+            tab.hear(lambda told: told["is"] == "opened")
+            frame(tab, coarse=False)
+            begin, count = time.perf_counter(), 0
+            while time.perf_counter() - begin < SECONDS:
+                frame(tab)
+                count += 1
+            print(f"while it renders: {count / (time.perf_counter() - begin):.1f} frames/s")
+            pings = []
+            for _ in range(50):
+                start = time.perf_counter()
+                tab.socket.ping().wait(5)
+                pings.append(time.perf_counter() - start)
+                time.sleep(0.02)
+            print(f"a ping while it renders: {milliseconds(pings)}")
+            start = time.perf_counter()
+            tab.send(do="stop")
+            tab.state("stopped")
+            print(f"a stop: {1e3 * (time.perf_counter() - start):.0f} ms")
+
+
+if __name__ == "__main__":
+    main()
