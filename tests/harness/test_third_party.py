@@ -98,4 +98,4 @@ def test_who_asks_for_all_engines_is_warned_of_the_broken_ones(installed, monkey
     assert [engine.name for engine in found] == ["cutout"]
     assert all(words in said for words in BROKEN.values())
     with pytest.warns(UserWarning, match="broken_import"):
-        assert command.verify(command.Asked(quick=True, only=["R3"], out=tmp_path)) == 0
+        assert command.verify(command.Asked(["all"], quick=True, only=["R3"], out=tmp_path)) == 0
