@@ -200,5 +200,6 @@ def page(found: Sequence[Finding], quick: bool, plots: Sequence[Plot] = ()) -> s
         plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
         worst=lambda given: [row.finding for row in condensed(given)],
         has_ulps=lambda given: any(not math.isnan(finding.worst) for finding in given),
-        failures=[f for f in found if f.verdict == BROKEN], lost=[f for f in found if f.verdict == NOT_PROMISED],
+        failures=[f for f in found if f.verdict == BROKEN],
+        lost=[row for row in condensed(found) if row.finding.verdict == NOT_PROMISED],
     )  # fmt: skip
