@@ -310,7 +310,8 @@ class ViewDesk:
         if film.width == stage.width and not film.counts.any():
             return False
         self._unseen += 1
-        told = {"width": film.width, "height": film.height, "spp": film.spp, "coarse": film.width != stage.width}
+        told = {"width": film.width, "height": film.height, "spp": film.spp, "seq": self._seq}
+        told["coarse"] = film.width != stage.width
         self._send(packed({"is": "frame", **told, "handles": stage.handles()}, rgba(film, self._tone)))
         return True
 

@@ -49,24 +49,23 @@ def first_frames(tab: Tab, request: dict, times: int) -> tuple[list[float], list
     return coarse, full
 
 
-def moves(tab: Tab, a_second: float) -> tuple[int, int, list[float]]:
-    """Camera moves sent, frames that came, and seconds from each frame to the next."""
-    sent, came, last, gaps = 0, 0, time.perf_counter(), []
+def moves(tab: Tab, a_second: float) -> tuple[int, list[float]]:
+    """How many camera moves were sent, and of each whose coarse frame came, the seconds until then."""
+    sent: dict[int, float] = {}
+    waits = []
     begin = time.perf_counter()
     while (now := time.perf_counter()) - begin < SECONDS:
-        if now - begin >= sent / a_second:
-            angle = 0.02 * sent
+        if now - begin >= len(sent) / a_second:
+            angle = 0.02 * len(sent)
             eye = [3.9 * float(np.sin(angle)), 0.0, 3.9 * float(np.cos(angle))]
-            tab.send(do="camera", eye=eye, target=[0, 0, 0], up=[0, 1, 0])
-            sent += 1
+            sent[tab.send(do="camera", eye=eye, target=[0, 0, 0], up=[0, 1, 0])] = time.perf_counter()
         try:
-            frame(tab, seconds=max(0.001, sent / a_second - (time.perf_counter() - begin)))
+            told = frame(tab, coarse=True, seconds=max(0.001, begin + len(sent) / a_second - time.perf_counter()))
         except TimeoutError:
             continue
-        came += 1
-        gaps.append(time.perf_counter() - last)
-        last = time.perf_counter()
-    return sent, came, gaps
+        if told["seq"] in sent:
+            waits.append(time.perf_counter() - sent[told["seq"]])
+    return len(sent), waits
 
 
 def main() -> None:
@@ -90,8 +89,8 @@ def main() -> None:
             coarse_warm, full_warm = first_frames(tab, request, 7)
             print(f"warm: first frame {milliseconds(coarse_warm)}; at full resolution {milliseconds(full_warm)}")
             for a_second in MOVES_A_SECOND:
-                sent, came, gaps = moves(tab, a_second)
-                print(f"{a_second} moves/s: {sent} sent, {came} frames in {SECONDS:g} s; between frames {milliseconds(gaps)}")
+                sent, waits = moves(tab, a_second)
+                print(f"{a_second} moves/s: {sent} sent, {len(waits)} seen, each after {milliseconds(waits)}")
             tab.send(**request)
             tab.hear(lambda told: told["is"] == "opened")
             frame(tab, coarse=False)

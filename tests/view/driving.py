@@ -9,7 +9,9 @@ from pathlib import Path
 from tests.harness.chromium import Browser
 
 PIXELS = """(() => { const c = document.getElementById('canvas');
-  const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+  const copy = new OffscreenCanvas(c.width, c.height).getContext('2d', {willReadFrequently: true});
+  copy.drawImage(c, 0, 0);
+  const d = copy.getImageData(0, 0, c.width, c.height).data;
   let sum = 0; for (let i = 0; i < d.length; i++) sum = (sum * 31 + d[i]) % 1000003; return sum; })()"""
 """A number that tells pictures apart."""
 SCENE = """\

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from websockets.sync.client import connect
 
 from harness.view.messages import header_of
+from harness.view.session import BEGIN_WORK
 
 
 class Tab:
@@ -15,6 +16,7 @@ class Tab:
     def __init__(self, viewer, desk="view", **headers):
         host = f"127.0.0.1:{viewer.port}"
         headers = {"Origin": f"http://{host}", **headers}
+        self.seq = 0
         self._stack = ExitStack()
         self.socket = self._stack.enter_context(connect(
             f"ws://{host}/{viewer.token}/desk/{desk}", additional_headers=headers, max_size=None, compression=None,
@@ -31,7 +33,10 @@ class Tab:
         self._stack.close()
 
     def send(self, **request):
+        """Sends a request; the number under which the worker knows it, where it makes work."""
         self.socket.send(json.dumps(request))
+        self.seq += request["do"] in BEGIN_WORK
+        return self.seq
 
     def hear(self, wanted, seconds=30):
         """The next message that `wanted` accepts; frames are acknowledged on the way."""
