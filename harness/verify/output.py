@@ -91,7 +91,7 @@ def counts(found: Sequence[Finding]) -> Counter[str]:
 
 
 def counts_text(counted: Counter[str]) -> str:
-    return ", ".join(f"{counted[verdict]} {verdict}" for verdict in COLOURS if counted[verdict]) or "nothing asked"
+    return ", ".join(f"{counted[verdict]} {verdict}" for verdict in COLOURS if counted[verdict]) or "nothing to measure"
 
 
 def show(found: Sequence[Finding], console: Console) -> None:

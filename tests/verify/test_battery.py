@@ -35,7 +35,8 @@ def test_the_reference_keeps_what_it_promises():
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_numba_keeps_the_fast_cases(precision):
     subject = Subject(engines.engine("numba"), precision, "bvh")
-    found = [finding for case in FAST if case.id != "T6" for finding in examine(case, subject)]
+    traced = [case for case in FAST if case.id not in ("T6", "D3")]  # the others compile kernels that no test shares
+    found = [finding for case in traced for finding in examine(case, subject)]
     assert {finding.verdict for finding in found} <= {KEPT, NOT_PROMISED}
 
 
