@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from harness.analysis import Analysis, seconds_per_sample
 from harness.chapter import figures, port_features, port_pictures
 from harness.chapter.document import Listing, Paragraph, Part, Section, TablePart
-from harness.chapter.experiment import limits, place
+from harness.chapter.experiment import each_block, limits, place
 from harness.chapter.families import (
     Family,
     accelerator_name,
@@ -67,7 +67,7 @@ def _setting(analysis: Analysis) -> list[str]:
         f"{listed(sizes)} pixels.",
         "A sample is a frame: one primary ray through every pixel.",
         *place(analysis),
-        f"Every configuration was measured once in each of {plural(len(blocks), 'block')}, in random order.",
+        f"Every configuration was measured once{each_block(len(blocks))}.",
         "Times are those of rendering alone; they are compared block by block, and two are called a tie where the interval of "
         f"their ratio at 95 % holds equality{noise}.",
     ]

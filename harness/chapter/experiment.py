@@ -45,13 +45,17 @@ def _setting(analysis: Analysis) -> list[str]:
         f"{listed([plural(number, noun) for noun, number in varied.items()])}, {len(settings)} configurations in all, "
         f"at {listed(sizes)} pixels.",
         *place(analysis),
-        f"Every configuration was measured once in each of {plural(len(blocks), 'block')}, in random order, with another seed "
-        "in each.",
+        f"Every configuration was measured once{each_block(len(blocks))}{', with another seed in each' * (len(blocks) > 1)}.",
         "Times are those of rendering alone.",
         "Speeds of two configurations are compared block by block; intervals are at 95 % for one comparison, and where an "
         "interval holds equality the two are called a tie.",
         f"Errors are {error_name(results.metric)} against references of many samples, corrected for the references' own noise.",
     ]
+
+
+def each_block(blocks: int) -> str:
+    """How the measurements were laid out, as the end of a clause."""
+    return f" in each of {blocks} blocks, in random order" if blocks > 1 else ", in random order"
 
 
 def place(analysis: Analysis) -> list[str]:

@@ -59,6 +59,7 @@ def _gain(analysis: Analysis, found: list[Family], base: str, name: str) -> str:
     text = f"With {name} rendering is faster than with {base} in {len(faster)} of {plural(len(gains), 'configuration')}"
     if ratios:
         middle = (ratios[(len(ratios) - 1) // 2] + ratios[len(ratios) // 2]) / 2
-        text += f"; the speed-up is {number_text(middle)} in the middle of them, {number_text(ratios[0])} at the least "
-        text += f"and {number_text(ratios[-1])} at the most"
+        text += f"; the median speed-up is {number_text(middle)}"
+        if len(ratios) > 1:
+            text += f", the least {number_text(ratios[0])} and the greatest {number_text(ratios[-1])}"
     return text + "."
