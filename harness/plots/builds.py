@@ -32,8 +32,8 @@ def build_against_traverse(analysis: Analysis, palette: Palette) -> Figure | Non
             first = palette.look(family[0])
             axis.plot(x[:, 0], y[:, 0], color=first.colour, linestyle=first.line, linewidth=first.width / 2, alpha=0.6)
             for contender, across, up in zip(family, x, y, strict=True):
-                look = palette.look(contender).line_style() | {"linestyle": "none"}
-                axis.errorbar(across[0], up[0], xerr=_whisker(across), yerr=_whisker(up), elinewidth=1,
+                look = palette.look(contender).line_style() | {"linestyle": "none", "markersize": 6.5}
+                axis.errorbar(across[0], up[0], xerr=_whisker(across), yerr=_whisker(up), elinewidth=0.8,
                               label=contender.name, **look)  # fmt: skip
         log_scales(axis, y=True)
         axis.set_title(scene, fontsize=9)
