@@ -52,6 +52,7 @@ from engines.kernels.world import (
     SKY_WIDTH,
     SPHERE_LIGHT,
     Needs,
+    of_needs,
 )
 
 
@@ -181,7 +182,19 @@ def _choose_sample(condition, yes, no):
     )
 
 
-def _make(needs: Needs, every: bool, real: Any) -> Any:
+class Shining(NamedTuple):
+    """What of a scene's needs the stage is compiled for."""
+
+    point: bool
+    directional: bool
+    constant_sky: bool
+    image_sky: bool
+    face_lights: bool
+    sphere_lights: bool
+    many_lights: bool
+
+
+def _make(needs: Shining, every: bool, real: Any) -> Any:
     zero, one, infinite = real(0), real(1), real(np.inf)
 
     def light(block, world):
@@ -279,7 +292,11 @@ def _image_sky(lanes, world, share, real):
             put(lanes, at.SAMPLE_PDF, lane, real(pdf))
 
 
-@cache
 def stage(needs: Needs, every: bool, real: Any) -> Any:
     """The light stage; `every`: the lane's own light of all, instead of one chosen at random."""
+    return _stage(of_needs(Shining, needs), every, real)
+
+
+@cache
+def _stage(needs: Shining, every: bool, real: Any) -> Any:
     return compile_stage(_make(needs, every, real))

@@ -22,6 +22,7 @@ from engines.kernels.shaders import stage as shading
 from engines.kernels.world import (
     CAMERA,
     FIRST_SAMPLE,
+    MARGINS,
     N_LIGHTS,
     OPTIONS,
     POINTS,
@@ -97,6 +98,7 @@ class Renderer:
         self._build_seconds = time.perf_counter() - start - compiled
         self._compile_seconds += compiled
         self._lit = int(self._world.table[N_LIGHTS]) > 0
+        self._world.bind(MARGINS, surface.margins(self._tracing))
         self._bind_options()
         self._bind_camera()
         self._addresses = None
@@ -140,15 +142,15 @@ class Renderer:
         self._turns = max(int(self._world.table[N_LIGHTS]), 1) if every else 1
         self._lit = self._lit and shader.name not in ("albedo", "depth_map")
         if shader.plugin is None:
-            shade = shading.stage(shader.name, needs, self._lit, self._tracing, real)
+            shade = shading.stage(shader.name, needs, self._lit, real)
         else:
-            shade = shading.plugin_stage(self._plugins["shader"], every, needs, self._lit, self._tracing, real)
+            shade = shading.plugin_stage(self._plugins["shader"], every, needs, self._lit, real)
         light = lights.stage(needs, every, real) if self._lit else shade
         order = [
             draw_pixel,
             self._camera_stage(),
             closest,
-            surface.stage(needs, self._tracing, real),
+            surface.stage(needs, real),
             draw_vertex,
             light,
             shade,

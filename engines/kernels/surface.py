@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.kernels import block as at
 from engines.kernels import environment
@@ -35,6 +36,7 @@ from engines.kernels.vector import Vec3, dot, extent, select3, unit
 from engines.kernels.world import (
     LIGHT_REALS,
     LIGHTS,
+    MARGINS,
     MATERIAL_REALS,
     MATERIALS,
     N_LIGHTS,
@@ -55,10 +57,35 @@ from engines.kernels.world import (
     TRIANGLES,
     VERTEX_NORMALS,
     Needs,
+    of_needs,
 )
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
+
+
+class Seen(NamedTuple):
+    """What of a scene's needs the stage is compiled for."""
+
+    triangles: bool
+    spheres: bool
+    planes: bool
+    smooth: bool
+    diffuse: bool
+    mirror: bool
+    refraction: bool
+    emission: bool
+    constant_sky: bool
+    image_sky: bool
+    face_lights: bool
+    sphere_lights: bool
+
+
+def margins(tracing: Any) -> NDArray[np.float64]:
+    """For `World.bind`, by the precision in which rays are traced: how far off the surface new rays start, as a share of
+    the largest coordinate there, and the share of the way to a light that a shadow ray covers."""
+    share = OFFSET_ULPS * float(np.finfo(tracing).eps)
+    return np.array([share, 1.0 - share])
 
 
 @inline
@@ -273,8 +300,7 @@ def _place(lanes, wide_lanes, lane, o, d, needs, real):
     return place
 
 
-def _make(needs: Needs, tracing: Any, real: Any) -> Any:
-    offset_scale = real(OFFSET_ULPS * float(np.finfo(tracing).eps))
+def _make(needs: Seen, real: Any) -> Any:
     size = np.dtype(real).itemsize
     zero = real(0)
 
@@ -282,6 +308,7 @@ def _make(needs: Needs, tracing: Any, real: Any) -> Any:
         lanes, wide_lanes = pointer(block, real), pointer(block + at.WIDE * LANES * size, np.float64)
         _fetch_hit(lanes, wide_lanes, world, needs, real)
         sky, n_lights = table(world, SKY_RADIANCE, real), real(count(world, N_LIGHTS))
+        offset_scale = real(fetch(table(world, MARGINS, np.float64), 0))
         none = Vec3(zero, zero, zero)
         for lane in range(np.uint64(LANES)):
             o, d = at.get3(lanes, at.ORIGIN, lane), at.get3(lanes, at.DIRECTION, lane)
@@ -323,7 +350,11 @@ def _image_sky(lanes, world, n_lights, real):
             put(lanes, at.LIGHT_PDF, lane, real(pdf) / n_lights)
 
 
+def stage(needs: Needs, real: Any) -> Any:
+    """The surface stage for a scene that holds `needs`."""
+    return _stage(of_needs(Seen, needs), real)
+
+
 @cache
-def stage(needs: Needs, tracing: Any, real: Any) -> Any:
-    """The surface stage for a scene that holds `needs`; new rays start far enough away for the precision `tracing`."""
-    return compile_stage(_make(needs, tracing, real))
+def _stage(needs: Seen, real: Any) -> Any:
+    return compile_stage(_make(needs, real))

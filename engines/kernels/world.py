@@ -2,7 +2,8 @@
 
 Every primitive has a *rank*: its place in the order of shapes, then of primitives in a shape. Ranks decide ties. For
 each kind of primitive an array holds its geometry in rank order, in the tracing precision, relative to `World.center`.
-`Needs` says what the scene holds; stages are compiled for it and carry code for nothing else.
+`Needs` says what the scene holds; a stage is compiled for the part of it that concerns the stage, and carries code for
+nothing else.
 """
 
 from __future__ import annotations
@@ -47,13 +48,14 @@ VERTICES, TRIANGLES, TRIANGLE_RANK, SPHERES, SPHERE_RANK, PLANES, PLANE_RANK = (
 PRIMITIVES, MATERIALS, LIGHTS, LIGHT_FACES, LIGHT_CDF, LIGHT_RANGE, VERTEX_NORMALS = (next(_slots) for _ in range(7))
 SKY, SKY_PDF, SKY_ROWS, SKY_COLUMNS, SKY_RADIANCE = (next(_slots) for _ in range(5))
 # set by the renderer
-CAMERA, OPTIONS, POINTS, POINTS_STRIDE, FIRST_SAMPLE, SEED_KEY, WANTED = (next(_slots) for _ in range(7))
+CAMERA, OPTIONS, POINTS, POINTS_STRIDE, FIRST_SAMPLE, SEED_KEY, WANTED, MARGINS = (next(_slots) for _ in range(8))
 ACCELERATOR = next(_slots)  # the first of sixteen slots that belong to the accelerator
 SLOTS = ACCELERATOR + 16
 
 
 class Needs(NamedTuple):
-    """What the scene holds. Plain values: part of the key of every stage that depends on it."""
+    """What the scene holds, in plain values: a stage's key has those of them that it asks for, so that scenes which differ
+    in the others share its machine code."""
 
     triangles: bool
     spheres: bool
@@ -71,6 +73,10 @@ class Needs(NamedTuple):
     face_lights: bool
     sphere_lights: bool
     many_lights: bool
+
+def of_needs(kind: Any, needs: Needs) -> Any:
+    """A NamedTuple `kind` of some of the fields of `needs`: code that asks for another does not compile."""
+    return kind(*(getattr(needs, name) for name in kind._fields))
 
 
 @dataclass(slots=True)

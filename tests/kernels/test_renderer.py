@@ -135,7 +135,8 @@ def test_a_moved_camera_and_changed_shapes_give_the_image_of_a_new_renderer(engi
 def test_built_in_combinations_come_from_the_disk_cache_in_a_second_process(tmp_path):
     code = (
         "import engines\n"
-        "r = engines.engine('numba').prepare(engines.load_scene('two_spheres'), engines.Settings(8, 8, precision='float32'))\n"
+        "settings = engines.Settings(8, 8, shader='albedo', sampler='constant', precision='float32')\n"
+        "r = engines.engine('numba').prepare(engines.load_scene('furnace'), settings)\n"
         "r.warm_up(); r.render(1); print(r.counters()['compile_seconds'])\n"
     )
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

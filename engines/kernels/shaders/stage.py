@@ -30,9 +30,8 @@ from engines.kernels.jit import (
 from engines.kernels.materials import cosine_pdf
 from engines.kernels.shaders import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.shaders.step import Draws, Hit, Light, Material, Path
-from engines.kernels.surface import OFFSET_ULPS
 from engines.kernels.vector import Vec3, length, select3
-from engines.kernels.world import N_LIGHTS, OPTIONS, Needs
+from engines.kernels.world import MARGINS, N_LIGHTS, OPTIONS, Needs, of_needs
 
 SHADERS: Mapping[str, Any] = {
     "path_tracer": path_tracer, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map, "albedo": albedo,
@@ -73,8 +72,16 @@ def wanted_draws(shader: Choice, needs: Needs) -> int:
     return light | lobe | 0b110000 | roulette
 
 
+class Reflecting(NamedTuple):
+    """What of a scene's needs the stage of a built-in shader is compiled for."""
+
+    diffuse: bool
+    mirror: bool
+    refraction: bool
+
+
 class Traits(NamedTuple):
-    """What the stage is compiled for, besides what the scene needs."""
+    """What else the stage is compiled for."""
 
     lit: bool
     """There are lights to sample."""
@@ -221,17 +228,11 @@ def _eight_options(world, real):
     )  # fmt: skip
 
 
-def _reach(tracing: Any, real: Any) -> Any:
-    """The share of the way to a light that a shadow ray covers."""
-    return real(1 - OFFSET_ULPS * float(np.finfo(tracing).eps))
-
-
-def _make(code: int, needs: Needs, traits: Traits, tracing: Any, real: Any) -> Any:
-    reach = _reach(tracing, real)
-
+def _make(code: int, needs: Reflecting, traits: Traits, real: Any) -> Any:
     def shade(block, world):
         lanes = pointer(block, real)
         options, n_lights = _eight_options(world, real), count(world, N_LIGHTS)
+        reach = real(fetch(table(world, MARGINS, np.float64), 1))
         for lane in range(np.uint64(LANES)):
             now = _read(lanes, lane, needs, traits.lit, real)
             # steps by their global names: a stage that closes over a jitted function is not cached across processes
@@ -250,12 +251,11 @@ def _make(code: int, needs: Needs, traits: Traits, tracing: Any, real: Any) -> A
     return shade
 
 
-def _make_plugin(step: Any, needs: Needs, traits: Traits, tracing: Any, real: Any) -> Any:
-    reach = _reach(tracing, real)
-
+def _make_plugin(step: Any, needs: Needs, traits: Traits, real: Any) -> Any:
     def shade(block, world):
         lanes = pointer(block, real)
         options, n_lights = _eight_options(world, real), count(world, N_LIGHTS)
+        reach = real(fetch(table(world, MARGINS, np.float64), 1))
         for lane in range(np.uint64(LANES)):
             now = _read(lanes, lane, needs, traits.lit, real)
             result = step(now.hit, now.material, now.light, now.draws, now.path, options, needs)
@@ -264,20 +264,24 @@ def _make_plugin(step: Any, needs: Needs, traits: Traits, tracing: Any, real: An
     return shade
 
 
-def _traits(needs: Needs, lit: bool, every: bool, branches: bool, shadows: bool) -> Traits:
+def _traits(needs: Needs | Reflecting, lit: bool, every: bool, branches: bool, shadows: bool) -> Traits:
     return Traits(lit, every and lit, branches and needs.mirror and needs.refraction, shadows)
 
 
-@cache
-def stage(name: str, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
+def stage(name: str, needs: Needs, lit: bool, real: Any) -> Any:
     """The shade stage of a built-in shader."""
+    return _stage(name, of_needs(Reflecting, needs), lit, real)
+
+
+@cache
+def _stage(name: str, needs: Reflecting, lit: bool, real: Any) -> Any:
     rule = SHADERS[name]
     traits = _traits(needs, lit, rule.EVERY_LIGHT, rule.BRANCHES, name != "no_shadows")
-    return compile_stage(_make(list(SHADERS).index(name), needs, traits, tracing, real))
+    return compile_stage(_make(list(SHADERS).index(name), needs, traits, real))
 
 
 @cache
-def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, tracing: Any, real: Any) -> Any:
-    """The shade stage of a user's jitted step; `every`: it is called once for each light."""
+def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, real: Any) -> Any:
+    """The shade stage of a user's jitted step, which is told all needs; `every`: it is called once for each light."""
     traits = _traits(needs, lit, every, True, True)
-    return compile_stage(_make_plugin(step, needs, traits, tracing, real), on_disk=False)
+    return compile_stage(_make_plugin(step, needs, traits, real), on_disk=False)
