@@ -11,7 +11,7 @@ from tests.harness.chromium import PROGRAM
 from tests.view.driving import SCENE, Page, Viewer
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def folder(tmp_path_factory) -> Path:
     made = tmp_path_factory.mktemp("viewed")
     (made / "ball.yaml").write_text(SCENE)
@@ -21,13 +21,13 @@ def folder(tmp_path_factory) -> Path:
     return made
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def viewer(folder):
     with Viewer(folder, "ball.yaml", "--engine", "numpy") as running:
         yield running
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser(tmp_path_factory):
     if PROGRAM is None:
         pytest.skip("Chromium is not installed")

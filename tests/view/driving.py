@@ -74,11 +74,15 @@ class Page(Browser):
         self.ask("Browser.setDownloadBehavior", behavior="deny")
         return self
 
-    def visit(self, address, width=1280, height=900, dark=False, mobile=False):
-        """Loads a page and waits for it."""
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
+    def window(self, width, height, dark):
+        """Gives the window a size and the theme that pages are asked for."""
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.ask("Emulation.setEmulatedMedia", features=[scheme])
+
+    def visit(self, address, width=1280, height=900, dark=False):
+        """Loads a page and waits for it."""
+        self.window(width, height, dark)
         self.events.clear()
         self.ask("Page.navigate", url=address)
         while "Page.loadEventFired" not in self.events:

@@ -9,6 +9,7 @@ from tests.view.driving import PIXELS
 
 @pytest.fixture(scope="module")
 def demo(browser, viewer):
+    browser.problems.clear()
     browser.visit(viewer.address + "dahlquist.html", height=1200)
     browser.wait_for("window.raybench && raybench.menu")
     for name, value in {"engine": "numpy", "width": 64, "height": 64}.items():

@@ -15,6 +15,7 @@ PROBLEM = "document.getElementById('problem')"
 @pytest.fixture(scope="module")
 def raced(browser, viewer):
     """The page after a race of two lanes to an error of 0.5, which a sample or two reach."""
+    browser.problems.clear()
     browser.visit(viewer.address + "race.html")
     browser.wait_for("window.raybench && raybench.parts.length === 2")
     for lane, sampler in enumerate(("sobol", "random")):

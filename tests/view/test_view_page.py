@@ -261,13 +261,14 @@ def test_images_are_saved_and_open_again(page, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["view.html", "race.html", "dahlquist.html"])
-@pytest.mark.parametrize("width", [360, 2560])
-def test_pages_fit_from_360_to_2560_pixels(browser, viewer, name, width):
-    browser.visit(viewer.address + name, width=width, dark=width == 360)
+def test_pages_fit_from_360_to_2560_pixels_dark_and_light_and_all_controls_have_names(browser, viewer, name):
+    browser.visit(viewer.address + name)
     browser.wait_for("window.raybench && raybench.menu")
-    assert browser.evaluate("document.documentElement.scrollWidth") <= width
-    colour = browser.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert (colour == "rgb(255, 255, 255)") == (width != 360)
+    for width, dark in ((360, True), (700, False), (2560, False)):
+        browser.window(width, 900, dark)
+        assert browser.evaluate("document.documentElement.scrollWidth") <= width
+        colour = browser.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert (colour == "rgb(255, 255, 255)") != dark
     unnamed = browser.evaluate("""Array.from(document.querySelectorAll('button, input, select, canvas, progress'))
         .filter(e => !(e.textContent.trim() && e.tagName === 'BUTTON' || e.getAttribute('aria-label') || e.labels?.length))
         .map(e => e.outerHTML)""")
