@@ -14,7 +14,8 @@ from engines.registry import engine as engine_of
 from engines.scene import load_scene
 from engines.scene.yaml_file import locate
 from harness import config, measure, plan, store
-from harness.plan import Cell, Plan, words
+from harness.plan import Cell, Plan
+from harness.results import brief_choice
 from harness.settings import engine_settings
 from harness.sweep import Options, Sweep
 from harness.view import requests
@@ -140,6 +141,11 @@ def _place(cell: Cell, lanes: Sequence[requests.Part]) -> int:
 
 def _names(cells: Sequence[Cell]) -> list[str]:
     """Each lane's engine, and of its settings those in which lanes differ."""
-    said = {**dict.fromkeys(KINDS, words), "precision": str, "threads": lambda threads: f"{threads} threads"}
-    differing = [key for key in said if any(cell.settings[key] != cells[0].settings[key] for cell in cells)]
-    return [" ".join([cell.engine_name, *(said[key](cell.settings[key]) for key in differing)]) for cell in cells]
+    keys = [key for key in (*KINDS, "precision", "threads") if len({repr(cell.settings[key]) for cell in cells}) > 1]
+
+    def word(cell: Cell, key: str) -> str:
+        if key in KINDS:
+            return brief_choice(cell.settings[key], [other.settings[key] for other in cells])
+        return str(cell.settings[key]) + (" threads" if key == "threads" else "")
+
+    return [" ".join([cell.engine_name, *(word(cell, key) for key in keys)]) for cell in cells]

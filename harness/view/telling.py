@@ -27,8 +27,10 @@ from harness.view.scene_text import scene_yaml
 from harness.view.stage import Stage, camera_told
 from harness.worker import one_line
 
-FRAME_SECONDS = 0.1
-LONGEST_WITHOUT_FRAME = 0.2
+FRAME_SECONDS = 0.12
+"""From one frame to the next while something renders."""
+FRAME_SHARE = 3
+"""That pause is at least this many times what a frame costs: large ones take cores from the render."""
 STATE_SECONDS = 0.25
 TICK_SECONDS = 0.02
 MOST_UNSEEN = 2
@@ -82,7 +84,7 @@ class Teller:
         self._asides.put(request, key)
 
     def _run(self) -> None:
-        framed = stated = 0.0
+        framed = stated = pause = 0.0
         shown = -1
         while True:
             request = self._asides.take(TICK_SECONDS)
@@ -91,9 +93,9 @@ class Teller:
                     getattr(self, f"_{request.do}")(request)
                 self._tick()
                 now, version = monotonic(), self._picture.version
-                new = version != shown or (self._picture.rendering and now - framed >= LONGEST_WITHOUT_FRAME)
-                if new and now - framed >= FRAME_SECONDS and self.frame():
-                    framed, shown = now, version
+                new = version != shown or self._picture.rendering
+                if new and now - framed >= pause and self.frame():
+                    framed, shown, pause = now, version, max(FRAME_SECONDS, FRAME_SHARE * (monotonic() - now))
                 if self._picture.state == "busy" and now - stated >= STATE_SECONDS:
                     self.state()
                     stated = now

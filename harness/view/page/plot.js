@@ -1,9 +1,7 @@
 // The live plot: error over seconds, both logarithmic, with targets as lines. SVG, so that it is sharp at any size.
 
 const SPACE = "http://www.w3.org/2000/svg";
-const WIDTH = 900;
-const HEIGHT = 380;
-const EDGE = { left: 64, right: 132, top: 14, bottom: 44 };
+const EDGE = { left: 58, right: 14, top: 16, bottom: 44 };
 const MARKS = ["circle", "square", "triangle", "diamond"];
 
 function element(name, attributes, text) {
@@ -35,7 +33,9 @@ function markPath(kind, x, y, r) {
 
 // Lanes: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state}]}].
 export function drawPlot(svg, lanes, targets) {
-  svg.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
+  const width = Math.max(svg.clientWidth, 240); // drawn at its own size, so that letters keep theirs
+  const height = Math.min(Math.max(0.45 * width, 260), 460);
+  svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   const points = lanes.flatMap((lane) => lane.points).filter(([seconds, error]) => seconds > 0 && error > 0);
   svg.replaceChildren();
   if (points.length === 0) return;
@@ -43,25 +43,25 @@ export function drawPlot(svg, lanes, targets) {
   const ys = [...points.map(([, error]) => Math.log10(error)), ...targets.map(Math.log10)];
   const [x0, x1] = [Math.min(...xs) - 0.05, Math.max(Math.max(...xs), Math.min(...xs) + 0.5) + 0.05];
   const [y0, y1] = [Math.min(...ys) - 0.15, Math.max(...ys) + 0.15];
-  const px = (x) => EDGE.left + ((x - x0) / (x1 - x0)) * (WIDTH - EDGE.left - EDGE.right);
-  const py = (y) => EDGE.top + ((y1 - y) / (y1 - y0)) * (HEIGHT - EDGE.top - EDGE.bottom);
-  const right = WIDTH - EDGE.right;
+  const px = (x) => EDGE.left + ((x - x0) / (x1 - x0)) * (width - EDGE.left - EDGE.right);
+  const py = (y) => EDGE.top + ((y1 - y) / (y1 - y0)) * (height - EDGE.top - EDGE.bottom);
+  const right = width - EDGE.right;
   for (const exponent of decades(x0, x1).filter((e) => e >= x0 && e <= x1)) {
     const x = px(exponent);
-    svg.append(element("line", { x1: x, x2: x, y1: EDGE.top, y2: HEIGHT - EDGE.bottom, class: "grid" }));
-    svg.append(element("text", { x, y: HEIGHT - EDGE.bottom + 18, "text-anchor": "middle" }, power(exponent)));
+    svg.append(element("line", { x1: x, x2: x, y1: EDGE.top, y2: height - EDGE.bottom, class: "grid" }));
+    svg.append(element("text", { x, y: height - EDGE.bottom + 18, "text-anchor": "middle" }, power(exponent)));
   }
   for (const exponent of decades(y0, y1).filter((e) => e >= y0 && e <= y1)) {
     const y = py(exponent);
     svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "grid" }));
     svg.append(element("text", { x: EDGE.left - 8, y: y + 4, "text-anchor": "end" }, power(exponent)));
   }
-  svg.append(element("text", { x: (EDGE.left + right) / 2, y: HEIGHT - 6, "text-anchor": "middle", class: "faint" }, "seconds of rendering"));
-  svg.append(element("text", { x: 14, y: (HEIGHT - EDGE.bottom) / 2, "text-anchor": "middle", class: "faint", transform: `rotate(-90 14 ${(HEIGHT - EDGE.bottom) / 2})` }, "relative mean squared error"));
+  svg.append(element("text", { x: (EDGE.left + right) / 2, y: height - 6, "text-anchor": "middle", class: "faint" }, "seconds of rendering"));
+  svg.append(element("text", { x: 14, y: (height - EDGE.bottom) / 2, "text-anchor": "middle", class: "faint", transform: `rotate(-90 14 ${(height - EDGE.bottom) / 2})` }, "relative mean squared error"));
   for (const target of targets) {
     const y = py(Math.log10(target));
     svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "target" }));
-    svg.append(element("text", { x: right + 6, y: y + 4 }, `target ${target}`));
+    svg.append(element("text", { x: right, y: y - 5, "text-anchor": "end" }, `target ${target}`));
   }
   lanes.forEach((lane, index) => drawLane(svg, lane, index, px, py));
   svg.setAttribute("aria-label", words(lanes));

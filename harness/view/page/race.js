@@ -209,6 +209,7 @@ function start() {
 }
 
 themeButton();
+new ResizeObserver(() => { if (page.lanes.length) drawPlot(byId("plot"), page.lanes, page.targets); }).observe(byId("lanes"));
 byId("add").addEventListener("click", addLane);
 byId("remove").addEventListener("click", removeLane);
 byId("start").addEventListener("click", start);
