@@ -91,10 +91,11 @@ def as_error(metric: str, value: float) -> float:
 
 
 def error_words(metric: str) -> str:
-    """What tables call the error, and whether the reference's noise has been taken out of it."""
-    error = {"psnr": "MSE of display values (from PSNR)", "ssim": "1 - SSIM"}.get(metric, metric)
-    corrected = metric == "mse" or metric.startswith("relmse_e")
-    return f"{error}, {'noise-corrected' if corrected else 'the noise of the reference included'}"
+    """What errors are where qualities rise, and whether the reference's noise has been taken out of them."""
+    if metric == "mse" or metric.startswith("relmse_e"):
+        return "noise-corrected"
+    error = {"psnr": "MSE of display values (from PSNR), ", "ssim": "1 - SSIM, "}.get(metric, "")
+    return f"{error}not freed of the reference's noise"
 
 
 def corrected_error_map(image: Image, reference: Reference, epsilon: float) -> Image:

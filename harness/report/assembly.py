@@ -97,7 +97,7 @@ def cell_table(analysis: Analysis) -> Table:
          Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples a pixel at the end.", "count"),
          Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
          Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
-         Column("error", f"At the end: {error_words(results.metric)}.", "number"),
+         Column("error", f"{results.metric} at the end, {error_words(results.metric)}.", "number"),
          Column("note", "Message, what disturbed the timing, or that a program told its own time."),
          Column("command", "Repeats the cell.")],
     )  # fmt: skip

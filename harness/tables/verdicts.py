@@ -37,8 +37,8 @@ def time_to_quality(analysis: Analysis) -> Table:
     results = analysis.results
     table = Table(
         "time_to_quality", "Time to quality",
-        f"Median over seeds with a 95 % bootstrap interval; targets in {results.metric}; error: {error_words(results.metric)}. "
-        "A target not reached within the budget is counted, never extrapolated.",
+        f"Median over seeds with a 95 % bootstrap interval; targets are in {results.metric}, errors "
+        f"{error_words(results.metric)}. A target not reached within the budget is counted, never extrapolated.",
         [SCENE, CONTENDER, Column("target", f"Quality to reach, in {results.metric}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
@@ -97,11 +97,12 @@ def speedups(analysis: Analysis) -> Table:
 
 def convergence(analysis: Analysis) -> Table:
     """Slopes, throughput and what was left at the end."""
+    metric = analysis.results.metric
     table = Table(
         "convergence", "Convergence and throughput",
         "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
         [SCENE, CONTENDER, Column("spp", "Samples a pixel at the last checkpoint.", "estimate"),
-         Column("error", f"At the last checkpoint: {error_words(analysis.results.metric)}.", "estimate"),
+         Column("error", f"{metric} at the last checkpoint, {error_words(metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
          Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
          Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),

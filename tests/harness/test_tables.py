@@ -115,7 +115,7 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
     assert times[0].median == pytest.approx(analysis.verdicts[0].warm[0].median, rel=0.05)
     assert all(a.median <= b.median for a, b in pairwise(times))
     words = {table.name: table for table in all_tables(found)}["time_to_quality"].note
-    assert "MSE of display values (from PSNR), the noise of the reference included" in words
+    assert "MSE of display values (from PSNR), not freed of the reference's noise" in words
 
 
 def test_nothing_is_ranked_inside_the_noise_floor(analysis):
