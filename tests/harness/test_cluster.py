@@ -16,9 +16,9 @@ from harness import store
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 
 TEXT = sweeping.EXPERIMENT.replace("images: none", "images: last").replace(
-    "'fake_engines:Other'", "'fake_engines:Broken'"
+    "'fake_engines:Other'", "'fake_engines:Phased', 'fake_engines:Broken'"
 )
-STATES = {"done": 3, "failed": 1}
+STATES = {"done": 5, "failed": 1}
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def same_images(one, other):
 def test_quality_alone_is_spread_over_all_machines_and_the_images_are_the_same(machines, alone, tmp_path):
     path = sweeping.write(tmp_path, TEXT + "timing: false\n")
     outcome, listener = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
-    assert outcome.states == STATES and len(listener.cells) == 4
+    assert outcome.states == STATES and len(listener.cells) == 6
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
     same_images(alone / "out", tmp_path / "out")
     found = cells(tmp_path / "out")
@@ -78,9 +78,9 @@ def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_p
     assert outcome.states == STATES
     found = cells(tmp_path / "out")
     assert len({event["worker"] for event in found}) == 1, "both workers are on this host: one is enough for it"
-    assert [event["order"] for event in found] == [0, 1, 2, 3]
+    assert [event["order"] for event in found] == [0, 1, 2, 3, 4, 5]
     events = [event["event"] for event in store.read_events(tmp_path / "out") if event["event"] in ("start", "cell")]
-    assert events == ["start", "cell"] * 4
+    assert events == ["start", "cell"] * 6
     sentinels = [event for event in store.read_events(tmp_path / "out") if event["event"] == "sentinel"]
     assert [event["block"] for event in sentinels] == [0, 1] and all(event["env_id"] for event in sentinels)
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
@@ -112,11 +112,11 @@ def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_
     outcome, listener = sweeping.run(path, out, cluster=machines.scheduler_address)
     killer.join()
     assert killed and any("is gone" in note for note in listener.notes)
-    assert outcome.states == {"done": 2}
+    assert outcome.states == {"done": 3}
     assert sweeping.rows(out).items() <= sweeping.rows(alone / "out").items()
     same_images(alone / "out", out)
     done = [event["cell_id"] for event in store.read_events(out) if event["event"] == "cell"]
-    assert len(done) == len(set(done)) == 2
+    assert len(done) == len(set(done)) == 3
 
 
 def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
