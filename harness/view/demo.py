@@ -17,7 +17,7 @@ from engines.errors import RaybenchError
 from harness import machine
 from harness.view import requests
 from harness.view.mailbox import Mailbox
-from harness.view.messages import packed, problem
+from harness.view.messages import latest_key, packed, problem
 from harness.worker import one_line
 
 MOST_UNSEEN = 2
@@ -56,7 +56,7 @@ class DemoDesk:
                 self._unseen = max(0, self._unseen - 1)
                 self._seen.notify()
             return
-        key = (request.do, getattr(request, "finger", 0)) if request.do in requests.LATEST else None
+        key = latest_key(request.do, getattr(request, "finger", None))
         self._work.put(request, key)
 
     def run(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,8 @@ class Tone:
 def rgba(film: Film, tone: Tone) -> bytes:
     """(height, width, 4) uint8 as bytes. In float32: half the time of float64, and no 8-bit value can tell."""
     counts = np.maximum(film.counts, 1).astype(np.float32)[:, :, None]
-    shown = tone((film.sums.astype(np.float32) / counts).astype(np.float32))
+    mean: NDArray[Any] = film.sums.astype(np.float32) / counts
+    shown = tone(mean)
     pixels = np.empty((film.height, film.width, 4), np.uint8)
     np.nan_to_num(shown, copy=False, nan=0.0, posinf=1.0, neginf=0.0)
     pixels[:, :, :3] = np.rint(np.clip(shown, 0.0, 1.0) * 255.0)

@@ -23,7 +23,7 @@ from harness.view import requests
 from harness.view.library import Library
 from harness.view.mailbox import Mailbox
 from harness.view.menu import menu
-from harness.view.messages import packed, problem
+from harness.view.messages import latest_key, packed, problem
 from harness.view.stage import Stage, camera_told
 from harness.view.telling import ASIDES, Picture, Teller
 from harness.worker import one_line
@@ -49,7 +49,7 @@ class ViewDesk:
     # ---- the reading thread ------------------------------------------------------------------------------------------
 
     def hear(self, request: Any) -> None:
-        key = (request.do, getattr(request, "finger", 0)) if request.do in requests.LATEST else None
+        key = latest_key(request.do, getattr(request, "finger", None))
         if request.do in ASIDES:
             self._teller.hear(request, key)
             return

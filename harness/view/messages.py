@@ -15,6 +15,10 @@ from typing import Any
 LONGEST_REQUEST = 1 << 16
 """Bytes of a message from a page."""
 LENGTH_BYTES = 4
+BEGIN_WORK = frozenset({"open", "resume", "camera", "drag", "race", "demo"})
+"""Requests that have a worker render: they need a turn."""
+LATEST = frozenset({"camera", "drag", "probe", "tone", "switches", "move"})
+"""Requests of which the last of a kind alone counts; of those of fingers, the last of each finger."""
 
 
 def packed(header: Mapping[str, Any], payload: bytes | memoryview = b"") -> bytes:
@@ -27,6 +31,11 @@ def header_of(message: bytes) -> dict[str, Any]:
     """The header of a message."""
     end = LENGTH_BYTES + int.from_bytes(message[:LENGTH_BYTES], "little")
     return json.loads(message[LENGTH_BYTES:end])
+
+
+def latest_key(do: str, finger: int | None) -> tuple[str, int | None] | None:
+    """The same for requests of which the later one replaces the earlier; None for those that all count."""
+    return (do, finger) if do in LATEST else None
 
 
 def problem(text: str) -> bytes:

@@ -20,7 +20,7 @@ class Movable(NamedTuple):
     kind: str
 
     @property
-    def index(self) -> int:
+    def place(self) -> int:
         return int(self.id.partition(":")[2])
 
     @property
@@ -57,10 +57,10 @@ def _lights(scene: Scene) -> Iterator[Movable]:
 def center(scene: Scene, movable: Movable) -> Vector:
     """The middle of a thing: of its box, for meshes."""
     if not movable.is_shape:
-        light = scene.lights[movable.index]
+        light = scene.lights[movable.place]
         assert isinstance(light, PointLight)
         return np.array(light.position)
-    shape = scene.shapes[movable.index]
+    shape = scene.shapes[movable.place]
     if isinstance(shape, Sphere):
         return np.array(shape.center)
     corners = shape.vertices if isinstance(shape, Mesh) else np.array(_corners(shape))
@@ -75,12 +75,12 @@ def moved(scene: Scene, movable: Movable, offset: Vector) -> Scene:
     """The scene with that thing moved; its content hash is still the old one."""
     if movable.is_shape:
         shapes = list(scene.shapes)
-        shapes[movable.index] = _moved_shape(shapes[movable.index], offset)
+        shapes[movable.place] = _moved_shape(shapes[movable.place], offset)
         return replace(scene, shapes=tuple(shapes))
     lights = list(scene.lights)
-    light = lights[movable.index]
+    light = lights[movable.place]
     assert isinstance(light, PointLight)
-    lights[movable.index] = replace(light, position=_triple(np.array(light.position) + offset))
+    lights[movable.place] = replace(light, position=_triple(np.array(light.position) + offset))
     return replace(scene, lights=tuple(lights))
 
 

@@ -25,9 +25,9 @@ Finger = Annotated[int, Field(ge=0, le=20)]
 
 
 class Request(BaseModel):
-    """A message of a page; `seq` numbers those that make work."""
+    """A message of a page; `do` chose its class in `KINDS`, `seq` numbers those that make work."""
 
-    model_config = ConfigDict(extra="forbid", strict=False)
+    model_config = ConfigDict(extra="forbid")
     do: str
     seq: int = 0
 
@@ -47,7 +47,6 @@ class Part(BaseModel):
 class Open(Request):
     """Begins an image anew; sizes default to the scene's. `keep` keeps the camera and what was dragged."""
 
-    do: Literal["open"]
     scene: Text
     part: Part
     width: Side | None = None
@@ -60,7 +59,6 @@ class Open(Request):
 class View(Request):
     """A camera; `height` is that of an orthographic window."""
 
-    do: Literal["camera"]
     eye: Point
     target: Point
     up: Point
@@ -70,27 +68,23 @@ class View(Request):
 class Grab(Request):
     """What lies under a pixel, or the thing of a name, is to be dragged."""
 
-    do: Literal["grab"]
     x: Number = 0.0
     y: Number = 0.0
     id: Text | None = None
 
 
 class Drag(Request):
-    do: Literal["drag"]
     id: Text
     x: Number
     y: Number
 
 
 class Probe(Request):
-    do: Literal["probe"]
     x: Annotated[int, Field(ge=0, lt=LARGEST_SIDE)]
     y: Annotated[int, Field(ge=0, lt=LARGEST_SIDE)]
 
 
 class Tone(Request):
-    do: Literal["tone"]
     mapper: Text
     exposure: Annotated[float, Field(ge=-20, le=20)] = 0.0
 
@@ -98,13 +92,11 @@ class Tone(Request):
 class Save(Request):
     """An image as a file, or a race under a name."""
 
-    do: Literal["save"]
     kind: Literal["exr", "png"] = "exr"
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")] = "race"
 
 
 class Race(Request):
-    do: Literal["race"]
     scene: Text
     lanes: Annotated[list[Part], Field(min_length=2, max_length=MOST_LANES)]
     width: Annotated[int, Field(ge=8, le=1024)]
@@ -118,7 +110,6 @@ class Race(Request):
 
 
 class Demo(Request):
-    do: Literal["demo"]
     width: Annotated[int, Field(ge=16, le=2048)]
     height: Annotated[int, Field(ge=16, le=2048)]
     engine: Literal["numba", "numpy"] = "numba"
@@ -126,7 +117,6 @@ class Demo(Request):
 
 
 class Switches(Request):
-    do: Literal["switches"]
     reflections: bool = True
     environment: bool = True
     interlaced: bool = True
@@ -135,7 +125,6 @@ class Switches(Request):
 
 
 class Touch(Request):
-    do: Literal["touch", "move", "release"]
     finger: Finger = 0
     x: Number = 0.0
     y: Number = 0.0
@@ -144,13 +133,12 @@ class Touch(Request):
 class Hold(Request):
     """A ball by its number, held by a finger that begins at its middle."""
 
-    do: Literal["hold"]
     finger: Finger
     ball: Annotated[int, Field(ge=0, le=4)]
 
 
 class Plain(Request):
-    do: Literal["stop", "resume", "yaml", "ack"]
+    """A request that says all by its name."""
 
 
 KINDS: dict[str, type[Request]] = {
@@ -158,10 +146,6 @@ KINDS: dict[str, type[Request]] = {
     "demo": Demo, "hold": Hold, "switches": Switches, "touch": Touch, "move": Touch, "release": Touch, "stop": Plain,
     "resume": Plain, "yaml": Plain, "ack": Plain,
 }  # fmt: skip
-BEGIN_WORK = ("open", "resume", "camera", "drag", "race", "demo")
-"""Requests that have a worker render."""
-LATEST = ("camera", "drag", "probe", "tone", "switches", "move")
-"""Requests of which the last alone counts."""
 
 
 def checked(given: Mapping[str, Any]) -> Any:

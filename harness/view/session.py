@@ -10,14 +10,10 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from harness.view.messages import LONGEST_REQUEST, header_of, packed, problem
+from harness.view.messages import BEGIN_WORK, LONGEST_REQUEST, header_of, latest_key, packed, problem
 from harness.view.process import Worker, Workers
 from harness.view.turns import Turns
 
-BEGIN_WORK = frozenset({"open", "resume", "camera", "drag", "race", "demo"})
-"""Requests that have a worker render: they need a turn."""
-LATEST = frozenset({"camera", "drag", "probe", "tone", "switches", "move"})
-"""Requests of which the last of a kind alone counts."""
 MOST_WAITING = 64
 MOST_A_SECOND = 400
 """Requests that are read; a page that sends more has to wait, and nobody else does."""
@@ -90,8 +86,7 @@ class Session:
             return
         if request["do"] == "stop":
             await self._stop()
-        if request["do"] in LATEST:
-            key = request["do"], request.get("finger")
+        if key := latest_key(request["do"], request.get("finger")):
             self._waiting = [other for other in self._waiting if (other["do"], other.get("finger")) != key]
         if len(self._waiting) >= MOST_WAITING:
             await self._socket.send_bytes(problem("too many requests wait: this one was dropped"))

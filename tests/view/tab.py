@@ -6,8 +6,7 @@ from contextlib import ExitStack
 
 from websockets.sync.client import connect
 
-from harness.view.messages import header_of
-from harness.view.session import BEGIN_WORK
+from harness.view.messages import BEGIN_WORK, header_of
 
 
 class Tab:

@@ -246,3 +246,30 @@ def test_turns_are_given_in_the_order_of_asking():
         assert order == ["a", "c", "d"]
 
     asyncio.run(scene())
+
+
+RACE = {"do": "race", "scene": "ball.yaml", "lanes": [PART, {**PART, "sampler": {"name": "random"}}], "width": 48, "height": 36,
+        "targets": [1e-9], "reference_engine": "numpy", "max_seconds": 60}  # fmt: skip
+
+
+def test_a_race_is_stopped_at_any_time_and_leaves_nothing_behind(viewer, folder):
+    scratch = list((folder / "results").glob(".race-*")) if (folder / "results").is_dir() else []
+    with Tab(viewer, desk="race") as tab:
+        tab.send(**RACE, reference_spp=100_000)
+        tab.hear(lambda told: told["is"] == "progress")
+        tab.send(do="stop")
+        tab.state("stopped", seconds=4)
+        tab.send(do="save", name="early")
+        assert "no race" in tab.hear(lambda told: told["is"] == "problem")["text"]
+        tab.send(**RACE, reference_spp=8)
+        tab.hear(lambda told: told["is"] == "lane" and told["points"])
+        tab.send(do="stop")
+        tab.state("stopped", seconds=4)
+        tab.send(**{**RACE, "lanes": [PART, PART]}, reference_spp=8)
+        assert "same settings" in tab.hear(lambda told: told["is"] == "problem")["text"]
+        assert len(list((folder / "results").glob(".race-*"))) >= len(scratch)
+    end = time.monotonic() + 10
+    while time.monotonic() < end and len(list((folder / "results").glob(".race-*"))) > len(scratch):
+        time.sleep(0.05)
+    assert list((folder / "results").glob(".race-*")) == scratch
+    assert not (folder / "results/early").exists()
