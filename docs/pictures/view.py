@@ -20,13 +20,13 @@ READY = "window.raybench && (raybench.part || raybench.parts || raybench.menu)"
 def rendered(page: Page, scene: str, size: tuple[int, int], spp: int) -> None:
     for key, value in {"scene": scene, "width": size[0], "height": size[1], "wanted": spp}.items():
         page.set(f"#{key}", value)
-    page.wait_for(f"raybench.state === 'busy' && raybench.told.spp > {spp // 3} && !raybench.frame.coarse", 120)
+    page.wait_for(f"raybench.state === 'busy' && raybench.told.spp > {spp // 2} && !raybench.frame.coarse", 120)
 
 
 def view(page: Page, address: str) -> None:
     page.visit(address, 1280, 960)
     page.wait_for(READY)
-    rendered(page, "two_spheres", (640, 480), 1500)
+    rendered(page, "two_spheres", (480, 360), 300)
     page.mouse("mouseMoved", *page.spot(0.4, 0.6))
     page.wait_for("raybench.probe")
 
@@ -34,21 +34,21 @@ def view(page: Page, address: str) -> None:
 def dark(page: Page, address: str) -> None:
     page.visit(address, 1280, 960, dark=True)
     page.wait_for(READY)
-    rendered(page, "cornell_box", (512, 512), 1500)
+    rendered(page, "cornell_box", (384, 384), 300)
 
 
 def narrow(page: Page, address: str) -> None:
     page.visit(address, 360, 760)
     page.wait_for(READY)
-    rendered(page, "mobilert_spheres2", (400, 400), 600)
+    rendered(page, "mobilert_spheres2", (256, 256), 300)
 
 
 def race(page: Page, address: str) -> None:
     page.visit(address + "race.html", 1280, 1180)
     page.wait_for("window.raybench && raybench.parts.length === 2")
     page.click("#add")
-    for key, value in {"scene": "cornell_box", "width": 160, "height": 160, "targets": "0.1 0.01", "reference-spp": 2048,
-                       "max-seconds": 6}.items():  # fmt: skip
+    for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 1024,
+                       "max-seconds": 5}.items():  # fmt: skip
         page.set(f"#{key}", value)
     page.click("#start")
     page.wait_for("raybench.state === 'finished'", 240)
@@ -57,7 +57,7 @@ def race(page: Page, address: str) -> None:
 def dahlquist(page: Page, address: str) -> None:
     page.visit(address + "dahlquist.html", 1280, 1060)
     page.wait_for("window.raybench && raybench.menu")
-    page.wait_for("raybench.told && raybench.told.frames_per_second && raybench.frames > 200", 120)
+    page.wait_for("raybench.told && raybench.told.frames_per_second && raybench.frames > 100", 120)
 
 
 SHOTS: dict[str, Callable[[Page, str], None]] = {

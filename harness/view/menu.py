@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Option
@@ -21,13 +22,19 @@ PREFERRED = "embree"
 
 def menu(library: Library) -> dict[str, Any]:
     """All of it, as plain data. An engine that cannot be loaded is listed with the reason."""
-    listed = [_engine(name) for name in engine_names()]
+    listed = engines_listed()
     return {
         "engines": listed, "shaders": _table(SHADERS), "samplers": _table(SAMPLERS), "tone_mappers": list(TONE_MAPPERS),
         "scenes": library.names(), "cores": len(machine.usable_cores()),
         "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["lacks"]), listed[0]["name"]),
         "limits": {"side": LARGEST_SIDE, "pixels": MOST_PIXELS, "spp": MOST_SPP},
     }  # fmt: skip
+
+
+@cache
+def engines_listed() -> list[dict[str, Any]]:
+    """The engines, each imported and asked; once in a process."""
+    return [_engine(name) for name in engine_names()]
 
 
 def _engine(name: str) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class Server:
         if name not in self._assets:
             return PlainTextResponse("404: there is no such page\n", 404, HEADERS)
         body, kind = self._assets[name]
-        if name in ("view.html", "race.html"):
+        if kind == "text/html":
             for key, value in (("scene", self._scene), ("engine", self._engine)):
                 body = body.replace(f'data-{key}=""'.encode(), f'data-{key}="{escape(value)}"'.encode())
         return Response(body, media_type=kind, headers=HEADERS)

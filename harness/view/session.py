@@ -18,7 +18,7 @@ MOST_WAITING = 64
 MOST_A_SECOND = 400
 """Requests that are read; a page that sends more has to wait, and nobody else does."""
 PAUSE_SECONDS = 0.004
-PATIENCE_SECONDS = 4.0
+PATIENCE_SECONDS = 3.0
 """For a stop; a worker that does not hear it by then is ended."""
 Request = dict[str, Any]
 

@@ -63,8 +63,10 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(NICE)
     pipes = Pipes()
-    import harness.view.live  # noqa: F401  (a worker that waits for a tab has its imports behind it)
+    import harness.view.live  # noqa: F401
+    from harness.view.menu import engines_listed
 
+    engines_listed()  # a worker that waits for a tab has its imports behind it
     pipes.send(packed({"is": "ready"}))
     begin = pipes.receive()
     try:

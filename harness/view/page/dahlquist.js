@@ -22,7 +22,7 @@ const link = new Link("dahlquist", {
 function menu(header) {
   if (page.menu) return;
   page.menu = header;
-  byId("engine").append(...header.engines.map((name) => new Option(name)));
+  byId("engine").append(...header.engines.map((name) => new Option(name, name, false, name === document.body.dataset.engine)));
   Object.assign(byId("threads"), { max: header.cores, value: header.cores });
   for (const [name, seconds, rays] of header.original) {
     const row = byId("figures").insertRow();

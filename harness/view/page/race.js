@@ -27,7 +27,7 @@ function menu(header) {
   byId("scenes").append(...header.scenes.map((name) => new Option(name)));
   byId("scene").value = document.body.dataset.scene || "cornell_box";
   const able = header.engines.filter((engine) => !engine.lacks).map((engine) => engine.name);
-  byId("reference-engine").append(...able.map((name) => new Option(name, name, false, name === header.preferred)));
+  byId("reference-engine").append(...able.map((name) => new Option(name, name, false, name === (document.body.dataset.engine || header.preferred))));
   addLane();
   addLane();
   byId("start").disabled = false;
@@ -171,7 +171,8 @@ function addLane() {
   byId("parts").append(place);
   const [engine, given] = DEFAULTS[page.parts.length];
   const known = page.menu.engines.some((one) => one.name === engine && !one.lacks);
-  const form = new PartForm(place, page.menu, `Lane ${page.parts.length + 1}`, known ? engine : page.menu.preferred);
+  const first = page.parts.length === 0 && document.body.dataset.engine;
+  const form = new PartForm(place, page.menu, `Lane ${page.parts.length + 1}`, first || (known ? engine : page.menu.preferred));
   Object.assign(form.given, given);
   form.offer();
   page.parts.push(form);
