@@ -21,7 +21,10 @@ from engines.embree.packet import (
     FILTER,
     GEOM_ID,
     INTERSECT,
+    INTERSECT_ONE,
+    LEFT_FACE,
     OCCLUDE,
+    OCCLUDE_ONE,
     PRIM_ID,
     RECORD,
     SCALE,
@@ -53,11 +56,24 @@ from engines.kernels.jit import (
     table,
 )
 from engines.kernels.linear import closest_planes, occluded_planes
-from engines.kernels.world import SPHERE_RANK, SPHERES, TRIANGLE_RANK, TRIANGLES, VERTICES, Needs, World
+from engines.kernels.world import (
+    PRIMITIVE_INTS,
+    PRIMITIVES,
+    SPHERE_RANK,
+    SPHERES,
+    TRIANGLE,
+    TRIANGLE_RANK,
+    TRIANGLES,
+    VERTICES,
+    Needs,
+    World,
+)
 
 RAY, SHADOW_RAY = (at.ORIGIN, at.DIRECTION, at.T), (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T)
 UPWARDS = 1 + 2.0**-22
 """With `refine` Embree looks this much beyond t_max, so that float64 decides what lies before it."""
+FEW = 4096
+"""Up to so many primitives are built by one thread: another would take longer to wake than the tree to build."""
 BOX_PAD = 1e-6
 """Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
 
@@ -78,10 +94,13 @@ class Accelerator:
         start = time.perf_counter()
         rays = width()
         world.bind(INTERSECT, address(f"rtcIntersect{rays}"))
+        world.bind(INTERSECT_ONE, address("rtcIntersect1"))
         world.bind(OCCLUDE, address(f"rtcOccluded{rays}"))
+        world.bind(OCCLUDE_ONE, address("rtcOccluded1"))
         world.bind(SCALE, _scales(world))
-        self._device = device = Device(threads)
         faces = len(world.arrays[TRIANGLES])
+        few = faces + len(world.arrays[SPHERES]) <= FEW
+        self._device = device = Device(1 if few else threads)
         parts = _spheres(device, world)
         if faces:
             world.bind(FILTER, hit_filter(world.real).address)
@@ -128,6 +147,20 @@ class Kinds(NamedTuple):
 
 
 @inline
+def _note_left(lanes, world, place, kinds):
+    """Writes down the triangle that each lane's ray has left, for the filter; returns whether there is any."""
+    words, primitives, some = pointer(place, np.int32), table(world, PRIMITIVES, np.int32), False
+    for k in range(LANES):
+        lane, face = np.uint64(k), np.int32(-1)
+        left = np.int64(get_int(lanes, at.LEFT, lane))
+        traced = left >= 0 and fetch(words, place_of(lane, kinds.wide) + VALID * kinds.wide) != 0
+        if traced and fetch(primitives, PRIMITIVE_INTS * left) == TRIANGLE:
+            face, some = fetch(primitives, PRIMITIVE_INTS * left + 1), True
+        keep(words, LEFT_FACE + k, face)
+    return some
+
+
+@inline
 def _ask_again(lanes, world, query, place, block, reach, doubtful, upwards, kinds, real):
     """Traces the lanes of the word `doubtful` once more, and no others: where triangles are solved in float64, or, without
     `refine`, past the face that the ray has left."""
@@ -140,6 +173,8 @@ def _ask_again(lanes, world, query, place, block, reach, doubtful, upwards, kind
         if again:
             keep(words, i + GEOM_ID * kinds.wide, np.int32(-1))
             keep(packet, i + T_FAR * kinds.wide, np.float32(get(lanes, reach, lane) * scale) * upwards)
+    if not kinds.refine:
+        _note_left(lanes, world, place, kinds)
     ask(world, query, EXACT_SCENE if kinds.refine else SCENE, place, block, kinds.wide, not kinds.refine, False)
 
 
@@ -216,7 +251,8 @@ def _make_closest(kinds: Kinds, real: Any) -> Any:
         if kinds.triangles or kinds.spheres:
             place = scratch(block, size)
             fill(lanes, world, place, RAY, kinds.wide, upwards, real)
-            ask(world, INTERSECT, SCENE, place, block, kinds.wide, False, together(place, kinds.wide))
+            coherent = together(place, kinds.wide)
+            ask(world, INTERSECT, SCENE, place, block, kinds.wide, False, coherent, 3 * size)
             doubtful = _put_claims(lanes, world, place, kinds, real)
             if doubtful != 0:
                 _ask_again(lanes, world, INTERSECT, place, block, at.T, doubtful, upwards, kinds, real)
@@ -259,7 +295,9 @@ def _make_occluded(kinds: Kinds, real: Any) -> Any:
         if kinds.triangles or kinds.spheres:
             place = scratch(block, size)
             fill(lanes, world, place, SHADOW_RAY, kinds.wide, upwards, real)
-            ask(world, OCCLUDE, SCENE, place, block, kinds.wide, kinds.triangles, False)
+            # the filter is called once an occluded ray, so only where there is something to leave out, or to write down
+            filtered = kinds.triangles and (_note_left(lanes, world, place, kinds) or kinds.refine)
+            ask(world, OCCLUDE, SCENE, place, block, kinds.wide, filtered, False)
             doubtful = _put_shadows(lanes, world, place, kinds, real)
             if kinds.refine and doubtful != 0:
                 _ask_again(lanes, world, OCCLUDE, place, block, at.SHADOW_T, doubtful, upwards, kinds, real)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from engines.embree.packet import BLOCK_OF_CONTEXT, GEOM_ID, ID, NG_X, PRIM_ID, RECORD, SCALE, T_FAR, scratch
+from engines.embree.packet import BLOCK_OF_CONTEXT, GEOM_ID, ID, LEFT_FACE, NG_X, PRIM_ID, RECORD, SCALE, T_FAR, scratch
 from engines.kernels import block as at
 from engines.kernels import jit
 from engines.kernels.jit import fetch, get, get_int, inline, keep, pointer, table
@@ -130,21 +130,18 @@ def _make_filter(real: Any) -> Any:
         """RTCFilterFunctionNArguments: valid, user data, context, ray, hit, N. Drops the face that a ray has just left,
         and writes down which face is claimed for each lane."""
         longs = pointer(arguments, np.int64)
-        valid, world = pointer(fetch(longs, 0), np.int32), fetch(longs, 1)
-        block = fetch(pointer(fetch(longs, 2), np.int64), BLOCK_OF_CONTEXT)
-        lanes, record = pointer(block, real), pointer(scratch(block, size), np.int32)
+        valid, block = pointer(fetch(longs, 0), np.int32), fetch(pointer(fetch(longs, 2), np.int64), BLOCK_OF_CONTEXT)
+        record = pointer(scratch(block, size), np.int32)
         ids, hits = pointer(fetch(longs, 3), np.int32), pointer(fetch(longs, 4), np.int32)
         n = np.int64(fetch(pointer(arguments + 40, np.uint32), 0))
-        ranks = table(world, TRIANGLE_RANK, np.int32)
         for i in range(n):
             if fetch(valid, i) == 0:
                 continue
-            lane = np.uint64(fetch(ids, ID * n + i))
-            primitive = fetch(hits, _PRIM_ID_OF_HIT * n + i)
-            if np.int64(fetch(ranks, np.int64(primitive))) == get_int(lanes, at.LEFT, lane):
+            lane, primitive = np.int64(fetch(ids, ID * n + i)), fetch(hits, _PRIM_ID_OF_HIT * n + i)
+            if primitive == fetch(record, LEFT_FACE + lane):
                 keep(valid, i, np.int32(0))
             else:
-                keep(record, RECORD + np.int64(lane), primitive)
+                keep(record, RECORD + lane, primitive)
 
     return filter_hits
 

@@ -14,22 +14,26 @@ from numba.extending import intrinsic
 
 from engines.kernels import block as at
 from engines.kernels.jit import LANES, count, fetch, get, inline, keep, pointer, table
-from engines.kernels.world import ACCELERATOR
+from engines.kernels.simd import prefetch
+from engines.kernels.world import ACCELERATOR, PRIMITIVE_INTS, PRIMITIVES, TRIANGLE_RANK, TRIANGLES, VERTICES
 
-INTERSECT, OCCLUDE, SCENE, EXACT_SCENE, FILTER, SCALE = (ACCELERATOR + k for k in range(6))
-"""Slots of the world: addresses of the two queries, the scenes, the address of the filter, and (scale, 1/scale)."""
+INTERSECT, INTERSECT_ONE, OCCLUDE, OCCLUDE_ONE, SCENE, EXACT_SCENE, FILTER, SCALE = (ACCELERATOR + k for k in range(8))
+"""Slots of the world: addresses of the two queries, of packets and of one ray; the scenes; the address of the filter; and
+(scale, 1/scale, pad)."""
 
 # RTCRayHitN: arrays of N 32-bit numbers, in this order (rtcore_ray.h), and behind them the mask of valid rays
 ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS = range(12)
 NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
-VALID, PACKET_FIELDS = 21, 22
+VALID, PACKET_FIELDS = 21, 24
 
 # behind the packets: RTCIntersectArguments, then a RTCRayQueryContext that ends with the block's address and a record
 ARGUMENTS = PACKET_FIELDS * LANES  # in 32-bit words: flags, features, context, filter, callback, minimal width
 CONTEXT = ARGUMENTS + 16
 BLOCK_OF_CONTEXT = 1  # in 64-bit words from the context's start: instance ids, block
 RECORD = CONTEXT + 4  # sixteen ints: the face that the filter has let pass for each lane, -1 for none
-SCRATCH_WORDS = RECORD + LANES
+LEFT_FACE = RECORD + LANES  # sixteen ints: the triangle that each lane's ray starts from, -1 for none
+SINGLE = -(-(LEFT_FACE + LANES) // 16) * 16  # one RTCRayHit, for rays that go alone
+SCRATCH_WORDS = SINGLE + PACKET_FIELDS
 _INVOKE_FILTER, _COHERENT, _ALL_FEATURES = 1 << 1, 1 << 16, -1
 
 SAME_WAY, SAME_PLACE = 0.98, 0.02
@@ -52,6 +56,19 @@ def _call(typing, function, valid, scene, packet, arguments):
         return context.get_dummy_value()
 
     return types.void(*[types.int64] * 5), generate
+
+
+@intrinsic
+def _call_single(typing, function, scene, ray, arguments):
+    """rtcIntersect1 or rtcOccluded1 at address `function`."""
+
+    def generate(context, builder, signature, values):
+        word = ir.IntType(64)
+        kind = ir.FunctionType(ir.VoidType(), [word] * 3)
+        builder.call(builder.inttoptr(values[0], kind.as_pointer()), values[1:])
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 4), generate
 
 
 @inline
@@ -89,10 +106,11 @@ def together(place, wide):
 
 
 @inline
-def ask(world, query, scene, place, block, wide, filtered, coherent):
+def ask(world, query, scene, place, block, wide, filtered, coherent, vertex_bytes=0):
     """Traces the valid rays of all packets at address `place` in the scene of slot `scene`. `coherent` says that they go
     together: then Embree walks its tree once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and
-    half as fast for rays that go all ways."""
+    half as fast for rays that go all ways. Those are taken out of their packets and go one by one. With `vertex_bytes`,
+    those of a vertex, the memory that the surface stage will want of what one has hit is asked for while the next go."""
     words, longs = pointer(place, np.int32), pointer(place, np.int64)
     keep(words, ARGUMENTS, np.int32((_INVOKE_FILTER if filtered else 0) | (_COHERENT if coherent else 0)))
     keep(words, ARGUMENTS + 1, np.int32(_ALL_FEATURES))
@@ -102,9 +120,47 @@ def ask(world, query, scene, place, block, wide, filtered, coherent):
     keep(longs, ARGUMENTS // 2 + 4, np.int64(0))
     keep(longs, CONTEXT // 2, np.int64(-1))
     keep(longs, CONTEXT // 2 + BLOCK_OF_CONTEXT, block)
+    if not coherent:
+        before = np.int64(-1)
+        for k in range(LANES):
+            i = place_of(k, wide)
+            if fetch(words, i + VALID * wide) != 0:
+                _ask_one(world, query + 1, scene, place, i, wide)
+                if vertex_bytes > 0:
+                    before = _ask_ahead(world, words, i, wide, before, vertex_bytes)
+        return
     for first in range(0, LANES, wide):
         packet = place + first * (PACKET_FIELDS * 4)
         _call(count(world, query), packet + VALID * wide * 4, count(world, scene), packet, place + ARGUMENTS * 4)
+
+
+@inline
+def _ask_one(world, query, scene, place, i, wide):
+    """Traces the ray whose first field lies at word i of the packets, and puts there what Embree says of it."""
+    words = pointer(place, np.int32)
+    for field in range(VALID):
+        keep(words, SINGLE + field, fetch(words, i + field * wide))
+    _call_single(count(world, query), count(world, scene), place + SINGLE * 4, place + ARGUMENTS * 4)
+    keep(words, i + T_FAR * wide, fetch(words, np.int64(SINGLE + T_FAR)))
+    keep(words, i + PRIM_ID * wide, fetch(words, np.int64(SINGLE + PRIM_ID)))
+    keep(words, i + GEOM_ID * wide, fetch(words, np.int64(SINGLE + GEOM_ID)))
+
+
+@inline
+def _ask_ahead(world, words, i, wide, before, vertex_bytes):
+    """Asks for the row and the rank of the triangle hit (returned, -1 for none), and for what those of the one `before` lead
+    to, which have arrived by now."""
+    faces, ranks = count(world, TRIANGLES), count(world, TRIANGLE_RANK)
+    face = np.int64(fetch(words, i + PRIM_ID * wide)) if fetch(words, i + GEOM_ID * wide) == 0 else np.int64(-1)
+    if face >= 0:
+        prefetch(faces + 12 * face)
+        prefetch(ranks + 4 * face)
+    if before >= 0:
+        prefetch(count(world, PRIMITIVES) + 4 * PRIMITIVE_INTS * np.int64(fetch(pointer(ranks, np.int32), before)))
+        for corner in range(3):
+            vertex = np.int64(fetch(pointer(faces, np.int32), 3 * before + corner))
+            prefetch(count(world, VERTICES) + vertex_bytes * vertex)
+    return face
 
 
 @inline

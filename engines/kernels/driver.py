@@ -303,12 +303,30 @@ def _ray(origins, directions, reach, center, i):
     return origin, Vec3(x / norm, y / norm, z / norm), reach[i] * length, length
 
 
+@inline
+def _shape_of(rank, first_rank):
+    """(shape, index within it) of the primitive `rank`, -1 and -1 of none; by bisection, which misses no cache."""
+    if rank < 0:
+        return np.int64(-1), np.int64(-1)
+    low, high = 0, len(first_rank)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if first_rank[middle] <= rank:
+            low = middle
+        else:
+            high = middle
+    return np.int64(low), rank - first_rank[low]
+
+
 @cache
 def tracer(real: Any) -> Any:
     """The kernel that finds closest hits of rays first .. last - 1."""
     one = real(1)
 
-    def trace(stages, block, world, origins, directions, reach, center, first, last, t, rank, normal, u, v):
+    def trace(
+        stages, block, world, origins, directions, reach, center, first, last,
+        first_rank, t, shape, primitive, normal, u, v,
+    ):  # fmt: skip
         lanes = pointer(block, real)
         lengths = np.empty(LANES)
         for start in range(first, last, LANES):
@@ -327,7 +345,7 @@ def tracer(real: Any) -> Any:
                 i = start + np.int64(lane)
                 if i < last:
                     hit = get_int(lanes, at.MISS, lane) == 0
-                    rank[i] = get_int(lanes, at.RANK, lane)
+                    shape[i], primitive[i] = _shape_of(np.int64(get_int(lanes, at.RANK, lane)), first_rank)
                     t[i] = np.float64(get(lanes, at.T, lane)) / lengths[lane] if hit else math.inf
                     n = at.get3(lanes, at.GEOMETRIC, lane)
                     normal[i, 0], normal[i, 1], normal[i, 2] = (

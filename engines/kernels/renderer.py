@@ -281,14 +281,10 @@ class Renderer:
     def _trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> Hits:
         o, d, reach = _rays(origins, directions, t_max)
         n = len(o)
-        t, rank, normal = np.empty(n), np.empty(n, np.int64), np.empty((n, 3))
-        u, v = np.empty(n), np.empty(n)
-        self._share(driver.tracer(self._real), n, o, d, reach, (t, rank, normal, u, v))
-        hit = rank >= 0
-        place = np.where(hit, rank, 0)
-        shape = np.where(hit, self._world.shape[place] if hit.any() else 0, -1)
-        primitive = np.where(hit, self._world.local[place] if hit.any() else 0, -1)
-        return Hits(t, shape, primitive, normal, u, v)
+        t, shape, primitive, normal = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
+        hits = t, shape, primitive, normal, np.empty(n), np.empty(n)
+        self._share(driver.tracer(self._real), n, o, d, reach, (self._world.first_rank, *hits))
+        return Hits(*hits)
 
     def _occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> NDArray[np.bool_]:
         o, d, reach = _rays(origins, directions, t_max)

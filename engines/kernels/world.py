@@ -86,10 +86,8 @@ class World:
     real: type
     center: NDArray[np.float64]
     needs: Needs
-    shape: NDArray[np.int64]
-    """(ranks,) shape of each primitive."""
-    local: NDArray[np.int64]
-    """(ranks,) index of each primitive within its shape."""
+    first_rank: NDArray[np.int64]
+    """(shapes,) rank of the first primitive of each shape."""
     arrays: dict[int, NDArray[Any]]
     counts: dict[int, int]
     bounds: NDArray[np.float64]
@@ -116,8 +114,8 @@ class World:
 def flatten(scene: Scene, real: type, tracing: type) -> World:
     """The arrays of `scene` in precision `real` (np.float32 or np.float64), for an intersector of precision `tracing`."""
     pieces = _Pieces()
-    for index, shape in enumerate(scene.shapes):
-        pieces.add(index, shape)
+    for shape in scene.shapes:
+        pieces.add(shape)
     bounds = pieces.bounds()
     center = _recentre(bounds, tracing)
     lights = _Lights(scene, pieces, center)
@@ -125,8 +123,7 @@ def flatten(scene: Scene, real: type, tracing: type) -> World:
         real,
         center,
         _needs(scene, pieces, lights),
-        pieces.joined(pieces.shape),
-        pieces.joined(pieces.local),
+        np.array(pieces.first_rank, np.int64),
         {},
         {},
         bounds,
@@ -154,8 +151,6 @@ class _Pieces:
         self.spheres: list[Any] = [np.zeros((0, 4))]
         self.planes: list[Any] = [np.zeros((0, 6))]
         self.ranks: list[list[Any]] = [[np.zeros(0, np.int64)] for _ in range(3)]
-        self.shape: list[Any] = [np.zeros(0, np.int64)]
-        self.local: list[Any] = [np.zeros(0, np.int64)]
         self.material: list[Any] = [np.zeros(0, np.int64)]
         self.kind: list[Any] = [np.zeros(0, np.int64)]
         self.index: list[Any] = [np.zeros(0, np.int64)]
@@ -168,35 +163,31 @@ class _Pieces:
     def joined(parts: list[Any]) -> NDArray[Any]:
         return np.concatenate(parts)
 
-    def add(self, shape_index: int, shape: Any) -> None:
+    def add(self, shape: Any) -> None:
         self.first_rank.append(self.n)
         if isinstance(shape, Plane):
             self.planes.append(np.array([[*shape.point, *shape.normal]]))
-            self._primitives(shape_index, PLANE, 1, shape.material)
+            self._primitives(PLANE, 1, shape.material)
         elif isinstance(shape, Sphere):
             self.spheres.append(np.array([[*shape.center, shape.radius]]))
-            self._primitives(shape_index, SPHERE, 1, shape.material)
+            self._primitives(SPHERE, 1, shape.material)
         elif isinstance(shape, SphereSet):
             self.spheres.append(np.column_stack([shape.centers, shape.radii]))
-            self._primitives(shape_index, SPHERE, len(shape.radii), shape.material)
+            self._primitives(SPHERE, len(shape.radii), shape.material)
         elif isinstance(shape, Triangle):
-            self._triangles(
-                shape_index, np.array([shape.a, shape.b, shape.c]), None, np.array([[0, 1, 2]]), shape.material
-            )
+            self._triangles(np.array([shape.a, shape.b, shape.c]), None, np.array([[0, 1, 2]]), shape.material)
         else:
-            self._triangles(shape_index, shape.vertices, shape.normals, shape.faces, shape.materials)
+            self._triangles(shape.vertices, shape.normals, shape.faces, shape.materials)
 
-    def _triangles(self, shape_index: int, vertices: Any, normals: Any, faces: Any, material: Any) -> None:
+    def _triangles(self, vertices: Any, normals: Any, faces: Any, material: Any) -> None:
         self.vertices.append(vertices)
         self.normals.append(np.zeros((len(vertices), 3)) if normals is None else normals)
         self.faces.append(np.asarray(faces, np.int64) + self.n_vertices)
         self.n_vertices += len(vertices)
-        self._primitives(shape_index, TRIANGLE, len(faces), material)
+        self._primitives(TRIANGLE, len(faces), material)
 
-    def _primitives(self, shape_index: int, kind: int, n: int, material: Any) -> None:
+    def _primitives(self, kind: int, n: int, material: Any) -> None:
         self.ranks[kind].append(np.arange(self.n, self.n + n))
-        self.shape.append(np.full(n, shape_index))
-        self.local.append(np.arange(n))
         self.material.append(np.broadcast_to(np.asarray(material, np.int64), (n,)))
         self.kind.append(np.full(n, kind))
         self.index.append(np.arange(self.counts[kind], self.counts[kind] + n))

@@ -88,9 +88,10 @@ class Accelerator:
 def _resolution(bounds: Any, n: int, density: float) -> Any:
     """Cells on each axis: near cubes, `density` cells a primitive in all; flat axes get one."""
     width = np.maximum(bounds[3:] - bounds[:3], 0.0)
-    thick = width > 1e-6 * max(width.max(), 1e-300)
-    if not n or not thick.any():
+    if not n or not width.max() > 0.0:
         return np.ones(3, np.int64)
+    width = width / width.max()  # products of denormal widths would be 0
+    thick = width > 1e-6
     edge = (width[thick].prod() / (density * n)) ** (1 / thick.sum())
     cells = np.where(thick, np.ceil(width / edge), 1.0)
     return np.clip(cells, 1, LARGEST).astype(np.int64)
