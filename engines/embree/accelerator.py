@@ -22,6 +22,7 @@ from engines.embree.packet import (
     GEOM_ID,
     INTERSECT,
     INTERSECT_ONE,
+    LARGE,
     LEFT_FACE,
     OCCLUDE,
     OCCLUDE_ONE,
@@ -72,8 +73,8 @@ from engines.kernels.world import (
 RAY, SHADOW_RAY = (at.ORIGIN, at.DIRECTION, at.T), (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T)
 UPWARDS = 1 + 2.0**-22
 """With `refine` Embree looks this much beyond t_max, so that float64 decides what lies before it."""
-FEW = 4096
-"""Up to so many primitives are built by one thread: another would take longer to wake than the tree to build."""
+MANY = 4096
+"""Up to so many primitives a tree is built by one thread, as another takes long to wake, and its rays go in packets."""
 BOX_PAD = 1e-6
 """Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
 
@@ -99,8 +100,9 @@ class Accelerator:
         world.bind(OCCLUDE_ONE, address("rtcOccluded1"))
         world.bind(SCALE, _scales(world))
         faces = len(world.arrays[TRIANGLES])
-        few = faces + len(world.arrays[SPHERES]) <= FEW
-        self._device = device = Device(1 if few else threads)
+        primitives = faces + len(world.arrays[SPHERES])
+        world.bind(LARGE, int(primitives > MANY))
+        self._device = device = Device(threads if primitives > MANY else 1)
         parts = _spheres(device, world)
         if faces:
             world.bind(FILTER, hit_filter(world.real).address)

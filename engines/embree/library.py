@@ -133,8 +133,8 @@ class Device:
     """A device and its scenes, each of triangles (geometry 0) and spheres (geometry 1)."""
 
     def __init__(self, threads: int) -> None:
-        self._embree = library()
-        self._building = workers().awake if threads > 1 else nullcontext
+        self._embree, awake = library(), workers().awake
+        self._building = awake if threads > 1 else nullcontext
         with self._building():  # a device asks how many there are
             self._device = self._embree.rtcNewDevice(f"threads={threads},set_affinity=0".encode())
         if not self._device:

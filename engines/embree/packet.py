@@ -17,9 +17,11 @@ from engines.kernels.jit import LANES, count, fetch, get, inline, keep, pointer,
 from engines.kernels.simd import prefetch
 from engines.kernels.world import ACCELERATOR, PRIMITIVE_INTS, PRIMITIVES, TRIANGLE_RANK, TRIANGLES, VERTICES
 
-INTERSECT, INTERSECT_ONE, OCCLUDE, OCCLUDE_ONE, SCENE, EXACT_SCENE, FILTER, SCALE = (ACCELERATOR + k for k in range(8))
-"""Slots of the world: addresses of the two queries, of packets and of one ray; the scenes; the address of the filter; and
-(scale, 1/scale, pad)."""
+INTERSECT, INTERSECT_ONE, OCCLUDE, OCCLUDE_ONE, SCENE, EXACT_SCENE, FILTER, SCALE, LARGE = (
+    ACCELERATOR + k for k in range(9)
+)
+"""Slots of the world: addresses of the two queries, of packets and of one ray; the scenes; the address of the filter;
+(scale, 1/scale, pad); and 1 where rays that do not go together are to go one by one."""
 
 # RTCRayHitN: arrays of N 32-bit numbers, in this order (rtcore_ray.h), and behind them the mask of valid rays
 ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS = range(12)
@@ -109,8 +111,9 @@ def together(place, wide):
 def ask(world, query, scene, place, block, wide, filtered, coherent, vertex_bytes=0):
     """Traces the valid rays of all packets at address `place` in the scene of slot `scene`. `coherent` says that they go
     together: then Embree walks its tree once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and
-    half as fast for rays that go all ways. Those are taken out of their packets and go one by one. With `vertex_bytes`,
-    those of a vertex, the memory that the surface stage will want of what one has hit is asked for while the next go."""
+    half as fast for rays that go all ways. In a large tree those are taken out of their packets and go one by one; with
+    `vertex_bytes`, those of a vertex, the memory that the surface stage will want of what one has hit is asked for while
+    the next go."""
     words, longs = pointer(place, np.int32), pointer(place, np.int64)
     keep(words, ARGUMENTS, np.int32((_INVOKE_FILTER if filtered else 0) | (_COHERENT if coherent else 0)))
     keep(words, ARGUMENTS + 1, np.int32(_ALL_FEATURES))
@@ -120,7 +123,7 @@ def ask(world, query, scene, place, block, wide, filtered, coherent, vertex_byte
     keep(longs, ARGUMENTS // 2 + 4, np.int64(0))
     keep(longs, CONTEXT // 2, np.int64(-1))
     keep(longs, CONTEXT // 2 + BLOCK_OF_CONTEXT, block)
-    if not coherent:
+    if not coherent and count(world, LARGE) != 0:
         before = np.int64(-1)
         for k in range(LANES):
             i = place_of(k, wide)

@@ -147,10 +147,10 @@ class _Pieces:
     def __init__(self) -> None:
         self.vertices: list[Any] = [np.zeros((0, 3))]
         self.normals: list[Any] = [np.zeros((0, 3))]
-        self.faces: list[Any] = [np.zeros((0, 3), np.int64)]
+        self.faces: list[Any] = [np.zeros((0, 3), np.int32)]
         self.spheres: list[Any] = [np.zeros((0, 4))]
         self.planes: list[Any] = [np.zeros((0, 6))]
-        self.ranks: list[list[Any]] = [[np.zeros(0, np.int64)] for _ in range(3)]
+        self.ranks: list[list[Any]] = [[np.zeros(0, np.int32)] for _ in range(3)]
         self.material: list[Any] = [np.zeros(0, np.int64)]
         self.kind: list[Any] = [np.zeros(0, np.int64)]
         self.index: list[Any] = [np.zeros(0, np.int64)]
@@ -161,7 +161,9 @@ class _Pieces:
 
     @staticmethod
     def joined(parts: list[Any]) -> NDArray[Any]:
-        return np.concatenate(parts)
+        """All parts in one array; a single one that is not empty is not copied."""
+        filled = [part for part in parts if len(part)] or parts[:1]
+        return filled[0] if len(filled) == 1 else np.concatenate(filled)
 
     def add(self, shape: Any) -> None:
         self.first_rank.append(self.n)
@@ -182,23 +184,27 @@ class _Pieces:
     def _triangles(self, vertices: Any, normals: Any, faces: Any, material: Any) -> None:
         self.vertices.append(vertices)
         self.normals.append(np.zeros((len(vertices), 3)) if normals is None else normals)
-        self.faces.append(np.asarray(faces, np.int64) + self.n_vertices)
+        faces = np.asarray(faces, np.int32)
+        self.faces.append(faces + np.int32(self.n_vertices) if self.n_vertices else faces)
         self.n_vertices += len(vertices)
         self._primitives(TRIANGLE, len(faces), material)
 
     def _primitives(self, kind: int, n: int, material: Any) -> None:
-        self.ranks[kind].append(np.arange(self.n, self.n + n))
+        self.ranks[kind].append(np.arange(self.n, self.n + n, dtype=np.int32))
         self.material.append(np.broadcast_to(np.asarray(material, np.int64), (n,)))
-        self.kind.append(np.full(n, kind))
-        self.index.append(np.arange(self.counts[kind], self.counts[kind] + n))
+        self.kind.append(np.full(n, kind, np.int8))
+        self.index.append(np.arange(self.counts[kind], self.counts[kind] + n, dtype=np.int32))
         self.counts[kind] += n
         self.n += n
 
     def bounds(self) -> NDArray[np.float64]:
         vertices, spheres = self.joined(self.vertices), self.joined(self.spheres)
-        low = np.concatenate([vertices, spheres[:, :3] - spheres[:, 3:]])
-        high = np.concatenate([vertices, spheres[:, :3] + spheres[:, 3:]])
-        return np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.full((2, 3), np.nan)
+        reach = spheres[:, 3:]
+        ends = [part for part in (vertices, spheres[:, :3] - reach, spheres[:, :3] + reach) if len(part)]
+        if not ends:
+            return np.full((2, 3), np.nan)
+        lows, highs = [part.min(axis=0) for part in ends], [part.max(axis=0) for part in ends]
+        return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
 
 
 class _Lights:
@@ -210,7 +216,7 @@ class _Lights:
         self.cdf: list[Any] = [np.zeros(0)]
         self.ranges: list[tuple[int, int]] = []
         self.sky: EnvironmentLight | None = None
-        self.of_primitive = np.full(pieces.n, -1, np.int64)
+        self.of_primitive = np.full(pieces.n, -1, np.int32)
         self.center = center
         for light in scene.lights:
             self._add_listed(light)
@@ -267,7 +273,7 @@ class _Lights:
 
 
 def _needs(scene: Scene, pieces: _Pieces, lights: _Lights) -> Needs:
-    used = [scene.materials[i] for i in np.unique(pieces.joined(pieces.material))]
+    used = [scene.materials[i] for i in np.flatnonzero(np.bincount(pieces.joined(pieces.material)))]
     kinds = {int(row[0]) for row in lights.rows}
     return Needs(
         triangles=pieces.counts[TRIANGLE] > 0,
@@ -296,26 +302,25 @@ def _bind_shapes(world: World, pieces: _Pieces) -> None:
         world.bind(slot, pieces.counts[kind])
     world.bind(VERTICES, (join(pieces.vertices) - world.center).astype(real))
     world.bind(VERTEX_NORMALS, join(pieces.normals).astype(real))
-    faces = join(pieces.faces)
-    world.bind(TRIANGLES, np.empty(faces.shape, np.int32))
-    _without_slits(faces, world.arrays[VERTICES], world.arrays[TRIANGLES])
+    world.bind(TRIANGLES, np.array(join(pieces.faces)))
+    _close_slits(world.arrays[TRIANGLES], world.arrays[VERTICES])
     world.bind(SPHERES, join(pieces.spheres) - np.append(world.center, 0))
     world.bind(PLANES, join(pieces.planes) - np.append(world.center, np.zeros(3)))
     for slot, kind in ((TRIANGLE_RANK, TRIANGLE), (SPHERE_RANK, SPHERE), (PLANE_RANK, PLANE)):
-        world.bind(slot, join(pieces.ranks[kind]).astype(np.int32))
+        world.bind(slot, join(pieces.ranks[kind]))
 
 
 @kernel
-def _without_slits(faces, vertices, result):
-    """Copies the faces, those without area (as the vertices are rounded) drawn together to a point, which no ray meets.
-    Seen from afar, rounding could open a slit."""
+def _close_slits(faces, vertices):
+    """Draws faces without area (as the vertices are rounded) together to a point, which no ray meets. Seen from afar,
+    rounding could open a slit."""
     for i in range(len(faces)):
         a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
         px, py, pz = np.float64(vertices[a, 0]), np.float64(vertices[a, 1]), np.float64(vertices[a, 2])
         ux, uy, uz = vertices[b, 0] - px, vertices[b, 1] - py, vertices[b, 2] - pz
         vx, vy, vz = vertices[c, 0] - px, vertices[c, 1] - py, vertices[c, 2] - pz
-        flat = uy * vz - uz * vy == 0.0 and uz * vx - ux * vz == 0.0 and ux * vy - uy * vx == 0.0
-        result[i, 0], result[i, 1], result[i, 2] = a, a if flat else b, a if flat else c
+        if uy * vz - uz * vy == 0.0 and uz * vx - ux * vz == 0.0 and ux * vy - uy * vx == 0.0:
+            faces[i, 1] = faces[i, 2] = a
 
 
 def _bind_surfaces(world: World, scene: Scene, pieces: _Pieces, lights: _Lights) -> None:
@@ -325,9 +330,11 @@ def _bind_surfaces(world: World, scene: Scene, pieces: _Pieces, lights: _Lights)
         [*m.kd, *m.ks, *m.kt, m.ior, float(m.fresnel), *m.emission, float(m.two_sided), 0.0] for m in scene.materials
     ]
     world.bind(MATERIALS, np.array(rows or np.zeros((1, MATERIAL_REALS))).astype(world.real))
-    columns = [join(pieces.kind), join(pieces.index), join(pieces.material), lights.of_primitive]
-    rows = np.column_stack(columns) if pieces.n else [[0, 0, 0, -1]]  # a row to read where every ray misses
-    world.bind(PRIMITIVES, np.asarray(rows, np.int32))
+    table = np.zeros((max(pieces.n, 1), PRIMITIVE_INTS), np.int32)  # a row to read where every ray misses
+    columns = (join(pieces.kind), join(pieces.index), join(pieces.material), lights.of_primitive)
+    for column, values in enumerate(columns):
+        table[: pieces.n, column] = values
+    world.bind(PRIMITIVES, table)
 
 
 def _bind_lights(world: World, lights: _Lights) -> None:
