@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from engines import Settings
+from engines.embree.packet import LARGE
 from engines.registry import engine
+from engines.scene import scene_from
 from harness.verify import oracle
 from harness.verify.stage import mesh, scene, unit
 
@@ -62,3 +64,32 @@ def test_shadows_are_seen_at_every_scale(scale):
         [True, False],
         [False, False],
     ]
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_rays_one_by_one_see_what_packets_see(precision):
+    """Trees large and small take different ways; a path that leaves a face must not meet it again on either."""
+    faces = {"procedural": {"name": "tessellated_sphere", "subdivisions": 3}, "material": "white"}
+    ball = scene_from({
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
+                   "resolution": [24, 24]},
+        "materials": {"white": {"kd": 0.5}},
+        "shapes": [faces, {"sphere": {"center": [0, 0, 2], "radius": 0.3}, "material": "white"}],
+        "lights": [{"point": {"position": [2, 3, 4], "intensity": 20}}],
+    })  # fmt: skip
+    rng = np.random.default_rng(3)
+    origins = rng.normal(size=(1000, 3))
+    ways = rng.uniform(-1, 1, (1000, 3)) - origins
+    seen = []
+    for large in (0, 1):
+        settings = Settings(precision=precision, sampler="sobol", threads=1)
+        renderer = engine("embree").prepare(ball, settings)
+        renderer._world.bind(LARGE, large)
+        hits = renderer.trace(origins, ways)
+        seen.append((hits.t, hits.primitive, renderer.occluded(origins, ways), renderer.render(2).mean()))
+    (t, primitive, hidden, image), (t1, primitive1, hidden1, image1) = seen
+    same = primitive == primitive1  # on an edge either face may be taken
+    assert same.mean() > 0.99 and np.array_equal(t[same], t1[same])
+    assert np.array_equal(np.isfinite(t), np.isfinite(t1)) and np.array_equal(hidden, hidden1)
+    assert 0.3 < hidden.mean() < 0.95 and np.mean(np.abs(image - image1)) < 1e-3 * image.mean()
