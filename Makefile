@@ -7,12 +7,14 @@ OUT := results/quick
 ARGS ?=
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test microbench baseline chapter lint clean
+.PHONY: help bench test microbench baseline chapter lint docs docs-pictures clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
 	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
 	@echo "make lint        ruff and pyright"
+	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
+	@echo "make docs-pictures  make its pictures anew (many minutes)"
 	@echo "make microbench  time the parts: tests/benchmarks"
 	@echo "make baseline    measure configs/engines.yaml (twelve minutes, on an idle machine) and archive it in results/baseline"
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
@@ -41,6 +43,15 @@ chapter: .venv/.installed
 	@$(BIN)/raybench archive results/dissertation-run --out results/dissertation
 	@$(BIN)/raybench report results/dissertation results/dahlquist --chapter results/dissertation/chapter
 
+docs: .venv/.installed-docs
+	@$(BIN)/python -m sphinx -q -W --keep-going -j auto docs docs/_build/html $(ARGS)
+	@echo "The documentation: $(CURDIR)/docs/_build/html/index.html"
+
+docs-pictures: .venv/.installed-test
+	@$(BIN)/raybench run configs/quick.yaml --out results/quick
+	@$(BIN)/raybench report results/baseline
+	@for program in docs/pictures/*.py; do echo "$$program"; $(BIN)/python "$$program" || exit 1; done
+
 lint: .venv/.installed-test
 	@$(BIN)/ruff check .
 	@$(BIN)/pyright
@@ -54,6 +65,10 @@ lint: .venv/.installed-test
 	$(PIP) install --quiet --editable '.[test]'
 	@touch $@ .venv/.installed
 
+.venv/.installed-docs: pyproject.toml | .venv/bin/python
+	$(PIP) install --quiet --editable '.[docs,mitsuba]'
+	@touch $@ .venv/.installed
+
 .venv/bin/python:
 	@"$(PYTHON)" -c '' 2>/dev/null \
 		|| { echo "raybench: $(PYTHON) does not run here; name a Python 3.11 or newer: make PYTHON=/path/to/python" >&2; exit 1; }
@@ -63,5 +78,5 @@ lint: .venv/.installed-test
 		|| { echo "raybench: $(PYTHON) cannot make a virtual environment; on Debian and Ubuntu install python3-venv" >&2; exit 1; }
 
 clean:
-	rm -rf .venv $(OUT) .pytest_cache .ruff_cache .hypothesis .benchmarks build dist *.egg-info
+	rm -rf .venv $(OUT) .pytest_cache .ruff_cache .hypothesis .benchmarks build dist docs/_build *.egg-info
 	find engines harness tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,6 +1,6 @@
-"""Takes the README's picture of a report: python docs/pictures/report.py results/baseline docs/pictures/report.png
+"""Takes the README's picture of the report in results/baseline: python docs/pictures/report.py
 
-Needs Chromium. What is seen is the top of the page: the verdicts.
+Needs Chromium and `raybench report results/baseline`. What is seen is the top of the page: the verdicts.
 """
 
 import shutil
@@ -9,6 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+ROOT = Path(__file__).resolve().parents[2]
 WIDTH, HEIGHT = 1280, 1150
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--hide-scrollbars",
          "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
@@ -25,4 +26,4 @@ def main(folder: Path, target: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(ROOT / "results/baseline", ROOT / "docs/pictures/report.png")

@@ -1,0 +1,37 @@
+"""The columns of every table of a results folder, from the tables themselves as they are before any row is in."""
+
+from pathlib import Path
+
+from markdown import code, plain, table
+
+from harness.analysis import analyse
+from harness.metrics import METRIC_MEANINGS
+from harness.results import results_of
+from harness.tables import all_tables, changes, phase_rows, points, quality_times
+from harness.tables.accelerators import accelerators
+from harness.tables.agreement import accuracy
+from harness.tables.growth import growth
+from harness.tables.model import ESTIMATES
+
+KINDS = {"text": "text", "number": "number", "exact": "number", "count": "whole number", "percent": "share"}
+
+
+def text() -> str:
+    empty = results_of(Path("results/NAME"), {}, [])
+    analysis = analyse(empty)
+    people = [*all_tables(analysis), accelerators(analysis), growth(analysis), accuracy(analysis), changes(empty, empty)]
+    parts = ["## For programs"]
+    parts += [_section(f"{each.name}.csv", each) for each in (points(empty), quality_times(analysis), phase_rows(empty))]
+    parts += ["### Metrics", "Columns of `points.csv`; `_eNUMBER` in a name is the metric's epsilon."]
+    parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
+    parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
+    parts += [_section(each.name, each) for each in people]
+    return "\n\n".join(parts)
+
+
+def _section(name: str, found) -> str:
+    rows = [
+        (code(column.name), plain(column.meaning), "estimate" if column.kind in ESTIMATES else KINDS[column.kind])
+        for column in found.columns
+    ]
+    return f"### {name}\n\n{plain(found.note)}\n\n{table(('Column', 'Meaning', 'Kind'), rows)}"

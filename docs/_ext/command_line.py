@@ -1,0 +1,37 @@
+"""The command line, from the application itself: every command with its arguments and options."""
+
+import typer
+from markdown import code, plain, table
+
+from harness.cli import app
+
+
+def text() -> str:
+    """A section a command."""
+    group = typer.main.get_command(app)
+    parts = [plain(group.help), plain(group.epilog)]
+    for name, command in group.commands.items():
+        arguments = [each for each in command.params if each.param_type_name == "argument"]
+        options = [each for each in command.params if each.param_type_name == "option"]
+        words = ["raybench", name, *map(_argument, arguments), *(["[OPTIONS]"] if options else [])]
+        parts.append(f"## raybench {name}\n\n{plain(command.help)}\n\n```text\n{' '.join(words)}\n```")
+        for head, params in (("Argument", arguments), ("Option", options)):
+            if params:
+                parts.append(table((head, "Meaning", "Default"), map(_row, params)))
+    return "\n\n".join(parts)
+
+
+def _argument(param) -> str:
+    word = (param.metavar or param.name).upper() + ("..." if param.nargs != 1 else "")
+    return word if param.required else f"[{word}]"
+
+
+def _row(param) -> tuple[str, str, str]:
+    """Name, meaning and default. A default that is no value stands at the end of the help, in brackets."""
+    meaning, _, default = (param.help or "").rstrip("]").partition("[default: ")
+    if not default and not getattr(param, "is_flag", False):
+        default = "required" if param.required else str(param.default or "")
+    if param.param_type_name == "argument":
+        return code(_argument(param)), plain(meaning), plain(default)
+    value = "" if param.is_flag else " " + (param.metavar or param.name.upper())
+    return ", ".join(code(name) for name in param.opts[:-1] + [param.opts[-1] + value]), plain(meaning), plain(default)

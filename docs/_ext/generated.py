@@ -1,0 +1,27 @@
+"""Pages whose text is in the code: a line `<!-- generated: NAME -->` of a page becomes what `MAKERS[NAME]` returns."""
+
+import re
+
+import columns
+import command_line
+import names
+
+MAKERS = {
+    "command line": command_line.text,
+    "columns": columns.text,
+    "engines": names.engines,
+    "shaders": names.shaders,
+    "samplers": names.samplers,
+    "accelerators": names.accelerators,
+    "tone mappers": names.tone_mappers,
+}
+
+
+def fill(app, page, source):
+    """Replaces the marks of a page."""
+    source[0] = re.sub(r"<!-- generated: (.*?) -->", lambda mark: MAKERS[mark[1]](), source[0])
+
+
+def setup(app):
+    app.connect("source-read", fill)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

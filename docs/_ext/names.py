@@ -1,0 +1,59 @@
+"""Engines, shaders, samplers, accelerators and tone mappers: what the registry and the tables of options say."""
+
+import importlib
+import inspect
+import json
+
+from markdown import code, plain, table
+
+from engines import engine, engine_names
+from engines.choices import SAMPLERS, SHADERS
+from engines.tonemap import TONE_MAPPERS
+
+
+def engines() -> str:
+    """Every engine that comes with raybench, in its own words."""
+    rows = []
+    for name in engine_names():
+        made = engine(name)
+        module = importlib.import_module(type(made).__module__.rpartition(".")[0])
+        about = inspect.getdoc(type(made)) or inspect.getdoc(module) or ""
+        rows.append((code(name), plain(about.split("\n\n")[0]), code(type(made).__module__)))
+    return table(("Engine", "What it is", "Module"), rows)
+
+
+def shaders() -> str:
+    return _options("Shader", SHADERS)
+
+
+def samplers() -> str:
+    parts = [_options("Sampler", SAMPLERS)]
+    for name in engine_names():
+        own = getattr(engine(name), "samplers", dict)()
+        if own:
+            parts += [f"\n{code(name)} alone has\n", _options("Sampler", own)]
+    return "\n".join(parts)
+
+
+def accelerators() -> str:
+    parts = []
+    for name in engine_names():
+        parts += [f"### {name}\n", _options("Accelerator", engine(name).accelerators())]
+    return "\n".join(parts)
+
+
+def tone_mappers() -> str:
+    return ", ".join(map(code, TONE_MAPPERS)) + "."
+
+
+def _options(kind: str, choices) -> str:
+    rows = []
+    for name, options in choices.items():
+        shown = code(name)
+        for key, option in options.items():
+            values = plain(option.check(object()) or "").replace("True, False", "true, false")
+            rows.append((shown, code(key), code(json.dumps(option.default)), plain(option.meaning), values))
+            shown = ""
+        if not options:
+            rows.append((shown, "", "", "", ""))
+    return table((kind, "Option", "Default", "Meaning", "Values"), rows)
