@@ -10,6 +10,7 @@ import numpy as np
 
 from engines.scene import Light, Material, Shape
 from harness.verify.case import Array, Measured, measured
+from harness.verify.promises import LARGEST_Z, ROUNDING
 from harness.verify.subject import Subject
 
 REPLICATES = 32
@@ -30,8 +31,11 @@ def means(subject: Subject, shapes: Sequence[Shape], materials: Sequence[Materia
 def z_score(
     subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR
 ) -> Measured:
-    """|mean - truth| in standard errors; infinite where the standard error is above `largest`."""
-    rounding = (1e-12 if subject.tracing == "float64" else 2e-6) * abs(truth)
+    """|mean - truth| in standard errors; infinite where the standard error is above `largest`.
+
+    Where there is hardly any noise, rounding may do what it may do to an image without noise, and no more.
+    """
+    rounding = ROUNDING[subject.tracing] / LARGEST_Z * abs(truth)
     error = max(float(replicates.std(ddof=1)) / math.sqrt(replicates.size), rounding)
     z = (replicates.mean() - truth) / error if error < largest else math.inf
     return measured(z, parameter, note=f"{replicates.mean():.6f} against {truth:.6f}, standard error {error:.1e}")
