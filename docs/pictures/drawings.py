@@ -1,0 +1,169 @@
+"""Draws the house, a ray's way and a cell's way for docs/how/: python docs/pictures/drawings.py
+
+SVG on a ground of its own, so that it reads on light and dark pages.
+"""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+TARGET = Path(__file__).resolve().parent / "drawings"
+INK, SOFT, LINE, GROUND = "#1f2430", "#5b6472", "#7a8494", "#ffffff"
+BLUE, GREEN, AMBER, GREY = "#dce9f7", "#dff1e3", "#fbeed2", "#eef0f3"
+FONT = "font-family='DejaVu Sans, Verdana, sans-serif'"
+
+
+class Drawing:
+    """Boxes and arrows, in pixels from the top left."""
+
+    def __init__(self, width: int, height: int, title: str) -> None:
+        self.size, self.title, self.parts = (width, height), title, []
+
+    def box(self, x: int, y: int, w: int, h: int, title: str, lines: Sequence[str] = (), fill: str = GREY) -> None:
+        self.parts.append(f"<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='6' fill='{fill}' stroke='{LINE}'/>")
+        first = y + h / 2 - 7.5 * len(lines) + 5
+        self.text(x + w / 2, first, title, bold=True, size=13 if 8.4 * len(title) < w else 11)
+        for k, line in enumerate(lines, 1):
+            self.text(x + w / 2, first + 15 * k, line, soft=True)
+
+    def text(
+        self, x: float, y: float, words: str, bold: bool = False, soft: bool = False, at: str = "middle", size: int = 13
+    ) -> None:
+        weight = " font-weight='bold'" if bold else ""
+        size, colour = (11, SOFT) if soft else (size, INK)
+        self.parts.append(
+            f"<text x='{x:g}' y='{y:g}' font-size='{size}' fill='{colour}' text-anchor='{at}'{weight}>{escape(words)}</text>"
+        )
+
+    def arrow(self, *points: tuple[float, float], dashed: bool = False) -> None:
+        path = " ".join(f"{x:g},{y:g}" for x, y in points)
+        dash = " stroke-dasharray='5 4'" if dashed else ""
+        self.parts.append(
+            f"<polyline points='{path}' fill='none' stroke='{LINE}' stroke-width='1.5'{dash} marker-end='url(#tip)'/>"
+        )
+
+    def save(self, name: str) -> None:
+        width, height = self.size
+        tip = f"<path d='M0,0 L8,4 L0,8 z' fill='{LINE}'/>"
+        body = "\n".join(self.parts)
+        (TARGET / f"{name}.svg").write_text(
+            f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {width} {height}' width='{width}' height='{height}' "
+            f"role='img' {FONT}>\n<title>{escape(self.title)}</title>\n"
+            "<defs><marker id='tip' viewBox='0 0 8 8' refX='7' refY='4' markerWidth='8' markerHeight='8' orient='auto'>"
+            f"{tip}</marker></defs>\n<rect width='{width}' height='{height}' rx='8' fill='{GROUND}'/>\n{body}\n</svg>\n",
+            encoding="utf-8",
+        )
+
+
+def house() -> None:
+    d = Drawing(780, 500, "The house: the harness, the public face, the engines, and what they share")
+    d.text(20, 30, "harness/", bold=True, at="start")
+    d.text(20, 47, "knows public names alone", soft=True, at="start")
+    rooms = [
+        ("what to do", ["cli, config,", "plan, catalog"]), ("the clock", ["measure, worker,", "pool, sweep"]),
+        ("what came out", ["metrics, references,", "statistics/"]), ("what to show", ["tables/, plots/,", "report/, chapter/"]),
+        ("and beside", ["verify/,", "view/"]),
+    ]  # fmt: skip
+    for k, (title, lines) in enumerate(rooms):
+        d.box(20 + 150 * k, 60, 140, 70, title, lines, BLUE)
+    d.arrow((390, 130), (390, 166))
+    d.box(20, 168, 740, 62, "engines: the public face",
+          ["interface: Engine, Renderer, Settings, Hits  |  registry: a name becomes an engine",
+           "plugin: shaders, samplers, cameras of yours  |  conformance: what every engine must hold"], AMBER)  # fmt: skip
+    d.arrow((390, 230), (390, 262), dashed=True)
+    d.text(398, 251, "imported by name, when asked for", soft=True, at="start")
+    engines = [
+        ("numpy", ["the oracle"]), ("embreex_batch", ["numpy shades"]), ("numba", ["list, grid,", "tree"]),
+        ("embree", ["Intel's", "Embree"]), ("mitsuba", ["a peer"]), ("external", ["any program"]), ("yours", ["two classes"]),
+    ]  # fmt: skip
+    for k, (title, lines) in enumerate(engines):
+        d.box(20 + 107 * k, 264, 98, 66, title, lines, GREEN if title != "yours" else AMBER)
+    d.arrow((283, 330), (283, 358))
+    d.arrow((390, 330), (390, 358))
+    d.box(234, 360, 205, 52, "engines/kernels", ["lanes, stages, shaders, samplers"], GREEN)
+    for x in (69, 176, 604, 711):
+        d.arrow((x, 330), (x, 432))
+    d.arrow((497, 330), (497, 432))
+    d.arrow((336, 412), (336, 432))
+    d.box(20, 434, 740, 50, "engines/scene, film, errors",
+          ["what is there, what has been seen, what is wrong: they know no engine"], GREY)  # fmt: skip
+    d.save("house")
+
+
+def ray() -> None:
+    d = Drawing(780, 370, "A ray's way through a block of sixteen lanes")
+    top = [
+        ("draw", ["two numbers", "for the pixel"], AMBER), ("begin", ["the camera's", "ray"], AMBER),
+        ("closest", ["what does", "it hit?"], BLUE), ("surface", ["point, normal,", "material"], GREEN),
+    ]  # fmt: skip
+    bottom = [
+        ("settle", ["add light,", "end or go on"], GREEN), ("occluded", ["is the light", "hidden?"], BLUE),
+        ("shade", ["the shader's", "step"], AMBER), ("light", ["one sample", "of a light"], GREEN),
+        ("draw", ["seven numbers", "of the vertex"], AMBER),
+    ]  # fmt: skip
+    for k, (title, lines, fill) in enumerate(top):
+        d.box(20 + 150 * k, 50, 120, 68, title, lines, fill)
+        if k:
+            d.arrow((20 + 150 * k - 30, 84), (20 + 150 * k, 84))
+    for k, (title, lines, fill) in enumerate(bottom):
+        d.box(20 + 150 * k, 190, 120, 68, title, lines, fill)
+        if k:
+            d.arrow((20 + 150 * k, 224), (20 + 150 * k - 30, 224))
+    d.arrow((590, 84), (680, 84), (680, 188))
+    d.arrow((110, 190), (110, 154), (380, 154), (380, 120))
+    d.text(245, 148, "alive: the next segment", soft=True)
+    d.arrow((50, 190), (50, 120))
+    d.text(56, 148, "ended:", soft=True, at="start")
+    d.text(56, 162, "next", soft=True, at="start")
+    d.text(20, 30, "One block: sixteen paths, one stage after the other for all of them", bold=True, at="start")
+    d.arrow((80, 258), (80, 292))
+    d.box(20, 294, 120, 52, "film", ["sums, a pixel"], GREY)
+    for k, (fill, words) in enumerate([
+        (BLUE, "differs between engines: numba's list, grid and tree; Embree; an accelerator of yours"),
+        (AMBER, "replaced by a plugin: sampler (draw), camera (begin), shader (shade)"),
+        (GREEN, "the same for all jitted engines"),
+    ]):  # fmt: skip
+        d.parts.append(f"<rect x='180' y='{291 + 21 * k}' width='14' height='14' fill='{fill}' stroke='{LINE}'/>")
+        d.text(202, 303 + 21 * k, words, soft=True, at="start")
+    d.save("ray")
+
+
+def cell() -> None:
+    d = Drawing(780, 560, "A cell's way through the harness")
+    for x, title, words in ((20, "command", "never renders"), (275, "worker", "one an engine and block"),
+                            (530, "child", "one a cell, forked")):  # fmt: skip
+        d.text(x + 115, 26, title, bold=True)
+        d.text(x + 115, 42, words, soft=True)
+        d.parts.append(f"<line x1='{x + 115}' y1='50' x2='{x + 115}' y2='545' stroke='{LINE}' stroke-dasharray='2 5'/>")
+    steps = [
+        (20, 56, 44, "the sentinel", ["how fast is the machine now?"], BLUE),
+        (275, 56, 44, "imports the engine", [], GREEN),
+        (530, 116, 44, "loads the scene", [], GREEN),
+        (530, 168, 60, "prepares, compiles, renders 1 spp", ["at another seed, then drops it:", "what a cold start costs"],
+         GREEN),
+        (530, 236, 44, "prepares the cell's own seed", ["off the clock"], GREEN),
+        (530, 300, 48, "render to the next checkpoint", ["on the clock: nothing but this"], AMBER),
+        (20, 372, 60, "error, image, progress", ["against the reference;", "nothing renders meanwhile"], BLUE),
+        (20, 488, 52, "appends the event", ["written and synced"], BLUE),
+    ]  # fmt: skip
+    for x, y, h, title, lines, fill in steps:
+        d.box(x, y, 230, h, title, lines, fill)
+    d.arrow((250, 78), (274, 78))
+    d.arrow((505, 78), (645, 78), (645, 114))
+    d.text(575, 72, "fork", soft=True)
+    for y0, y1 in ((160, 167), (228, 235), (280, 299)):
+        d.arrow((645, y0), (645, y1))
+    d.arrow((645, 348), (645, 390), (252, 390))
+    d.text(440, 384, "the film's arrays, in a file", soft=True)
+    d.arrow((250, 420), (720, 420), (720, 350))
+    d.text(440, 438, "go on, until the time, the samples or the checkpoints are spent", soft=True)
+    d.arrow((135, 432), (135, 486))
+    d.text(145, 464, "the last one was it", soft=True, at="start")
+    d.save("cell")
+
+
+if __name__ == "__main__":
+    TARGET.mkdir(exist_ok=True)
+    house()
+    ray()
+    cell()

@@ -1,0 +1,67 @@
+"""Draws the pieces of docs/guides/scene.md: python docs/pictures/pieces.py [NAME ...]
+
+A picture shows the YAML block below it: a whole scene as it is, a piece with a floor, a sky and a lamp around it.
+"""
+
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import engines
+
+PICTURES = Path(__file__).resolve().parent / "pieces"
+PAGE = PICTURES.parents[1] / "guides" / "scene.md"
+BLOCK = re.compile(r"pieces/(\w+)\.png\)\n\n```yaml scene\n(.*?)```", re.DOTALL)
+WHOLE = re.compile(r"```yaml (\w+)\.yaml\n(raybench_scene.*?)```", re.DOTALL)
+SCRIPT = re.compile(r"```python\n(.*?)```", re.DOTALL)
+SIZE, SPP = (192, 144), 256
+
+CAMERA = {"type": "perspective", "eye": [0, 1.7, 4.6], "target": [0, 0.72, 0], "fov": 30, "resolution": SIZE}
+MATERIALS = {"grey": {"kd": 0.6}, "floor": {"kd": [0.5, 0.48, 0.45]}, "lamp": {"emission": [11, 9.5, 7.5]}}
+FLOOR = {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"}
+LAMP = {
+    "procedural": {"name": "rectangle", "corner": [-2.6, 2.6, 0.6], "edge1": [1.2, 0.5, 0], "edge2": [0, 0, 1.4]},
+    "material": "lamp",
+}
+SKY = {"environment": {"radiance": [0.3, 0.36, 0.45]}}
+DUSK = {"environment": {"radiance": [0.02, 0.025, 0.035]}}
+
+
+def staged(piece: dict[str, Any]) -> dict[str, Any]:
+    """A whole scene around a piece of one."""
+    shapes, own = list(piece["shapes"]), piece.get("materials", {})
+    if not any("plane" in shape for shape in shapes):
+        shapes.append(FLOOR)
+    lights = piece.get("lights")
+    if lights is None and any("emission" in material for material in own.values()):
+        lights = [DUSK]
+    elif lights is None:
+        lights = [SKY]
+        shapes.append(LAMP)
+    return {
+        "raybench_scene": 1, "camera": CAMERA, "materials": MATERIALS | own, "shapes": shapes, "lights": lights,
+    }  # fmt: skip
+
+
+def main(wanted: list[str]) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for script in SCRIPT.findall(page):  # it writes the files that pieces name
+        exec(script)
+    given = {name: yaml.safe_load(text) for name, text in WHOLE.findall(page)}
+    given |= {name: staged(yaml.safe_load(text)) for name, text in BLOCK.findall(page)}
+    PICTURES.mkdir(exist_ok=True)
+    for name in wanted or given:
+        scene = engines.scene_from(given[name])
+        settings = engines.Settings(precision="float32", shader={"name": "path_tracer", "max_depth": 8}, threads=2)
+        engines.engine("embree").prepare(scene, settings).render(SPP).save(PICTURES / f"{name}.png")
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        main(sys.argv[1:])
