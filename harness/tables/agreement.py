@@ -112,7 +112,7 @@ def accuracy(analysis: Analysis) -> Table:
          Column("stands_for", "Findings that the row stands for.", "count")],
     )  # fmt: skip
     found = [Finding(**{str(key): value for key, value in each.items()}) for each in analysis.results.findings]
-    for finding, rest in condensed(found):
+    for finding, rest, _ in condensed(found):
         row = {column.name: getattr(finding, column.name) for column in table.columns[:-1]}
         table.rows.append(row | {"stands_for": rest + 1})
     return table
