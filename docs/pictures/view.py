@@ -26,7 +26,7 @@ def rendered(page: Page, scene: str, size: tuple[int, int], spp: int) -> None:
 def view(page: Page, address: str) -> None:
     page.visit(address, 1280, 960)
     page.wait_for(READY)
-    rendered(page, "two_spheres", (480, 360), 300)
+    rendered(page, "two_spheres", (400, 300), 96)
     page.mouse("mouseMoved", *page.spot(0.4, 0.6))
     page.wait_for("raybench.probe")
 
@@ -34,21 +34,21 @@ def view(page: Page, address: str) -> None:
 def dark(page: Page, address: str) -> None:
     page.visit(address, 1280, 960, dark=True)
     page.wait_for(READY)
-    rendered(page, "cornell_box", (384, 384), 300)
+    rendered(page, "cornell_box", (320, 320), 96)
 
 
 def narrow(page: Page, address: str) -> None:
     page.visit(address, 360, 760)
     page.wait_for(READY)
-    rendered(page, "mobilert_spheres2", (256, 256), 300)
+    rendered(page, "mobilert_spheres2", (256, 256), 96)
 
 
 def race(page: Page, address: str) -> None:
     page.visit(address + "race.html", 1280, 1180)
     page.wait_for("window.raybench && raybench.parts.length === 2")
     page.click("#add")
-    for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 1024,
-                       "max-seconds": 5}.items():  # fmt: skip
+    for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 512,
+                       "max-seconds": 3}.items():  # fmt: skip
         page.set(f"#{key}", value)
     page.click("#start")
     page.wait_for("raybench.state === 'finished'", 240)

@@ -140,12 +140,16 @@ def _place(cell: Cell, lanes: Sequence[requests.Part]) -> int:
 
 
 def _names(cells: Sequence[Cell]) -> list[str]:
-    """Each lane's engine, and of its settings those in which lanes differ."""
-    keys = [key for key in (*KINDS, "precision", "threads") if len({repr(cell.settings[key]) for cell in cells}) > 1]
+    """Each lane's engine, and of its settings those in which lanes differ; accelerators are told apart by engine."""
 
     def word(cell: Cell, key: str) -> str:
+        others = [other for other in cells if key != "accelerator" or other.engine == cell.engine]
+        values = [other.settings[key] for other in others]
+        if all(value == cell.settings[key] for value in values):
+            return ""
         if key in KINDS:
-            return brief_choice(cell.settings[key], [other.settings[key] for other in cells])
-        return str(cell.settings[key]) + (" threads" if key == "threads" else "")
+            return brief_choice(cell.settings[key], values)
+        return f"{cell.settings[key]}{' threads' if key == 'threads' else ''}"
 
-    return [" ".join([cell.engine_name, *(word(cell, key) for key in keys)]) for cell in cells]
+    keys = (*KINDS, "precision", "threads")
+    return [" ".join(filter(None, [cell.engine_name, *(word(cell, key) for key in keys)])) for cell in cells]

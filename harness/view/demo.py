@@ -59,9 +59,11 @@ class DemoDesk:
         key = latest_key(request.do, getattr(request, "finger", None))
         self._work.put(request, key)
 
-    def run(self) -> None:
+    def start(self) -> None:
         told = {"original": ORIGINAL, "cores": len(machine.usable_cores()), "engines": dahlquist.ENGINES}
         self._send(packed({"is": "menu", **told}))
+
+    def run(self) -> None:
         before = stated = monotonic()
         while True:
             request = self._work.take(0.0 if self._running else None)

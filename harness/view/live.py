@@ -64,9 +64,11 @@ class ViewDesk:
 
     # ---- the rendering thread ----------------------------------------------------------------------------------------
 
-    def run(self) -> None:
+    def start(self) -> None:
         self._send(packed({"is": "menu", **menu(self._library)}))
         self._teller.start()
+
+    def run(self) -> None:
         while True:
             request = self._work.take(self._patience())
             self._guarded(request)
@@ -99,7 +101,7 @@ class ViewDesk:
         except MemoryError as error:
             raise ConfigError("there is not enough memory for this scene at this size") from error
         del before
-        self._picture.wanted = request.spp
+        self._picture.wanted, self._picture.seconds = request.spp, 0.0
         self._describe(request.scene, self._picture.stage)
         self._coarse()
         self._moved_at = monotonic() - REST_SECONDS
@@ -156,6 +158,7 @@ class ViewDesk:
         self._moving()
 
     def _moving(self) -> None:
+        self._picture.seconds = 0.0
         self._busy("moving")
         self._coarse()
         self._moved_at = monotonic()

@@ -15,7 +15,6 @@ from harness.pool import environment
 from harness.view.messages import header_of
 
 STREAM_LIMIT = 1 << 23
-KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 
 
 class Worker:
@@ -68,7 +67,7 @@ class Worker:
         """Ends it and what it started, at once; harmless where it has ended."""
         if self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._process.pid, KILL) if hasattr(os, "killpg") else self._process.kill()
+                os.killpg(self._process.pid, signal.SIGKILL)
 
 
 class Workers:

@@ -48,8 +48,10 @@ class RaceDesk:
         if lane is not None and lane.renderer is not None:
             lane.renderer.stop()
 
-    def run(self) -> None:
+    def start(self) -> None:
         self._tell("menu", **menu(self._library))
+
+    def run(self) -> None:
         while True:
             request = self._work.take()
             self._seq = max(self._seq, request.seq)

@@ -29,7 +29,7 @@ from harness.worker import one_line
 
 FRAME_SECONDS = 0.12
 """From one frame to the next while something renders."""
-FRAME_SHARE = 3
+FRAME_SHARE = 2
 """That pause is at least this many times what a frame costs: large ones take cores from the render."""
 STATE_SECONDS = 0.25
 TICK_SECONDS = 0.02

@@ -6,6 +6,7 @@ Four bytes of length go before every message. The first request, `begin`, says w
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -18,13 +19,19 @@ from harness.view.messages import packed, problem
 from harness.worker import die_with_parent, one_line
 
 NICE = 5
-"""Renders stand behind the server and the browser, so that those answer while all cores are busy."""
+"""Renders stand behind the server, the browser, and the threads that tell of them, so that those answer at once."""
+PIPE_BYTES = 1 << 20
+"""A frame then passes in a write or two; with Linux's 64 KiB every part of it waits for two processes to wake."""
+F_SETPIPE_SZ = 1031
 
 
 class Desk(Protocol):
-    """What a tab shows. `hear` is called on the reading thread and returns at once; `run` works and never returns."""
+    """What a tab shows. `hear` is called on the reading thread and returns at once; `start` tells what there is and starts
+    threads; `run` works, on the main thread, and never returns."""
 
     def hear(self, request: Any) -> None: ...
+
+    def start(self) -> None: ...
 
     def run(self) -> None: ...
 
@@ -36,6 +43,11 @@ class Pipes:
         self._requests = open(os.dup(0), "rb")  # noqa: SIM115 (open as long as the process)
         self._answers = open(os.dup(1), "wb", buffering=0)  # noqa: SIM115
         self._writing = threading.Lock()
+        if sys.platform == "linux":
+            import fcntl
+
+            with contextlib.suppress(OSError):  # more than the system allows
+                fcntl.fcntl(self._answers, F_SETPIPE_SZ, PIPE_BYTES)
         os.dup2(2, 1)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
 
@@ -60,8 +72,6 @@ class Pipes:
 
 def main() -> None:
     die_with_parent()
-    if hasattr(os, "nice"):
-        os.nice(NICE)
     pipes = Pipes()
     import harness.view.live  # noqa: F401
     from harness.view.menu import engines_listed
@@ -75,7 +85,10 @@ def main() -> None:
         traceback.print_exc()
         pipes.send(problem(one_line(error)))
         return
+    desk.start()
     threading.Thread(target=listen, args=(pipes, desk), daemon=True).start()
+    if hasattr(os, "nice"):
+        os.nice(NICE)  # on Linux this thread's own, and that of threads it starts: the engines'
     desk.run()
 
 

@@ -9,6 +9,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from harness.cli import main
 from harness.view.turns import MOST_RENDERS, MOST_TABS, Turns
 from tests.view.driving import Viewer
 from tests.view.tab import Tab
@@ -78,6 +79,20 @@ def test_another_token_is_refused(viewer, change):
 def test_no_path_leads_out(viewer, path):
     status, body, _ = get(viewer, f"/{viewer.token}/{path}")
     assert status in (403, 404) and b"root:" not in body and b"import" not in body
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["nothing"], "unknown scene"), (["--folder", "nowhere"], "is no folder"), (["--engine", "nume"], "did you mean 'numpy'"),
+    (["deep/other.yaml", "--folder", "results"], "--folder"),
+])  # fmt: skip
+def test_what_cannot_be_served_is_said_before_anything_starts(folder, monkeypatch, capsys, arguments, words):
+    (folder / "results").mkdir(exist_ok=True)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("sys.argv", ["raybench", "view", "--no-browser", *arguments])
+    monkeypatch.setattr("uvicorn.Server.serve", None)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2 and words in capsys.readouterr().err
 
 
 # ---- what pages may ask ----------------------------------------------------------------------------------------------

@@ -112,6 +112,7 @@ export class Hand {
       this.chooser.value = header.id;
       this.place = null;
       if (asked.moves.length) this.dragTo(asked.moves.at(-1).at);
+      if (asked.released) this.held = null;
     } else {
       for (const { dx, dy } of asked.moves) this.turn(dx, dy);
     }
@@ -130,8 +131,8 @@ export class Hand {
   }
 
   release(event) {
-    if (this.asked && this.pointers.size === 1) setTimeout(() => { this.held = null; }, 300); // its answer is on the way
-    else this.held = null;
+    this.held = null;
+    if (this.asked) this.asked.released = true; // its answer is on the way
     this.pointers.delete(event.pointerId);
     this.canvas.classList.remove("dragging");
   }
