@@ -25,6 +25,7 @@ SETTINGS = tuple(SETTING_READERS)
 METRICS = ("relmse", "mse", "mape", "smape", "psnr", "ssim", "flip")
 IMAGES = ("all", "some", "last", "none")
 SEED_LIMIT = 2**63 - 1
+TOP_DEFAULTS: Mapping[str, Any] = {"repeats": 3, "seed": 1, "images": "some", "timing": True}
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,14 +168,14 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     fields.mapping(root, TOP_KEYS)
     budget = Budget().merged(axes.read("budget", top["budget"], folder)) if "budget" in top else Budget()
     combinations, warnings = axes.expand(root, folder, budget)
-    read = {key: reader(top[key]) for key, reader in _SCALARS.items() if key in top}
+    read = {**TOP_DEFAULTS, **{key: reader(top[key]) for key, reader in _SCALARS.items() if key in top}}
     reference = _section(top, "reference", _REFERENCE, ReferenceAsked)
     if reference.certify == reference.engine:
         raise root.at(("reference", "certify")).refuse(
             f"another engine than the reference's, {reference.engine}, is wanted"
         )
     quality = read_quality(top)
-    repeats, seed = read.get("repeats", 3), read.get("seed", 1)
+    repeats, seed = read["repeats"], read["seed"]
     _seeds_differ(root, seed, repeats, reference)
     if "order" in top:
         fields.mapping(top["order"], ("policy", "seed"))
@@ -183,8 +184,8 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         name=read.get("name", stem), question=read.get("question", ""), combinations=tuple(combinations),
         checkpoints=_checkpoints(top), repeats=repeats, seed=seed, order_seed=order.get("seed", 1),
         reference=reference, quality=quality, control=read.get("control", repeats >= 3),
-        images=read.get("images", "some"), warnings=tuple(warnings), resolved={}, source=source,
-        verify=_verify(top), timing=read.get("timing", True), baseline=read.get("baseline"),
+        images=read["images"], warnings=tuple(warnings), resolved={}, source=source,
+        verify=_verify(top), timing=read["timing"], baseline=read.get("baseline"),
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS
 from engines.registry import known_names
-from harness.config import IMAGES, METRICS, SECTIONS, TOP_KEYS
+from harness.config import (
+    IMAGES,
+    METRICS,
+    SECTIONS,
+    TOP_DEFAULTS,
+    TOP_KEYS,
+    Checkpoints,
+    Quality,
+    ReferenceAsked,
+    VerifyAsked,
+)
+from harness.meanings import MEANINGS
 from harness.rules import COMPARISONS
-from harness.settings import SETTING_READERS, samplers_of_engines
+from harness.settings import DEFAULTS, SETTING_READERS, Budget, samplers_of_engines
 
 _TIME = {"type": "string", "pattern": r"^\s*([0-9]+(\.[0-9]*)?|\.[0-9]+)\s*(ms|s|m|min|h)\s*$"}
 _SEED = {"type": "integer", "minimum": 0}
 
 
 def experiment_schema() -> dict[str, Any]:
-    """A draft 2020-12 schema. It is no stricter than `harness.config`, which has the last word."""
-    settings = _settings()
+    """A draft 2020-12 schema, with a sentence on every key and its default.
+
+    It is no stricter than `harness.config`, which has the last word.
+    """
+    settings = _described(_settings())
     anything = {key: {} for key in settings}
     together = _object({key: {"type": "array", "minItems": 1, "items": value} for key, value in settings.items()})
     sections: dict[str, Any] = {
@@ -53,13 +68,42 @@ def experiment_schema() -> dict[str, Any]:
         "repeats": {"type": "integer", "minimum": 1, "maximum": 1000}, "seed": _SEED, "control": {"type": "boolean"},
         "timing": {"type": "boolean"}, "images": {"enum": list(IMAGES)}, "baseline": {"type": ["string", "null"]},
     }  # fmt: skip
-    known = {**scalars, **sections, **settings}
+    known = {**_described(scalars | sections), **settings}
     assert set(known) == set(TOP_KEYS) and set(sections) == set(SECTIONS)
     top = _object(known, ["raybench_experiment"])
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "raybench experiment",
         **top, "patternProperties": {r"^\.": {}},
     }  # fmt: skip
+
+
+def _described(properties: dict[str, Any], path: str = "") -> dict[str, Any]:
+    """The properties of the object at `path`, and of those inside, with what `MEANINGS` and the defaults say of them."""
+    found, defaults = {}, _defaults()
+    for name, schema in properties.items():
+        where = path + name
+        if any(key.startswith(f"{where}.") for key in MEANINGS):
+            inner = schema.get("items", schema)
+            inner["properties"] = _described(inner["properties"], f"{where}.")
+        found[name] = {**schema, "description": MEANINGS[where]}
+        if where in defaults:
+            found[name]["default"] = defaults[where]
+    return found
+
+
+def _defaults() -> dict[str, Any]:
+    """By path, as a file would write them."""
+    sections = {"checkpoints": Checkpoints(), "reference": ReferenceAsked(), "quality": Quality(),
+                "verify": VerifyAsked(), "budget": Budget()}  # fmt: skip
+    found: dict[str, Any] = {key: value for key, value in DEFAULTS.items() if value is not None} | dict(TOP_DEFAULTS)
+    for section, default in sections.items():
+        for key, value in asdict(default).items():
+            plain = list(value) if isinstance(value, tuple) else value
+            if key.endswith("_seconds"):
+                found[f"{section}.{key.removesuffix('_seconds')}"] = f"{value:g}s"
+            elif plain is not None:
+                found[f"{section}.{key}"] = plain
+    return found
 
 
 def _object(properties: dict[str, Any], required: list[str] | None = None) -> dict[str, Any]:

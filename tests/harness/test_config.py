@@ -9,6 +9,7 @@ from jsonschema import Draft202012Validator
 from engines.errors import ConfigError
 from engines.scene.yaml_file import parse_yaml
 from harness import catalog, config
+from harness.meanings import MEANINGS
 from harness.schema import experiment_schema
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -265,6 +266,26 @@ def test_the_schema_knows_every_key_and_accepts_what_the_program_reads(validator
     for text in (odd, f"{HEAD}zip: {{engine: [numba, embree], precision: [float32, float64]}}\nbaseline: numba\n"):
         parsed(text)
         assert list(validator.iter_errors(plain(text))) == []
+
+
+def test_the_schema_explains_every_key_and_its_defaults_are_those_of_an_empty_file():
+    schema = experiment_schema()["properties"]
+    sections = {key: value for key, value in schema.items() if value.get("type") == "object" and key != "matrix"}
+    told = {key for key, value in schema.items() if value["description"]}
+    told |= {f"{key}.{name}" for key, value in sections.items() for name in value["properties"]}
+    assert told | {"extend.where", "extend.set"} == set(MEANINGS)
+    empty = parsed(f"{HEAD}engine: numba\n")
+    defaults = {key: value["default"] for key, value in schema.items() if "default" in value}
+    defaults |= {
+        key: {name: inner["default"] for name, inner in value["properties"].items() if "default" in inner}
+        for key, value in sections.items()
+    }
+    del defaults["verify"]  # without the section nothing is verified
+    for key in ("sampler", "accelerator"):
+        assert defaults["reference"].pop(key) == getattr(config.ReferenceAsked(), key)  # a name; with the options when written
+    lines = [f"{key}: {json.dumps(value)}\n" for key, value in defaults.items()]
+    written = parsed(f"{HEAD}engine: numba\n{''.join(lines)}")
+    assert (written.resolved, written.combinations) == (empty.resolved, empty.combinations)
 
 
 @pytest.mark.parametrize("name", sorted(catalog.shipped("configs")))
