@@ -18,19 +18,23 @@ class Tone:
         self.name, self.exposure = mapper, exposure
         self._mapper: ToneMapper = tone_mapper(mapper)
 
-    def __call__(self, radiance: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._mapper(radiance * radiance.dtype.type(2.0**self.exposure))
+    def __call__(self, radiance: NDArray[Any]) -> NDArray[Any]:
+        exposed = radiance * radiance.dtype.type(2.0**self.exposure) if self.exposure else radiance
+        return self._mapper(exposed)
 
 
 def rgba(film: Film, tone: Tone) -> bytes:
     """(height, width, 4) uint8 as bytes. In float32: half the time of float64, and no 8-bit value can tell."""
     counts = np.maximum(film.counts, 1).astype(np.float32)[:, :, None]
-    mean: NDArray[Any] = film.sums.astype(np.float32) / counts
+    mean = film.sums.astype(np.float32)
+    mean /= counts
     shown = tone(mean)
-    pixels = np.empty((film.height, film.width, 4), np.uint8)
-    np.nan_to_num(shown, copy=False, nan=0.0, posinf=1.0, neginf=0.0)
-    pixels[:, :, :3] = np.rint(np.clip(shown, 0.0, 1.0) * 255.0)
-    pixels[:, :, 3] = 255
+    if not np.isfinite(shown.sum()):
+        shown = np.nan_to_num(shown, nan=0.0, posinf=1.0, neginf=0.0)
+    scaled = np.clip(shown, 0.0, 1.0) * np.float32(255.0)
+    scaled += np.float32(0.5)  # the cast cuts off
+    pixels = np.full((film.height, film.width, 4), 255, np.uint8)
+    pixels[:, :, :3] = scaled.astype(np.uint8)
     return pixels.tobytes()
 
 

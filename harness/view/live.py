@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from engines.errors import ConfigError, RaybenchError, Unsupported
+from engines.interface import Settings
 from engines.registry import engine as engine_of
+from engines.registry import is_file
 from engines.scene import CustomCamera, Orthographic, Scene, load_scene
 from harness import measure
 from harness.settings import engine_settings, require_imports
@@ -95,45 +97,48 @@ class ViewDesk:
     def _open(self, request: requests.Open) -> None:
         """Loads the scene, shows it coarsely, and goes on to the image."""
         self._busy("loading")
-        before, self._picture.stage, self._picture.film = self._picture.stage, None, None
+        before, offsets = None, {}
+        if request.keep and self._picture.stage is not None:
+            before, offsets = self._picture.stage.scene, self._picture.stage.offsets
+        self._picture.stage = self._picture.film = None  # frees the old renderers before new ones are made
+        scene = load_scene(self._library.find(request.scene), allow_imports=self._allow_imports)
+        for warning in scene.warnings:
+            self._send(packed({"is": "note", "text": warning}))
+        settings = self._settings(request, scene)
+        if before is not None and before.source == scene.source:
+            scene = replace(scene, camera=before.camera, shapes=before.shapes, lights=before.lights)
+        else:
+            offsets = {}
         try:
-            self._picture.stage = self._staged(request, before if request.keep else None)
+            stage = Stage(scene, engine_of(request.part.engine), settings, self._tell)
         except MemoryError as error:
             raise ConfigError("there is not enough memory for this scene at this size") from error
-        del before
+        stage.offsets = offsets
+        self._picture.stage = stage
         self._picture.wanted, self._picture.seconds = request.spp, 0.0
-        self._describe(request.scene, self._picture.stage)
+        self._describe(request.scene, stage)
         self._coarse()
         self._moved_at = monotonic() - REST_SECONDS
 
-    def _staged(self, request: requests.Open, before: Stage | None) -> Stage:
+    def _settings(self, request: requests.Open, scene: Scene) -> Settings:
+        """The settings asked for, within the limits; they become part of what saved images say of themselves."""
         part = request.part
         require_imports(part.engine, self._allow_imports)
-        if part.engine.endswith((".yaml", ".yml")):
+        if is_file(part.engine):
             raise ConfigError(f"{part.engine}: programs that are named in files are not run from a page")
-        path = self._library.find(request.scene)
-        scene = load_scene(path, allow_imports=self._allow_imports)
-        plain = {"shader": part.shader, "sampler": part.sampler, "accelerator": part.accelerator,
-                 "precision": part.precision, "threads": requests.threads_within(part.threads),
-                 "width": request.width, "height": request.height}  # fmt: skip
-        for kind in ("shader", "sampler", "accelerator"):
-            if not isinstance(plain[kind].get("name"), str):
-                raise ConfigError(f"{kind}: the key 'name' is wanted")
+        plain = {
+            "shader": part.shader, "sampler": part.sampler, "accelerator": part.accelerator, "precision": part.precision,
+            "threads": requests.threads_within(part.threads), "width": request.width, "height": request.height,
+        }  # fmt: skip
         settings = engine_settings(plain, request.seed, self._allow_imports)
         width, height = settings.size(scene)
         if width * height > requests.MOST_PIXELS:
             raise ConfigError(f"{width}x{height}: more than {requests.MOST_PIXELS} pixels: choose a smaller size")
-        for warning in scene.warnings:
-            self._send(packed({"is": "note", "text": warning}))
-        kept = before is not None and before.scene.source == scene.source
-        stage = Stage(_kept(scene, before) if kept and before else scene, engine_of(part.engine), settings, self._tell)
-        if kept and before is not None:
-            stage.offsets = dict(before.offsets)
         self._picture.provenance = {
             "scene": request.scene, "scene_hash": scene.content_hash, "engine": part.engine, "settings": plain,
             "seed": request.seed,
         }  # fmt: skip
-        return stage
+        return settings
 
     def _describe(self, name: str, stage: Stage) -> None:
         told = {"width": stage.width, "height": stage.height, "scene": name, "name": stage.scene.name}
@@ -258,11 +263,6 @@ class ViewDesk:
         if self._picture.film is not None:
             self._teller.frame(at_once=True)
         self._teller.state()
-
-
-def _kept(scene: Scene, before: Stage) -> Scene:
-    """The scene with the camera and the moved things of an earlier stage on which the same file was."""
-    return replace(scene, camera=before.scene.camera, shapes=before.scene.shapes, lights=before.scene.lights)
 
 
 def _check_view(request: requests.View) -> None:

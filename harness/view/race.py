@@ -13,6 +13,7 @@ from typing import Any
 import psutil
 
 from engines.errors import ConfigError, RaybenchError
+from engines.registry import is_file
 from harness.view import requests
 from harness.view.contest import Contest, Stopped
 from harness.view.display import half_floats
@@ -88,7 +89,7 @@ class RaceDesk:
         self._to("busy", "reading the scene")
         scene = self._library.find(request.scene)
         for part in request.lanes:
-            if part.engine.endswith((".yaml", ".yml")):
+            if is_file(part.engine):
                 raise ConfigError(f"{part.engine}: programs that are named in files are not run from a page")
         contest = self._contest = Contest(request, scene, self._scratch, self._allow_imports, self._tell)
         self._tell("lanes", names=contest.names, targets=request.targets, width=request.width, height=request.height)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from engines.errors import ConfigError
 from harness import machine
@@ -16,11 +16,19 @@ MOST_SPP = 1 << 20
 MOST_LANES = 4
 LONGEST = 300
 
+
+
+def _named(choice: dict[str, Any]) -> dict[str, Any]:
+    if not isinstance(choice.get("name"), str):
+        raise ValueError("the key 'name' is wanted")
+    return choice
+
+
 Text = Annotated[str, Field(min_length=1, max_length=LONGEST)]
 Side = Annotated[int, Field(ge=1, le=LARGEST_SIDE)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
 Point = tuple[Number, Number, Number]
-Choice = Annotated[dict[str, Any], Field(max_length=20)]
+Choice = Annotated[dict[str, Any], Field(max_length=20), AfterValidator(_named)]
 Finger = Annotated[int, Field(ge=0, le=20)]
 
 
