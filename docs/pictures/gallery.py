@@ -14,8 +14,8 @@ PICTURES = DOCS / "pictures" / "gallery"
 HEAD = """# Gallery
 
 Every scene that comes with raybench, by the path tracer where no other shader is named. A scene is named by its bare name
-in commands and configs; the three in [`scenes/mobilert/`](../scenes/mobilert) need a mesh that is not ours to ship, and say
-so where it is missing. All pictures: `python docs/pictures/gallery.py`.
+in commands and configs; the three in `scenes/mobilert/` need a mesh that is not ours to ship, and say so where it is missing.
+`scenes/scaling/` has `mesh_sphere` and `sphereflake` in five sizes each. All pictures: `python docs/pictures/gallery.py`.
 """
 SAMPLES = {"glassware": 384, "many_lights": 1024, "mobilert_cornell": 16, "mobilert_cornell2": 512}
 SHADERS = {"mobilert_cornell": "whitted"}
@@ -26,7 +26,9 @@ What Dahlquist's own program draws of it, byte for byte, with a picture behind t
 
 ![the port](pictures/gallery/dahlquist_port.png)
 
-    {}
+```console no-run: tests/dahlquist draws it at another size
+$ {}
+```
 """
 PORT_PICTURE = "docs/pictures/gallery/dahlquist_port.png"
 PORT_COMMAND = f"raybench dahlquist --size 160x160 --calls 11 --probe smooth --engine numpy -o {PORT_PICTURE}"
@@ -49,10 +51,17 @@ def words(name: str) -> str:
     return " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
 
 
+def marked(name: str) -> str:
+    """What the fence of a scene's command says to the tests: one of them is run, small."""
+    if name == "cornell_box":
+        return "with --size 48x32 --spp 2 --precision float64 -o cornell_box.png"
+    return "no-run: tests/mitsuba/test_agreement.py renders every shipped scene with the engine embree"
+
+
 def entry(name: str) -> str:
     more = PORT.format(PORT_COMMAND) if name == "dahlquist" else ""
     picture = f"![{name}](pictures/gallery/{name}.png)"
-    return f"## {name}\n\n{picture}\n\n{words(name)}\n\n    {' '.join(command(name))}\n{more}"
+    return f"## {name}\n\n{picture}\n\n{words(name)}\n\n```console {marked(name)}\n$ {' '.join(command(name))}\n```\n{more}"
 
 
 def main(wanted: list[str]) -> None:
