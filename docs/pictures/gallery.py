@@ -15,7 +15,8 @@ HEAD = """# Gallery
 
 Every scene that comes with raybench, by the path tracer where no other shader is named. A scene is named by its bare name
 in commands and configs; the three in `scenes/mobilert/` need a mesh that is not ours to ship, and say so where it is missing.
-`scenes/scaling/` has `mesh_sphere` and `sphereflake` in five sizes each. All pictures: `python docs/pictures/gallery.py`.
+`scenes/scaling/` has a ball of triangles and a sphereflake, each in five sizes. All pictures:
+`python docs/pictures/gallery.py`.
 """
 SAMPLES = {"glassware": 384, "many_lights": 1024, "mobilert_cornell": 16, "mobilert_cornell2": 512}
 SHADERS = {"mobilert_cornell": "whitted"}
