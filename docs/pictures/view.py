@@ -44,7 +44,7 @@ def narrow(page: Page, address: str) -> None:
 
 
 def race(page: Page, address: str) -> None:
-    page.visit(address + "race.html", 1280, 1180)
+    page.visit(address + "race.html", 1280, 1400)
     page.wait_for("window.raybench && raybench.parts.length === 2")
     page.click("#add")
     for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 512,

@@ -14,14 +14,17 @@ function element(name, attributes, text) {
   return made;
 }
 
-function decades(low, high) {
+// Places of ticks between two powers of ten, as [logarithm, words]: whole powers, and 2 and 5 times them where few fit.
+function ticks(low, high) {
   const found = [];
-  for (let exponent = Math.floor(low); exponent <= Math.ceil(high); exponent++) found.push(exponent);
-  return found;
-}
-
-function power(exponent) {
-  return exponent >= -3 && exponent <= 3 ? String(Number((10 ** exponent).toPrecision(1))) : `1e${exponent}`;
+  for (let exponent = Math.floor(low); exponent <= Math.ceil(high); exponent++) {
+    for (const digit of high - low < 2 ? [1, 2, 5] : [1]) {
+      const plain = exponent >= -3 && exponent <= 3;
+      const words = plain ? String(Number((digit * 10 ** exponent).toPrecision(1))) : `${digit}e${exponent}`;
+      found.push([exponent + Math.log10(digit), words]);
+    }
+  }
+  return found.filter(([place]) => place >= low && place <= high);
 }
 
 function markPath(kind, x, y, r) {
@@ -46,15 +49,15 @@ export function drawPlot(svg, lanes, targets) {
   const px = (x) => EDGE.left + ((x - x0) / (x1 - x0)) * (width - EDGE.left - EDGE.right);
   const py = (y) => EDGE.top + ((y1 - y) / (y1 - y0)) * (height - EDGE.top - EDGE.bottom);
   const right = width - EDGE.right;
-  for (const exponent of decades(x0, x1).filter((e) => e >= x0 && e <= x1)) {
-    const x = px(exponent);
+  for (const [place, said] of ticks(x0, x1)) {
+    const x = px(place);
     svg.append(element("line", { x1: x, x2: x, y1: EDGE.top, y2: height - EDGE.bottom, class: "grid" }));
-    svg.append(element("text", { x, y: height - EDGE.bottom + 18, "text-anchor": "middle" }, power(exponent)));
+    svg.append(element("text", { x, y: height - EDGE.bottom + 18, "text-anchor": "middle" }, said));
   }
-  for (const exponent of decades(y0, y1).filter((e) => e >= y0 && e <= y1)) {
-    const y = py(exponent);
+  for (const [place, said] of ticks(y0, y1)) {
+    const y = py(place);
     svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "grid" }));
-    svg.append(element("text", { x: EDGE.left - 8, y: y + 4, "text-anchor": "end" }, power(exponent)));
+    svg.append(element("text", { x: EDGE.left - 8, y: y + 4, "text-anchor": "end" }, said));
   }
   svg.append(element("text", { x: (EDGE.left + right) / 2, y: height - 6, "text-anchor": "middle", class: "faint" }, "seconds of rendering"));
   svg.append(element("text", { x: 14, y: (height - EDGE.bottom) / 2, "text-anchor": "middle", class: "faint", transform: `rotate(-90 14 ${(height - EDGE.bottom) / 2})` }, "relative mean squared error"));
