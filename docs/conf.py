@@ -11,7 +11,7 @@ author = "the raybench authors"
 version = release = version_of("raybench")
 html_title = f"raybench {version}"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "generated", "mathml"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "generated", "mathml", "signatures"]
 exclude_patterns = ["_build"]
 nitpicky = True
 nitpick_ignore_regex = [("py:.*", r"(?!engines\.).*")]  # other projects' names; their pages are not fetched
@@ -20,6 +20,7 @@ nitpick_ignore = [("py:class", "engines.conformance.subject.Subject")]  # what a
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_block"]
 myst_heading_anchors = 3
 highlight_language = "none"
+default_role = "code"
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

@@ -325,13 +325,20 @@ def list_() -> None:
 
 
 @app.command()
-def schema() -> None:
-    """Print the JSON schema of experiment files, for editors."""
+def schema(
+    kind: Annotated[str, typer.Argument(metavar="[experiment|scene]", help="Of which files.")] = "experiment",
+) -> None:
+    """Print the JSON schema of experiment or scene files, for editors."""
     import json
 
+    from engines.errors import UnknownName
+    from engines.scene import scene_schema
     from harness.schema import experiment_schema
 
-    typer.echo(json.dumps(experiment_schema(), indent=2))
+    schemas = {"experiment": experiment_schema, "scene": scene_schema}
+    if kind not in schemas:
+        raise UnknownName("kind of file", kind, schemas)
+    typer.echo(json.dumps(schemas[kind](), indent=2))
 
 
 def main() -> None:

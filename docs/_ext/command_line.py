@@ -34,4 +34,4 @@ def _row(param) -> tuple[str, str, str]:
     if param.param_type_name == "argument":
         return code(_argument(param)), plain(meaning), plain(default)
     value = "" if param.is_flag else " " + (param.metavar or param.name.upper())
-    return ", ".join(code(name) for name in param.opts[:-1] + [param.opts[-1] + value]), plain(meaning), plain(default)
+    return ", ".join(code(name) for name in [*param.opts[:-1], param.opts[-1] + value]), plain(meaning), plain(default)

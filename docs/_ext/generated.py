@@ -5,10 +5,13 @@ import re
 import columns
 import command_line
 import names
+import schemas
 
 MAKERS = {
     "command line": command_line.text,
     "columns": columns.text,
+    "experiment": schemas.experiment,
+    "scene": schemas.scene,
     "engines": names.engines,
     "shaders": names.shaders,
     "samplers": names.samplers,

@@ -17,9 +17,9 @@ def engines() -> str:
     for name in engine_names():
         made = engine(name)
         module = importlib.import_module(type(made).__module__.rpartition(".")[0])
-        about = inspect.getdoc(type(made)) or inspect.getdoc(module) or ""
-        rows.append((code(name), plain(about.split("\n\n")[0]), code(type(made).__module__)))
-    return table(("Engine", "What it is", "Module"), rows)
+        texts = [(inspect.getdoc(each) or "").split("\n\n")[0] for each in (module, type(made))]
+        rows.append((code(name), plain(" ".join(texts))))
+    return table(("Engine", "What it is"), rows)
 
 
 def shaders() -> str:

@@ -22,9 +22,10 @@ from engines.scene.model import (
     Triangle,
     Triple,
 )  # fmt: skip
+from engines.scene.schema import scene_schema
 
 __all__ = [
     "BLACK", "Camera", "CustomCamera", "DirectionalLight", "EnvironmentLight", "Light", "Material", "Mesh",
     "Orthographic", "Perspective", "PerspectiveArctan", "Plane", "PointLight", "Scene", "Shape", "Sphere", "SphereSet",
-    "Triangle", "Triple", "load_scene", "scene_from",
+    "Triangle", "Triple", "load_scene", "scene_from", "scene_schema",
 ]  # fmt: skip

@@ -144,7 +144,7 @@ class PerspectiveArctan:
 
     A ray at the share s of the half image, from -1 to 1, has the slope A(s fov/2), `fov` (degrees) along `fov_axis`;
     along the other axis the angle is in proportion to the sides. A is MobileRT's polynomial for the arctangent, right
-    to 0.0015: A(x) = x (pi/4 + (1 - |x|)(0.2447 + 0.0663 |x|)) up to |x| = 1, and pi/2 - A(1/x) beyond. It shows less
+    to 0.0015: `A(x) = x (pi/4 + (1 - |x|)(0.2447 + 0.0663 |x|))` up to x = 1, and `pi/2 - A(1/x)` beyond. It shows less
     than a pinhole of that angle (40.9 degrees for 45), and bends lines that miss the middle.
     """
 

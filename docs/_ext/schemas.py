@@ -1,0 +1,107 @@
+"""The keys of experiments and scenes, from their JSON schemas: values, defaults and meaning."""
+
+import json
+
+from markdown import code, plain, table
+
+from engines.scene import scene_schema
+from harness.schema import experiment_schema
+
+SETTINGS = ("scene", "engine", "shader", "sampler", "accelerator", "precision", "threads", "resolution", "budget")
+
+
+def experiment() -> str:
+    """A table for the top level, one for settings, and one a section."""
+    schema = experiment_schema()
+    keys = schema["properties"]
+    sections = {key: each for key, each in keys.items() if key not in ("matrix", "zip") and _inside(each)}
+    top = {key: each for key, each in keys.items() if key not in SETTINGS}
+    parts = ["## Top level", _keys({**schema, "properties": top})]
+    settings = {key: keys[key] for key in SETTINGS}
+    parts += ["## Settings", "At the top level for all cells, in `matrix` and `zip` as lists, in rules as conditions."]
+    parts += [_keys({**schema, "properties": settings})]
+    for name, each in sections.items():
+        if name not in ("exclude", "include"):
+            parts += [f"## {name}", plain(each["description"]), _keys(each.get("items", each))]
+    return "\n\n".join(parts)
+
+
+def scene() -> str:
+    """A table for the file, and one for every kind of camera, material, shape and light."""
+    keys = scene_schema()["properties"]
+    parts = ["## The file", _keys(scene_schema()), "## Cameras"]
+    for camera in keys["camera"]["anyOf"]:
+        kind = camera["properties"]["type"].get("const", "module:attribute")
+        parts += [f"### {kind}", plain(camera["description"]), _keys(camera, leave="type")]
+    parts += ["## Materials", _keys(keys["materials"]["additionalProperties"])]
+    parts += ["## Shapes", "Each is `{KIND: {...}, material: NAME}`, with one of these kinds."]
+    procedural = []
+    for kind, body in _kinds(keys["shapes"]):
+        if kind == "procedural":
+            procedural = body["anyOf"]
+        else:
+            parts += [f"### {kind}", plain(body["description"]), _keys(body)]
+    parts += ["## Procedural shapes", "Each is `{procedural: {name: NAME, ...}, material: NAME}`."]
+    for body in procedural:
+        name = body["properties"]["name"]["const"]
+        parts += [f"### {name}", plain(body["description"]), _keys(body, leave="name", values=False)]
+    parts += ["## Lights", "Each is `{KIND: {...}}`, with one of these kinds. Shapes whose material emits are lights, too."]
+    for kind, body in _kinds(keys["lights"]):
+        parts += [f"### {kind}", plain(body["description"]), _keys(body)]
+    return "\n\n".join(parts)
+
+
+def _kinds(schema):
+    """Kind and body of shapes or lights."""
+    for each in schema["items"]["anyOf"]:
+        kind = next(iter(each["properties"]))
+        yield kind, each["properties"][kind]
+
+
+def _inside(schema) -> bool:
+    return "properties" in schema or "properties" in schema.get("items", {})
+
+
+def _keys(schema, leave: str = "", values: bool = True) -> str:
+    rows = []
+    for key, each in schema["properties"].items():
+        if key != leave:
+            default = code(json.dumps(each["default"])) if "default" in each else ""
+            default = "required" if key in schema.get("required", ()) else default.replace('"', "")
+            rows.append((code(key), *([plain(_values(each))] if values else []), default, plain(each["description"])))
+    return table(("Key", *(["Values"] if values else []), "Default", "Meaning"), rows) if rows else ""
+
+
+def _values(schema) -> str:
+    """What may be written, in words."""
+    if "const" in schema:
+        return json.dumps(schema["const"])
+    if "enum" in schema:
+        return ", ".join("null" if each is None else str(each) for each in schema["enum"])
+    if "anyOf" in schema or "oneOf" in schema:
+        return " or ".join(dict.fromkeys(_values(each) for each in schema.get("anyOf") or schema["oneOf"]))
+    kind = schema.get("type", "")
+    kinds = [each for each in ([kind] if isinstance(kind, str) else kind) if each != "null"]
+    if "array" in kinds:
+        return _list(schema)
+    if "object" in kinds:
+        return "a mapping"
+    if "string" in kinds:
+        pattern = schema.get("pattern", "")
+        named = "module:attribute" if pattern == ":" else "module:attribute or a .yaml file" if "ya?ml" in pattern else "text"
+        return "a time with its unit, as 20s, 5m" if "ms|s" in pattern else named
+    return f"{'true or false' if 'boolean' in kinds else kinds[0] if kinds else 'any'}{_range(schema)}"
+
+
+def _list(schema) -> str:
+    count = schema.get("minItems") if schema.get("minItems") == schema.get("maxItems") else None
+    item = schema.get("items", {})
+    if item.get("type") == "object" or not item:
+        return "a list of mappings"
+    return f"{count} × {_values(item)}" if count else f"a list of {_values(item)}"
+
+
+def _range(schema) -> str:
+    words = (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤"), ("exclusiveMaximum", "<"))
+    found = [f"{sign} {schema[word]}" for word, sign in words if word in schema]
+    return " " + ", ".join(found) if found else ""

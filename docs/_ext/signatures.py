@@ -1,0 +1,16 @@
+"""Signatures as the sources have them: `NDArray[float64]` for what Python makes of it, and none for protocols."""
+
+import re
+
+ARRAY = re.compile(r"(?:numpy\.)?ndarray\[tuple\[Any, \.\.\.\], (?:numpy\.)?dtype\[([\w.]+)\]\]")
+
+
+def shorten(app, what, name, obj, options, signature, returned):
+    if what == "class" and getattr(obj, "_is_protocol", False):
+        return "", None
+    return tuple(text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returned))
+
+
+def setup(app):
+    app.connect("autodoc-process-signature", shorten)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

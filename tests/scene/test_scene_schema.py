@@ -1,0 +1,93 @@
+"""The JSON schema of scenes: it accepts what the loader accepts, and its keys are the loader's."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+import engines
+from engines.errors import SceneError
+from engines.scene import scene_schema
+from engines.scene.procedural import GENERATORS
+
+ROOT = Path(__file__).resolve().parents[2]
+SCHEMA = json.loads(json.dumps(scene_schema()))
+CAMERA = {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]}
+SPHERE = {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "grey"}
+SCENE = {"raybench_scene": 1, "camera": CAMERA, "materials": {"grey": {"kd": 0.5}}, "shapes": [SPHERE]}
+
+
+@pytest.fixture(scope="module")
+def validator():
+    Draft202012Validator.check_schema(SCHEMA)
+    return Draft202012Validator(SCHEMA)
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("scenes/**/*.yaml")), ids=lambda path: path.stem)
+def test_every_shipped_scene_is_accepted(validator, path):
+    assert list(validator.iter_errors(yaml.safe_load(path.read_text()))) == []
+
+
+def kinds(schema, key):
+    """The properties of every kind of shape or light, by kind."""
+    found = {}
+    for each in schema["properties"][key]["items"]["anyOf"]:
+        kind = next(iter(each["properties"]))
+        found[kind] = each["properties"][kind]
+    return found
+
+
+def objects():
+    """Name, properties in the schema, and the scene in which an unknown key stands where they belong."""
+    yield "scene", SCHEMA["properties"], {**SCENE, "zzz": 1}
+    material = SCHEMA["properties"]["materials"]["additionalProperties"]["properties"]
+    yield "material", material, {**SCENE, "materials": {"grey": {"zzz": 1}}}
+    for camera in SCHEMA["properties"]["camera"]["anyOf"]:
+        if "const" in camera["properties"]["type"]:
+            kind = camera["properties"]["type"]["const"]
+            yield kind, camera["properties"], {**SCENE, "camera": {"type": kind, "zzz": 1}}
+    for kind, body in kinds(SCHEMA, "shapes").items():
+        if kind != "procedural":
+            yield kind, body["properties"], {**SCENE, "shapes": [{kind: {"zzz": 1}, "material": "grey"}]}
+    for body in kinds(SCHEMA, "shapes")["procedural"]["anyOf"]:
+        name = body["properties"]["name"]["const"]
+        shape = {"procedural": {"name": name, "zzz": 1}, "material": "grey"}
+        yield name, body["properties"], {**SCENE, "shapes": [shape]}
+    for kind, body in kinds(SCHEMA, "lights").items():
+        yield kind, body["properties"], {**SCENE, "lights": [{kind: {"zzz": 1}}]}
+
+
+@pytest.mark.parametrize(("properties", "wrong"), [pytest.param(*rest, id=name) for name, *rest in objects()])
+def test_its_keys_are_those_that_the_loader_knows_and_each_is_explained(validator, properties, wrong):
+    with pytest.raises(SceneError, match="zzz: unknown key") as refused:
+        engines.scene_from(wrong)
+    assert set(re.split(", ", str(refused.value).partition("known: ")[2])) == set(properties)
+    assert all(told["description"] for told in properties.values())
+    assert list(validator.iter_errors(wrong)) != []
+
+
+def test_it_knows_every_generator():
+    listed = {body["properties"]["name"]["const"] for body in kinds(SCHEMA, "shapes")["procedural"]["anyOf"]}
+    assert listed == set(GENERATORS)
+
+
+def test_its_defaults_change_nothing():
+    def filled(properties):
+        return {key: told["default"] for key, told in properties.items() if "default" in told}
+
+    material = filled(SCHEMA["properties"]["materials"]["additionalProperties"]["properties"])
+    camera = filled(SCHEMA["properties"]["camera"]["anyOf"][0]["properties"])
+    procedural = kinds(SCHEMA, "shapes")["procedural"]["anyOf"]
+    shapes = [{"procedural": {"name": "box"}, "material": "grey"}]
+    (box,) = (filled(body["properties"]) for body in procedural if body["properties"]["name"]["const"] == "box")
+    lights = [{"environment": {"radiance": filled(kinds(SCHEMA, "lights")["environment"]["properties"])["radiance"]}}]
+    short = engines.scene_from({**SCENE, "materials": {"grey": {}}, "shapes": shapes, "lights": lights})
+    long = engines.scene_from({
+        **SCENE, "camera": {**camera, **CAMERA}, "materials": {"grey": material}, "lights": lights,
+        "shapes": [{"procedural": {"name": "box", **{key: list(v) if isinstance(v, tuple) else v for key, v in box.items()}},
+                    "material": "grey"}],
+    })  # fmt: skip
+    assert (long.content_hash, long.camera) == (short.content_hash, short.camera)
