@@ -32,7 +32,7 @@ FRAME_SECONDS = 0.12
 FRAME_SHARE = 2
 """That pause is at least this many times what a frame costs: large ones take cores from the render."""
 STATE_SECONDS = 0.25
-TICK_SECONDS = 0.02
+TICK_SECONDS, IDLE_TICK_SECONDS = 0.02, 0.1
 MOST_UNSEEN = 2
 """Frames that are on their way to a page; one that draws slowly gets fewer."""
 ASIDES = ("probe", "tone", "save", "yaml", "ack")
@@ -68,13 +68,15 @@ class Picture:
 
 
 class Teller:
-    """Tells a page about a picture. `tick` is called some fifty times a second."""
+    """Tells a page about a picture. `tick` is called some fifty times a second while it is busy."""
 
     def __init__(self, send: Callable[[bytes], None], picture: Picture, tick: Callable[[], None]) -> None:
         self._send, self._picture, self._tick = send, picture, tick
         self._asides = Mailbox()
         self._look = Tone()
         self._unseen = 0
+        self._shown = -1
+        """The version that was sent last."""
 
     def start(self) -> None:
         threading.Thread(target=self._run, daemon=True).start()
@@ -85,17 +87,16 @@ class Teller:
 
     def _run(self) -> None:
         framed = stated = pause = 0.0
-        shown = -1
         while True:
-            request = self._asides.take(TICK_SECONDS)
+            request = self._asides.take(TICK_SECONDS if self._picture.state == "busy" else IDLE_TICK_SECONDS)
             try:
                 if request is not None:
                     getattr(self, f"_{request.do}")(request)
                 self._tick()
-                now, version = monotonic(), self._picture.version
-                new = version != shown or self._picture.rendering
+                now = monotonic()
+                new = self._picture.version != self._shown or self._picture.rendering
                 if new and now - framed >= pause and self.frame():
-                    framed, shown, pause = now, version, max(FRAME_SECONDS, FRAME_SHARE * (monotonic() - now))
+                    framed, pause = now, max(FRAME_SECONDS, FRAME_SHARE * (monotonic() - now))
                 if self._picture.state == "busy" and now - stated >= STATE_SECONDS:
                     self.state()
                     stated = now
@@ -106,7 +107,7 @@ class Teller:
 
     def frame(self, at_once: bool = False) -> bool:
         """Sends what is shown; False where there is nothing yet, or the page has frames enough to draw."""
-        film, stage = self._picture.film, self._picture.stage
+        film, stage, version = self._picture.film, self._picture.stage, self._picture.version
         if film is None or stage is None or (self._unseen >= MOST_UNSEEN and not at_once):
             return False
         coarse = (film.width, film.height) != (stage.width, stage.height)
@@ -115,6 +116,7 @@ class Teller:
         self._unseen += 1
         told = {"width": film.width, "height": film.height, "spp": film.spp, "coarse": coarse, "seq": self._picture.seq}
         self._send(packed({"is": "frame", **told, "handles": stage.handles()}, rgba(film, self._look)))
+        self._shown = version
         return True
 
     def state(self) -> None:

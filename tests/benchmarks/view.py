@@ -52,7 +52,7 @@ def first_frames(tab: Tab, request: dict, times: int) -> tuple[list[float], list
 def moves(tab: Tab, a_second: float) -> tuple[int, list[float]]:
     """How many camera moves were sent, and of each whose coarse frame came, the seconds until then."""
     sent: dict[int, float] = {}
-    waits = []
+    waits: dict[int, float] = {}
     begin = time.perf_counter()
     while (now := time.perf_counter()) - begin < SECONDS:
         if now - begin >= len(sent) / a_second:
@@ -64,8 +64,8 @@ def moves(tab: Tab, a_second: float) -> tuple[int, list[float]]:
         except TimeoutError:
             continue
         if told["seq"] in sent:
-            waits.append(time.perf_counter() - sent[told["seq"]])
-    return len(sent), waits
+            waits.setdefault(told["seq"], time.perf_counter() - sent[told["seq"]])
+    return len(sent), list(waits.values())
 
 
 def main() -> None:

