@@ -75,7 +75,9 @@ class Renderer(Protocol):
     """One scene with one set of settings, ready to render."""
 
     @property
-    def film(self) -> Film: ...
+    def film(self) -> Film:
+        """All samples so far."""
+        ...
 
     def warm_up(self) -> None:
         """Compiles what `render` needs and leaves the film untouched; counters()["compile_seconds"] says how long."""

@@ -4,6 +4,7 @@ import re
 
 import columns
 import command_line
+import library
 import names
 import schemas
 
@@ -12,6 +13,8 @@ MAKERS = {
     "columns": columns.text,
     "experiment": schemas.experiment,
     "scene": schemas.scene,
+    "library": library.names,
+    "plugin functions": library.plugin_functions,
     "engines": names.engines,
     "shaders": names.shaders,
     "samplers": names.samplers,

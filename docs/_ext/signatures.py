@@ -8,6 +8,8 @@ ARRAY = re.compile(r"(?:numpy\.)?ndarray\[tuple\[Any, \.\.\.\], (?:numpy\.)?dtyp
 def shorten(app, what, name, obj, options, signature, returned):
     if what == "class" and getattr(obj, "_is_protocol", False):
         return "", None
+    if what == "function" and signature and signature.startswith("(typing, "):
+        signature = "(" + signature.removeprefix("(typing, ")  # an intrinsic, which its caller calls without
     return tuple(text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returned))
 
 

@@ -56,5 +56,6 @@ def cosine_direction(n, u0, u1):
 
 @inline
 def cosine_pdf(n, w):
+    """Per solid angle, of the unit direction `w` around the normal `n`; 0 below the surface."""
     cos = dot(n, w)
     return select(cos > const(0.0, cos), cos, const(0.0, cos)) * const(1.0 / math.pi, cos)

@@ -63,26 +63,31 @@ def _neg(a):
 
 @inline
 def dot(a, b):
+    """The scalar product."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 @inline
 def cross(a, b):
+    """The vector product, right-handed."""
     return Vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
 @inline
 def length(a):
+    """Euclidean."""
     return np.sqrt(dot(a, a))
 
 
 @inline
 def unit(a):
+    """`a` divided by its length; not for the zero vector."""
     return a * (const(1.0, a.x) / length(a))
 
 
 @inline
 def select3(condition, yes, no):
+    """`yes` where `condition` holds, else `no`, component by component; never a branch."""
     return Vec3(select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z))
 
 

@@ -37,6 +37,7 @@ class Material:
 
     @property
     def emits(self) -> bool:
+        """Whether any channel of `emission` is above zero."""
         return max(self.emission) > 0.0
 
 
@@ -51,6 +52,8 @@ class Plane:
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
+    """Outside is the front: the normal points away from `center`; `radius` is above zero."""
+
     center: Triple
     radius: float
     material: int
