@@ -55,7 +55,7 @@ def words(name: str) -> str:
 def marked(name: str) -> str:
     """What the fence of a scene's command says to the tests: one of them is run, small."""
     if name == "cornell_box":
-        return "with --size 48x32 --spp 2 --precision float64 -o cornell_box.png"
+        return "with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png"
     return "no-run: tests/mitsuba/test_agreement.py renders every shipped scene with the engine embree"
 
 

@@ -1,0 +1,52 @@
+"""Takes the pictures of docs/start.md from a run of configs/quick.yaml: python docs/pictures/start.py results/quick
+
+Needs Chromium for the first of them, the top of the report.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+TARGET = Path(__file__).resolve().parent / "start"
+PLOTS = ("error-over-time-cornell_box", "error-over-samples-cornell_box", "time-to-quality-cornell_box",
+         "pareto-cornell_box", "targets-over-time", "phases-cornell_box", "sentinel")  # fmt: skip
+WIDTH, SIZE = 760, (1100, 760)
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--hide-scrollbars",
+         "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
+
+
+def shrunk(picture: Path, target: Path) -> None:
+    """At most `WIDTH` wide and of 64 colours, which a plot is."""
+    image = Image.open(picture).convert("RGB")
+    if image.width > WIDTH:
+        image = image.resize((WIDTH, round(image.height * WIDTH / image.width)), Image.Resampling.LANCZOS)
+    image.quantize(64, dither=Image.Dither.NONE).save(target, optimize=True)
+
+
+def photographed(page: Path, target: Path) -> None:
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        sys.exit("start.py: no Chromium is installed")
+    with tempfile.TemporaryDirectory() as profile:
+        shot = Path(profile, "shot.png")
+        size = f"--window-size={SIZE[0]},{SIZE[1]}"
+        subprocess.run(
+            [browser, *FLAGS, f"--user-data-dir={profile}/data", f"--screenshot={shot}", size, page.resolve().as_uri()],
+            check=True, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        shrunk(shot, target)
+
+
+def main(folder: Path) -> None:
+    TARGET.mkdir(exist_ok=True)
+    photographed(folder / "report.html", TARGET / "verdicts.png")
+    for name in PLOTS:
+        shrunk(folder / "plots" / f"{name}.png", TARGET / f"{name}.png")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
