@@ -21,6 +21,7 @@ myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_block"]
 myst_heading_anchors = 3
 highlight_language = "none"
 default_role = "code"
+smartquotes = False  # two dashes of an option are two dashes
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -32,6 +33,7 @@ python_maximum_signature_line_length = 80
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["raybench.css"]
+html_show_copyright = False
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {"navigation_with_keys": True}

@@ -78,8 +78,11 @@ def _values(schema) -> str:
         return json.dumps(schema["const"])
     if "enum" in schema:
         return ", ".join("null" if each is None else str(each) for each in schema["enum"])
-    if "anyOf" in schema or "oneOf" in schema:
-        return " or ".join(dict.fromkeys(_values(each) for each in schema.get("anyOf") or schema["oneOf"]))
+    choices = [_values(each) for each in schema.get("anyOf") or schema.get("oneOf") or ()]
+    if len(choices) == 2 and choices[1] == f"three of: {choices[0]}":
+        return f"{choices[0]}, or three"
+    if choices:
+        return " or ".join(dict.fromkeys(choices))
     kind = schema.get("type", "")
     kinds = [each for each in ([kind] if isinstance(kind, str) else kind) if each != "null"]
     if "array" in kinds:
@@ -94,14 +97,15 @@ def _values(schema) -> str:
 
 
 def _list(schema) -> str:
-    count = schema.get("minItems") if schema.get("minItems") == schema.get("maxItems") else None
     item = schema.get("items", {})
-    if item.get("type") == "object" or not item:
+    if "object" in item.get("type", "") or "anyOf" in item or not item:
         return "a list of mappings"
-    return f"{count} × {_values(item)}" if count else f"a list of {_values(item)}"
+    count = {2: "two", 3: "three"}.get(schema.get("maxItems", 0))
+    return f"{count} of: {_values(item)}" if count else f"a list of {_values(item)}"
 
 
 def _range(schema) -> str:
-    words = (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤"), ("exclusiveMaximum", "<"))
-    found = [f"{sign} {schema[word]}" for word, sign in words if word in schema]
-    return " " + ", ".join(found) if found else ""
+    low, high = (schema.get(key, schema.get(f"exclusive{key.capitalize()}")) for key in ("minimum", "maximum"))
+    if low is not None and high is not None:
+        return f" in {'[' if 'minimum' in schema else '('}{low}, {high}{']' if 'maximum' in schema else ')'}"
+    return "" if low is None else f" {'≥' if 'minimum' in schema else '>'} {low}"

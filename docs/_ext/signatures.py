@@ -13,6 +13,12 @@ def shorten(app, what, name, obj, options, signature, returned):
     return tuple(text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returned))
 
 
+def leave_out(app, what, name, obj, skip, options):
+    """Fields of named tuples that have no words but Python's own; the signature shows them already."""
+    return True if (getattr(obj, "__doc__", "") or "").startswith("Alias for field number") else None
+
+
 def setup(app):
+    app.connect("autodoc-skip-member", leave_out)
     app.connect("autodoc-process-signature", shorten)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
