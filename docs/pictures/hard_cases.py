@@ -1,8 +1,10 @@
-"""Draws the plots of docs/how/hard_cases.md: python docs/pictures/hard_cases.py
+"""Draws the plots of docs/how/hard_cases.md: python docs/pictures/hard_cases.py [results/stability]
 
-What textbooks say is computed here in a few lines; what raybench does is asked of the engine numpy through `trace`.
+What textbooks say is computed here in a few lines; what raybench does is asked of the engine numpy through `trace`. The
+last plot is of a run of configs/stability.yaml.
 """
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
@@ -13,7 +15,9 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import engines
+from harness.plots import stability
 from harness.plots.style import STYLE
+from harness.results import load_results
 from harness.verify import oracle
 
 TARGET = Path(__file__).resolve().parent / "hard_cases"
@@ -176,15 +180,22 @@ def _new(x: str, y: str) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def main() -> None:
+def saved(figure: Figure, name: str) -> None:
+    figure.savefig(TARGET / f"{name}.png", dpi=110, facecolor="white", metadata={"Software": "raybench"})
+
+
+def main(results: list[str]) -> None:
     TARGET.mkdir(exist_ok=True)
     makers: tuple[Callable[[], Figure], ...] = (sphere, edges, offsets, roulette, pairs, brightness)
     with matplotlib.rc_context(cast(Any, STYLE)):
         for make in makers:
-            make().savefig(
-                TARGET / f"{make.__name__}.png", dpi=110, facecolor="white", metadata={"Software": "raybench"}
-            )
+            saved(make(), make.__name__)
+        for folder in results:
+            for sketch in stability.sketches(load_results(Path(folder)).findings):
+                figure = sketch.make()
+                if figure is not None:
+                    saved(figure, sketch.name)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
