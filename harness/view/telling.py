@@ -74,6 +74,7 @@ class Teller:
         self._send, self._picture, self._tick = send, picture, tick
         self._asides = Mailbox()
         self._look = Tone()
+        self._framing = threading.Lock()
         self._unseen = 0
         self._shown = -1
         """The version that was sent last."""
@@ -106,18 +107,21 @@ class Teller:
                 self._send(problem(one_line(error)))
 
     def frame(self, at_once: bool = False) -> bool:
-        """Sends what is shown; False where there is nothing yet, or the page has frames enough to draw."""
-        film, stage, version = self._picture.film, self._picture.stage, self._picture.version
-        if film is None or stage is None or (self._unseen >= MOST_UNSEEN and not at_once):
-            return False
-        coarse = (film.width, film.height) != (stage.width, stage.height)
-        if not coarse and not film.counts.any():
-            return False
-        self._unseen += 1
-        told = {"width": film.width, "height": film.height, "spp": film.spp, "coarse": coarse, "seq": self._picture.seq}
-        self._send(packed({"is": "frame", **told, "handles": stage.handles()}, rgba(film, self._look)))
-        self._shown = version
-        return True
+        """Sends what is shown; False where there is nothing yet, or the page has frames enough to draw. Two threads call it:
+        the later frame is of the later film."""
+        with self._framing:
+            film, stage, version = self._picture.film, self._picture.stage, self._picture.version
+            if film is None or stage is None or (self._unseen >= MOST_UNSEEN and not at_once):
+                return False
+            coarse = (film.width, film.height) != (stage.width, stage.height)
+            if not coarse and not film.counts.any():
+                return False
+            self._unseen += 1
+            told = {"width": film.width, "height": film.height, "spp": film.spp, "coarse": coarse}
+            told |= {"seq": self._picture.seq, "handles": stage.handles()}
+            self._send(packed({"is": "frame", **told}, rgba(film, self._look)))
+            self._shown = version
+            return True
 
     def state(self) -> None:
         """Sends the state line."""

@@ -4,9 +4,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("starlette", reason="the extra `view` is not installed")
-pytest.importorskip("uvicorn", reason="the extra `view` is not installed")
-
 from tests.harness.chromium import PROGRAM
 from tests.view.driving import SCENE, Page, Viewer
 
