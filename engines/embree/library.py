@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -34,7 +33,7 @@ _PROTOTYPES: dict[str, tuple[Any, list[Any]]] = {
     "rtcReleaseScene": (None, [ctypes.c_void_p]),
     "rtcSetSceneFlags": (None, [ctypes.c_void_p, ctypes.c_int]),
     "rtcSetSceneBuildQuality": (None, [ctypes.c_void_p, ctypes.c_int]),
-    "rtcCommitScene": (None, [ctypes.c_void_p]),
+    "rtcJoinCommitScene": (None, [ctypes.c_void_p]),
     "rtcNewGeometry": (ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_int]),
     "rtcReleaseGeometry": (None, [ctypes.c_void_p]),
     "rtcCommitGeometry": (None, [ctypes.c_void_p]),
@@ -88,55 +87,14 @@ def address(name: str) -> int:
     return ctypes.cast(getattr(library(), name), ctypes.c_void_p).value or 0
 
 
-class _Control(ctypes.Structure):
-    """tbb::global_control of oneTBB: value, reserved, parameter (0: max_allowed_parallelism)."""
-
-    _fields_ = (("value", ctypes.c_size_t), ("reserved", ctypes.c_ssize_t), ("parameter", ctypes.c_int))
-
-
-class Workers:
-    """oneTBB's worker threads, asleep but while `awake`. A build of Embree's calls them even for one sphere on a device of one
-    thread, and once awake they spin: 2 ms of the system's time a scene on a busy machine."""
-
-    def __init__(self) -> None:
-        self._lock, self._limit = threading.Lock(), _Control(1, 0, 0)
-        self._calls: list[Any] = []
-        for file in metadata.files("embreex") or []:
-            if file.name.startswith("libtbb") and ".so" in file.name:
-                tbb = ctypes.CDLL(str(file.locate()))
-                # limit and lift: they have no C names
-                names = (f"_ZN3tbb6detail2r1{verb}ERNS0_2d114global_controlE" for verb in ("6create", "7destroy"))
-                self._calls = [getattr(tbb, name) for name in names if hasattr(tbb, name)]
-        self._call(0)
-
-    def _call(self, which: int) -> None:
-        if len(self._calls) == 2:
-            self._calls[which](ctypes.byref(self._limit))
-
-    @contextmanager
-    def awake(self) -> Iterator[None]:
-        with self._lock:
-            self._call(1)
-            try:
-                yield
-            finally:
-                self._call(0)
-
-
-@cache
-def workers() -> Workers:
-    """Those of this process."""
-    return Workers()
-
-
 class Device:
     """A device and its scenes, each of triangles (geometry 0) and spheres (geometry 1)."""
 
     def __init__(self, threads: int) -> None:
-        self._embree, awake = library(), workers().awake
-        self._building = awake if threads > 1 else nullcontext
-        with self._building():  # a device asks how many there are
-            self._device = self._embree.rtcNewDevice(f"threads={threads},set_affinity=0".encode())
+        self._embree, self._threads = library(), threads
+        # User threads fill the device: oneTBB's own workers would go on spinning after a build, beside the rendering.
+        settings = f"threads={threads},user_threads={threads},set_affinity=0"
+        self._device = self._embree.rtcNewDevice(settings.encode())
         if not self._device:
             raise Unsupported(f"Embree cannot make a device (error {self._embree.rtcGetDeviceError(None)})")
         self.bytes = 0
@@ -180,8 +138,8 @@ class Device:
             self._embree.rtcCommitGeometry(geometry)
             self._embree.rtcAttachGeometryByID(scene, geometry, number)
             self._embree.rtcReleaseGeometry(geometry)
-        with self._building():
-            self._embree.rtcCommitScene(scene)
+        with ThreadPoolExecutor(self._threads) as pool:
+            list(pool.map(self._embree.rtcJoinCommitScene, [scene] * self._threads))
         error = self._embree.rtcGetDeviceError(self._device)
         if error:
             raise Unsupported(f"Embree cannot build this scene (error {error})")
