@@ -1,8 +1,12 @@
-"""Signatures as the sources have them: `NDArray[float64]` for what Python makes of it, and none for protocols."""
+"""Signatures as the sources have them: `ArrayLike` and `NDArray[float64]` for what Python makes of them, none for protocols."""
 
 import re
 
-ARRAY = re.compile(r"(?:numpy\.)?ndarray\[tuple\[Any, \.\.\.\], (?:numpy\.)?dtype\[([\w.]+)\]\]")
+from numpy.typing import ArrayLike
+from sphinx.util.typing import stringify_annotation
+
+LIKE = stringify_annotation(ArrayLike, "smart")
+ARRAY = re.compile(r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?(?:numpy\.)?([\w.~]+)\]\]")
 
 
 def shorten(app, what, name, obj, options, signature, returned):
@@ -10,7 +14,7 @@ def shorten(app, what, name, obj, options, signature, returned):
         return "", None
     if what == "function" and signature and signature.startswith("(typing, "):
         signature = "(" + signature.removeprefix("(typing, ")  # an intrinsic, which its caller calls without
-    return tuple(text and ARRAY.sub(r"NDArray[\1]", text) for text in (signature, returned))
+    return tuple(text and ARRAY.sub(r"NDArray[\1]", text.replace(LIKE, "ArrayLike")) for text in (signature, returned))
 
 
 def leave_out(app, what, name, obj, skip, options):
