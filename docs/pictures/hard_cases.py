@@ -1,7 +1,7 @@
-"""Draws the plots of docs/how/hard_cases.md: python docs/pictures/hard_cases.py [results/stability]
+"""Draws the plots of docs/how/hard_cases.md: python docs/pictures/hard_cases.py [FOLDER]
 
 What textbooks say is computed here in a few lines; what raybench does is asked of the engine numpy through `trace`. The
-last plot is of a run of configs/stability.yaml.
+last plots are of results/stability, or another run of configs/stability.yaml.
 """
 
 import sys
@@ -20,7 +20,8 @@ from harness.plots.style import STYLE
 from harness.results import load_results
 from harness.verify import oracle
 
-TARGET = Path(__file__).resolve().parent / "hard_cases"
+ROOT = Path(__file__).resolve().parents[2]
+TARGET = ROOT / "docs" / "pictures" / "hard_cases"
 OURS, BOOK, BOOK32 = "#009e73", "#d55e00", "#e69f00"
 CAMERA = {"type": "perspective", "eye": [0, 0, 9], "target": [0, 0, 0]}
 
@@ -184,18 +185,17 @@ def saved(figure: Figure, name: str) -> None:
     figure.savefig(TARGET / f"{name}.png", dpi=110, facecolor="white", metadata={"Software": "raybench"})
 
 
-def main(results: list[str]) -> None:
+def main(results: Path) -> None:
     TARGET.mkdir(exist_ok=True)
     makers: tuple[Callable[[], Figure], ...] = (sphere, edges, offsets, roulette, pairs, brightness)
     with matplotlib.rc_context(cast(Any, STYLE)):
         for make in makers:
             saved(make(), make.__name__)
-        for folder in results:
-            for sketch in stability.sketches(load_results(Path(folder)).findings):
-                figure = sketch.make()
-                if figure is not None:
-                    saved(figure, sketch.name)
+        for sketch in stability.sketches(load_results(results).findings):
+            figure = sketch.make()
+            if figure is not None:
+                saved(figure, sketch.name)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(Path(sys.argv[1]) if sys.argv[1:] else ROOT / "results" / "stability")

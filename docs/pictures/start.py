@@ -1,4 +1,5 @@
-"""Takes the pictures of docs/start.md from a run of configs/quick.yaml: python docs/pictures/start.py results/quick
+"""Takes the pictures of docs/start.md from results/quick, or another run of configs/quick.yaml:
+python docs/pictures/start.py [FOLDER]
 
 Needs Chromium for the first of them, the top of the report.
 """
@@ -11,7 +12,8 @@ from pathlib import Path
 
 from PIL import Image
 
-TARGET = Path(__file__).resolve().parent / "start"
+ROOT = Path(__file__).resolve().parents[2]
+TARGET = ROOT / "docs" / "pictures" / "start"
 PLOTS = ("error-over-time-cornell_box", "error-over-samples-cornell_box", "time-to-quality-cornell_box",
          "pareto-cornell_box", "targets-over-time", "phases-cornell_box", "sentinel")  # fmt: skip
 WIDTH, SIZE = 760, (1100, 760)
@@ -49,4 +51,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]) if sys.argv[1:] else ROOT / "results" / "quick")
