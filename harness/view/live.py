@@ -97,31 +97,32 @@ class ViewDesk:
     def _open(self, request: requests.Open) -> None:
         """Loads the scene, shows it coarsely, and goes on to the image."""
         self._busy("loading")
-        before, offsets = None, {}
-        if request.keep and self._picture.stage is not None:
-            before, offsets = self._picture.stage.scene, self._picture.stage.offsets
-        self._picture.stage = self._picture.film = None  # frees the old renderers before new ones are made
         scene = load_scene(self._library.find(request.scene), allow_imports=self._allow_imports)
+        settings, provenance = self._settings(request, scene)
+        engine = engine_of(request.part.engine)
+        before, offsets = self._picture.stage, {}
+        if request.keep and before is not None and before.scene.source == scene.source:
+            was, offsets = before.scene, before.offsets
+            scene = replace(scene, camera=was.camera, shapes=was.shapes, lights=was.lights)
+        lacking = engine.why_not(scene, settings)
+        if lacking:
+            raise Unsupported(lacking)
         for warning in scene.warnings:
             self._send(packed({"is": "note", "text": warning}))
-        settings = self._settings(request, scene)
-        if before is not None and before.source == scene.source:
-            scene = replace(scene, camera=before.camera, shapes=before.shapes, lights=before.lights)
-        else:
-            offsets = {}
+        before = self._picture.stage = self._picture.film = None  # frees old renderers before new ones are made
         try:
-            stage = Stage(scene, engine_of(request.part.engine), settings, self._tell)
+            stage = Stage(scene, engine, settings, self._tell)
         except MemoryError as error:
             raise ConfigError("there is not enough memory for this scene at this size") from error
         stage.offsets = offsets
-        self._picture.stage = stage
+        self._picture.stage, self._picture.provenance = stage, provenance
         self._picture.wanted, self._picture.seconds = request.spp, 0.0
         self._describe(request.scene, stage)
         self._coarse()
         self._moved_at = monotonic() - REST_SECONDS
 
-    def _settings(self, request: requests.Open, scene: Scene) -> Settings:
-        """The settings asked for, within the limits; they become part of what saved images say of themselves."""
+    def _settings(self, request: requests.Open, scene: Scene) -> tuple[Settings, dict[str, Any]]:
+        """The settings asked for, within the limits, and what a saved image says of them."""
         part = request.part
         require_imports(part.engine, self._allow_imports)
         if is_file(part.engine):
@@ -134,11 +135,10 @@ class ViewDesk:
         width, height = settings.size(scene)
         if width * height > requests.MOST_PIXELS:
             raise ConfigError(f"{width}x{height}: more than {requests.MOST_PIXELS} pixels: choose a smaller size")
-        self._picture.provenance = {
+        return settings, {
             "scene": request.scene, "scene_hash": scene.content_hash, "engine": part.engine, "settings": plain,
             "seed": request.seed,
         }  # fmt: skip
-        return settings
 
     def _describe(self, name: str, stage: Stage) -> None:
         told = {"width": stage.width, "height": stage.height, "scene": name, "name": stage.scene.name}

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Option
 from engines.errors import RaybenchError
-from engines.interface import Engine
+from engines.interface import Engine, Settings
 from engines.registry import engine, engine_names
+from engines.scene import scene_from
 from engines.tonemap import TONE_MAPPERS
 from harness import machine
 from harness.view.library import Library
 from harness.view.requests import LARGEST_SIDE, MOST_PIXELS, MOST_SPP
 
 PREFERRED = "embree"
+ASKED = {
+    "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+    "materials": {"white": {"kd": 0.5}}, "lights": [{"point": {"position": [0, 3, 3], "intensity": 4}}],
+    "shapes": [{"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "white"}],
+}  # fmt: skip
+"""What engines are asked about: a scene that any of them renders, so that only the part in question can be refused."""
 
 
 def menu(library: Library) -> dict[str, Any]:
@@ -42,11 +49,23 @@ def _engine(name: str) -> dict[str, Any]:
         found: Engine = engine(name)
         accelerators = _table({"auto": {}, **found.accelerators()})
         own = _table(getattr(found, "samplers", dict)())
+        refused = _refused(found, [*SAMPLERS, *(sampler["name"] for sampler in own)])
     except RaybenchError as error:
-        return {"name": name, "lacks": str(error), "accelerators": [], "samplers": []}
+        return {"name": name, "lacks": str(error), "accelerators": [], "samplers": [], "refuses": {}}
     except Exception as error:  # what others wrote may fail in any way
-        return {"name": name, "lacks": f"{type(error).__name__}: {error}", "accelerators": [], "samplers": []}
-    return {"name": name, "lacks": None, "accelerators": accelerators, "samplers": own}
+        lacks = f"{type(error).__name__}: {error}"
+        return {"name": name, "lacks": lacks, "accelerators": [], "samplers": [], "refuses": {}}
+    return {"name": name, "lacks": None, "accelerators": accelerators, "samplers": own, "refuses": refused}
+
+
+def _refused(engine: Engine, samplers: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Samplers, and shaders with a sampler that is not refused, that the engine lacks: by name, with the reason."""
+    scene = scene_from(ASKED)
+    wrong = {name: engine.why_not(scene, Settings(sampler=name)) for name in samplers}
+    good = next((name for name, reason in wrong.items() if reason is None), samplers[0])
+    shaders = {name: engine.why_not(scene, Settings(shader=name, sampler=good)) for name in SHADERS}
+    told = {"sampler": wrong, "shader": shaders}
+    return {kind: {name: reason for name, reason in found.items() if reason} for kind, found in told.items()}
 
 
 def _table(table: Mapping[str, Mapping[str, Option]]) -> list[dict[str, Any]]:

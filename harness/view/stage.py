@@ -28,9 +28,6 @@ class Stage:
 
     def __init__(self, scene: Scene, engine: Engine, settings: Settings, tell: Callable[[str], None]) -> None:
         self.width, self.height = settings.size(scene)
-        lacking = engine.why_not(scene, settings)
-        if lacking:
-            raise Unsupported(lacking)
         self.scene, self._engine, self._settings, self._tell = scene, engine, settings, tell
         self.offsets: dict[str, Vector] = {}
         self.build_seconds = self.compile_seconds = 0.0

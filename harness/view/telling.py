@@ -95,8 +95,8 @@ class Teller:
                     getattr(self, f"_{request.do}")(request)
                 self._tick()
                 now = monotonic()
-                new = self._picture.version != self._shown or self._picture.rendering
-                if new and now - framed >= pause and self.frame():
+                partly = self._picture.rendering and self._picture.film is self._picture.large_film()
+                if (self._picture.version != self._shown or partly) and now - framed >= pause and self.frame():
                     framed, pause = now, max(FRAME_SECONDS, FRAME_SHARE * (monotonic() - now))
                 if self._picture.state == "busy" and now - stated >= STATE_SECONDS:
                     self.state()

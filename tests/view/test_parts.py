@@ -100,6 +100,10 @@ def test_the_menu_has_what_the_engines_list(tmp_path):
     shader = next(s for s in told["shaders"] if s["name"] == "path_tracer")
     kinds = {option["key"]: option for option in shader["options"]}
     assert kinds["direct"]["values"] == ["light", "bsdf", "mis"] and kinds["max_depth"]["kind"] == "integer"
+    refused = {e["name"]: e["refuses"] for e in told["engines"]}
+    assert refused["numpy"] == refused["embreex_batch"] == {"sampler": {}, "shader": {}}
+    if "mitsuba" in refused:
+        assert "sobol" in refused["mitsuba"]["sampler"] and "independent" not in refused["mitsuba"]["sampler"]
     strata = next(s for s in told["samplers"] if s["name"] == "stratified")["options"][0]
     assert strata["values"] == [4, 16, 64, 256, 1024, 4096] and strata["default"] == 64
 

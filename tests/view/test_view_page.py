@@ -136,6 +136,9 @@ def test_what_an_engine_lacks_is_a_message_in_the_page(page):
     page.set("#part [name=precision]", "float32")
     page.wait_for(f"!{PROBLEM}.hidden")
     assert "float64 only" in page.evaluate(f"{PROBLEM}.textContent")
+    page.wait_for(REST)
+    page.drag(page.spot(0.1, 0.15), page.spot(0.2, 0.15))  # the image that was there can still be turned
+    finished(page, 2)
 
 
 def test_a_bad_scene_is_a_message_in_the_page_with_its_line(page):

@@ -77,12 +77,16 @@ export class PartForm {
   // Shaders, samplers and accelerators of the engine, with what was chosen before where it still exists.
   offer() {
     const tables = this.tables();
+    const refuses = this.menu.engines.find((known) => known.name === this.engine.value).refuses;
     this.controls = {};
     this.choices.replaceChildren();
     for (const kind of KINDS) {
       const names = tables[kind].map((choice) => choice.name);
-      const chosen = names.includes(this.given[kind].name) ? this.given[kind].name : names[0];
+      const refused = refuses[kind] ?? {};
+      const able = names.filter((name) => !refused[name]);
+      const chosen = able.includes(this.given[kind].name) ? this.given[kind].name : able[0] ?? names[0];
       const control = select(names, chosen);
+      for (const option of control.options) Object.assign(option, { disabled: option.value in refused, title: refused[option.value] ?? "" });
       control.name = kind;
       const options = document.createElement("div");
       options.className = "options";
