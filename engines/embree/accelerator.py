@@ -25,7 +25,6 @@ from engines.embree.packet import (
     LARGE,
     LEFT_FACE,
     OCCLUDE,
-    OCCLUDE_ONE,
     PRIM_ID,
     RECORD,
     SCALE,
@@ -73,8 +72,8 @@ from engines.kernels.world import (
 RAY, SHADOW_RAY = (at.ORIGIN, at.DIRECTION, at.T), (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T)
 UPWARDS = 1 + 2.0**-22
 """With `refine` Embree looks this much beyond t_max, so that float64 decides what lies before it."""
-MANY = 4096
-"""Up to so many primitives a tree is built by one thread, as another takes long to wake, and its rays go in packets."""
+FEW, MANY = 4096, 65536
+"""Up to FEW primitives a tree is built by one thread, as another takes long to wake; up to MANY all rays go in packets."""
 BOX_PAD = 1e-6
 """Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
 
@@ -97,12 +96,11 @@ class Accelerator:
         world.bind(INTERSECT, address(f"rtcIntersect{rays}"))
         world.bind(INTERSECT_ONE, address("rtcIntersect1"))
         world.bind(OCCLUDE, address(f"rtcOccluded{rays}"))
-        world.bind(OCCLUDE_ONE, address("rtcOccluded1"))
         world.bind(SCALE, _scales(world))
         faces = len(world.arrays[TRIANGLES])
         primitives = faces + len(world.arrays[SPHERES])
         world.bind(LARGE, int(primitives > MANY))
-        self._device = device = Device(threads if primitives > MANY else 1)
+        self._device = device = Device(threads if primitives > FEW else 1)
         parts = _spheres(device, world)
         if faces:
             world.bind(FILTER, hit_filter(world.real).address)

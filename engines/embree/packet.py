@@ -17,11 +17,10 @@ from engines.kernels.jit import LANES, count, fetch, get, inline, keep, pointer,
 from engines.kernels.simd import prefetch
 from engines.kernels.world import ACCELERATOR, PRIMITIVE_INTS, PRIMITIVES, TRIANGLE_RANK, TRIANGLES, VERTICES
 
-INTERSECT, INTERSECT_ONE, OCCLUDE, OCCLUDE_ONE, SCENE, EXACT_SCENE, FILTER, SCALE, LARGE = (
-    ACCELERATOR + k for k in range(9)
-)
-"""Slots of the world: addresses of the two queries, of packets and of one ray; the scenes; the address of the filter;
-(scale, 1/scale, pad); and 1 where rays that do not go together are to go one by one."""
+INTERSECT, INTERSECT_ONE, OCCLUDE, SCENE, EXACT_SCENE, FILTER, SCALE, LARGE = (ACCELERATOR + k for k in range(8))
+"""Slots of the world: addresses of the query for closest hits, of packets and of one ray, and of that for shadows; the
+scenes; the address of the filter; (scale, 1/scale, pad); and 1 where closest hits of rays that do not go together are to be
+asked for one by one."""
 
 # RTCRayHitN: arrays of N 32-bit numbers, in this order (rtcore_ray.h), and behind them the mask of valid rays
 ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS = range(12)
@@ -62,7 +61,7 @@ def _call(typing, function, valid, scene, packet, arguments):
 
 @intrinsic
 def _call_single(typing, function, scene, ray, arguments):
-    """rtcIntersect1 or rtcOccluded1 at address `function`."""
+    """rtcIntersect1 at address `function`."""
 
     def generate(context, builder, signature, values):
         word = ir.IntType(64)
@@ -111,9 +110,9 @@ def together(place, wide):
 def ask(world, query, scene, place, block, wide, filtered, coherent, vertex_bytes=0):
     """Traces the valid rays of all packets at address `place` in the scene of slot `scene`. `coherent` says that they go
     together: then Embree walks its tree once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and
-    half as fast for rays that go all ways. In a large tree those are taken out of their packets and go one by one; with
-    `vertex_bytes`, those of a vertex, the memory that the surface stage will want of what one has hit is asked for while
-    the next go."""
+    half as fast for rays that go all ways. In a large tree those that ask for the closest hit are taken out of their
+    packets and go one by one; with `vertex_bytes`, those of a vertex, the memory that the surface stage will want of what
+    one has hit is asked for while the next go."""
     words, longs = pointer(place, np.int32), pointer(place, np.int64)
     keep(words, ARGUMENTS, np.int32((_INVOKE_FILTER if filtered else 0) | (_COHERENT if coherent else 0)))
     keep(words, ARGUMENTS + 1, np.int32(_ALL_FEATURES))
@@ -123,12 +122,12 @@ def ask(world, query, scene, place, block, wide, filtered, coherent, vertex_byte
     keep(longs, ARGUMENTS // 2 + 4, np.int64(0))
     keep(longs, CONTEXT // 2, np.int64(-1))
     keep(longs, CONTEXT // 2 + BLOCK_OF_CONTEXT, block)
-    if not coherent and count(world, LARGE) != 0:
+    if query == INTERSECT and not coherent and count(world, LARGE) != 0:
         before = np.int64(-1)
         for k in range(LANES):
             i = place_of(k, wide)
             if fetch(words, i + VALID * wide) != 0:
-                _ask_one(world, query + 1, scene, place, i, wide)
+                _ask_one(world, scene, place, i, wide)
                 if vertex_bytes > 0:
                     before = _ask_ahead(world, words, i, wide, before, vertex_bytes)
         return
@@ -138,12 +137,12 @@ def ask(world, query, scene, place, block, wide, filtered, coherent, vertex_byte
 
 
 @inline
-def _ask_one(world, query, scene, place, i, wide):
+def _ask_one(world, scene, place, i, wide):
     """Traces the ray whose first field lies at word i of the packets, and puts there what Embree says of it."""
     words = pointer(place, np.int32)
     for field in range(VALID):
         keep(words, SINGLE + field, fetch(words, i + field * wide))
-    _call_single(count(world, query), count(world, scene), place + SINGLE * 4, place + ARGUMENTS * 4)
+    _call_single(count(world, INTERSECT_ONE), count(world, scene), place + SINGLE * 4, place + ARGUMENTS * 4)
     keep(words, i + T_FAR * wide, fetch(words, np.int64(SINGLE + T_FAR)))
     keep(words, i + PRIM_ID * wide, fetch(words, np.int64(SINGLE + PRIM_ID)))
     keep(words, i + GEOM_ID * wide, fetch(words, np.int64(SINGLE + GEOM_ID)))
