@@ -22,13 +22,13 @@ SCRIPT = re.compile(r"```python\n(.*?)```", re.DOTALL)
 SIZE, SPP = (192, 144), 256
 
 CAMERA = {"type": "perspective", "eye": [0, 1.7, 4.6], "target": [0, 0.72, 0], "fov": 30, "resolution": SIZE}
-MATERIALS = {"grey": {"kd": 0.6}, "floor": {"kd": [0.5, 0.48, 0.45]}, "lamp": {"emission": [11, 9.5, 7.5]}}
+MATERIALS = {"grey": {"kd": 0.6}, "floor": {"kd": [0.5, 0.48, 0.45]}, "lamp": {"emission": [21, 18, 14]}}
 FLOOR = {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"}
 LAMP = {
     "procedural": {"name": "rectangle", "corner": [-2.6, 2.6, 0.6], "edge1": [1.2, 0.5, 0], "edge2": [0, 0, 1.4]},
     "material": "lamp",
 }
-SKY = {"environment": {"radiance": [0.3, 0.36, 0.45]}}
+SKY = {"environment": {"radiance": [0.2, 0.25, 0.33]}}
 DUSK = {"environment": {"radiance": [0.02, 0.025, 0.035]}}
 
 
