@@ -1,4 +1,5 @@
-"""A folder with a small scene, a viewer on it, and pages in a browser. Nothing here compiles: the numpy engine renders."""
+"""A folder with a small scene, a viewer on it, and pages in a browser, which end with their file: what they render would go
+on beside other tests. Nothing here compiles: the numpy engine renders."""
 
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from tests.harness.chromium import PROGRAM
 from tests.view.driving import SCENE, Page, Viewer
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     made = tmp_path_factory.mktemp("viewed")
     (made / "ball.yaml").write_text(SCENE)
@@ -18,13 +19,13 @@ def folder(tmp_path_factory) -> Path:
     return made
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def viewer(folder):
     with Viewer(folder, "ball.yaml", "--engine", "numpy") as running:
         yield running
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser(tmp_path_factory):
     if PROGRAM is None:
         pytest.skip("Chromium is not installed")
