@@ -33,6 +33,7 @@ python_maximum_signature_line_length = 80
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["raybench.css"]
+html_show_search_summary = False  # it would be fetched, which pages opened from disk may not
 html_show_copyright = False
 html_show_sourcelink = False
 html_copy_source = False

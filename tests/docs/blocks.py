@@ -11,7 +11,7 @@ and `configs/` (and, where the page names it, a copy of `results/baseline`); all
     ```yaml experiment                a piece of an experiment, likewise
     ```yaml                           whole: must load by its `raybench_scene`, `raybench_experiment` or `raybench_renderer`
     ```console                        lines that start with `$ ` run in a shell and must exit with 0; a line that ends with
-                                      a backslash goes on
+                                      a backslash goes on, two spaces and # start a comment
     ```console exit 1                 ... must exit with 1
     ```console with --size 48x32      ... with these words added to each command in the tests alone
     ```python no-run: needs a GPU     does not run; the reason is wanted. For every language.

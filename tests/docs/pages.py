@@ -1,0 +1,27 @@
+"""The pages, and how a reader follows one from top to bottom."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.docs.blocks import ROOT, blocks
+from tests.docs.story import environment
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[!_]*/**/*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+TEXT = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
+RUN = [name for name, text in TEXT.items() if any(block.runs for block in blocks(text))]
+"""Pages on which something runs."""
+
+
+def follow(page: str, folder: Path) -> None:
+    """Runs what a page shows, in `folder`, which has what a reader of the page has."""
+    for name in ("scenes", "configs"):
+        (folder / name).symlink_to(ROOT / name)
+    if "results/baseline" in TEXT[page]:
+        shutil.copytree(ROOT / "results/baseline", folder / "results/baseline")
+    told = subprocess.run(
+        [sys.executable, "-m", "tests.docs.story", str(ROOT / page)],
+        cwd=folder, env=environment(folder), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert told.returncode == 0, told.stderr[-8000:]
