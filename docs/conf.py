@@ -15,7 +15,6 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "generat
 exclude_patterns = ["_build"]
 nitpicky = True
 nitpick_ignore_regex = [("py:.*", r"(?!engines\.).*")]  # other projects' names; their pages are not fetched
-nitpick_ignore = [("py:class", "engines.conformance.subject.Subject")]  # what a claim is given; made by check_engine
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "attrs_block"]
 myst_heading_anchors = 3

@@ -14,6 +14,7 @@ MAKERS = {
     "experiment": schemas.experiment,
     "scene": schemas.scene,
     "library": library.names,
+    "claims": library.claims,
     "plugin functions": library.plugin_functions,
     "engines": names.engines,
     "shaders": names.shaders,

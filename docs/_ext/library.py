@@ -1,4 +1,4 @@
-"""What `import engines` gives, name by name, and the functions of plugins that only a compiler can call."""
+"""What `import engines` gives, the functions of plugins that only a compiler can call, and the claims of conformance."""
 
 import inspect
 
@@ -6,6 +6,7 @@ from markdown import code, plain, table
 
 import engines
 import engines.plugin
+from engines.conformance import CLAIMS
 
 
 def names() -> str:
@@ -22,6 +23,12 @@ def plugin_functions() -> str:
     """Directives for what Sphinx takes for data: jitted functions and intrinsics."""
     found = [each for each in engines.plugin.__all__ if not _is_plain(getattr(engines.plugin, each))]
     return "```{eval-rst}\n" + "\n".join(f".. autofunction:: engines.plugin.{each}" for each in found) + "\n```\n"
+
+
+def claims() -> str:
+    """What the conformance suite holds of every engine."""
+    rows = [(code(claim.__name__), plain((inspect.getdoc(claim) or "").split("\n\n")[0])) for claim in CLAIMS]
+    return table(("Claim", "What must hold"), rows)
 
 
 def _is_plain(found) -> bool:
