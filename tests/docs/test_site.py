@@ -78,7 +78,7 @@ def test_the_site_needs_no_network(site):
         ("reference/scene", ("sphereflake", "tessellated_sphere", "two_sided", "degrees")),
         ("reference/names", ("path_tracer", "embreex_batch", "rr_depth", "leaf_size", "aces")),
         ("reference/columns", ("points.csv", "time_to_quality", "warm_seconds", "relmse_corrected")),
-        ("reference/api/interface", ("engines.interface.Renderer.occluded", "NDArray[float64]")),
+        ("reference/api/interface", ("occluded(", "NDArray[float64]")),
         ("reference/api/plugin", ("engines.plugin.select", "engines.plugin.cosine_direction")),
     ],
 )
