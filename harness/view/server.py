@@ -8,7 +8,7 @@ import re
 import socket
 import uuid
 import webbrowser
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -119,8 +119,7 @@ def _assets() -> dict[str, tuple[bytes, str]]:
 
 
 def serve(
-    scene: str, folder: Path, port: int = 0, engine: str = "", allow_imports: bool = False, browser: bool = True,
-    say: Callable[[str], None] = print,
+    scene: str, folder: Path, port: int = 0, engine: str = "", allow_imports: bool = False, browser: bool = True
 ) -> None:  # fmt: skip
     """Serves until interrupted. Raises `ConfigError` for a folder that is none, a scene that is not there, a port in use."""
     if not folder.is_dir():
@@ -142,7 +141,7 @@ def serve(
         timeout_graceful_shutdown=1,
     )  # fmt: skip
     address = f"http://127.0.0.1:{port}/{token}/"
-    say(f"raybench view: {address} (Ctrl-C ends it)")
+    print(f"raybench view: {address} (Ctrl-C ends it)", flush=True)
     if browser:
         webbrowser.open(address)
     with contextlib.suppress(KeyboardInterrupt):
