@@ -78,7 +78,7 @@ def _shortened(event: dict[str, Any], kept: set[str], folder: Path, out: Path) -
 
 
 def without_folders(value: Any) -> Any:
-    """The same data; in its texts `/home/me/x.yaml` is `x.yaml`."""
+    """The same data; in its texts `/folder/x.yaml` is `x.yaml`."""
     if isinstance(value, Mapping):
         return {key: without_folders(child) for key, child in value.items()}
     if isinstance(value, (list, tuple)):

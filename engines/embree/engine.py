@@ -26,7 +26,6 @@ _OPTIONS = {
 }
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
 
-
 NOT_PROMISED = {
     "ties_go_to_the_lower_index": "among faces that coincide Embree takes the first or the last, as its packets come"
 }

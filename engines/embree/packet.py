@@ -25,7 +25,7 @@ asked for one by one."""
 # RTCRayHitN: arrays of N 32-bit numbers, in this order (rtcore_ray.h), and behind them the mask of valid rays
 ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS = range(12)
 NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
-VALID, PACKET_FIELDS = 21, 24
+VALID, PACKET_FIELDS = 21, 24  # two more than there are: a single ray's record stays aligned to 16 bytes
 
 # behind the packets: RTCIntersectArguments, then a RTCRayQueryContext that ends with the block's address and a record
 ARGUMENTS = PACKET_FIELDS * LANES  # in 32-bit words: flags, features, context, filter, callback, minimal width

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,11 @@ from engines.image import write_image
 from engines.mitsuba.ply import write_ply
 
 Array = NDArray[Any]
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Each in the fewest digits that read back as the same double."""
+    return " ".join(repr(float(value)) for value in values)
 
 
 class Beside:

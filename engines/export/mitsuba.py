@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from engines.errors import Unsupported
-from engines.export.files import Beside
+from engines.export.files import Beside, numbers
 from engines.mitsuba.description import described, extent, scene_lacks, sensor
 from engines.scene.model import Scene
 
@@ -46,7 +46,7 @@ def write_mitsuba(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -
 def _write(parent: ElementTree.Element, name: str, value: Any) -> None:
     """An element for a property or an object."""
     if isinstance(value, dict) and value["type"] == "rgb":
-        ElementTree.SubElement(parent, "rgb", name=name, value=_numbers(value["value"]))
+        ElementTree.SubElement(parent, "rgb", name=name, value=numbers(value["value"]))
     elif isinstance(value, dict) and value["type"] == "ref":
         ElementTree.SubElement(parent, "ref", name=name, id=value["id"])
     elif isinstance(value, dict):
@@ -57,15 +57,11 @@ def _write(parent: ElementTree.Element, name: str, value: Any) -> None:
                 _write(element, key, inner)
     elif isinstance(value, np.ndarray):
         element = ElementTree.SubElement(parent, "transform", name=name)
-        ElementTree.SubElement(element, "matrix", value=_numbers(value.ravel()))
+        ElementTree.SubElement(element, "matrix", value=numbers(value.ravel()))
     elif isinstance(value, list):
         tag = "vector" if name == "direction" else "point"
-        ElementTree.SubElement(parent, tag, name=name, value=_numbers(value))
+        ElementTree.SubElement(parent, tag, name=name, value=numbers(value))
     else:
         tag = {bool: "boolean", int: "integer", float: "float", str: "string"}[type(value)]
         text = str(value).lower() if isinstance(value, bool) else str(value)
         ElementTree.SubElement(parent, tag, name=name, value=text)
-
-
-def _numbers(values: Any) -> str:
-    return " ".join(repr(float(value)) for value in values)

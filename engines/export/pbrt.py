@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from engines.errors import Unsupported
-from engines.export.files import Beside
+from engines.export.files import Beside, numbers
 from engines.mitsuba.description import camera_lacks, extent, material_lacks
 from engines.scene import model
 
@@ -59,13 +59,13 @@ def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     assert isinstance(camera, (model.Perspective, model.Orthographic))
     width, height = camera.resolution
     yield "Scale -1 1 1"  # pbrt's camera space is left-handed
-    yield f"LookAt {_numbers((*camera.eye, *camera.target, *camera.up))}"
+    yield f"LookAt {numbers((*camera.eye, *camera.target, *camera.up))}"
     if isinstance(camera, model.Perspective):
         yield f'Camera "perspective" "float fov" [ {_shorter_fov(camera)!r} ]'
     else:
         y = camera.height / 2.0
         x = y * width / height
-        yield f'Camera "orthographic" "float screenwindow" [ {_numbers((-x, x, -y, y))} ]'
+        yield f'Camera "orthographic" "float screenwindow" [ {numbers((-x, x, -y, y))} ]'
     name = Path(scene.source).stem or "scene"
     yield f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ] "string filename" [ "{name}.exr" ]'
     yield 'PixelFilter "box" "float xradius" [ 0.5 ] "float yradius" [ 0.5 ]'
@@ -82,9 +82,9 @@ def _shorter_fov(camera: model.Perspective) -> float:
 
 def _light(light: model.Light) -> Iterator[str]:
     if isinstance(light, model.PointLight):
-        yield f'LightSource "point" {_rgb("I", light.intensity)} "point3 from" [ {_numbers(light.position)} ]'
+        yield f'LightSource "point" {_rgb("I", light.intensity)} "point3 from" [ {numbers(light.position)} ]'
     elif isinstance(light, model.DirectionalLight):
-        ends = f'"point3 from" [ 0 0 0 ] "point3 to" [ {_numbers(light.direction)} ]'
+        ends = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.direction)} ]'
         yield f'LightSource "distant" {_rgb("L", light.irradiance)} {ends}'
     else:
         yield f'LightSource "infinite" {_rgb("L", light.radiance)}'
@@ -112,10 +112,10 @@ def _named(name: str, kind: str, parameters: str) -> str:
 def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[str]:
     if isinstance(shape, model.Plane):
         corners, faces = _square(shape, extent(scene) * PLANE_EXTENTS)
-        body = f'Shape "trianglemesh" "point3 P" [ {_numbers(corners.ravel())} ] "integer indices" [ {faces} ]'
+        body = f'Shape "trianglemesh" "point3 P" [ {numbers(corners.ravel())} ] "integer indices" [ {faces} ]'
         yield from _dressed(scene, shape.material, [body])
     elif isinstance(shape, model.Triangle):
-        corners = _numbers((*shape.a, *shape.b, *shape.c))
+        corners = numbers((*shape.a, *shape.b, *shape.c))
         body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "integer indices" [ 0 1 2 ]'
         yield from _dressed(scene, shape.material, [body])
     elif isinstance(shape, model.Mesh):
@@ -129,7 +129,7 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
             (shape.centers, shape.radii) if isinstance(shape, model.SphereSet) else ([shape.center], [shape.radius])
         )
         for center, radius in zip(centers, radii, strict=True):
-            body = [f"Translate {_numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
+            body = [f"Translate {numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
             yield from _dressed(scene, shape.material, body)
 
 
@@ -153,8 +153,4 @@ def _square(plane: model.Plane, half: float) -> tuple[Any, str]:
 
 
 def _rgb(name: str, values: Any) -> str:
-    return f'"rgb {name}" [ {_numbers(values)} ]'
-
-
-def _numbers(values: Any) -> str:
-    return " ".join(repr(float(value)) for value in values)
+    return f'"rgb {name}" [ {numbers(values)} ]'

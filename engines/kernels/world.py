@@ -74,6 +74,7 @@ class Needs(NamedTuple):
     sphere_lights: bool
     many_lights: bool
 
+
 def of_needs(kind: Any, needs: Needs) -> Any:
     """A NamedTuple `kind` of some of the fields of `needs`: code that asks for another does not compile."""
     return kind(*(getattr(needs, name) for name in kind._fields))

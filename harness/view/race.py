@@ -176,4 +176,3 @@ class RaceDesk:
 def _rays(lane: Lane) -> float | None:
     found = lane.renderer.counters().get("rays") if lane.renderer is not None else None
     return None if found is None else float(found)
-

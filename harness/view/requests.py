@@ -17,7 +17,6 @@ MOST_LANES = 4
 LONGEST = 300
 
 
-
 def _named(choice: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(choice.get("name"), str):
         raise ValueError("the key 'name' is wanted")

@@ -72,7 +72,7 @@ def test_a_fence_that_says_nothing_or_nonsense_is_refused(block):
 
 
 def test_output_is_compared_but_for_numbers_and_space():
-    printed = "engine  numba\n  error 0.0125 after 3.1e-2 s\nwritten: /tmp/a.png\n"
+    printed = "engine  numba\n  error 0.0125 after 3.1e-2 s\nwritten: out/a.png\n"
     assert missing(("error 1 after 2 s",), printed) is None
     assert missing(("engine numba", "...", "written: ...a.png"), printed) is None
     assert missing(("error is 1 after 2 s",), printed) == "error is 1 after 2 s"
