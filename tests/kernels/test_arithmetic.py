@@ -6,6 +6,7 @@ from numba import njit
 
 from engines.choices import Choice
 from engines.kernels import samplers
+from engines.kernels.jit import inline
 from engines.kernels.materials import refracted
 from engines.kernels.vector import Vec3, dot, sin_cos_turn, tangents
 
@@ -81,3 +82,15 @@ def test_tabulated_sobol_points_equal_scipys():
     theirs = qmc.Sobol(8, scramble=False, bits=32).random(64)
     ours = samplers.points(Choice("sobol", {"scramble": "none"}), 0, 64)[:, :8] / 2.0**32
     assert sorted(map(tuple, ours)) == sorted(map(tuple, theirs))
+
+
+def test_a_function_of_one_lane_can_be_called_from_python_before_and_after_compiled_code_has():
+    @inline
+    def double(x):
+        return 2 * x
+
+    @njit
+    def compiled(x):
+        return double(x)
+
+    assert (double(4), compiled(4), double(4), double(0.25), compiled(0.25), double(x=0.25)) == (8, 8, 8, 0.5, 0.5, 0.5)
