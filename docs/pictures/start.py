@@ -21,26 +21,27 @@ FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-
          "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
 
 
-def shrunk(picture: Path, target: Path) -> None:
-    """At most `WIDTH` wide and of 64 colours, which a plot is."""
+def shrunk(picture: Path, target: Path, width: int = WIDTH) -> None:
+    """At most `width` wide and of 64 colours, which a plot is."""
     image = Image.open(picture).convert("RGB")
-    if image.width > WIDTH:
-        image = image.resize((WIDTH, round(image.height * WIDTH / image.width)), Image.Resampling.LANCZOS)
+    if image.width > width:
+        image = image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
     image.quantize(64, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
-def photographed(page: Path, target: Path) -> None:
+def photographed(page: Path, target: Path, window: tuple[int, int] = SIZE, width: int = WIDTH) -> None:
+    """The top of a page, as a window of that many pixels shows it."""
     browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     if browser is None:
-        sys.exit("start.py: no Chromium is installed")
+        sys.exit("no Chromium is installed")
     with tempfile.TemporaryDirectory() as profile:
         shot = Path(profile, "shot.png")
-        size = f"--window-size={SIZE[0]},{SIZE[1]}"
+        size = f"--window-size={window[0]},{window[1]}"
         subprocess.run(
             [browser, *FLAGS, f"--user-data-dir={profile}/data", f"--screenshot={shot}", size, page.resolve().as_uri()],
             check=True, stderr=subprocess.DEVNULL,
         )  # fmt: skip
-        shrunk(shot, target)
+        shrunk(shot, target, width)
 
 
 def main(folder: Path) -> None:
