@@ -17,7 +17,7 @@ from engines.errors import ConfigError
 from harness.analysis import Analysis, analyse
 from harness.chapter import dahlquist, experiment
 from harness.chapter.document import Chapter, Section, html, latex, markdown
-from harness.plots.style import STYLE
+from harness.plots.style import FORMATS, STYLE
 from harness.results import load_results
 
 __all__ = ["write_chapter"]
@@ -36,7 +36,7 @@ def write_chapter(folders: Sequence[Path], target: Path) -> list[Path]:
     analyses = [analyse(load_results(folder)) for folder in folders]
     plots = target / "plots"
     plots.mkdir(parents=True, exist_ok=True)
-    for old in [path for suffix in ("svg", "png", "pdf") for path in plots.glob(f"*.{suffix}")]:
+    for old in [path for suffix in FORMATS for path in plots.glob(f"*.{suffix}")]:
         old.unlink()
     with matplotlib.rc_context(cast(Any, STYLE)):
         chapter = Chapter(TITLE, [_section(analysis, plots) for analysis in analyses])

@@ -17,6 +17,7 @@ from harness.plots.curves import error_label
 from harness.plots.style import (
     ENGINE_COLOURS,
     FAINT,
+    FORMATS,
     INK,
     LINES,
     MARKERS,
@@ -47,8 +48,8 @@ def part(drawn: Plot | None) -> list[FigurePart]:
 
 
 def finished(figure: Figure, plots: Path, name: str, title: str, description: str) -> Plot:
-    """Saves a figure as svg, png and pdf."""
-    return Plot(name, title, description, save(figure, plots, name))
+    """Saves a figure in all formats: the chapter's texts show png, pdf and svg."""
+    return Plot(name, title, description, save(figure, plots, name, FORMATS))
 
 
 def speeds(found: Sequence[Family], plots: Path) -> Plot | None:

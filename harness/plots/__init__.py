@@ -18,7 +18,7 @@ from harness.plots.builds import build_against_traverse
 from harness.plots.curves import error_curves, pareto, target_ecdf
 from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import Panel, panels
-from harness.plots.style import STYLE, Palette, Plot, Sketch, file_stem, save
+from harness.plots.style import FORMATS, STYLE, Palette, Plot, Sketch, file_stem, save
 
 __all__ = ["Palette", "Plot", "draw", "draw_stability", "write_plots"]
 
@@ -38,7 +38,7 @@ def write_plots(analysis: Analysis, folder: Path) -> list[Plot]:
 
     target = folder / "plots"
     target.mkdir(exist_ok=True)
-    for old in [path for suffix in ("svg", "png", "pdf") for path in target.glob(f"*.{suffix}")]:
+    for old in [path for suffix in FORMATS for path in target.glob(f"*.{suffix}")]:
         old.unlink()
     if len(_sketches(analysis)) < WORTH_A_SECOND_PROCESS or len(usable_cores()) < 2:
         drawn = draw(analysis, target)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from engines.errors import ConfigError
 from harness.results import Contender, Results
 
 INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
@@ -38,6 +40,7 @@ STYLE: dict[str, Any] = {
     "axes.axisbelow": True, "lines.linewidth": 1.4, "lines.markersize": 4.5, "savefig.dpi": 160,
     "axes.titlelocation": "left", "axes.formatter.useoffset": False, "font.family": ["DejaVu Sans", "sans-serif"],
 }  # fmt: skip
+FORMATS = ("svg", "png", "pdf")
 NO_DATES: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": "raybench"}, "png": {"Software": "raybench"},
     "pdf": {"CreationDate": None, "Creator": "raybench", "Producer": "raybench"},
@@ -143,11 +146,23 @@ def small_multiples(count: int, width: float, height: float, sharey: bool = True
     return figure, list(grid[:count])
 
 
-def save(figure: Figure, folder: Path, name: str) -> str:
-    """Writes svg, png and pdf and returns the svg text."""
+def formats() -> tuple[str, ...]:
+    """Those of `$RAYBENCH_PLOTS`, for whom drawing takes too long: `svg,png`, say. By default all. The report needs svg.
+
+    Raises ConfigError for what is no format.
+    """
+    asked = [name.strip() for name in os.environ.get("RAYBENCH_PLOTS", ",".join(FORMATS)).split(",")]
+    for name in asked:
+        if name not in FORMATS:
+            raise ConfigError(f"$RAYBENCH_PLOTS: {name!r} is no format of a plot; wanted: any of {', '.join(FORMATS)}")
+    return tuple(name for name in FORMATS if name in ("svg", *asked))
+
+
+def save(figure: Figure, folder: Path, name: str, suffixes: Sequence[str] = ()) -> str:
+    """Writes the figure as svg and in the other `suffixes`, else in `formats()`, and returns the svg text."""
     figure.draw_without_rendering()
     figure.set_layout_engine(None)  # the layout is found; with any engine each format would be drawn twice
-    for suffix in ("png", "pdf"):
+    for suffix in set(suffixes or formats()) - {"svg"}:
         figure.savefig(folder / f"{name}.{suffix}", metadata=NO_DATES[suffix])
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=NO_DATES["svg"], transparent=True)

@@ -2,18 +2,20 @@
 
 import json
 import shutil
+from contextlib import contextmanager
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.plots import Palette, draw, write_plots
 from harness.plots.beside import Beside
 from harness.plots.curves import band, error_curves
 from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import facets, panels
-from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem, log_scales, new_figure
+from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem, formats, log_scales, new_figure, save
 from harness.results import load_results, results_of
 from tests.harness.synthetic import SMALL, done_cell
 
@@ -30,11 +32,19 @@ def analysis(reported, tmp_path_factory):
     return analyse(load_results(shutil.copytree(reported, tmp_path_factory.mktemp("bare") / "copy", ignore=derived)))
 
 
+@contextmanager
+def all_formats():
+    with pytest.MonkeyPatch.context() as environment:
+        environment.delenv("RAYBENCH_PLOTS")
+        yield
+
+
 @pytest.fixture(scope="module")
 def plots(analysis, folder):
     (folder / "plots").mkdir()
     (folder / "plots" / "stale.svg").write_text("old")
-    return write_plots(analysis, folder)
+    with all_formats():
+        return write_plots(analysis, folder)
 
 
 def test_every_plot_comes_as_svg_png_and_pdf(plots, folder):
@@ -51,19 +61,34 @@ def test_every_plot_comes_as_svg_png_and_pdf(plots, folder):
 
 def test_plots_are_the_same_at_every_run_and_older_ones_are_removed(plots, folder, reported):
     ours, theirs = (
-        {path.name: path.read_bytes() for path in (place / "plots").iterdir()} for place in (folder, reported)
+        {path.name: path.read_bytes() for path in (place / "plots").glob("*.svg")} for place in (folder, reported)
     )
     assert ours == theirs
 
 
 def test_who_draws_makes_no_difference(plots, analysis, folder, tmp_path):
-    alone = draw(analysis, tmp_path, 1, 8)
+    with all_formats():
+        alone = draw(analysis, tmp_path, 1, 8)
     with Beside(analysis, tmp_path / "nowhere", 1, 8) as failing:
-        failing._share = (analysis, tmp_path, 1, 8)
+        failing._share = (analysis, tmp_path / "again", 1, 8)
+        (tmp_path / "again").mkdir()
         assert failing.drawn() == alone, "a second process that fails is replaced"
     assert {plot.name: plot for plot in plots}.items() >= {plot.name: plot for plot in alone.values()}.items()
-    for path in tmp_path.iterdir():
+    for path in tmp_path.glob("*.*"):
         assert path.read_bytes() == (folder / "plots" / path.name).read_bytes()
+
+
+@pytest.mark.parametrize(("asked", "written"), [("svg", ["svg"]), ("pdf", ["pdf", "svg"]), ("png, svg", ["png", "svg"])])
+def test_formats_that_nobody_wants_are_not_written(monkeypatch, tmp_path, asked, written):
+    monkeypatch.setenv("RAYBENCH_PLOTS", asked)
+    save(new_figure(), tmp_path, "empty")
+    assert sorted(path.suffix[1:] for path in tmp_path.iterdir()) == written
+
+
+def test_a_format_that_is_none_is_named(monkeypatch):
+    monkeypatch.setenv("RAYBENCH_PLOTS", "svg,gif")
+    with pytest.raises(ConfigError, match=r"RAYBENCH_PLOTS: 'gif' .* wanted: any of svg, png, pdf"):
+        formats()
 
 
 def test_every_plot_says_what_it_shows(plots):

@@ -71,8 +71,10 @@ def rays(shapes):
     return (np.concatenate(part) for part in zip(*parts, strict=True))
 
 
-@pytest.mark.parametrize("leaf_size", [1, 4])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    ("name", "leaf_size"),
+    [(name, size) for name in SCENES for size in (1, 4) if (name, size) != ("ten thousand duplicates", 1)],  # 20 s
+)
 def test_the_tree_finds_the_same_hits_bit_for_bit(name, leaf_size):  # A1, T11, T12, T13
     shapes = SCENES[name]
     origins, directions = rays(shapes)
