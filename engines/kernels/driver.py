@@ -35,7 +35,7 @@ from engines.kernels.jit import (
 from engines.kernels.vector import Vec3, select3
 
 # places in the array of stage addresses
-DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED = range(8)
+DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE = range(9)
 # places in the control array that threads share
 STOP, NEXT_TILE = 0, 1
 EVERY_LANE = (1 << LANES) - 1
@@ -340,7 +340,7 @@ def tracer(real: Any) -> Any:
                     at.put3(lanes, at.DIRECTION, lane, Vec3(real(d.x), real(d.y), real(d.z)))
                     put(lanes, at.T, lane, real(far))
             call_stage(stages[CLOSEST], block, world)
-            call_stage(stages[SURFACE], block, world)
+            call_stage(stages[BARE_SURFACE], block, world)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:

@@ -11,10 +11,11 @@ from __future__ import annotations
 import gc
 import hashlib
 import os
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ LANES = 16
 
 # The default error model puts an early exit into every loop with a division, and then nothing vectorises.
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+
+KEPT_DAYS = 30
 
 compile_seconds = 0.0
 """Seconds this process has spent compiling or loading kernels and stages; what two threads wait for at once counts once."""
@@ -79,6 +82,17 @@ def cache_folder() -> Path:
     return Path(root) / f"kernels-{source_hash()}"
 
 
+@cache
+def _keep_house() -> None:
+    """Notes that the folder is in use, and removes those of other versions that nobody has used for `KEPT_DAYS`."""
+    folder = cache_folder()
+    with suppress(OSError):  # read-only, or another process was first
+        os.utime(folder)
+        for other in folder.parent.glob("kernels-*"):
+            if time.time() - other.stat().st_mtime > KEPT_DAYS * 86_400:
+                shutil.rmtree(other, ignore_errors=True)
+
+
 class _Locator(caching._CacheLocator):
     """Puts cached code into `cache_folder`, stamped with the hash of all sources instead of one file's date."""
 
@@ -100,6 +114,7 @@ class _Locator(caching._CacheLocator):
         locator = cls(function, source)
         try:
             locator.ensure_cache_path()
+            _keep_house()
         except OSError:
             return None
         return locator

@@ -131,7 +131,7 @@ class Renderer:
         self._world.bind(FIRST_SAMPLE, first)
 
     def _stages(self) -> NDArray[np.int64]:
-        """Addresses of the eight stages, compiled or loaded the first time they are asked for."""
+        """Addresses of the stages, compiled or loaded the first time they are asked for; that of `trace` alone by `_trace`."""
         if self._addresses is not None:
             return self._addresses
         start = time.perf_counter()
@@ -157,7 +157,7 @@ class Renderer:
             occluded,
         ]
         self._kept = order  # machine code lives as long as its stage
-        self._addresses = np.array([stage.address for stage in order], np.int64)
+        self._addresses = np.array([*(stage.address for stage in order), 0], np.int64)
         self._compile_seconds += time.perf_counter() - start
         return self._addresses
 
@@ -283,6 +283,10 @@ class Renderer:
         n = len(o)
         t, shape, primitive, normal = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
         hits = t, shape, primitive, normal, np.empty(n), np.empty(n)
+        stages = self._stages()
+        if not stages[driver.BARE_SURFACE]:
+            self._kept.append(surface.bare_stage(self._world.needs, self._real))
+            stages[driver.BARE_SURFACE] = self._kept[-1].address
         self._share(driver.tracer(self._real), n, o, d, reach, (self._world.first_rank, *hits))
         return Hits(*hits)
 

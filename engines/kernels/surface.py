@@ -65,7 +65,7 @@ OFFSET_ULPS = 256.0
 
 
 class Seen(NamedTuple):
-    """What of a scene's needs the stage is compiled for."""
+    """What of a scene's needs the stage is compiled for; `trace` asks for the shapes alone."""
 
     triangles: bool
     spheres: bool
@@ -166,8 +166,11 @@ def _fetch_hit(lanes, wide_lanes, world, needs, real):
         rank, held = get_int(lanes, at.RANK, lane), get_int(lanes, at.HELD, lane)
         rank = held if held >= 0 else rank
         put_int(lanes, at.RANK, lane, rank)
-        row = (np.int64(0) if rank < 0 else np.int64(rank)) * PRIMITIVE_INTS
-        kind, index = fetch(primitives, row), np.int64(fetch(primitives, row + 1))
+        rank = np.int64(0) if rank < 0 else np.int64(rank)
+        row = rank * PRIMITIVE_INTS
+        kind, index = np.int32(TRIANGLE), rank  # as it is where there are triangles alone: one cache miss less
+        if needs.spheres or needs.planes:
+            kind, index = fetch(primitives, row), np.int64(fetch(primitives, row + 1))
         put_int(lanes, at.KIND, lane, kind)
         if needs.triangles:
             _fetch_triangle(lanes, lane, world, index if kind == TRIANGLE else np.int64(0), needs.smooth, real)
@@ -353,6 +356,12 @@ def _image_sky(lanes, world, n_lights, real):
 def stage(needs: Needs, real: Any) -> Any:
     """The surface stage for a scene that holds `needs`."""
     return _stage(of_needs(Seen, needs), real)
+
+
+def bare_stage(needs: Needs, real: Any) -> Any:
+    """The same without materials and lights: where a ray met which shape, and the geometric normal there."""
+    nothing = of_needs(Seen, needs)._asdict().fromkeys(Seen._fields, False)
+    return _stage(Seen(**{**nothing, "triangles": needs.triangles, "spheres": needs.spheres, "planes": needs.planes}), real)
 
 
 @cache

@@ -1,5 +1,6 @@
 """What the jitted engines promise beyond the conformance claims: plugins, caches, stopping, changing scenes."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -10,6 +11,7 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
+from engines.kernels.jit import cache_folder
 from engines.plugin import Camera, Sampler, Shader, Vec3, const, finish, inline, select3
 
 JITTED = ["numba", "embree"]
@@ -144,6 +146,17 @@ def test_built_in_combinations_come_from_the_disk_cache_in_a_second_process():
 
     run()  # compiles what no other test has yet
     assert set(run()) == {"1"}
+
+
+def test_machine_code_of_versions_that_nobody_has_used_for_a_month_is_removed(tmp_path):
+    for name, days in (("kernels-old", 31), ("kernels-young", 29), ("other-old", 31)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "code.nbc").write_bytes(b"0")
+        then = time.time() - days * 86_400
+        os.utime(tmp_path / name, (then, then))
+    code = "import engines; engines.engine('numba')"
+    subprocess.run([sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, check=True)
+    assert {path.name for path in tmp_path.iterdir()} - {cache_folder().name} == {"kernels-young", "other-old"}
 
 
 def test_samples_that_are_not_finite_are_black_and_counted():
