@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit  # Student's quantiles; scipy.stats takes a second to import
 
 from harness.statistics.intervals import LEVEL, NOTHING, Estimate, mean_interval
 
@@ -58,7 +58,7 @@ def unpaired_ratio(before: Sequence[float], after: Sequence[float], level: float
     se = math.sqrt(share_a + share_b)
     difference = float(b.mean() - a.mean())
     freedom = se**4 / (share_a**2 / (a.size - 1) + share_b**2 / (b.size - 1)) if se > 0 else 1.0
-    half = float(stats.t.ppf((1 + level) / 2, freedom)) * se
+    half = float(stdtrit(freedom, (1 + level) / 2)) * se
     return Estimate(_exp(difference), _exp(difference - half), _exp(difference + half), n)
 
 
@@ -71,7 +71,7 @@ def noise_floor(first: Mapping[int, float], second: Mapping[int, float], level: 
     logs = logs[np.isfinite(logs)]
     if logs.size < 2:
         return math.nan
-    half = stats.t.ppf((1 + level) / 2, logs.size - 1) * logs.std(ddof=1) / math.sqrt(logs.size)
+    half = stdtrit(logs.size - 1, (1 + level) / 2) * logs.std(ddof=1) / math.sqrt(logs.size)
     return float(abs(logs.mean()) + half)
 
 

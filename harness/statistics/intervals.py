@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import stdtrit  # Student's quantiles; scipy.stats takes a second to import
 
 LEVEL = 0.95
 RESAMPLES = 2000
@@ -52,7 +52,7 @@ def mean_interval(values: Sequence[float] | NDArray[np.float64], level: float = 
     mean = float(known.mean())
     if known.size == 1:
         return Estimate(mean, math.nan, math.nan, 1)
-    half = stats.t.ppf((1 + level) / 2, known.size - 1) * known.std(ddof=1) / math.sqrt(known.size)
+    half = stdtrit(known.size - 1, (1 + level) / 2) * known.std(ddof=1) / math.sqrt(known.size)
     return Estimate(mean, float(mean - half), float(mean + half), int(known.size))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from harness.statistics.equivalence import equivalence, tile_means, welch_p
+from harness.statistics.equivalence import equivalence, tile_means, too_small_p, welch_p
 
 SHAPE = (40, 44, 3)
 TRUTH = np.random.default_rng(0).uniform(0.2, 1.5, SHAPE)
@@ -138,3 +138,10 @@ def test_tiles_average_their_pixels():
 def test_shapes_and_counts_are_checked():
     with pytest.raises(ValueError, match="two or more"):
         equivalence(TRUTH[None], TRUTH[None])
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0])
+def test_the_distribution_of_p_values_is_tested_as_scipy_tests_it(power):
+    found = np.random.default_rng(4).random((5, 9, 3)) ** power
+    expected = stats.kstest(found.ravel(), "uniform", alternative="greater").pvalue
+    assert too_small_p(found) == pytest.approx(expected, rel=1e-9)
