@@ -210,4 +210,14 @@ def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contenders
         if label.startswith(("noise of", "surely beaten")):
             handles.append(handle)
             labels.append(label)
-    figure.legend(handles, labels, loc="outside lower center", ncols=6)
+    figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels, 72 * figure.get_figwidth()))
+
+
+def _columns(labels: list[str], width: float) -> int:
+    """How many columns of a legend, at most six, fit into `width` points: letters take some 4.6 of them, a handle 40."""
+    for count in range(6, 1, -1):
+        rows = math.ceil(len(labels) / count)
+        columns = [labels[first : first + rows] for first in range(0, len(labels), rows)]
+        if sum(40 + 4.6 * max(map(len, column)) for column in columns) <= width:
+            return count
+    return 1

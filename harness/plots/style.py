@@ -119,9 +119,15 @@ class Palette:
                 look: dict[str, Any] = examples[value].line_style() | {"markeredgecolor": INK} | fixed
                 if look["markerfacecolor"] != "white" or axis != "precision":
                     look["markerfacecolor"] = INK
-                label = f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else str(value)
+                label = f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else _short(value, examples)
                 entries.append(Line2D([], [], **look, label=label))
         return entries
+
+
+def _short(value: str, among: Iterable[str]) -> str:
+    """A choice by its name alone, without its options, where no other has that name."""
+    name = value.partition("(")[0]
+    return name if [other.partition("(")[0] for other in among].count(name) == 1 else value
 
 
 def engine_colours(names: Iterable[str]) -> dict[str, str]:
