@@ -6,4 +6,4 @@ Needs Chromium and `raybench report results/baseline`.
 from start import ROOT, photographed
 
 if __name__ == "__main__":
-    photographed(ROOT / "results/baseline/report.html", ROOT / "docs/pictures/report.png", (1280, 1150), 1280)
+    photographed(ROOT / "results/baseline/report.html", ROOT / "docs/pictures/report.png", (1280, 600), 1280)
