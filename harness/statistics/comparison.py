@@ -36,7 +36,9 @@ def paired_speedup(baseline: Mapping[int, float], other: Mapping[int, float], fl
         return Speedup(math.nan, math.nan, math.nan, 0, "unknown")
     logs = np.array([_log_ratio(baseline[b], other[b]) for b in blocks])
     if np.isinf(logs).any():
-        value, low, high = float(np.median(logs)), float(logs.min()), float(logs.max())
+        ordered = sorted(map(float, logs))
+        low, high = ordered[0], ordered[-1]
+        value = (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2  # NaN between -inf and inf
         enough = logs.size >= 5
     else:
         value, low, high, _ = mean_interval(logs, level)

@@ -240,6 +240,11 @@ def test_censored_pairs_need_five_that_agree():
     assert paired_speedup(never, never).pairs == 0
 
 
+def test_pairs_censored_on_either_side_have_a_ratio_that_nobody_knows():
+    speedup = paired_speedup({0: math.inf, 1: 1.0}, {0: 1.0, 1: math.inf})
+    assert math.isnan(speedup.ratio) and (speedup.low, speedup.high, speedup.verdict) == (0.0, math.inf, "unknown")
+
+
 # Threads
 
 
