@@ -1,4 +1,4 @@
-"""How kernels are compiled: options in one place, the disk cache, stages by address, and memory with known aliasing.
+"""How kernels are compiled: options in one place, stages by address, and memory with known aliasing.
 
 A *stage* is a C function `void(block, world)` of two addresses, made by a factory that closes over plain values only (a
 scalar type, ints, bools). Such a stage is cached on disk and loaded by the next process; one that closes over another
@@ -9,24 +9,20 @@ rather than multiply.
 from __future__ import annotations
 
 import gc
-import hashlib
-import os
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numba
 from llvmlite import ir
 from numba import types
-from numba.core import caching
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic
 
+from engines.kernels.code_cache import cached
 from engines.kernels.simd_types import Mask, Simd, call_vector, spread
 
 LANES = 16
@@ -34,8 +30,6 @@ LANES = 16
 
 # The default error model puts an early exit into every loop with a division, and then nothing vectorises.
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-
-KEPT_DAYS = 30
 
 compile_seconds = 0.0
 """Seconds this process has spent compiling or loading kernels and stages; what two threads wait for at once counts once."""
@@ -62,83 +56,10 @@ def _timed_compilation() -> Iterator[None]:
                     gc.enable()
 
 
-@cache
-def source_hash() -> str:
-    """Hash of the sources that become machine code: those that name numba or the kernels. Numba's own cache does not
-    notice a change in a callee of another file."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(Path(__file__).parent.parent.rglob("*.py")):
-        source = path.read_bytes()
-        if b"numba" in source or b"engines.kernels" in source:
-            digest.update(path.name.encode() + source)
-    return digest.hexdigest()[:16]
-
-
-def cache_folder() -> Path:
-    """Where machine code is kept: $NUMBA_CACHE_DIR, else the user's cache folder; one folder per version of the sources."""
-    root = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "raybench"
-    )
-    return Path(root) / f"kernels-{source_hash()}"
-
-
-@cache
-def _keep_house() -> None:
-    """Notes that the folder is in use, and removes those of other versions that nobody has used for `KEPT_DAYS`."""
-    folder = cache_folder()
-    with suppress(OSError):  # read-only, or another process was first
-        os.utime(folder)
-        for other in folder.parent.glob("kernels-*"):
-            if time.time() - other.stat().st_mtime > KEPT_DAYS * 86_400:
-                shutil.rmtree(other, ignore_errors=True)
-
-
-class _Locator(caching._CacheLocator):
-    """Puts cached code into `cache_folder`, stamped with the hash of all sources instead of one file's date."""
-
-    def __init__(self, function: Any, source: str) -> None:
-        self._line = function.__code__.co_firstlineno
-        self._source = source
-
-    def get_cache_path(self) -> str:
-        return str(cache_folder())
-
-    def get_source_stamp(self) -> str:
-        return source_hash()
-
-    def get_disambiguator(self) -> str:
-        return f"{Path(self._source).stem}{self._line}"
-
-    @classmethod
-    def from_function(cls, function: Any, source: str) -> Any:
-        locator = cls(function, source)
-        try:
-            locator.ensure_cache_path()
-            _keep_house()
-        except OSError:
-            return None
-        return locator
-
-
-class _Impl(caching.CompileResultCacheImpl):
-    _locator_classes = [_Locator]  # noqa: RUF012
-
-
-class _Cache(caching.FunctionCache):
-    _impl_class = _Impl
-
-
-def _cached(function: Any) -> Any:
-    try:
-        return _Cache(function)
-    except RuntimeError:  # no folder can be written: compile every time
-        return caching.NullCache()
-
-
 def kernel(function: Callable[..., Any]) -> Any:
     """A jitted function that Python calls: releases the GIL, kept on disk."""
     dispatcher = numba.njit(nogil=True, **OPTIONS)(function)
-    dispatcher._cache = _cached(function)
+    dispatcher._cache = cached(function)
     compile_for = dispatcher._compile_for_args
 
     def timed(*arguments: Any, **named: Any) -> Any:
@@ -182,7 +103,7 @@ def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool
     """Compiles a C function of the given numba signature."""
     compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))
     if on_disk:
-        compiled._cache = _cached(function)
+        compiled._cache = cached(function)
     with _timed_compilation():
         compiled.compile()
     return compiled

@@ -90,9 +90,8 @@ class Renderer:
     # ---- preparation -------------------------------------------------------------------------------------------------
 
     def _build(self) -> None:
-        start = time.perf_counter()
+        start, compiled = time.perf_counter(), jit.compile_seconds
         self._world = flatten(self._scene, self._real, self._tracing)
-        compiled = jit.compile_seconds
         self._accelerator.build(self._world, self.settings.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled

@@ -76,7 +76,7 @@ def _speed_table(name: str, title: str, note: str, analysis: Analysis, found: li
 def _build_table(found: list[Family]) -> Table:
     table = Table(
         "builds", "Time to build an accelerator",
-        "Milliseconds in a process that has built none before, so that a compiled builder is loaded within them; "
+        "Milliseconds of the first build of a process, the loading of compiled code left out; "
         "median over blocks with a 95 % interval.",
         [HEADINGS["scene"], Column("primitives", "Primitives of the scene.", "count"),
          *value_columns(found, "Milliseconds to build {}.")],

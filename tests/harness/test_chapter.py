@@ -45,7 +45,7 @@ def cell(
 @pytest.fixture
 def undrawn(monkeypatch):
     """Spares the drawing, which takes most of the time, where only words are looked at."""
-    monkeypatch.setattr(figures, "save", lambda figure, plots, name: "<svg></svg>")
+    monkeypatch.setattr(figures, "save", lambda figure, plots, name, formats: "<svg></svg>")
 
 
 def folder_of(path, cells):

@@ -21,7 +21,7 @@ NAMES = (("dahlquist", "area_hierarchy"), ("numba", "bvh"), ("embree", "embree")
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch):
     """Spares the drawing, which takes most of the time."""
-    monkeypatch.setattr(figures, "save", lambda figure, plots, name: "<svg></svg>")
+    monkeypatch.setattr(figures, "save", lambda figure, plots, name, formats: "<svg></svg>")
 
 
 @pytest.fixture(scope="module")

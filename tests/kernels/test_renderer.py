@@ -11,7 +11,7 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
-from engines.kernels.jit import cache_folder
+from engines.kernels.code_cache import cache_folder
 from engines.plugin import Camera, Sampler, Shader, Vec3, const, finish, inline, select3
 
 JITTED = ["numba", "embree"]
