@@ -252,6 +252,8 @@ def test_a_pixel_tells_value_variance_and_error(page, tmp_path):
     page.wait_for("raybench.probe.x === 24 && raybench.probe.y === 18")
     page.named_key("ArrowRight")
     page.wait_for("raybench.probe.x === 25")
+    page.click("#restart")  # what was told of is no more
+    page.wait_for("document.getElementById('probe').textContent.startsWith('Point')")
 
 
 def test_images_are_saved_and_open_again(page, tmp_path):

@@ -82,6 +82,10 @@ function state(header) {
   byId("start").textContent = header.state === "stopped" && page.opened ? "Go on" : "Start";
   if (header.memory_bytes === undefined) return;
   const done = header.spp ?? 0;
+  if (page.probe && done < page.probe.spp) { // of an image that is no more
+    page.probe = null;
+    byId("probe").textContent = UNPROBED;
+  }
   byId("spp").textContent = header.spp === undefined ? "–" : `${done} of ${header.wanted}`;
   byId("progress").value = header.wanted ? done / header.wanted : 0;
   byId("seconds").textContent = duration(header.seconds);
@@ -91,6 +95,8 @@ function state(header) {
   byId("compile").textContent = duration(header.compile_seconds);
   byId("memory").textContent = count(header.memory_bytes, "B");
 }
+
+const UNPROBED = byId("probe").textContent;
 
 function probe(header) {
   page.probe = header;
