@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,11 +48,15 @@ def verify(asked: Asked) -> int:
     folder = asked.out or Path("results") / "verify"
     _make(folder)
     parts = workers.parts(_engines(asked, stderr), asked.quick, cases)
+    done: dict[int, workers.Done] = {}
     try:
-        found = _examined(parts, asked.jobs or min(len(usable_cores()), MOST_JOBS), stderr)
+        _examine(parts, asked.jobs or min(len(usable_cores()), MOST_JOBS), stderr, done)
     except KeyboardInterrupt:
-        stderr.print("\nInterrupted: nothing is written.")
+        aside = folder / "interrupted"  # earlier results that are whole stay
+        output.write(_in_order(done), aside, asked.quick)
+        stderr.print(f"\nInterrupted after {len(done)} of {len(parts)} parts. What they found is in {aside}.", soft_wrap=True)
         return 130
+    found = _in_order(done)
     output.show(found, stdout)
     output.write(found, folder, asked.quick)
     stdout.print(f"Written: {folder / 'verify.html'} (and .json, .csv, .tex)", soft_wrap=True)
@@ -88,9 +92,8 @@ def _engines(asked: Asked, stderr: Console) -> list[str]:
     return list(OURS)
 
 
-def _examined(parts: Sequence[workers.Part], jobs: int, stderr: Console) -> list[Finding]:
-    """All findings in the order of the parts; on stderr a line a part, or on a terminal how far it is."""
-    done: dict[int, workers.Done] = {}
+def _examine(parts: Sequence[workers.Part], jobs: int, stderr: Console, done: dict[int, workers.Done]) -> None:
+    """Fills `done`, parts by their numbers; on stderr a line a part, or on a terminal how far it is."""
     with stderr.status(f"verify: {len(parts)} parts, {jobs} at a time") as status:
         for each in workers.run(parts, jobs):
             done[each.number] = each
@@ -100,4 +103,7 @@ def _examined(parts: Sequence[workers.Part], jobs: int, stderr: Console) -> list
             status.update(words)
             if not stderr.is_terminal or told[BROKEN]:
                 stderr.print(words, markup=False, highlight=False, soft_wrap=True)
+
+
+def _in_order(done: Mapping[int, workers.Done]) -> list[Finding]:
     return [finding for number in sorted(done) for finding in done[number].findings]

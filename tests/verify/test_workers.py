@@ -1,5 +1,6 @@
 """The battery in processes: the same findings in the same order, a crash is a finding, nothing is left behind."""
 
+import json
 import multiprocessing
 from dataclasses import replace
 
@@ -50,3 +51,21 @@ def test_whoever_stops_listening_leaves_no_process_behind():
 def test_what_cannot_be_asked_is_refused_before_anything_runs(arguments, error, said):
     refused = CliRunner().invoke(app, ["verify", *arguments])
     assert isinstance(refused.exception, error) and said in str(refused.exception)
+
+
+def test_what_was_found_before_an_interrupt_is_kept_beside_earlier_results(tmp_path, monkeypatch):
+    run = workers.run
+
+    def interrupted(parts, jobs):
+        for done in run(parts, jobs):
+            yield done
+            raise KeyboardInterrupt
+
+    (tmp_path / "verify.json").write_text("earlier")
+    monkeypatch.setattr(workers, "run", interrupted)
+    asked = ["verify", "--engine", "numpy", "--quick", "--case", "S1", "--case", "T1", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, asked)
+    assert result.exit_code == 130 and "Interrupted after 1 of 2 parts" in result.output
+    assert (tmp_path / "verify.json").read_text() == "earlier"
+    kept = json.loads((tmp_path / "interrupted" / "verify.json").read_text())
+    assert {finding["case"] for finding in kept["findings"]} in ({"S1"}, {"T1"})
