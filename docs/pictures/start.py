@@ -22,11 +22,11 @@ FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-
 
 
 def shrunk(picture: Path, target: Path, width: int = WIDTH) -> None:
-    """At most `width` wide and of 64 colours, which a plot is."""
+    """At most `width` wide and of 256 colours, which a plot is."""
     image = Image.open(picture).convert("RGB")
     if image.width > width:
         image = image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
-    image.quantize(64, dither=Image.Dither.NONE).save(target, optimize=True)
+    image.quantize(256, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 def photographed(page: Path, target: Path, window: tuple[int, int] = SIZE, width: int = WIDTH) -> None:
