@@ -1,10 +1,12 @@
 """Plots: all are drawn, the same at every run, one colour an engine, readable with many curves, never in the way."""
 
+import dataclasses
 import json
 import shutil
 from contextlib import contextmanager
 from xml.etree import ElementTree
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -12,10 +14,10 @@ from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.plots import Palette, draw, write_plots
 from harness.plots.beside import Beside
-from harness.plots.curves import band, error_curves
+from harness.plots.curves import band, error_curves, pareto
 from harness.plots.growth import cost_over_pixels, cost_over_primitives
 from harness.plots.panels import facets, panels
-from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, file_stem, formats, log_scales, new_figure, save
+from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, STYLE, file_stem, formats, log_scales, new_figure, save
 from harness.results import load_results, results_of
 from tests.harness.synthetic import SMALL, done_cell
 
@@ -124,6 +126,17 @@ def test_many_curves_are_split_into_facets_that_hold_each_once(analysis):
     parts = facets(verdicts)
     assert len(parts) == 3 and sum(len(part.verdicts) for part in parts) == len(verdicts)
     assert len(facets(verdicts[:10])) == 1
+
+
+@pytest.mark.parametrize("draws", [pareto, lambda *those: error_curves(*those, "spp")], ids=["pareto", "curves"])
+def test_a_legend_of_looks_fits_its_figure(analysis, draws):
+    panel = panels(analysis)[0]
+    with matplotlib.rc_context(STYLE):
+        figure = draws(analysis, dataclasses.replace(panel, verdicts=panel.verdicts * 2), Palette(analysis.results))
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        box = legend.get_window_extent()
+    assert box.x0 >= 0 and box.x1 <= figure.bbox.width
 
 
 def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
