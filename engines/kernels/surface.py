@@ -360,8 +360,8 @@ def stage(needs: Needs, real: Any) -> Any:
 
 def bare_stage(needs: Needs, real: Any) -> Any:
     """The same without materials and lights: where a ray met which shape, and the geometric normal there."""
-    nothing = of_needs(Seen, needs)._asdict().fromkeys(Seen._fields, False)
-    return _stage(Seen(**{**nothing, "triangles": needs.triangles, "spheres": needs.spheres, "planes": needs.planes}), real)
+    shapes = ("triangles", "spheres", "planes")
+    return _stage(Seen(*(name in shapes and getattr(needs, name) for name in Seen._fields)), real)
 
 
 @cache

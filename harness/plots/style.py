@@ -168,7 +168,7 @@ def save(figure: Figure, folder: Path, name: str, suffixes: Sequence[str] = ()) 
     """Writes the figure as svg and in the other `suffixes`, else in `formats()`, and returns the svg text."""
     figure.draw_without_rendering()
     figure.set_layout_engine(None)  # the layout is found; with any engine each format would be drawn twice
-    for suffix in set(suffixes or formats()) - {"svg"}:
+    for suffix in (each for each in suffixes or formats() if each != "svg"):
         figure.savefig(folder / f"{name}.{suffix}", metadata=NO_DATES[suffix])
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=NO_DATES["svg"], transparent=True)
