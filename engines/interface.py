@@ -72,7 +72,13 @@ class Hits:
 
 @runtime_checkable
 class Renderer(Protocol):
-    """One scene with one set of settings, ready to render."""
+    """One scene with one set of settings, ready to render.
+
+    Calls may come from any thread. One `render`, `warm_up` or `update` runs at a time: another one raises RuntimeError, at
+    once and without effect, also from `on_pass`. `trace` and `occluded` may be called at any time and answer as they do
+    alone; they may wait for a pass or an update to end, or raise RuntimeError. In a forked process every call works, or
+    raises RuntimeError. `engines.concurrency.CallGuard` keeps these rules for a renderer.
+    """
 
     @property
     def film(self) -> Film:
@@ -95,19 +101,29 @@ class Renderer(Protocol):
         ...
 
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
-        """Changes the camera or the shapes, refits or rebuilds the accelerator, and restarts the film."""
+        """Changes the camera or the shapes, refits or rebuilds the accelerator, and restarts the film.
+
+        The film then has the size that `Settings.size` gives with the new camera: that of the settings, else the camera's
+        resolution. Raises `Unsupported` where the engine lacks the change; the renderer is then as it was.
+        """
         ...
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
-        """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""
+        """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss. Raises `Unsupported`
+        where the engine traces no single rays."""
         ...
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
-        """(n,) bool: whether anything lies in (0, t_max)."""
+        """(n,) bool: whether anything lies in (0, t_max). Raises `Unsupported` where the engine traces no single rays."""
         ...
 
     def counters(self) -> Mapping[str, float]:
-        """At least: rays, build_seconds, compile_seconds, accelerator_bytes, bad_samples."""
+        """At least: build_seconds, compile_seconds, accelerator_bytes, bad_samples.
+
+        And `rays`, from an engine that counts them: all rays that `render`, `trace` and `occluded` have traced, camera
+        rays, scattered rays and shadow rays, each once. Rays that can hit nothing (not finite, zero, t_max not above 0)
+        and those of `warm_up` do not count. An engine that cannot count all of them has no `rays`.
+        """
         ...
 
 
@@ -119,11 +135,15 @@ class Engine(Protocol):
     version: str
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        """None where `prepare` would work, else one sentence that says what is lacking."""
+        """None where `prepare` would work, else one sentence that says what this engine lacks for the scene.
+
+        Raises `UnknownName` and `ConfigError` where `prepare` does, for settings that are wrong and not merely lacking.
+        """
         ...
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        """Builds a renderer; raises `UnknownName` and `ConfigError` for settings, `Unsupported` as `why_not` says."""
+        """Builds a renderer. Raises `UnknownName` for names and options that do not exist, `ConfigError` for values out of
+        range, and `Unsupported`, with the sentence of `why_not`, exactly where that answers one."""
         ...
 
     def accelerators(self) -> Mapping[str, Mapping[str, Any]]:

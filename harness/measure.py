@@ -39,11 +39,11 @@ class Phases(NamedTuple):
 
 @dataclass(slots=True)
 class Point:
-    """A checkpoint: `seconds` and `rays` are cumulative over the timed calls."""
+    """A checkpoint: `seconds` and `rays` are cumulative over the timed calls. `rays` is None where nobody counts them."""
 
     spp: int
     seconds: float
-    rays: float
+    rays: float | None
     film: Film
 
 
@@ -101,7 +101,7 @@ def timed_points(
     """Renders checkpoint after checkpoint until the budget is spent; the caller's work in between is off the clock."""
     done, seconds = 0, 0.0
     gc.collect()  # once: before every pass it would empty the caches that the renderer has filled
-    rays_before = float(renderer.counters().get("rays", 0.0))
+    rays_before = rays_traced(renderer)
     for wanted in checkpoints(schedule):
         target = shortened(wanted, done, seconds, seconds_per_spp, schedule.max_time_seconds)
         if target <= done:
@@ -112,9 +112,16 @@ def timed_points(
             elapsed = (told(renderer) or 0.0) - told_before
         seconds, done = seconds + elapsed, target
         seconds_per_spp = max(seconds / done, 1e-12)
-        yield Point(done, seconds, float(renderer.counters().get("rays", 0.0)) - rays_before, film)
+        rays = rays_traced(renderer)
+        yield Point(done, seconds, None if rays is None or rays_before is None else rays - rays_before, film)
         if seconds >= schedule.max_time_seconds or target < wanted:
             return
+
+
+def rays_traced(renderer: Renderer) -> float | None:
+    """The rays that the renderer has counted so far; None where it counts none."""
+    rays = renderer.counters().get("rays")
+    return None if rays is None else float(rays)
 
 
 def told(renderer: Renderer) -> float | None:

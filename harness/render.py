@@ -71,13 +71,15 @@ def render(request: Request) -> Film:
     seconds = perf_counter() - start
     told = _provenance(request, settings, scene.content_hash, engine, seconds)
     film.save(output, provenance=told, tone_mapper=request.tone_mapper)
-    _tell(console, film, seconds, measure.counters(renderer).get("rays", 0.0), output)
+    _tell(console, film, seconds, measure.rays_traced(renderer), output)
     return film
 
 
-def _tell(console: Console, film: Film, seconds: float, rays: float, output: Path) -> None:
+def _tell(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:
     paths = film.width * film.height * film.spp
-    speed = f"{paths / seconds / 1e6:.3g} million paths/s, {rays / seconds / 1e6:.3g} million rays/s"
+    speed = f"{paths / seconds / 1e6:.3g} million paths/s"
+    if rays is not None:
+        speed += f", {rays / seconds / 1e6:.3g} million rays/s"
     words = f"{film.width}x{film.height}, {film.spp} spp in {duration(seconds)}: {speed} -> {output}"
     console.print(words, markup=False, soft_wrap=True)
     if film.bad_samples:

@@ -162,3 +162,23 @@ def test_numba_in_float64_equals_the_reference_on_smooth_mirrors_and_glass(kind)
     })  # fmt: skip
     for shader in ("path_tracer", "whitted"):
         _assert_equal(scene, ["bvh"], shader=shader, sampler="sobol")
+
+
+@pytest.mark.parametrize("shader", ["path_tracer", "whitted", "no_shadows", "albedo"])
+@pytest.mark.parametrize("scene", ["two_spheres", "cornell_spheres"])
+def test_rays_are_counted_alike(scene, shader):
+    """The engines draw the same numbers, so they trace the same rays but for those that rounding sends elsewhere: embree
+    finds its hits in float32."""
+    counted = {}
+    for engine in ("numpy", "numba", "embree"):
+        settings = Settings(48, 36, shader=shader, sampler="random", precision="float64", threads=2)
+        renderer = engines.engine(engine).prepare(engines.load_scene(scene), settings)
+        renderer.warm_up()
+        assert renderer.counters()["rays"] == 0
+        renderer.render(2)
+        counted[engine] = renderer.counters()["rays"]
+        renderer.trace(np.zeros((5000, 3)), np.ones((5000, 3)))
+        renderer.occluded([[0, 0, 0], [0, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [0, 1, 0]], [1, 1, -1])
+        assert renderer.counters()["rays"] == counted[engine] + 5001
+    assert counted["numba"] == pytest.approx(counted["numpy"], rel=1e-3)
+    assert counted["embree"] == pytest.approx(counted["numpy"], rel=2e-3)

@@ -24,6 +24,7 @@ TOP_LEVEL = {
 PUBLIC = {
     "engines",
     "engines.choices",
+    "engines.concurrency",
     "engines.conformance",
     "engines.dahlquist",
     "engines.errors",
@@ -37,11 +38,15 @@ PUBLIC = {
     "engines.tonemap",
 }
 
-_BASE = {"engines.errors", "engines.choices", "engines.film", "engines.interface", "engines.scene"}
+_BASE = {
+    *("engines.errors", "engines.choices", "engines.concurrency"),
+    *("engines.film", "engines.interface", "engines.scene"),
+}
 _JITTED = {*_BASE, "engines.kernels", "engines.sobol_numbers"}
 
 ALLOWED: dict[str, set[str]] = {
     "engines.errors": set(),
+    "engines.concurrency": set(),
     "engines.sobol_numbers": set(),
     "engines.choices": {"engines.errors"},
     "engines.tonemap": {"engines.errors"},

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from engines.conformance import asking, hits, light, rendering
+from engines.conformance import asking, concurrency, hits, light, rendering
 from engines.conformance.subject import Broken, Declined, Subject
 from engines.interface import Engine
 
@@ -22,7 +22,9 @@ __all__ = ["CLAIMS", "Finding", "assert_conforms", "check_engine"]
 
 Claim = Callable[[Subject], None]
 
-CLAIMS: tuple[Claim, ...] = (*asking.CLAIMS, *hits.CLAIMS, *rendering.CLAIMS, *light.CLAIMS)
+CLAIMS: tuple[Claim, ...] = (
+    *asking.CLAIMS, *hits.CLAIMS, *rendering.CLAIMS, *concurrency.CLAIMS, *light.CLAIMS,
+)  # fmt: skip
 """Every claim; the first line of its docstring says what must hold."""
 
 

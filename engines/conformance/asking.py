@@ -14,10 +14,10 @@ from engines.choices import Option
 from engines.conformance.stage import ROOM, TRIANGLES, plane, rectangle, scene, sphere
 from engines.conformance.subject import BASE, Broken, Subject, expect
 from engines.errors import ConfigError, UnknownName, Unsupported
-from engines.interface import Engine, Settings
+from engines.interface import Engine, Renderer, Settings
 from engines.scene import Scene
 
-COUNTERS = ("rays", "build_seconds", "compile_seconds", "accelerator_bytes", "bad_samples")
+COUNTERS = ("build_seconds", "compile_seconds", "accelerator_bytes", "bad_samples")
 
 
 def the_engine_says_what_it_is(subject: Subject) -> None:
@@ -47,7 +47,7 @@ def _unknown(subject: Subject) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def unknown_names_are_refused(subject: Subject) -> None:
-    """An unknown shader, sampler, accelerator or option raises UnknownName, which names the nearest."""
+    """An unknown shader, sampler, accelerator or option raises UnknownName, from why_not as from prepare."""
     held, accepted = subject.easiest
     for wrong, meant in _unknown(subject):
         settings = Settings(**{**BASE, **accepted, **wrong})
@@ -55,7 +55,7 @@ def unknown_names_are_refused(subject: Subject) -> None:
 
 
 def values_out_of_range_are_refused(subject: Subject) -> None:
-    """A value outside its option's range raises ConfigError, which names the option."""
+    """A value outside its option's range raises ConfigError, which names the option, from why_not as from prepare."""
     held, accepted = subject.easiest
     for wrong, meant in (
         ({"shader": {"name": "path_tracer", "max_depth": 0}}, "max_depth"),
@@ -69,20 +69,18 @@ def values_out_of_range_are_refused(subject: Subject) -> None:
 def _expect_raised(
     engine: Engine, held: Scene, settings: Settings, wrong: Any, kind: type[Exception], meant: str
 ) -> None:
-    """`prepare` raises `kind` with `meant` in its message, and `why_not` does not answer that all is well."""
-    try:
-        engine.prepare(held, settings)
-    except kind as error:
-        expect(meant in str(error), f"{wrong}: the message does not name {meant!r}: {error}")
-    except Exception as error:
-        raise Broken(f"{wrong}: prepare raised {type(error).__name__}, wanted is {kind.__name__}: {error}") from error
-    else:
-        raise Broken(f"{wrong}: prepare accepts it")
-    try:
-        answer = engine.why_not(held, settings)
-    except kind:
-        return
-    expect(answer is not None, f"{wrong}: why_not answers None, prepare raises {kind.__name__}")
+    """`prepare` and `why_not` raise `kind` with `meant` in its message."""
+    for name, call in (("prepare", engine.prepare), ("why_not", engine.why_not)):
+        try:
+            answer = call(held, settings)
+        except kind as error:
+            expect(meant in str(error), f"{wrong}: the message of {name} does not name {meant!r}: {error}")
+        except Exception as error:
+            raise Broken(
+                f"{wrong}: {name} raised {type(error).__name__}, wanted is {kind.__name__}: {error}"
+            ) from error
+        else:
+            raise Broken(f"{wrong}: {name} answers {answer!r}, wanted is {kind.__name__}")
 
 
 def _demands(subject: Subject) -> Iterator[tuple[str, Scene, dict[str, Any]]]:
@@ -137,20 +135,36 @@ def why_not_and_prepare_agree(subject: Subject) -> None:
 
 
 def counters_count(subject: Subject) -> None:
-    """The counters are there and finite; rays grow by at least one a sample and are counted no matter who traces."""
+    """The counters are there and finite; rays, where they are counted, are those of render, trace and occluded."""
     renderer = subject.usual()
     renderer.warm_up()
     before = dict(renderer.counters())
     for name in COUNTERS:
         expect(name in before, f"counters() lacks {name}")
+    for name in {*COUNTERS, "rays"} & {*before}:
         expect(math.isfinite(before[name]) and before[name] >= 0, f"counters()[{name!r}] = {before[name]!r}")
     film = renderer.render(2)
     after = renderer.counters()
-    samples, rays = 2 * film.width * film.height, after["rays"] - before["rays"]
-    expect(rays >= samples, f"{samples} samples were rendered, yet counters()['rays'] grew by {rays}")
     expect(after["bad_samples"] == film.bad_samples, "counters()['bad_samples'] is not film.bad_samples")
     seconds = before["compile_seconds"], after["compile_seconds"]
     expect(seconds[1] >= seconds[0], f"compile_seconds fell from {seconds[0]} to {seconds[1]}")
+    if "rays" in before:
+        _count_rays(renderer, before["rays"], 2 * film.width * film.height)
+
+
+def _count_rays(renderer: Renderer, before: float, samples: int) -> None:
+    rendered = renderer.counters()["rays"]
+    expect(before == 0, f"counters()['rays'] = {before} after warm_up, which is no work that was asked for")
+    expect(rendered >= samples, f"{samples} samples were rendered, yet counters()['rays'] grew by {rendered}")
+    origins, directions = np.zeros((7, 3)), np.eye(7, 3) + 0.1
+    directions[-1] = 0.0  # no ray
+    for call in (renderer.trace, renderer.occluded):
+        try:
+            call(origins, directions)
+        except Unsupported:
+            continue
+        counted, rendered = renderer.counters()["rays"] - rendered, renderer.counters()["rays"]
+        expect(counted == 6, f"6 rays and one without a direction were traced, and counters()['rays'] grew by {counted}")
 
 
 CLAIMS = (

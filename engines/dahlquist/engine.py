@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from engines.choices import SAMPLERS, SHADERS, resolve
+from engines.concurrency import CallGuard
 from engines.dahlquist import area_hierarchy, physical
 from engines.dahlquist.animation import COLOURS, RADII, REAL, Reals
 from engines.dahlquist.frame import SPHERE, Pictures, View
@@ -32,7 +34,10 @@ class Engine:
         return {"auto": {}, "area_hierarchy": {}, "none": {}}
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        """None for the five balls, wherever they are, in a square image."""
+        """None for the five balls, wherever they are, in a square image. Raises `UnknownName` and `ConfigError`."""
+        resolve("shader", settings.shader, SHADERS)
+        resolve("sampler", settings.sampler, SAMPLERS)
+        resolve("accelerator", settings.accelerator, self.accelerators())
         width, height = settings.size(scene)
         camera = scene.camera
         view = physical.field_of_view()
@@ -73,10 +78,11 @@ class Renderer:
         self._exact = name == "none"
         self._centres = _centres(scene.shapes)
         self._stopped = False
-        self._compile_seconds = 0.0
+        self._guard = CallGuard()
 
     def warm_up(self) -> None:
-        self._draw()
+        with self._guard.rendering("warm_up"):
+            self._draw()
 
     def _draw(self) -> None:
         boxes = area_hierarchy.boxes(self._centres)
@@ -87,16 +93,17 @@ class Renderer:
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
         """Draws `spp` frames; the film takes those of a pass at once."""
-        self._stopped, left = False, spp
-        while left > 0 and not self._stopped:
-            step = 1 if on_pass else left
-            for _ in range(step):
-                self._draw()
-            self._add(step)
-            left -= step
-            if on_pass:
-                on_pass(self.film)
-        return self.film
+        with self._guard.rendering():
+            self._stopped, left = False, spp
+            while left > 0 and not self._stopped:
+                step = 1 if on_pass else left
+                for _ in range(step):
+                    self._draw()
+                self._add(step)
+                left -= step
+                if on_pass:
+                    on_pass(self.film)
+            return self.film
 
     def _add(self, frames: int) -> None:
         radiance = self._frame[:, :, :3] / 255.0
@@ -113,9 +120,10 @@ class Renderer:
         """Moves the balls. The camera stays where it is."""
         if camera is not None:
             raise Unsupported("the engine dahlquist has no camera that could move")
-        if shapes is not None:
-            self._centres = _centres(shapes)
-        self.film.clear()
+        with self._guard.updating():
+            if shapes is not None:
+                self._centres = _centres(shapes)
+            self.film.clear()
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         raise Unsupported("the engine dahlquist draws frames alone: it answers no single rays")
@@ -124,9 +132,8 @@ class Renderer:
         raise Unsupported("the engine dahlquist draws frames alone: it answers no single rays")
 
     def counters(self) -> dict[str, float]:
-        """rays: the primary ones."""
-        rays = float(self.film.counts.sum())
-        return {"rays": rays, "build_seconds": 0.0, "compile_seconds": 0.0, "accelerator_bytes": 0, "bad_samples": 0}
+        """No `rays`: those that balls reflect are not counted."""
+        return {"build_seconds": 0.0, "compile_seconds": 0.0, "accelerator_bytes": 0, "bad_samples": 0}
 
 
 def _centres(shapes: Sequence[Shape]) -> Reals:

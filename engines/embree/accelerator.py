@@ -88,7 +88,7 @@ class Accelerator:
     def __init__(self, options: Any, refine: bool) -> None:
         self._quality, self._robust, self._refine = options["quality"], options["robust"], refine
         self.build_seconds = 0.0
-        self._device: Device | None = None
+        self._bytes = 0
 
     def build(self, world: World, threads: int) -> None:
         start = time.perf_counter()
@@ -100,7 +100,8 @@ class Accelerator:
         faces = len(world.arrays[TRIANGLES])
         primitives = faces + len(world.arrays[SPHERES])
         world.bind(LARGE, int(primitives > MANY))
-        self._device = device = Device(threads if primitives > FEW else 1)
+        device = Device(threads if primitives > FEW else 1)
+        world.owned.append(device)
         parts = _spheres(device, world)
         if faces:
             world.bind(FILTER, hit_filter(world.real).address)
@@ -111,11 +112,12 @@ class Accelerator:
             parts, made = _spheres(device, world), triangle_callbacks(world.real)
             parts[TRIANGLE_GEOMETRY] = device.by_callback(faces, *(code.address for code in made))
             world.bind(EXACT_SCENE, device.scene(parts, world.address, "low", True))
+        self._bytes = device.bytes
         self.build_seconds = time.perf_counter() - start
 
     @property
     def bytes(self) -> int:
-        return self._device.bytes if self._device else 0
+        return self._bytes
 
     def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
         return stages(Kinds(needs.triangles, needs.spheres, needs.planes, self._refine, width()), real)

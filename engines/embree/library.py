@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -22,6 +23,9 @@ _TRIANGLES, _USER = 0, 120
 _ROBUST, _FILTER_IN_ARGUMENTS = 1 << 2, 1 << 3
 TRIANGLE_GEOMETRY, SPHERE_GEOMETRY = 0, 1
 QUALITIES = {"low": 0, "medium": 1, "high": 2}
+_VERSION_MAJOR, _VERSION_MINOR = 1, 2
+VERSION = (4, 4)
+"""The version whose structures `packet` and `callbacks` lay out by hand (RTCHit has grown between minor versions)."""
 
 _PROTOTYPES: dict[str, tuple[Any, list[Any]]] = {
     "rtcNewDevice": (ctypes.c_void_p, [ctypes.c_char_p]),
@@ -79,7 +83,22 @@ def _opened(path: str) -> ctypes.CDLL:
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError) as error:
         raise Unsupported(f"{Path(path).name} of the installed embreex cannot be used: {error}") from error
+    found = _version(opened)
+    if found != VERSION:
+        raise Unsupported(
+            "{} of the installed embreex is Embree {}.{}: raybench relies on the memory layout of {}.{}".format(
+                Path(path).name, *found, *VERSION
+            )
+        )
     return opened
+
+
+def _version(embree: ctypes.CDLL) -> tuple[int, int]:
+    """Major and minor version, which only a device tells."""
+    device = embree.rtcNewDevice(b"threads=1,user_threads=1,set_affinity=0")
+    found = tuple(embree.rtcGetDeviceProperty(device, part) for part in (_VERSION_MAJOR, _VERSION_MINOR))
+    embree.rtcReleaseDevice(device)
+    return found
 
 
 def address(name: str) -> int:
@@ -97,14 +116,20 @@ class Device:
         self._device = self._embree.rtcNewDevice(settings.encode())
         if not self._device:
             raise Unsupported(f"Embree cannot make a device (error {self._embree.rtcGetDeviceError(None)})")
-        self.bytes = 0
         self._scenes: list[int] = []
-        self._monitor = _MEMORY_MONITOR(self._count_bytes)
+        used = self._used = Counter()
+
+        def count(_: Any, amount: int, __: bool) -> bool:  # not a method: Embree's memory would wait for the cyclic collector
+            used["bytes"] += amount
+            return True
+
+        self._monitor = _MEMORY_MONITOR(count)
         self._embree.rtcSetDeviceMemoryMonitorFunction(self._device, self._monitor, None)
 
-    def _count_bytes(self, _: Any, amount: int, __: bool) -> bool:
-        self.bytes += amount
-        return True
+    @property
+    def bytes(self) -> int:
+        """Memory that Embree holds for this device."""
+        return self._used["bytes"]
 
     def triangles(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> int:
         """A geometry of Embree's own: copies (n, 3) vertices and (m, 3) faces."""

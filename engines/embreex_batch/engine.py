@@ -8,7 +8,7 @@ from importlib import metadata
 import numpy as np
 
 from engines.choices import Choice, Option, one_of
-from engines.errors import RaybenchError, Unsupported
+from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference.engine import supported
 from engines.numpy_reference.exhaustive import Exhaustive
@@ -42,7 +42,7 @@ class Engine:
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         try:
             self._supported(scene, settings)
-        except RaybenchError as error:
+        except Unsupported as error:
             return str(error)
         return None
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.errors import RaybenchError, RendererFailed, Unsupported
+from engines.concurrency import CallGuard
+from engines.errors import RendererFailed, Unsupported
 from engines.external.description import UNITS, Description, read
 from engines.external.pictures import read_picture
 from engines.external.process import Process
@@ -46,7 +47,7 @@ class Engine:
         """None where the program is there and its file says that it can do this."""
         try:
             self._supported(scene, settings)
-        except RaybenchError as error:
+        except Unsupported as error:
             return str(error)
         return None
 
@@ -104,6 +105,7 @@ class Renderer:
         self._said, self._settings, self._scene = said, settings, scene
         self._folder = tempfile.TemporaryDirectory(prefix="raybench-")
         self._process = Process()
+        self._guard = CallGuard()
         self._told = 0.0
         self._begin()
 
@@ -115,21 +117,23 @@ class Renderer:
 
     def warm_up(self) -> None:
         """A process of one sample where the program's own words are the clock; else starting is part of every call."""
-        if self._said.time is not None:
-            self._process.stopped = False
-            self._run(1, "warm-up")
+        with self._guard.rendering("warm_up"):
+            if self._said.time is not None:
+                self._process.stopped = False
+                self._run(1, "warm-up")
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
         """One process of `spp` samples. `stop` kills it; its samples are then lost."""
-        self._process.stopped = False
-        if spp > 0:
-            found = self._run(spp, self.film.spp)
-            if found is not None:
-                self._add(found[0], spp)
-                self._told += found[1]
-                if on_pass is not None:
-                    on_pass(self.film)
-        return self.film
+        with self._guard.rendering():
+            self._process.stopped = False
+            if spp > 0:
+                found = self._run(spp, self.film.spp)
+                if found is not None:
+                    self._add(found[0], spp)
+                    self._told += found[1]
+                    if on_pass is not None:
+                        on_pass(self.film)
+            return self.film
 
     def stop(self) -> None:
         self._process.stop()
@@ -138,8 +142,9 @@ class Renderer:
         """Writes the scene anew. Raises `Unsupported` where the program reads the scene's own file."""
         changes: dict[str, Any] = {"camera": camera, "shapes": None if shapes is None else tuple(shapes)}
         changed = {key: value for key, value in changes.items() if value is not None}
-        self._scene = replace(self._scene, source="", **changed) if changed else self._scene
-        self._begin()
+        with self._guard.updating():
+            self._scene = replace(self._scene, source="", **changed) if changed else self._scene
+            self._begin()
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         raise Unsupported(f"{self._said.name} renders images and answers no single rays")
@@ -148,9 +153,9 @@ class Renderer:
         raise Unsupported(f"{self._said.name} renders images and answers no single rays")
 
     def counters(self) -> Mapping[str, float]:
-        """Rays, build and memory are the program's secret: 0. `told_by_program` is 1 where the clock is the program's own
-        words, 0 where it is that of its process."""
-        unknown = dict.fromkeys(("rays", "build_seconds", "compile_seconds", "accelerator_bytes"), 0.0)
+        """Build and memory are not known: 0; rays are not counted. `told_by_program` is 1 where the clock is the program's
+        own words, 0 where it is that of its process."""
+        unknown = dict.fromkeys(("build_seconds", "compile_seconds", "accelerator_bytes"), 0.0)
         clock = {"told_seconds": self._told, "told_by_program": float(self._said.time is not None)}
         return {**unknown, **clock, "bad_samples": self.film.bad_samples}
 

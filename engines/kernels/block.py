@@ -1,12 +1,14 @@
 """A block: the state of sixteen lanes, field by field, in one flat buffer of the tracing precision.
 
-Each field is sixteen numbers; integers are kept as their bits. Behind the fields lie the lanes' stacks (for shaders that
-follow two rays from one hit) and scratch memory for intersectors. Field names are indices; those of a vector name its x.
+Each field is sixteen numbers; integers are kept as their bits. Behind the fields lies scratch memory for intersectors.
+Field names are indices; those of a vector name its x. The lanes' stacks, for shaders that follow two rays from one hit,
+have memory of their own, laid out in the same way.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.kernels.jit import LANES, get, inline, put
 from engines.kernels.vector import Vec3
@@ -97,16 +99,25 @@ BRANCH_THROUGHPUT = _field(3)
 # scratch fields of intersectors: the ray's own frame
 FRAME = _field(9)
 
-FIELDS = next(_order)
-STACK_DEPTH = 32
-STACK_FIELDS = 11  # origin 3, direction 3, throughput 3, depth, left
-STACK_FIRST = FIELDS
-SCRATCH_FIRST = STACK_FIRST + STACK_DEPTH * STACK_FIELDS
+SCRATCH_FIRST = next(_order)
+STACK_FIELDS = 11  # of a waiting ray: origin 3, direction 3, throughput 3, depth, left
 
 
 def block_bytes(real: type, scratch: int) -> int:
     """Bytes of a block with `scratch` numbers of scratch memory."""
     return (SCRATCH_FIRST * LANES + scratch) * np.dtype(real).itemsize
+
+
+def stack_bytes(real: type, capacity: int) -> int:
+    """Bytes of the stacks of a block's lanes, with room for `capacity` rays each."""
+    return STACK_FIELDS * capacity * LANES * np.dtype(real).itemsize
+
+
+def aligned(size: int) -> NDArray[np.uint8]:
+    """Zeroed memory that starts on a cache line."""
+    memory = np.zeros(size + 64, np.uint8)
+    start = -memory.ctypes.data % 64
+    return memory[start : start + size]
 
 
 @inline

@@ -1,33 +1,46 @@
 """The disk cache of machine code: one folder per version of the sources, those long unused removed.
 
-Numba's own cache does not notice a change in a callee of another file, and lies beside the sources.
+Numba's own cache does not notice a change in a callee of another file, and keeps an index per function that is read,
+changed and written without a lock: two processes that compile at once can be given each other's code. Here a file holds
+the code of one key, is named by a hash of that key, appears whole, and is believed only where key and checksum agree.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import shutil
+import sys
 import time
+import uuid
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numba
-from numba.core import caching
+from numba.core import caching, serialize
 
 KEPT_DAYS = 30
+_FORMAT = b"raybench machine code 1\n"
+_DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 @cache
 def source_hash() -> str:
-    """Hash of the sources that become machine code: those that name numba or the kernels."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(Path(__file__).parent.parent.rglob("*.py")):
+    """Hash of the compiler's version and of all sources of `engines`."""
+    return hash_of_sources(Path(__file__).parent.parent)
+
+
+def hash_of_sources(root: Path) -> str:
+    """Hash of every Python file below `root`, whose constants may be frozen into machine code, and of the compiler."""
+    versions = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
+    digest = hashlib.sha256(repr(versions).encode())
+    for path in sorted(root.rglob("*.py")):
         source = path.read_bytes()
-        if b"numba" in source or b"engines.kernels" in source:
-            digest.update(path.name.encode() + source)
+        digest.update(f"{path.relative_to(root).as_posix()} {len(source)}\n".encode() + source)
     return digest.hexdigest()[:16]
 
 
@@ -81,8 +94,61 @@ class _Impl(caching.CompileResultCacheImpl):
     _locator_classes = [_Locator]  # noqa: RUF012
 
 
+class KeyedFiles:
+    """Files of one function, one per key. Has the methods of Numba's `IndexDataCacheFile` that its caches call."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._folder, self._name = folder, name
+
+    def path(self, key: Any) -> Path:
+        """The file of `key`, whose representation must be the same in every process."""
+        return self._folder / f"{self._name}-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}.code"
+
+    def load(self, key: Any) -> Any:
+        """The data saved for `key`, or None: nothing is there, it cannot be read, is damaged, or belongs to another key."""
+        try:
+            content = self.path(key).read_bytes()
+        except OSError:
+            return None
+        start = len(_FORMAT) + _DIGEST_BYTES
+        payload = content[start:]
+        if content[:start] != _FORMAT + hashlib.sha256(payload).digest():
+            return None
+        try:
+            saved_key, data = pickle.loads(payload)
+        except Exception:  # written by a Python or Numba whose classes differ
+            return None
+        return data if saved_key == key else None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keeps `data` for `key`; where the folder cannot be written, nothing is kept."""
+        payload = serialize.dumps((key, data))
+        path = self.path(key)
+        temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}")
+        try:
+            temporary.write_bytes(_FORMAT + hashlib.sha256(payload).digest() + payload)
+            os.replace(temporary, path)
+        except OSError:
+            with suppress(OSError):
+                temporary.unlink()
+
+
 class _Cache(caching.FunctionCache):
     _impl_class = _Impl
+
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._cache_file = KeyedFiles(Path(self.cache_path), self._impl.filename_base)
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        with suppress(OSError):  # the folder has become read-only
+            super()._save_overload(sig, data)
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super()._load_overload(sig, target_context)
+        except Exception:  # whole, of this key, and yet not to be linked: compiled anew
+            return None
 
 
 def cached(function: Any) -> Any:

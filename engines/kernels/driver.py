@@ -17,10 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels import block as at
-from engines.kernels.block import STACK_FIELDS, STACK_FIRST
+from engines.kernels.block import STACK_FIELDS
 from engines.kernels.jit import (
     LANES,
-    bits_set,
     call_stage,
     fetch_add,
     get,
@@ -37,7 +36,7 @@ from engines.kernels.vector import Vec3, select3
 # places in the array of stage addresses
 DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE = range(9)
 # places in the control array that threads share
-STOP, NEXT_TILE = 0, 1
+STOP, NEXT_TILE, STACK_FULL = range(3)
 EVERY_LANE = (1 << LANES) - 1
 
 # totals of a thread
@@ -45,9 +44,14 @@ RAYS, BAD_SAMPLES = 0, 1
 
 
 @inline
-def _idle(lanes, lane, one):
-    """A lane without work still runs through the stages: give it a harmless ray that is not traced."""
+def make_idle(lanes, lane, one, sample):
+    """A lane without work still runs through the stages: give it a harmless ray that is not traced. Stages look up tables
+    by sample, dimension (which follows from the depth) and light, so all of them must exist."""
     put_int(lanes, at.ALIVE, lane, 0)
+    put_int(lanes, at.SAMPLE, lane, sample)
+    put_int(lanes, at.DIMENSION, lane, 0)
+    put_int(lanes, at.DEPTH, lane, 1)
+    put_int(lanes, at.LIGHT, lane, 0)
     put_int(lanes, at.DONE, lane, 0)
     put(lanes, at.T, lane, -one)
     put(lanes, at.SHADOW_T, lane, -one)
@@ -64,28 +68,32 @@ def _settle(lanes, zero):
 
 
 @inline
-def _push(lanes, lane):
-    """Puts the second ray of a hit on the lane's stack."""
-    place = STACK_FIRST + get_int(lanes, at.STACK, lane) * STACK_FIELDS
-    at.put3(lanes, place, lane, at.get3(lanes, at.SHADOW_ORIGIN, lane))
-    at.put3(lanes, place + 3, lane, at.get3(lanes, at.BRANCH_DIRECTION, lane))
-    at.put3(lanes, place + 6, lane, at.get3(lanes, at.BRANCH_THROUGHPUT, lane))
-    put_int(lanes, place + 9, lane, get_int(lanes, at.DEPTH, lane))
-    put_int(lanes, place + 10, lane, get_int(lanes, at.LEFT, lane))
-    put_int(lanes, at.STACK, lane, get_int(lanes, at.STACK, lane) + 1)
+def _push(lanes, stacks, lane, capacity):
+    """Puts the second ray of a hit on the lane's stack; returns whether there was room."""
+    waiting = get_int(lanes, at.STACK, lane)
+    if waiting >= capacity:
+        return False
+    place = waiting * STACK_FIELDS
+    at.put3(stacks, place, lane, at.get3(lanes, at.SHADOW_ORIGIN, lane))
+    at.put3(stacks, place + 3, lane, at.get3(lanes, at.BRANCH_DIRECTION, lane))
+    at.put3(stacks, place + 6, lane, at.get3(lanes, at.BRANCH_THROUGHPUT, lane))
+    put_int(stacks, place + 9, lane, get_int(lanes, at.DEPTH, lane))
+    put_int(stacks, place + 10, lane, get_int(lanes, at.LEFT, lane))
+    put_int(lanes, at.STACK, lane, waiting + 1)
+    return True
 
 
 @inline
-def _pop(lanes, lane, one, turns):
+def _pop(lanes, stacks, lane, one, turns):
     """Takes up the ray that waits on the lane's stack."""
     waiting = get_int(lanes, at.STACK, lane) - 1
-    place = STACK_FIRST + waiting * STACK_FIELDS
-    at.put3(lanes, at.ORIGIN, lane, at.get3(lanes, place, lane))
-    at.put3(lanes, at.DIRECTION, lane, at.get3(lanes, place + 3, lane))
-    at.put3(lanes, at.THROUGHPUT, lane, at.get3(lanes, place + 6, lane))
-    depth = get_int(lanes, place + 9, lane)
+    place = waiting * STACK_FIELDS
+    at.put3(lanes, at.ORIGIN, lane, at.get3(stacks, place, lane))
+    at.put3(lanes, at.DIRECTION, lane, at.get3(stacks, place + 3, lane))
+    at.put3(lanes, at.THROUGHPUT, lane, at.get3(stacks, place + 6, lane))
+    depth = get_int(stacks, place + 9, lane)
     put_int(lanes, at.DEPTH, lane, depth)
-    put_int(lanes, at.LEFT, lane, get_int(lanes, place + 10, lane))
+    put_int(lanes, at.LEFT, lane, get_int(stacks, place + 10, lane))
     put_int(lanes, at.DIMENSION, lane, 2 + 8 * (depth - 1) * turns)
     put(lanes, at.T, lane, one * math.inf)
     put_int(lanes, at.STACK, lane, waiting)
@@ -130,6 +138,8 @@ def _begin(stages, spare, world, lanes, work, issued, one):
     """Begins up to sixteen samples in the spare block."""
     count, column, row, sample = issued.count, issued.column, issued.row, issued.sample
     waiting = min(np.int64(LANES), work.samples * work.columns * work.rows - count)
+    for k in range(waiting, LANES):
+        make_idle(lanes, np.uint64(k), one, work.first)
     for k in range(waiting):
         lane = np.uint64(k)
         put_int(lanes, at.SLOT, lane, count + k)
@@ -170,7 +180,7 @@ def _refill(stages, block, spare, world, real, work, issued, free):
         if issued.waiting == 0 and issued.count < work.samples * work.columns * work.rows:
             issued = _begin(stages, spare, world, begun, work, issued, one)
         if issued.waiting == 0:
-            _idle(lanes, lane, one)
+            make_idle(lanes, lane, one, work.first)
             idle |= np.int64(1) << np.int64(lane)
             continue
         from_lane = np.uint64((issued.count - issued.waiting) % LANES)
@@ -181,43 +191,53 @@ def _refill(stages, block, spare, world, real, work, issued, free):
 
 
 @inline
+def _rays_of(lanes, reach, zero):
+    """How many lanes have a ray to be traced: one whose `reach` is above 0."""
+    rays = 0
+    for lane in range(np.uint64(LANES)):
+        rays += 1 if get(lanes, reach, lane) > zero else 0
+    return rays
+
+
+@inline
 def _advance(lanes, stages, block, world, rule, zero):
-    """One segment of every path; returns the shadow rays that were traced."""
+    """One segment of every path; returns the rays that were traced."""
+    rays = _rays_of(lanes, at.T, zero)
     call_stage(stages[CLOSEST], block, world)
     call_stage(stages[SURFACE], block, world)
     call_stage(stages[DRAW_VERTEX], block, world)
-    shadow_rays = 0
     if rule.lit:
         call_stage(stages[LIGHT], block, world)
     call_stage(stages[SHADE], block, world)
     if rule.lit:
         if rule.shadows:
-            for lane in range(np.uint64(LANES)):
-                shadow_rays += 1 if get(lanes, at.SHADOW_T, lane) > zero else 0
+            rays += _rays_of(lanes, at.SHADOW_T, zero)
             call_stage(stages[OCCLUDED], block, world)
         _settle(lanes, zero)
-    return shadow_rays
+    return rays
 
 
 @inline
-def _retire(lanes, rule, buffer, one):
-    """Lanes whose path has ended hand in their radiance, or take up a ray that waits; returns those that are free."""
+def _retire(lanes, stacks, capacity, rule, buffer, one):
+    """Lanes whose path has ended hand in their radiance, or take up a ray that waits; returns those that are free, and
+    whether every second ray found room on its stack."""
+    fits = True
     if rule.branches:
         for lane in range(np.uint64(LANES)):
             if get_int(lanes, at.BRANCH, lane) != 0:
-                _push(lanes, lane)
+                fits &= _push(lanes, stacks, lane, capacity)
     done, free = _lanes_with(lanes, at.DONE), np.int64(0)
     while done != 0:
         lane = np.uint64(lowest_bit(done))
         done &= done - 1
         if rule.branches and get_int(lanes, at.STACK, lane) > 0:
-            _pop(lanes, lane, one, rule.turns)
+            _pop(lanes, stacks, lane, one, rule.turns)
             continue
         slot = get_int(lanes, at.SLOT, lane)
         for channel in range(3):
             buffer[slot, channel] = get(lanes, at.RADIANCE + channel, lane)
         free |= np.int64(1) << np.int64(lane)
-    return free
+    return free, fits
 
 
 @cache
@@ -226,10 +246,10 @@ def driver(real: Any) -> Any:
     one, zero = real(1), real(0)
 
     def drive(
-        stages, block, spare, world, rule, tiles, done, target, chunk, width, control,
+        stages, block, spare, stack, capacity, world, rule, tiles, done, target, chunk, width, control,
         sums, squares, even_sums, counts, buffer, totals,
     ):  # fmt: skip
-        lanes = pointer(block, real)
+        lanes, stacks = pointer(block, real), pointer(stack, real)
         next_tile = control.ctypes.data + 8 * NEXT_TILE
         while True:
             tile = fetch_add(next_tile, 1)
@@ -241,15 +261,16 @@ def driver(real: Any) -> Any:
                 work = Pass(x0, y0, columns, rows, width, first, min(chunk, target - first))
                 issued, free, idle = Issued(0, 0, 0, 0, 0), EVERY_LANE, np.int64(0)
                 while True:
-                    if control[STOP] != 0:
+                    if control[STOP] != 0 or control[STACK_FULL] != 0:
                         return  # what this pass has gathered is dropped: the film holds whole passes
                     issued, idle_now = _refill(stages, block, spare, world, real, work, issued, free)
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
                     totals[RAYS] += _advance(lanes, stages, block, world, rule, zero)
-                    totals[RAYS] += LANES - bits_set(idle)
-                    free = _retire(lanes, rule, buffer, one)
+                    free, fits = _retire(lanes, stacks, capacity, rule, buffer, one)
+                    if not fits:
+                        control[STACK_FULL] = 1
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)
                 done[tile] = first + work.samples
 
@@ -281,103 +302,3 @@ def _commit(buffer, work, sums, squares, even_sums, counts, totals):
                     even_sums[pixel, 1] += g
                     even_sums[pixel, 2] += b
                 counts[pixel] += 1
-
-
-@inline
-def _ray(origins, directions, reach, center, i):
-    """Ray i in tracing coordinates, its direction unit: (origin, direction, t_max in metres, length). t_max is -1 for a ray
-    that cannot hit: not finite, zero, or with t_max not above 0."""
-    x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
-    big = max(abs(x), abs(y), abs(z))
-    ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
-    good = (
-        math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and reach[i] > 0.0
-    )
-    if not good:
-        return Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0), -1.0, 1.0
-    scale = 1.0 / big if big > 1e-300 else 1e300
-    x, y, z = x * scale, y * scale, z * scale
-    norm = math.sqrt(x * x + y * y + z * z)
-    length = norm / scale
-    origin = Vec3(ox - center[0], oy - center[1], oz - center[2])
-    return origin, Vec3(x / norm, y / norm, z / norm), reach[i] * length, length
-
-
-@inline
-def _shape_of(rank, first_rank):
-    """(shape, index within it) of the primitive `rank`, -1 and -1 of none; by bisection, which misses no cache."""
-    if rank < 0:
-        return np.int64(-1), np.int64(-1)
-    low, high = 0, len(first_rank)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if first_rank[middle] <= rank:
-            low = middle
-        else:
-            high = middle
-    return np.int64(low), rank - first_rank[low]
-
-
-@cache
-def tracer(real: Any) -> Any:
-    """The kernel that finds closest hits of rays first .. last - 1."""
-    one = real(1)
-
-    def trace(
-        stages, block, world, origins, directions, reach, center, first, last,
-        first_rank, t, shape, primitive, normal, u, v,
-    ):  # fmt: skip
-        lanes = pointer(block, real)
-        lengths = np.empty(LANES)
-        for start in range(first, last, LANES):
-            for lane in range(np.uint64(LANES)):
-                i = start + np.int64(lane)
-                _idle(lanes, lane, one)
-                put_int(lanes, at.LEFT, lane, -1)
-                if i < last:
-                    o, d, far, lengths[lane] = _ray(origins, directions, reach, center, i)
-                    at.put3(lanes, at.ORIGIN, lane, Vec3(real(o.x), real(o.y), real(o.z)))
-                    at.put3(lanes, at.DIRECTION, lane, Vec3(real(d.x), real(d.y), real(d.z)))
-                    put(lanes, at.T, lane, real(far))
-            call_stage(stages[CLOSEST], block, world)
-            call_stage(stages[BARE_SURFACE], block, world)
-            for lane in range(np.uint64(LANES)):
-                i = start + np.int64(lane)
-                if i < last:
-                    hit = get_int(lanes, at.MISS, lane) == 0
-                    shape[i], primitive[i] = _shape_of(np.int64(get_int(lanes, at.RANK, lane)), first_rank)
-                    t[i] = np.float64(get(lanes, at.T, lane)) / lengths[lane] if hit else math.inf
-                    n = at.get3(lanes, at.GEOMETRIC, lane)
-                    normal[i, 0], normal[i, 1], normal[i, 2] = (
-                        (n.x, n.y, n.z) if hit else (one - one, one - one, one - one)
-                    )
-                    u[i] = get(lanes, at.U, lane) if hit else one - one
-                    v[i] = get(lanes, at.V, lane) if hit else one - one
-
-    return kernel(trace)
-
-
-@cache
-def shadow_tracer(real: Any) -> Any:
-    """The kernel that asks of rays first .. last - 1 whether anything is in the way."""
-    one = real(1)
-
-    def occluded(stages, block, world, origins, directions, reach, center, first, last, answer):
-        lanes = pointer(block, real)
-        for start in range(first, last, LANES):
-            for lane in range(np.uint64(LANES)):
-                i = start + np.int64(lane)
-                _idle(lanes, lane, one)
-                put_int(lanes, at.LEFT, lane, -1)
-                if i < last:
-                    o, d, far, _ = _ray(origins, directions, reach, center, i)
-                    at.put3(lanes, at.SHADOW_ORIGIN, lane, Vec3(real(o.x), real(o.y), real(o.z)))
-                    at.put3(lanes, at.TO_LIGHT, lane, Vec3(real(d.x), real(d.y), real(d.z)))
-                    put(lanes, at.SHADOW_T, lane, real(far))
-            call_stage(stages[OCCLUDED], block, world)
-            for lane in range(np.uint64(LANES)):
-                i = start + np.int64(lane)
-                if i < last:
-                    answer[i] = get_int(lanes, at.OCCLUDED, lane) != 0
-
-    return kernel(occluded)

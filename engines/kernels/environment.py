@@ -68,12 +68,12 @@ def texel_row(image, width, row, column):
 
 @inline
 def radiance(image, width, height, u, v):
-    """Bilinear between texel centres; columns wrap, rows clamp. float64."""
+    """Bilinear between texel centres; columns wrap, rows clamp. float64. NaN, of a direction that is NaN, reads some texel."""
     x, y = u * width - 0.5, v * height - 0.5
     left, top = math.floor(x), math.floor(y)
     fx, fy = x - left, y - top
     x0, x1 = int(left) % width, (int(left) + 1) % width
-    y0, y1 = max(int(top), 0), min(int(top) + 1, height - 1)
+    y0, y1 = min(max(int(top), 0), height - 1), max(min(int(top) + 1, height - 1), 0)
     above = texel_row(image, width, y0, x0) * (1.0 - fx) + texel_row(image, width, y0, x1) * fx
     below = texel_row(image, width, y1, x0) * (1.0 - fx) + texel_row(image, width, y1, x1) * fx
     return above * (1.0 - fy) + below * fy
@@ -81,7 +81,7 @@ def radiance(image, width, height, u, v):
 
 @inline
 def pdf_solid_angle(density, width, height, u, v):
-    """Of the texel that holds (u, v), per solid angle; 0 at the poles."""
-    column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
+    """Of the texel that holds (u, v), per solid angle; 0 at the poles, and of NaN."""
+    column, row = max(min(int(u * width), width - 1), 0), max(min(int(v * height), height - 1), 0)
     sine = math.sin(math.pi * v)
     return fetch(density, row * width + column) / (2.0 * math.pi * math.pi * sine) if sine > 0.0 else 0.0

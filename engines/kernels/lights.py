@@ -239,7 +239,7 @@ def _fetch_light(lanes, world, n, needs, every, real):
             chosen = np.int64(get_int(lanes, at.LIGHT, lane))
         elif needs.many_lights:
             scaled = rest * n
-            chosen = min(np.int64(scaled), n - 1)
+            chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
             rest = scaled - chosen
         row = chosen * LIGHT_REALS
         kind = np.int32(fetch(lights, row))

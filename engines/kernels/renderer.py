@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import Choice
+from engines.concurrency import CallGuard
+from engines.errors import RendererFailed
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
-from engines.kernels import camera, driver, jit, lights, samplers, surface
-from engines.kernels.block import block_bytes
+from engines.kernels import camera, driver, jit, lights, queries, samplers, surface
+from engines.kernels.block import aligned, block_bytes, stack_bytes
 from engines.kernels.shaders import stage as shading
 from engines.kernels.world import (
     CAMERA,
@@ -41,6 +43,13 @@ CHUNK = 4
 """Samples a pixel between two commits of a tile."""
 SAMPLES_A_TABLE = 4096
 """Samples whose quasi-random points are tabulated at once."""
+STACK_CAPACITY, LARGEST_STACK = 32, 1 << 16
+"""Rays that may wait on a lane's stack: at first, and at the most. A stack that is full is doubled, and the pass repeated."""
+SHARED_RAYS = 4096
+"""From so many rays on, `trace` and `occluded` share them among threads."""
+
+
+Reals = NDArray[np.float64]
 
 
 class Accelerator(Protocol):
@@ -64,9 +73,7 @@ class Renderer:
     """One scene, one set of resolved settings (every choice a `Choice`), one accelerator."""
 
     def __init__(self, scene: Scene, settings: Settings, accelerator: Accelerator, plugins: Mapping[str, Any]) -> None:
-        width, height = settings.size(scene)
-        self.settings = replace(settings, width=width, height=height)
-        self.film = Film(width, height)
+        self._wanted = settings
         self._scene = scene
         self._accelerator = accelerator
         self._plugins = plugins
@@ -75,40 +82,62 @@ class Renderer:
         self._rays = 0
         self._compile_seconds = 0.0
         self._build_seconds = 0.0
-        self._running = threading.Lock()
-        self._control = np.zeros(2, np.int64)
-        self._tiles = _tiles(width, height)
-        self._done = np.zeros(len(self._tiles), np.int64)
+        self._guard = CallGuard(after_fork=self._start_threads)
+        self._start_threads()
+        self._control = np.zeros(3, np.int64)
+        self._resize()
         self._addresses: NDArray[np.int64] | None = None
-        self._pool = ThreadPoolExecutor(settings.threads, thread_name_prefix="raybench")
         self._block_bytes = block_bytes(self._real, accelerator.scratch)
         # of each thread: its block of lanes, and behind it the one in which samples begin
         both = self._block_bytes + block_bytes(self._real, 0)
-        self._memory = [_aligned(both) for _ in range(settings.threads)]
-        self._build()
+        self._memory = [aligned(both) for _ in range(settings.threads)]
+        self._set_stacks(STACK_CAPACITY)
+        self._build(scene)
 
     # ---- preparation -------------------------------------------------------------------------------------------------
 
-    def _build(self) -> None:
+    def _start_threads(self) -> None:
+        """Pools for rendering and for tracing beside it; their threads start when there is work. And the locks that
+        threads share."""
+        self._pool = ThreadPoolExecutor(self._wanted.threads, thread_name_prefix="raybench")
+        self._tracing_pool = ThreadPoolExecutor(self._wanted.threads, thread_name_prefix="raybench-trace")
+        self._preparing, self._counting = threading.RLock(), threading.Lock()
+
+    def _resize(self) -> None:
+        """An empty film, and tiles, of the size that the settings and the camera want."""
+        width, height = self._wanted.size(self._scene)
+        self.settings = replace(self._wanted, width=width, height=height)
+        self.film = Film(width, height)
+        self._tiles = _tiles(width, height)
+        self._done = np.zeros(len(self._tiles), np.int64)
+
+    def _set_stacks(self, capacity: int) -> None:
+        """Stacks with room for `capacity` rays a lane, one a thread."""
+        self._stack_capacity = capacity
+        self._stacks = [aligned(stack_bytes(self._real, capacity)) for _ in self._memory]
+
+    def _build(self, scene: Scene) -> None:
+        """Takes `scene`; where that fails, everything is left as it was."""
         start, compiled = time.perf_counter(), jit.compile_seconds
-        self._world = flatten(self._scene, self._real, self._tracing)
-        self._accelerator.build(self._world, self.settings.threads)
+        world = flatten(scene, self._real, self._tracing)
+        self._accelerator.build(world, self._wanted.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled
         self._compile_seconds += compiled
-        self._lit = int(self._world.table[N_LIGHTS]) > 0
+        self._scene, self._world, self._addresses = scene, world, None
         self._world.bind(MARGINS, surface.margins(self._tracing))
+        if self._wanted.size(scene) != (self.film.width, self.film.height):
+            self._resize()
         self._bind_options()
         self._bind_camera()
-        self._addresses = None
 
     def _bind_options(self) -> None:
         shader, sampler = self.settings.shader, self.settings.sampler
         numbers = np.zeros(16)
         numbers[: shading.SHADER_OPTIONS] = shading.option_numbers(shader, self._world.bounds, self._world.center)
-        if sampler.name == "constant":
+        if sampler.plugin is None and sampler.name == "constant":
             numbers[samplers.SAMPLER_OPTION] = sampler.options["value"]
-        elif sampler.name == "stratified":
+        elif sampler.plugin is None and sampler.name == "stratified":
             numbers[samplers.SAMPLER_OPTION] = (sampler.options["strata"].bit_length() - 1) // 2
         self._world.bind(OPTIONS, numbers)
         self._world.bind(SEED_KEY, samplers.seed_key(self.settings.seed))
@@ -116,7 +145,7 @@ class Renderer:
         self._bind_points(0, 1)
 
     def _bind_camera(self) -> None:
-        width, height = self.settings.size(self._scene)
+        width, height = self.film.width, self.film.height
         self._world.bind(CAMERA, camera.parameters(self._scene.camera, width, height, self._world.center))
         if hasattr(self._accelerator, "look"):  # one that knows where camera rays start
             has_eye = isinstance(self._scene.camera, (Perspective, PerspectiveArctan))
@@ -131,20 +160,22 @@ class Renderer:
 
     def _stages(self) -> NDArray[np.int64]:
         """Addresses of the stages, compiled or loaded the first time they are asked for; that of `trace` alone by `_trace`."""
-        if self._addresses is not None:
+        with self._preparing:
+            if self._addresses is None:
+                start = time.perf_counter()
+                self._addresses = self._compiled_stages()
+                self._compile_seconds += time.perf_counter() - start
             return self._addresses
-        start = time.perf_counter()
+
+    def _compiled_stages(self) -> NDArray[np.int64]:
         needs, real, shader = self._world.needs, self._real, self.settings.shader
         closest, occluded = self._accelerator.stages(needs, real)
         draw_pixel, draw_vertex = self._sampler_stages()
-        every, self._shadows, self._branches = self._shader_traits()
-        self._turns = max(int(self._world.table[N_LIGHTS]), 1) if every else 1
-        self._lit = self._lit and shader.name not in ("albedo", "depth_map")
-        if shader.plugin is None:
-            shade = shading.stage(shader.name, needs, self._lit, real)
-        else:
-            shade = shading.plugin_stage(self._plugins["shader"], every, needs, self._lit, real)
-        light = lights.stage(needs, every, real) if self._lit else shade
+        traits = shading.traits(shader, needs, int(self._world.table[N_LIGHTS]) > 0)
+        turns = max(int(self._world.table[N_LIGHTS]), 1) if traits.every else 1
+        self._rule = driver.Rule(traits.lit, traits.shadows, traits.branches, turns)
+        shade = shading.stage(shader.name, self._plugins.get("shader"), traits, needs, real)
+        light = lights.stage(needs, traits.every, real) if traits.lit else shade
         order = [
             draw_pixel,
             self._camera_stage(),
@@ -156,23 +187,13 @@ class Renderer:
             occluded,
         ]
         self._kept = order  # machine code lives as long as its stage
-        self._addresses = np.array([*(stage.address for stage in order), 0], np.int64)
-        self._compile_seconds += time.perf_counter() - start
-        return self._addresses
+        return np.array([*(stage.address for stage in order), 0], np.int64)
 
     def _sampler_stages(self) -> tuple[Any, Any]:
         sampler = self.settings.sampler
         if sampler.plugin is not None:
             return samplers.plugin_stages(self._plugins["sampler"], self._real)
         return samplers.stages(sampler.name, sampler.options.get("scramble") != "none", self._real)
-
-    def _shader_traits(self) -> tuple[bool, bool, bool]:
-        """(called for every light, sends shadow rays, follows two rays from a hit)."""
-        shader = self.settings.shader
-        if shader.plugin is not None:
-            return getattr(shader.plugin, "lights", "one") == "all", True, True
-        rule = shading.SHADERS[shader.name]
-        return rule.EVERY_LIGHT, shader.name != "no_shadows", rule.BRANCHES
 
     def _camera_stage(self) -> Any:
         view = self._scene.camera
@@ -185,22 +206,22 @@ class Renderer:
 
     def warm_up(self) -> None:
         """Compiles everything `render`, `trace` and `occluded` need, by running it on one pixel of a film of its own."""
-        start, before = time.perf_counter(), self._compile_seconds
-        self._stages()
-        done, film = self._done[:1].copy(), Film(*self.settings.size(self._scene))
-        tile = self._tiles[:1].copy()
-        tile[0, 2:] = 1
-        self._drive(film, tile, done, 1)
-        ray = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
-        self._trace(*ray, np.inf)
-        self._occluded(*ray, np.inf)
-        self._compile_seconds = before + time.perf_counter() - start
+        with self._guard.rendering("warm_up"):
+            start, before = time.perf_counter(), self._compile_seconds
+            self._control[driver.STOP] = 0
+            # sample 0 is drawn, whatever the film has: the table must begin with it
+            self._bind_points(0, 1)
+            film, tile = Film(self.film.width, self.film.height), self._tiles[:1].copy()
+            tile[0, 2:] = 1
+            self._drive(film, tile, np.zeros(1, np.int64), 1)
+            ray = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.full(1, np.inf)
+            self._trace(*ray)
+            self._occluded(*ray)
+            self._compile_seconds = before + time.perf_counter() - start
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
         """Adds `spp` samples a pixel; see `engines.interface.Renderer`."""
-        if not self._running.acquire(blocking=False):
-            raise RuntimeError("this renderer is rendering already")
-        try:
+        with self._guard.rendering():
             self._control[driver.STOP] = 0
             self._stages()
             first = self.film.spp
@@ -215,32 +236,41 @@ class Renderer:
                 if self._control[driver.STOP]:
                     break
             return self.film
-        finally:
-            self._running.release()
 
     def _render_to(self, target: int) -> None:
         """Brings every tile to `target` samples a pixel (a stopped render may have left some ahead of others)."""
         self._bind_points(int(self._done.min()), target)
-        self._rays += self._drive(self.film, self._tiles, self._done, target)
+        self._count(self._drive(self.film, self._tiles, self._done, target))
 
     def _drive(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
-        """Runs the driver on all threads; returns the rays traced."""
-        self._control[driver.NEXT_TILE] = 0
-        stages, kernel = self._stages(), driver.driver(self._real)
-        width, _ = self.settings.size(self._scene)
-        rule = driver.Rule(self._lit, self._shadows, self._branches, self._turns)
+        """Runs the driver on all threads until every tile has `target` samples; returns the rays traced."""
+        rays = self._drive_once(film, tiles, done, target)
+        while self._control[driver.STACK_FULL]:
+            if self._stack_capacity >= LARGEST_STACK:
+                raise RendererFailed(
+                    f"the shader {self.settings.shader.name!r} leaves more than {LARGEST_STACK:,} rays waiting in one "
+                    "path: it must end its paths, by their depth for example"
+                )
+            self._set_stacks(2 * self._stack_capacity)
+            rays += self._drive_once(film, tiles, done, target)
+        return rays
+
+    def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
+        self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
+        stages, kernel, rule = self._stages(), driver.driver(self._real), self._rule
         sums = [array.reshape(-1, 3) for array in (film.sums, film.squares, film.even_sums)]
 
-        def work(memory: NDArray[np.uint8]) -> NDArray[np.int64]:
+        def work(memory: NDArray[np.uint8], stack: NDArray[np.uint8]) -> NDArray[np.int64]:
             totals = np.zeros(2, np.int64)
             buffer = np.empty((CHUNK * TILE * TILE, 3), self._real)
             kernel(
-                stages, memory.ctypes.data, memory.ctypes.data + self._block_bytes, self._world.address, rule,
-                tiles, done, target, CHUNK, width, self._control, *sums, film.counts.reshape(-1), buffer, totals,
+                stages, memory.ctypes.data, memory.ctypes.data + self._block_bytes, stack.ctypes.data,
+                self._stack_capacity, self._world.address, rule, tiles, done, target, CHUNK, film.width, self._control,
+                *sums, film.counts.reshape(-1), buffer, totals,
             )  # fmt: skip
             return totals
 
-        futures = [self._pool.submit(work, memory) for memory in self._memory]
+        futures = [self._pool.submit(work, *parts) for parts in zip(self._memory, self._stacks, strict=True)]
         try:
             totals = sum(future.result() for future in futures)
         except BaseException:  # an interrupt, say: the threads must not go on writing to the film
@@ -250,66 +280,79 @@ class Renderer:
         film.bad_samples += int(totals[driver.BAD_SAMPLES])
         return int(totals[driver.RAYS])
 
+    def _count(self, rays: int) -> None:
+        with self._counting:
+            self._rays += rays
+
     def stop(self) -> None:
         """Ends a running `render` soon; what whole tiles have gathered stays."""
         self._control[driver.STOP] = 1
 
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         """Changes the view or the shapes (a new accelerator is built) and restarts the film."""
-        if camera is not None:
-            self._scene = replace(self._scene, camera=camera)
-        if shapes is not None:
-            self._scene = replace(self._scene, shapes=tuple(shapes))
-            self._build()
-        elif camera is not None:
-            self._bind_camera()
-            self._addresses = None
-        self._done[:] = 0
-        self.film.clear()
+        with self._guard.updating():
+            scene = self._scene if camera is None else replace(self._scene, camera=camera)
+            if shapes is not None:
+                self._build(replace(scene, shapes=tuple(shapes)))
+            elif camera is not None:
+                self._scene, self._addresses = scene, None
+                if self._wanted.size(scene) != (self.film.width, self.film.height):
+                    self._resize()
+                self._bind_camera()
+            self._done[:] = 0
+            self.film.clear()
 
     # ---- rays --------------------------------------------------------------------------------------------------------
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits; see `engines.interface.Renderer`."""
-        return self._trace(origins, directions, t_max)
+        rays = queries.rays_of(origins, directions, t_max)
+        with self._guard.tracing():
+            hits, traced = self._trace(*rays)
+        self._count(traced)
+        return hits
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
         """Whether anything lies in (0, t_max); see `engines.interface.Renderer`."""
-        return self._occluded(origins, directions, t_max)
+        rays = queries.rays_of(origins, directions, t_max)
+        with self._guard.tracing():
+            answer, traced = self._occluded(*rays)
+        self._count(traced)
+        return answer
 
-    def _trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> Hits:
-        o, d, reach = _rays(origins, directions, t_max)
+    def _trace(self, o: Reals, d: Reals, reach: Reals) -> tuple[Hits, int]:
         n = len(o)
         t, shape, primitive, normal = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
         hits = t, shape, primitive, normal, np.empty(n), np.empty(n)
-        stages = self._stages()
-        if not stages[driver.BARE_SURFACE]:
-            self._kept.append(surface.bare_stage(self._world.needs, self._real))
-            stages[driver.BARE_SURFACE] = self._kept[-1].address
-        self._share(driver.tracer(self._real), n, o, d, reach, (self._world.first_rank, *hits))
-        return Hits(*hits)
+        with self._preparing:
+            stages = self._stages()
+            if not stages[driver.BARE_SURFACE]:
+                start = time.perf_counter()
+                self._kept.append(surface.bare_stage(self._world.needs, self._real))
+                stages[driver.BARE_SURFACE] = self._kept[-1].address
+                self._compile_seconds += time.perf_counter() - start
+        traced = self._share(queries.tracer(self._real), n, o, d, reach, (self._world.first_rank, *hits))
+        return Hits(*hits), traced
 
-    def _occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> NDArray[np.bool_]:
-        o, d, reach = _rays(origins, directions, t_max)
+    def _occluded(self, o: Reals, d: Reals, reach: Reals) -> tuple[NDArray[np.bool_], int]:
         answer = np.zeros(len(o), np.bool_)
-        self._share(driver.shadow_tracer(self._real), len(o), o, d, reach, (answer,))
-        return answer
+        return answer, self._share(queries.shadow_tracer(self._real), len(o), o, d, reach, (answer,))
 
-    def _share(self, kernel: Any, n: int, o: Any, d: Any, reach: Any, outputs: tuple[Any, ...]) -> None:
-        """Runs `kernel` over n rays, a stretch a thread."""
+    def _share(self, kernel: Any, n: int, o: Reals, d: Reals, reach: Reals, outputs: tuple[Any, ...]) -> int:
+        """Runs `kernel` over n rays, a stretch a thread, in memory of this call's own, as a render may be under way;
+        returns how many of the rays were traced."""
         stages, world, center = self._stages(), self._world.address, self._world.center
-        threads = self.settings.threads if n >= 4096 else 1
+        threads = self.settings.threads if n >= SHARED_RAYS else 1
         edges = [n * k // threads // jit.LANES * jit.LANES for k in range(threads)] + [n]
 
-        def work(k: int) -> None:
-            kernel(
-                stages, self._memory[k].ctypes.data, world, o, d, reach, center, edges[k], edges[k + 1], *outputs
-            )  # fmt: skip
+        def work(k: int) -> int:
+            memory = aligned(self._block_bytes)
+            return kernel(stages, memory.ctypes.data, world, o, d, reach, center, edges[k], edges[k + 1], *outputs)
 
-        list(self._pool.map(work, range(threads)))
+        return work(0) if threads == 1 else sum(self._tracing_pool.map(work, range(threads)))
 
     def counters(self) -> dict[str, float]:
-        """rays traced by `render`, seconds spent building and compiling, bytes of the accelerator and of the scene."""
+        """Rays traced, seconds spent building and compiling, bytes of the accelerator and of the scene, bad samples."""
         return {
             "rays": self._rays,
             "build_seconds": self._build_seconds,
@@ -318,14 +361,6 @@ class Renderer:
             "scene_bytes": self._world.bytes,
             "bad_samples": self.film.bad_samples,
         }
-
-
-def _rays(origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-    o = np.ascontiguousarray(np.atleast_2d(np.asarray(origins, np.float64)))
-    d = np.ascontiguousarray(np.atleast_2d(np.asarray(directions, np.float64)))
-    if o.ndim != 2 or o.shape[1] != 3 or o.shape != d.shape:
-        raise ValueError(f"origins {o.shape} and directions {d.shape}: both must have the shape (n, 3)")
-    return o, d, np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, np.float64), (len(o),)))
 
 
 def _tiles(width: int, height: int) -> NDArray[np.int32]:
@@ -338,13 +373,6 @@ def _tiles(width: int, height: int) -> NDArray[np.int32]:
         ],
         np.int32,
     )
-
-
-def _aligned(size: int) -> NDArray[np.uint8]:
-    """Zeroed memory that starts on a cache line."""
-    memory = np.zeros(size + 64, np.uint8)
-    start = -memory.ctypes.data % 64
-    return memory[start : start + size]
 
 
 __all__ = ["Accelerator", "Choice", "Renderer"]

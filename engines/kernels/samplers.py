@@ -198,6 +198,8 @@ def _make_plugin(function: Any, draws: int, real: Any) -> Any:
             pixel = get_int(lanes, at.PIXEL, lane)
             for k in range(draws):
                 u = function(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed)
+                # draws become places in tables, so one that is not in [0, 1), NaN among them, must not get through
+                u = u if u >= const(0.0, u) else const(0.0, u)
                 put(lanes, at.DRAW + k, lane, real(min(u, const(1.0, u) - const(2.0**-24, u))))
 
     return draw
@@ -225,6 +227,8 @@ def _mix_int(x: int) -> int:
 def points(sampler: Choice, first: int, last: int) -> NDArray[np.uint32]:
     """The table (samples first .. last - 1, dimensions) that the stage of `sampler` reads; empty where it reads none."""
     index = np.arange(first, last, dtype=np.uint64)
+    if sampler.plugin is not None:
+        return np.zeros((1, 1), np.uint32)
     if sampler.name == "sobol":
         return _sobol(index, reverse=sampler.options["scramble"] != "none")
     if sampler.name == "halton":

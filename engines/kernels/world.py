@@ -94,6 +94,8 @@ class World:
     bounds: NDArray[np.float64]
     """(2, 3) box of all finite shapes, in scene coordinates; NaN where there are none."""
     table: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SLOTS, np.int64))
+    owned: list[Any] = field(default_factory=list)
+    """Other objects whose memory the table leads to: they live as long as the world."""
 
     def bind(self, slot: int, value: NDArray[Any] | int) -> None:
         """Puts an array (which is kept alive) or a number into a slot of the table."""

@@ -1,15 +1,21 @@
 """Mitsuba itself: whether it is installed, which variant is wanted, and how many threads it takes.
 
-Variant and threads are state of the whole process, so that every call into Mitsuba begins with `activate`.
+Variant and threads are state of the whole process, so that calls into Mitsuba run within `active`.
 """
 
 from __future__ import annotations
 
 import importlib
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import metadata, util
 from typing import Any
 
 LLVM, SCALAR = "llvm_ad_rgb", "scalar_rgb"
+OLDEST_LLVM = 17
+"""Dr.Jit loads older ones too, some of which end the process while they compile ("Cannot select ... fminimum")."""
+_in_use = threading.RLock()
 
 
 def lacking(variant: str) -> str | None:
@@ -18,10 +24,13 @@ def lacking(variant: str) -> str | None:
         return "Mitsuba 3 is not installed: pip install 'raybench[mitsuba]'"
     if variant == LLVM:
         drjit = importlib.import_module("drjit")
-        if not drjit.has_backend(drjit.JitBackend.LLVM):
+        usable = drjit.has_backend(drjit.JitBackend.LLVM)
+        found = drjit.detail.llvm_version() if usable else (0,)
+        if not usable or found[0] < OLDEST_LLVM:
             return (
-                "Mitsuba's llvm_ad_rgb needs a system libLLVM, none of a usable version was found: install LLVM 17 or "
-                "later, or name it in DRJIT_LIBLLVM_PATH; the engine mitsuba_scalar does without"
+                f"Mitsuba's llvm_ad_rgb needs a system libLLVM {OLDEST_LLVM} or later, and "
+                + (f"Dr.Jit found {'.'.join(map(str, found))}" if usable else "none was found")
+                + ": install it, or name it in DRJIT_LIBLLVM_PATH; the engine mitsuba_scalar does without"
             )
     return None
 
@@ -43,3 +52,11 @@ def activate(variant: str, threads: int) -> tuple[Any, Any]:
     if drjit.thread_count() != threads:
         drjit.set_thread_count(threads)
     return mitsuba, drjit
+
+
+@contextmanager
+def active(variant: str, threads: int) -> Iterator[None]:
+    """`activate`, and no other thread's calls before the end: they wait, whichever renderer they are of."""
+    with _in_use:
+        activate(variant, threads)
+        yield

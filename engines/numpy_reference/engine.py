@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.errors import RaybenchError, Unsupported
+from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference.camera import require_numpy
 from engines.numpy_reference.renderer import Renderer
@@ -38,7 +38,7 @@ class Engine:
         """None where `prepare` would work, else one sentence that says what is lacking."""
         try:
             supported(scene, settings, ACCELERATORS, self.name)
-        except RaybenchError as error:
+        except Unsupported as error:
             return str(error)
         return None
 

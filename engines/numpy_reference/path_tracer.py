@@ -142,7 +142,7 @@ def _direct(context: Context, paths: Paths, surface: Surface, there: Lobes, samp
         added = paths.throughput.take(lanes, axis=1) * brdf * found.arriving * (cosine * count * weight)
     # unless something stands in between
     facing = (cosine > 0.0) & (dot(at.geometric, found.wi) > 0.0) & (found.arriving > 0.0).any(axis=0)
-    lit = np.flatnonzero(facing)
+    lit = np.flatnonzero(facing & (added != 0.0).any(axis=0))  # NaN is not 0: it is traced, and counted as a bad sample
     clear = context.unoccluded(at.take(lit), found.wi.take(lit, axis=1), found.distance[lit])
     lit = lit[clear]
     light[:, lanes[lit]] = added.take(lit, axis=1)

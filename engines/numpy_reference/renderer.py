@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import Choice
+from engines.concurrency import CallGuard
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.numpy_reference.camera import camera_rays, require_numpy
@@ -38,7 +39,10 @@ class Renderer:
         self._sampler = Sampler(settings.sampler, settings.seed)
         self._shade = shader_function(settings.shader)
         self._stop = threading.Event()
-        self._build()
+        self._guard = CallGuard(after_fork=self._renew_lock)
+        self._renew_lock()
+        self._rays_rendered, self._rays_queried = 0, 0
+        self._build(scene)
         self._film = Film(*settings.size(scene))
 
     @property
@@ -55,21 +59,24 @@ class Renderer:
 
     def warm_up(self) -> None:
         """There is nothing to compile."""
+        with self._guard.rendering("warm_up"):
+            pass
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
         """Adds `spp` samples to every pixel; `on_pass(film)` after each. `stop` ends it and keeps whole passes only."""
-        self._stop.clear()
-        for _ in range(spp):
-            try:
-                samples = self._pass(self._film.spp)
-            except Stopped:
-                break
-            self._film.add(samples)
-            if on_pass is not None:
-                on_pass(self._film)
-            if self._stop.is_set():
-                break
-        return self._film
+        with self._guard.rendering():
+            self._stop.clear()
+            for _ in range(spp):
+                try:
+                    samples = self._pass(self._film.spp)
+                except Stopped:
+                    break
+                self._film.add(samples)
+                if on_pass is not None:
+                    on_pass(self._film)
+                if self._stop.is_set():
+                    break
+            return self._film
 
     def stop(self) -> None:
         """Makes a running `render` return soon, from any thread; without one it does nothing."""
@@ -79,25 +86,29 @@ class Renderer:
         """Takes another camera or other shapes, and restarts the film."""
         if camera is not None:
             require_numpy(camera)
-            self._scene = replace(self._scene, camera=camera)
-        if shapes is not None:
-            self._scene = replace(self._scene, shapes=tuple(shapes))
-            self._build()
-        width, height = self._wanted.size(self._scene)
-        if (width, height) == (self._film.width, self._film.height):
-            self._film.clear()
-        else:
-            self._film = Film(width, height)
+        with self._guard.updating():
+            scene = self._scene if camera is None else replace(self._scene, camera=camera)
+            if shapes is not None:
+                scene, rendered = replace(scene, shapes=tuple(shapes)), self._context.rays
+                self._build(scene)
+                self._rays_rendered += rendered
+            self._scene = scene
+            width, height = self._wanted.size(scene)
+            if (width, height) == (self._film.width, self._film.height):
+                self._film.clear()
+            else:
+                self._film = Film(width, height)
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""
         good, origin, direction, length, reach, n = _rays(origins, directions, t_max)
-        self._context.rays += n
-        nearest = self._context.tracer.closest(origin, direction, reach, _go_on)
+        with self._guard.tracing():
+            geometry = self._context.geometry
+            nearest = self._context.tracer.closest(origin, direction, reach, _go_on)
+        self._count(good.size)
         found = np.flatnonzero(nearest.rank >= 0)
         lanes, rank, distance = good[found], nearest.rank[found], nearest.t[found]
         origin, direction = origin.take(found, axis=1), direction.take(found, axis=1)
-        geometry = self._context.geometry
         hits = Hits(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
         hits.t[lanes] = distance / length[found]
         hits.shape[lanes], hits.primitive[lanes] = geometry.shape[rank], geometry.primitive[rank]
@@ -109,29 +120,36 @@ class Renderer:
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
         """(n,) bool: whether anything lies in (0, t_max). Rays that are not finite, or zero, are free."""
         good, origin, direction, _, reach, n = _rays(origins, directions, t_max)
-        self._context.rays += n
         dark = np.zeros(n, bool)
-        dark[good] = self._context.tracer.occluded(origin, direction, reach, _go_on)
+        with self._guard.tracing():
+            dark[good] = self._context.tracer.occluded(origin, direction, reach, _go_on)
+        self._count(good.size)
         return dark
 
+    def _count(self, rays: int) -> None:
+        with self._counting:
+            self._rays_queried += rays
+
+    def _renew_lock(self) -> None:
+        self._counting = threading.Lock()
+
     def counters(self) -> Mapping[str, float]:
-        """Rays asked for, seconds of the last build, memory of the tree, and samples that were not finite."""
+        """Rays traced, seconds of the last build, memory of the tree, and samples that were not finite."""
         return {
-            "rays": self._context.rays,
+            "rays": self._rays_rendered + self._context.rays + self._rays_queried,
             "build_seconds": self._build_seconds,
             "compile_seconds": 0.0,
             "accelerator_bytes": self._context.tracer.nbytes,
             "bad_samples": self._film.bad_samples,
         }
 
-    def _build(self) -> None:
+    def _build(self, scene: Scene) -> None:
         begin = perf_counter()
-        rays = self._context.rays if hasattr(self, "_context") else 0
-        geometry = Geometry(self._scene.shapes)
+        geometry = Geometry(scene.shapes)
         tracer = self._tracer(geometry, self._wanted.accelerator)
-        self._context = Context(self._scene, geometry, tracer, self._wanted.shader, self._sampler)
-        self._context.rays, self._context.check = rays, self._check
-        self._build_seconds = perf_counter() - begin
+        context = Context(scene, geometry, tracer, self._wanted.shader, self._sampler)
+        context.check = self._check
+        self._context, self._build_seconds = context, perf_counter() - begin
 
     def _pass(self, sample: int) -> Array:
         """(pixels, 3): one sample of every pixel."""

@@ -5,10 +5,13 @@ Tests break it in one place at a time to see that the conformance suite notices.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
+from engines.concurrency import CallGuard
 from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits
@@ -33,6 +36,7 @@ class Renderer:
         self.shader = resolve("shader", settings.shader, SHADERS)
         self._film = Film(*settings.size(scene))
         self.rays, self.stopped, self.done = 0, False, 0
+        self.guard = CallGuard()
 
     @property
     def film(self):
@@ -40,25 +44,29 @@ class Renderer:
 
     def warm_up(self):
         """There is nothing to compile."""
+        with self.guard.rendering("warm_up"):
+            pass
 
     def render(self, spp, on_pass=None):
-        self.stopped = False
-        for _ in range(spp):
-            self.film.add(self.samples())
-            self.done += 1
-            if on_pass:
-                on_pass(self.film)
-            if self.stopped:
-                break
-        return self.film
+        with self.guard.rendering():
+            self.stopped = False
+            for _ in range(spp):
+                self.film.add(self.samples())
+                self.done += 1
+                if on_pass:
+                    on_pass(self.film)
+                if self.stopped:
+                    break
+            return self.film
 
     def stop(self):
         self.stopped = True
 
     def update(self, camera=None, shapes=None):
-        self.camera, self.shapes = camera or self.camera, self.shapes if shapes is None else shapes
-        self.film.clear()
-        self.done = 0
+        with self.guard.updating():
+            self.camera, self.shapes = camera or self.camera, self.shapes if shapes is None else shapes
+            self._film = Film(*self.settings.size(replace(self.scene, camera=self.camera)))
+            self.done = 0
 
     def counters(self):
         zeros = dict.fromkeys(("build_seconds", "compile_seconds", "accelerator_bytes"), 0.0)
@@ -68,9 +76,9 @@ class Renderer:
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         o, d = np.asarray(origins, float).reshape(-1, 3), np.asarray(directions, float).reshape(-1, 3)
-        self.rays += len(o)
         length = np.max(np.abs(d), axis=1, initial=0.0)
         valid = np.isfinite(o).all(axis=1) & np.isfinite(length) & (length > 0)
+        self.rays += int(valid.sum())
         with np.errstate(invalid="ignore", divide="ignore"):
             limit = np.broadcast_to(np.asarray(t_max, float), len(o)) * length
             o, d = np.where(valid[:, None], o, 0.0), np.where(valid[:, None], d / length[:, None], 1.0)

@@ -113,3 +113,12 @@ def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler):
 def test_every_seed_and_pass_has_a_seed_of_its_own():
     seeds = {seed_of(seed, part) for seed in (0, 1, 2, 2**32, 2**40 + 1) for part in range(200)}
     assert len(seeds) == 1000
+
+
+@installed
+def test_an_llvm_too_old_for_drjit_is_declined_by_name(monkeypatch):
+    import drjit
+
+    monkeypatch.setattr(drjit.detail, "llvm_version", lambda: (15, 0, 6))
+    reason = library.lacking(library.LLVM)
+    assert reason is not None and "15.0.6" in reason and "17 or later" in reason

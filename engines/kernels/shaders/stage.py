@@ -264,24 +264,29 @@ def _make_plugin(step: Any, needs: Needs, traits: Traits, real: Any) -> Any:
     return shade
 
 
-def _traits(needs: Needs | Reflecting, lit: bool, every: bool, branches: bool, shadows: bool) -> Traits:
-    return Traits(lit, every and lit, branches and needs.mirror and needs.refraction, shadows)
+def traits(shader: Choice, needs: Needs, has_lights: bool) -> Traits:
+    """What the stage of `shader` is compiled for in a scene that holds `needs`. Of a plugin nothing is known but whether it
+    is called for every light, so it may branch and send shadow rays anywhere."""
+    if shader.plugin is not None:
+        return Traits(has_lights, has_lights and getattr(shader.plugin, "lights", "one") == "all", True, True)
+    rule = SHADERS[shader.name]
+    lit = has_lights and shader.name not in ("albedo", "depth_map")
+    branches = rule.BRANCHES and needs.mirror and needs.refraction
+    return Traits(lit, lit and rule.EVERY_LIGHT, branches, shader.name != "no_shadows")
 
 
-def stage(name: str, needs: Needs, lit: bool, real: Any) -> Any:
-    """The shade stage of a built-in shader."""
-    return _stage(name, of_needs(Reflecting, needs), lit, real)
+def stage(name: str, jitted: Any, traits: Traits, needs: Needs, real: Any) -> Any:
+    """The shade stage of the built-in shader `name`, or of a user's `jitted` step, which is told all needs."""
+    if jitted is not None:
+        return _plugin_stage(jitted, needs, traits, real)
+    return _stage(name, of_needs(Reflecting, needs), traits, real)
 
 
 @cache
-def _stage(name: str, needs: Reflecting, lit: bool, real: Any) -> Any:
-    rule = SHADERS[name]
-    traits = _traits(needs, lit, rule.EVERY_LIGHT, rule.BRANCHES, name != "no_shadows")
+def _stage(name: str, needs: Reflecting, traits: Traits, real: Any) -> Any:
     return compile_stage(_make(list(SHADERS).index(name), needs, traits, real))
 
 
 @cache
-def plugin_stage(step: Any, every: bool, needs: Needs, lit: bool, real: Any) -> Any:
-    """The shade stage of a user's jitted step, which is told all needs; `every`: it is called once for each light."""
-    traits = _traits(needs, lit, every, True, True)
+def _plugin_stage(step: Any, needs: Needs, traits: Traits, real: Any) -> Any:
     return compile_stage(_make_plugin(step, needs, traits, real), on_disk=False)

@@ -1,12 +1,15 @@
 """cutout: the colours of triangles seen through a pinhole, for raybench, of which it knows the public names alone."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from engines import Film, Hits, Unsupported
 from engines.choices import SAMPLERS, SHADERS, resolve
+from engines.concurrency import CallGuard
 from engines.scene import Mesh, Perspective, Triangle
 
-COUNTERS = dict.fromkeys(("rays", "build_seconds", "compile_seconds", "accelerator_bytes", "bad_samples"), 0.0)
+COUNTERS = dict.fromkeys(("build_seconds", "compile_seconds", "accelerator_bytes", "bad_samples"), 0.0)
 
 
 def unit(vector):
@@ -15,25 +18,27 @@ def unit(vector):
 
 class Renderer:
     def __init__(self, scene, settings):
-        self.materials, self.seed, self.rays, self.stopped = scene.materials, settings.seed, 0, False
-        self.film = Film(*settings.size(scene))
+        self.scene, self.settings, self.stopped, self.guard = scene, settings, False, CallGuard()
         self.update(scene.camera, scene.shapes)
 
     def update(self, camera=None, shapes=None):
-        self.camera = camera or self.camera
+        with self.guard.updating():
+            self.change(replace(self.scene, camera=camera or self.scene.camera), shapes)
+
+    def change(self, scene, shapes):
+        self.scene, self.film = scene, Film(*self.settings.size(scene))
         if shapes is not None:
             flat = [(s.vertices[s.faces], s.materials) if isinstance(s, Mesh) else ([(s.a, s.b, s.c)], [s.material])
                     for s in shapes]  # fmt: skip
             self.faces = np.concatenate([np.zeros((0, 3, 3)), *(corners for corners, _ in flat)])
             self.ids = np.array([(i, k) for i, (f, _) in enumerate(flat) for k in range(len(f))], int).reshape(-1, 2)
-            shown = [self.materials[index] for _, given in flat for index in given]
+            shown = [scene.materials[index] for _, given in flat for index in given]
             self.colours = np.array([m.kd if max(m.kd) > 0 else m.emission for m in shown] + [(0, 0, 0)])
-        self.film.clear()
 
     def trace(self, origins, directions, t_max=np.inf):
         """Moeller and Trumbore 1997, face by face."""
         o, d = (np.asarray(a, float).reshape(-1, 3) for a in (origins, directions))
-        n, self.rays = len(o), self.rays + len(o)
+        n = len(o)
         with np.errstate(all="ignore"):
             length = np.abs(d).max(axis=1, initial=0.0)
             d, t = d / length[:, None], np.broadcast_to(np.asarray(t_max, float), n) * length
@@ -53,16 +58,20 @@ class Renderer:
         return self.trace(origins, directions, t_max).shape >= 0
 
     def warm_up(self):
-        pass
+        self.render(0)
 
     def render(self, spp, on_pass=None):
-        self.stopped, camera, (height, width) = False, self.camera, self.film.counts.shape
+        with self.guard.rendering():
+            return self.passes(spp, on_pass)
+
+    def passes(self, spp, on_pass):
+        self.stopped, camera, (height, width) = False, self.scene.camera, self.film.counts.shape
         forward = unit(np.subtract(camera.target, camera.eye))
         right = unit(np.cross(forward, camera.up))
         half = np.tan(np.radians(camera.fov) / 2) / (height if camera.fov_axis == "y" else width)
         first = np.searchsorted(self.ids[:, 0], np.arange(len(self.ids) + 1))
         for _ in range(spp):
-            inside = np.random.default_rng([self.seed, self.film.spp]).random((2, height * width))
+            inside = np.random.default_rng([self.settings.seed, self.film.spp]).random((2, height * width))
             y, x = np.mgrid[:height, :width].reshape(2, -1) + inside
             d = forward + half * ((2 * x - width)[:, None] * right + (height - 2 * y)[:, None] * np.cross(right, forward))
             seen = self.trace(np.tile(camera.eye, (len(d), 1)), d)
@@ -77,7 +86,7 @@ class Renderer:
         self.stopped = True
 
     def counters(self):
-        return {**COUNTERS, "rays": float(self.rays), "bad_samples": float(self.film.bad_samples)}
+        return {**COUNTERS, "bad_samples": float(self.film.bad_samples)}
 
 
 class Engine:

@@ -1,0 +1,103 @@
+"""The disk cache of machine code gives each process the code it asked for, or none."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from engines.kernels import code_cache
+from engines.kernels.code_cache import KeyedFiles, hash_of_sources
+
+ENGINES = Path(code_cache.__file__).parent.parent
+KEY, OTHER = ("void(int64, int64)", "cpu", "stage 4"), ("void(int64, int64)", "cpu", "stage 14")
+
+
+def test_each_key_has_a_file_of_its_own_whoever_writes_first(tmp_path):
+    one, two = KeyedFiles(tmp_path, "stage"), KeyedFiles(tmp_path, "stage")
+    assert one.load(KEY) is None and two.load(OTHER) is None
+    one.save(KEY, b"4")
+    two.save(OTHER, b"14")
+    for files in (one, two, KeyedFiles(tmp_path, "stage")):
+        assert (files.load(KEY), files.load(OTHER)) == (b"4", b"14")
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_code_of_another_key_is_not_believed(tmp_path):
+    files = KeyedFiles(tmp_path, "stage")
+    files.save(OTHER, b"14")
+    shutil.copy(files.path(OTHER), files.path(KEY))
+    assert files.load(KEY) is None
+    files.save(KEY, b"4")
+    assert files.load(KEY) == b"4"
+
+
+@pytest.mark.parametrize("damage", ["empty", "truncated", "a bit", "another format", "a folder", "nothing but a pickle"])
+def test_a_damaged_file_is_a_miss(tmp_path, damage):
+    files = KeyedFiles(tmp_path, "stage")
+    files.save(KEY, b"machine code" * 100)
+    path, content = files.path(KEY), files.path(KEY).read_bytes()
+    changed = {
+        "empty": b"", "truncated": content[:-1], "a bit": content[:-40] + bytes([content[-40] ^ 1]) + content[-39:],
+        "another format": b"x" + content[1:], "a folder": None, "nothing but a pickle": content[56:],
+    }[damage]  # fmt: skip
+    path.unlink()
+    path.mkdir() if changed is None else path.write_bytes(changed)
+    assert files.load(KEY) is None
+    files.save(KEY, b"4")
+    assert files.load(KEY) == (None if changed is None else b"4")
+
+
+def test_a_folder_that_cannot_be_written_keeps_nothing_and_raises_nothing(tmp_path):
+    files = KeyedFiles(tmp_path / "gone", "stage")
+    files.save(KEY, b"4")
+    assert files.load(KEY) is None
+
+
+def test_every_source_of_the_engines_counts(tmp_path):
+    copy = tmp_path / "engines"
+    shutil.copytree(ENGINES, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    assert hash_of_sources(copy) == hash_of_sources(ENGINES)
+    for path in sorted(copy.rglob("*.py")):
+        before, source = hash_of_sources(copy), path.read_bytes()
+        path.write_bytes(source + b"SPHERE = 99\n")
+        assert hash_of_sources(copy) != before, path
+        path.write_bytes(source)
+        assert hash_of_sources(copy) == before
+
+
+STAGES = """
+import random, sys
+from engines.kernels.jit import compile_stage, pointer
+import numpy as np
+def make(k):
+    def stage(block, world):
+        pointer(block, np.int64)[0] = k
+    return stage
+wanted = list(range(12))
+random.Random(int(sys.argv[1])).shuffle(wanted)
+place = np.zeros(1, np.int64)
+for k in wanted:
+    compiled = compile_stage(make(k))
+    compiled.ctypes(place.ctypes.data, 0)
+    assert place[0] == k, f"asked stage {k} got {place[0]}"
+"""
+
+
+def test_processes_that_compile_at_once_get_the_code_they_asked_for(tmp_path):
+    (tmp_path / "stages.py").write_text(STAGES)
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ENGINES.parent)}
+    programs = [
+        subprocess.Popen([sys.executable, str(tmp_path / "stages.py"), str(k)], env=environment, stderr=subprocess.PIPE)
+        for k in range(4)
+    ]
+    for program in programs:
+        _, error = program.communicate(timeout=300)
+        assert program.returncode == 0, error.decode()
+    files = list((tmp_path / "cache").rglob("*.code"))
+    assert len([path for path in files if "stage" in path.name]) == 12
+    damaged = files[0]
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    last = subprocess.run([sys.executable, str(tmp_path / "stages.py"), "9"], env=environment, check=False)
+    assert last.returncode == 0 and damaged.stat().st_size > 100
