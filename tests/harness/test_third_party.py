@@ -47,7 +47,7 @@ def installed(site, monkeypatch):
 
 def python(*words, folder):
     return subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, check=False, timeout=100
+        [sys.executable, *words], cwd=folder, capture_output=True, text=True, check=False, timeout=300
     )
 
 

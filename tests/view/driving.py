@@ -55,7 +55,7 @@ class Viewer:
     def __exit__(self, *_):
         self._process.terminate()
         try:
-            self._process.wait(15)
+            self._process.wait(120)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
