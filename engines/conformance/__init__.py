@@ -25,7 +25,7 @@ from engines.conformance.subject import Broken, Declined, Subject
 from engines.errors import ConfigError, UnknownName
 from engines.interface import Engine
 
-__all__ = ["BROKEN", "CLAIMS", "DECLINED", "HOLDS", "NOT_PROMISED", "Finding", "assert_conforms", "check_engine", "key_of"]
+__all__ = ["BROKEN", "CLAIMS", "DECLINED", "HOLDS", "NOT_PROMISED", "Finding", "assert_conforms", "check_engine"]
 
 Claim = Callable[[Subject], None]
 
