@@ -34,7 +34,7 @@ class Unsupported(RaybenchError):
 
 
 class RendererFailed(RaybenchError):
-    """An external renderer that crashed, or left no image or an unusable one."""
+    """A renderer that crashed, or left no image or an unusable one."""
 
 
 def suggestion(found: str, known: Iterable[str]) -> str:

@@ -269,7 +269,7 @@ def verify(
     ] = None,
     allow_imports: AllowImports = False,
 ) -> None:
-    """Hold engines to hard cases and known answers; exit code 1 where a promise is broken."""
+    """Hold engines to hard cases and known answers; exit code 1 where a promise is broken, 2 where nothing was examined."""
     from harness.verify.command import Asked
     from harness.verify.command import verify as verified
 

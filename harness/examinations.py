@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -54,18 +55,21 @@ def case_words() -> list[str]:
 
 
 def planned(asked: VerifyAsked | None, engines: Mapping[str, Engine]) -> tuple[Examination, ...]:
-    """Every case in every precision that an engine has."""
+    """Every case in every precision that an engine has; none of one that renders nothing here: its cells say why."""
     if asked is None:
         return ()
-    from harness.verify.subject import accelerators, precisions
+    from harness.verify.subject import Declined, accelerators, precisions
 
-    return tuple(
-        _examination(asked, name, engine, precision, accelerator, case)
-        for name, engine in engines.items()
-        for precision in precisions(engine)
-        for case in chosen_cases(asked.cases)
-        for accelerator in (accelerators(engine) if case.each_accelerator else ["auto"])
-    )
+    found: list[Examination] = []
+    for name, engine in engines.items():
+        with suppress(Declined):
+            found += [
+                _examination(asked, name, engine, precision, accelerator, case)
+                for precision in precisions(engine)
+                for case in chosen_cases(asked.cases)
+                for accelerator in (accelerators(engine) if case.each_accelerator else ["auto"])
+            ]
+    return tuple(found)
 
 
 def _examination(

@@ -154,11 +154,16 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
 
 def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Renders `spp` samples a pixel under each seed, handing over a film after each."""
+    from engines.errors import Unsupported
     from harness import measure
 
     scene, _ = loaded(request)
     for seed in request["seeds"]:
-        renderer, _, _ = measure.prepare(engine, scene, settings_of(request, seed))
+        settings = settings_of(request, seed)
+        reason = engine.why_not(scene, settings)
+        if reason is not None:
+            raise Unsupported(reason)
+        renderer, _, _ = measure.prepare(engine, scene, settings)
         start = perf_counter()
         film = renderer.render(spp=request["spp"])
         hand_over(pipes, film, request["scratch"], request["spp"], seconds=perf_counter() - start, seed=seed)

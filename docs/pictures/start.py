@@ -4,8 +4,6 @@ python docs/pictures/start.py [FOLDER]
 Needs Chromium for the first of them, the top of the report.
 """
 
-import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -13,12 +11,14 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.browser import PROGRAM, Browser  # noqa: E402
+
 TARGET = ROOT / "docs" / "pictures" / "start"
 PLOTS = ("error-over-time-cornell_box", "error-over-samples-cornell_box", "time-to-quality-cornell_box",
          "pareto-cornell_box", "targets-over-time", "phases-cornell_box", "sentinel")  # fmt: skip
 WIDTH, SIZE = 760, (1100, 760)
-FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--hide-scrollbars",
-         "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
 
 
 def shrunk(picture: Path, target: Path, width: int = WIDTH) -> None:
@@ -31,17 +31,12 @@ def shrunk(picture: Path, target: Path, width: int = WIDTH) -> None:
 
 def photographed(page: Path, target: Path, window: tuple[int, int] = SIZE, width: int = WIDTH) -> None:
     """The top of a page, as a window of that many pixels shows it."""
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if browser is None:
+    if PROGRAM is None:
         sys.exit("no Chromium is installed")
-    with tempfile.TemporaryDirectory() as profile:
-        shot = Path(profile, "shot.png")
-        size = f"--window-size={window[0]},{window[1]}"
-        subprocess.run(
-            [browser, *FLAGS, f"--user-data-dir={profile}/data", f"--screenshot={shot}", size, page.resolve().as_uri()],
-            check=True, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        shrunk(shot, target, width)
+    with tempfile.TemporaryDirectory() as folder, Browser() as browser:
+        browser.open(page, *window)
+        browser.picture(Path(folder, "shot.png"))
+        shrunk(Path(folder, "shot.png"), target, width)
 
 
 def main(folder: Path) -> None:

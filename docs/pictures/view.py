@@ -11,63 +11,64 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.view.driving import Page, Viewer  # noqa: E402
+from tests.browser import Browser  # noqa: E402
+from tests.view.driving import Viewer  # noqa: E402
 
 TARGET = Path(__file__).resolve().parent / "view"
 READY = "window.raybench && (raybench.part || raybench.parts || raybench.menu)"
 
 
-def rendered(page: Page, scene: str, size: tuple[int, int], spp: int) -> None:
+def rendered(page: Browser, scene: str, size: tuple[int, int], spp: int) -> None:
     for key, value in {"scene": scene, "width": size[0], "height": size[1], "wanted": spp}.items():
         page.set(f"#{key}", value)
-    page.wait_for(f"raybench.state === 'busy' && raybench.told.spp > {spp // 2} && !raybench.frame.coarse", 120)
+    page.wait_for(f"raybench.state === 'busy' && raybench.told.spp > {spp // 2} && !raybench.frame.coarse")
 
 
-def view(page: Page, address: str) -> None:
-    page.visit(address, 1280, 960)
+def view(page: Browser, address: str) -> None:
+    page.open(address, 1280, 960)
     page.wait_for(READY)
     rendered(page, "two_spheres", (400, 300), 96)
-    page.mouse("mouseMoved", *page.spot(0.4, 0.6))
+    page.point(*page.spot(0.4, 0.6))
     page.wait_for("raybench.probe")
 
 
-def dark(page: Page, address: str) -> None:
-    page.visit(address, 1280, 960, dark=True)
+def dark(page: Browser, address: str) -> None:
+    page.open(address, 1280, 960, dark=True)
     page.wait_for(READY)
     rendered(page, "cornell_box", (320, 320), 96)
 
 
-def narrow(page: Page, address: str) -> None:
-    page.visit(address, 360, 760)
+def narrow(page: Browser, address: str) -> None:
+    page.open(address, 360, 760)
     page.wait_for(READY)
     rendered(page, "mobilert_spheres2", (256, 256), 96)
 
 
-def race(page: Page, address: str) -> None:
-    page.visit(address + "race.html", 1280, 1400)
+def race(page: Browser, address: str) -> None:
+    page.open(address + "race.html", 1280, 1400)
     page.wait_for("window.raybench && raybench.parts.length === 2")
     page.click("#add")
     for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 512,
                        "max-seconds": 3}.items():  # fmt: skip
         page.set(f"#{key}", value)
     page.click("#start")
-    page.wait_for("raybench.state === 'finished'", 240)
+    page.wait_for("raybench.state === 'finished'")
 
 
-def dahlquist(page: Page, address: str) -> None:
-    page.visit(address + "dahlquist.html", 1280, 1060)
+def dahlquist(page: Browser, address: str) -> None:
+    page.open(address + "dahlquist.html", 1280, 1060)
     page.wait_for("window.raybench && raybench.menu")
-    page.wait_for("raybench.told && raybench.told.frames_per_second && raybench.frames > 100", 120)
+    page.wait_for("raybench.told && raybench.told.frames_per_second && raybench.frames > 100")
 
 
-SHOTS: dict[str, Callable[[Page, str], None]] = {
+SHOTS: dict[str, Callable[[Browser, str], None]] = {
     "view": view, "dark": dark, "narrow": narrow, "race": race, "dahlquist": dahlquist,
 }  # fmt: skip
 
 
 def main(names: list[str]) -> None:
     TARGET.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder, Viewer(Path(folder)) as viewer, Page(Path(folder, "profile")) as page:
+    with tempfile.TemporaryDirectory() as folder, Viewer(Path(folder)) as viewer, Browser() as page:
         for name in names or SHOTS:
             SHOTS[name](page, viewer.address)
             page.evaluate("new Promise(done => setTimeout(done, 400))")

@@ -117,8 +117,8 @@ def _demands(subject: Subject) -> Iterator[tuple[str, Scene, dict[str, Any]]]:
 
 def why_not_and_prepare_agree(subject: Subject) -> None:
     """Where why_not answers None prepare works, and renders unless quick; else it raises Unsupported in those words."""
-    for what, held, changes in _demands(subject):
-        settings = Settings(**{**BASE, **changes})
+    for what, demanded, changes in _demands(subject):
+        held, settings = subject.given(demanded), Settings(**{**BASE, **changes})
         reason = subject.engine.why_not(held, settings)
         try:
             renderer = subject.engine.prepare(held, settings)

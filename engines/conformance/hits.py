@@ -216,7 +216,7 @@ def _random_rays(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _differences(one: Hits, other: Hits) -> int:
-    same_t = np.isclose(one.t, other.t, rtol=RELATIVE, atol=0)
+    same_t = np.isclose(one.t, other.t, rtol=RELATIVE, atol=0, equal_nan=True)
     return int((~same_t | (one.shape != other.shape) | (one.primitive != other.primitive)).sum())
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from engines.scene import Scene, scene_from
+import yaml
+
+from engines.scene import Scene, load_scene, scene_from
 
 CAMERA: dict[str, Any] = {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "resolution": [24, 18]}
 PINHOLE: dict[str, Any] = {"type": "perspective", "fov": 40, "fov_axis": "y"}
@@ -27,16 +30,32 @@ MATERIALS: dict[str, Any] = {
 def scene(shapes: Sequence[Mapping[str, Any]], lights: Sequence[Mapping[str, Any]] = (), **camera: Any) -> Scene:
     """A scene with those of the materials above that it uses; `camera` changes the camera's keys."""
     used = {shape["material"] for shape in shapes}
-    return scene_from(
-        {
-            "raybench_scene": 1,
-            "name": "conformance",
-            "camera": {**CAMERA, **({} if camera.get("type") == "orthographic" else PINHOLE), **camera},
-            "materials": {name: material for name, material in MATERIALS.items() if name in used},
-            "shapes": list(shapes),
-            "lights": list(lights),
-        }
-    )
+    given = {
+        "raybench_scene": 1,
+        "name": "conformance",
+        "camera": {**CAMERA, **({} if camera.get("type") == "orthographic" else PINHOLE), **camera},
+        "materials": {name: material for name, material in MATERIALS.items() if name in used},
+        "shapes": list(shapes),
+        "lights": list(lights),
+    }
+    made = scene_from(given)
+    _GIVEN[made.content_hash] = given
+    return made
+
+
+_GIVEN: dict[str, Mapping[str, Any]] = {}
+"""What scenes were made from, by their content."""
+
+
+def in_file(held: Scene, folder: Path) -> Scene:
+    """A scene of this stage, read from a file in `folder`; one that is of no stage, or in a file, stays as it is."""
+    given = _GIVEN.get(held.content_hash)
+    if held.source or given is None:
+        return held
+    file = folder / f"{held.content_hash[:16]}.yaml"
+    if not file.exists():
+        file.write_text(yaml.safe_dump(given), encoding="utf-8")
+    return load_scene(file)
 
 
 def sphere(center: Sequence[float] = (0, 0, 0), radius: float = 1, material: str = "white") -> dict[str, Any]:

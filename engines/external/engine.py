@@ -29,15 +29,36 @@ from engines.scene.model import Camera, Scene, Shape
 
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to the threads asked for: the program may inherit others from a harness."""
+NOT_PROMISED = {
+    "counters_count": "what a program traces is its own business: its rays count as 0",
+    "render_adds_to_the_film": "of the image of one call the variance is not known, but that between calls",
+    "the_parts_of_the_film_belong_together": "a program leaves means, neither squares nor halves",
+    "a_split_render_is_the_same": "every call is a process with a seed of its own",
+    "stop_in_a_callback_ends_the_render": "a call is one process, and one pass",
+    "stop_from_a_thread_ends_the_render": "a process that is stopped is killed, and its samples are lost",
+}
+"""Keys of claims of `engines.conformance`, with reasons."""
 
 
 class Engine:
-    """A program that renders, as its file describes it."""
+    """A program that renders, as its file describes it.
+
+    `listed`: the shaders, samplers and threads that the file lists, the only ones to ask for. `reads_files`: whether the
+    program reads the scene's own file, so that a scene must lie in one.
+    """
+
+    not_promised: Mapping[str, str] = NOT_PROMISED
 
     def __init__(self, file: str | PathLike[str]) -> None:
-        self._said = read(Path(file))
-        self.name = self._said.name
-        self.version = f"{self._said.version}-{self._said.digest}"
+        self._said = said = read(Path(file))
+        self.name = said.name
+        self.version = f"{said.version}-{said.digest}"
+        self.reads_files = said.scene_format == "raybench"
+        self.listed: Mapping[str, Sequence[Any]] = {
+            "shader": [choice.describe() for choice in said.shaders.values()],
+            "sampler": [choice.describe() for choice in said.samplers.values()],
+            "threads": [said.threads or 1],
+        }
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         """Its own, whatever it is."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from harness.machine import usable_cores
 from harness.progress import duration
 from harness.settings import require_imports
 from harness.verify import output, workers
-from harness.verify.battery import BROKEN, CASES, Finding
+from harness.verify.battery import BROKEN, CASES, DECLINED, Finding
 
 OURS = ("numpy", "numba", "embree")
 """Who is asked when nobody is named."""
@@ -38,7 +39,10 @@ class Asked(NamedTuple):
 
 
 def verify(asked: Asked) -> int:
-    """Runs the battery, prints and writes what it found; 1 where a promise is broken, 130 where it was interrupted."""
+    """Runs the battery, prints and writes what it found.
+
+    1 where a promise is broken, 2 where nothing was examined of an engine that was named, 130 where it was interrupted.
+    """
     stdout, stderr = consoles()
     allow_here(asked.allow_imports)
     for word in asked.only:
@@ -47,7 +51,8 @@ def verify(asked: Asked) -> int:
     cases = chosen_cases(asked.only) if asked.only else CASES
     folder = asked.out or Path("results") / "verify"
     _make(folder)
-    parts = workers.parts(_engines(asked, stderr), asked.quick, cases)
+    known = _engines(asked, stderr)
+    parts = workers.parts(known, asked.quick, cases)
     done: dict[int, workers.Done] = {}
     try:
         _examine(parts, asked.jobs or min(len(usable_cores()), MOST_JOBS), stderr, done)
@@ -57,10 +62,27 @@ def verify(asked: Asked) -> int:
         stderr.print(f"\nInterrupted after {len(done)} of {len(parts)} parts. What they found is in {aside}.", soft_wrap=True)
         return 130
     found = _in_order(done)
-    output.show(found, stdout)
-    output.write(found, folder, asked.quick)
-    stdout.print(f"Written: {folder / 'verify.html'} (and .json, .csv, .tex)", soft_wrap=True)
-    return int(any(finding.verdict == BROKEN for finding in found))
+    if found:
+        output.show(found, stdout)
+        output.write(found, folder, asked.quick)
+        stdout.print(f"Written: {folder / 'verify.html'} (and .json, .csv, .tex)", soft_wrap=True)
+    untested = _untested(known, found)
+    for engine, reason in untested.items():
+        stderr.print(f"raybench: {engine}: nothing was examined: {reason}", markup=False, highlight=False, soft_wrap=True)
+    if any(finding.verdict == BROKEN for finding in found):
+        return 1
+    return 2 if untested and (EVERY not in asked.engines or len(untested) == len(known)) else 0
+
+
+def _untested(known: Sequence[workers.Known], found: Sequence[Finding]) -> dict[str, str]:
+    """Engines of which nothing was examined, with the reason."""
+    reasons = {}
+    for engine in known:
+        mine = [finding for finding in found if (finding.engine, finding.version) == (engine.name, engine.version)]
+        if all(finding.verdict == DECLINED for finding in mine):
+            left_out = "what was asked for is left out of a quick run"
+            reasons[engine.asked] = engine.refusal or (f"it declines: {mine[0].note}" if mine else left_out)
+    return reasons
 
 
 def _make(folder: Path) -> None:
@@ -73,23 +95,28 @@ def _make(folder: Path) -> None:
         raise ConfigError(f"--out {folder}: cannot be written to")
 
 
-def _engines(asked: Asked, stderr: Console) -> list[str]:
-    """The engines' names; tells who else could be asked, and warns of installed ones that cannot be loaded."""
-    names = list(dict.fromkeys(asked.engines))
-    for name in names:
+def _engines(asked: Asked, stderr: Console) -> list[workers.Known]:
+    """The engines; one that was named must be one that can be loaded, of `all` the others are left out with a warning."""
+    named = [name for name in dict.fromkeys(asked.engines) if name != EVERY]
+    for name in named:
         require_imports(name, asked.allow_imports)
         if registry.is_file(name):
             raise ConfigError(f"{name}: a renderer by process answers no single rays: ask `raybench equivalence`")
-    if names and EVERY not in names:
-        return names
-    installed = [engine.name for engine in registry.all_engines()]
-    if names:
-        return list(dict.fromkeys([*installed, *(name for name in names if name != EVERY)]))
+        if ":" not in name and name not in registry.known_names():
+            raise UnknownName("engine", name, registry.known_names())
+    installed = registry.engine_names()
     others = [name for name in installed if name not in OURS]
-    if others:
+    if not asked.engines and others:
         stderr.print(f"Asked: {', '.join(OURS)}. Installed besides: {', '.join(others)} (--engine NAME, or --engine all).",
                      markup=False, soft_wrap=True)  # fmt: skip
-    return list(OURS)
+    names = dict.fromkeys([*(installed if EVERY in asked.engines else []), *named]) or OURS
+    known = workers.known(list(names))
+    for engine in known:
+        if engine.problem and (engine.asked in named or EVERY not in asked.engines):
+            raise ConfigError(engine.problem)
+        if engine.problem:
+            warnings.warn(f"{engine.problem}: it is left out", stacklevel=2)
+    return [engine for engine in known if not engine.problem]
 
 
 def _examine(parts: Sequence[workers.Part], jobs: int, stderr: Console, done: dict[int, workers.Done]) -> None:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
 from itertools import combinations
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from engines.errors import ConfigError, Unsupported
-from engines.interface import Engine, Settings
-from engines.registry import engine as engine_of
+from engines.errors import ConfigError, RendererFailed, UnknownName
+from engines.registry import is_file, known_names
 from engines.scene import Scene, load_scene
 from harness import catalog
 from harness.agreement import conclusion
 from harness.commands import allow_here, consoles
+from harness.pool import Pool, WorkerFailed
 from harness.settings import require_commands, require_imports
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.equivalence import shared_alpha
@@ -51,11 +53,16 @@ def compare(asked: Asked) -> int:
     for name in asked.engines:
         require_imports(name, asked.allow_imports)
         require_commands(name, asked.allow_commands)
-    scene = load_scene(catalog.find("scenes", asked.scene), allow_imports=asked.allow_imports)
-    images = {
-        place: replicate_images(engine_of(name), scene, settings_of(asked), asked.replicates, place * asked.replicates)
-        for place, name in enumerate(asked.engines)
-    }
+        if ":" not in name and not is_file(name) and name not in known_names():
+            raise UnknownName("engine", name, known_names())
+    path = catalog.find("scenes", asked.scene)
+    scene, settings = load_scene(path, allow_imports=asked.allow_imports), settings_of(asked)
+    request = {"scene_path": str(path), "scene_hash": scene.content_hash, "settings": settings, "spp": asked.spp}
+    with tempfile.TemporaryDirectory() as folder, Pool(asked.allow_imports, Path(folder) / "worker.log") as pool:
+        images = [
+            _images(pool, name, request, asked.seed + place * asked.replicates, asked.replicates)
+            for place, name in enumerate(asked.engines)
+        ]
     pairs = list(combinations(range(len(asked.engines)), 2))
     alpha = shared_alpha(len(pairs))
     rows = [
@@ -66,31 +73,28 @@ def compare(asked: Asked) -> int:
 
 
 def settings_of(asked: Asked) -> dict[str, Any]:
+    """The settings of every image, as a worker takes them."""
     found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", asked.size)
     if found is None:
         raise ConfigError(f"--size {asked.size}: must look like 64x64")
     width, height = int(found[1]), int(found[2])
-    return {"width": width, "height": height, "shader": asked.shader, "sampler": "random", "seed": asked.seed,
-            "spp": asked.spp}  # fmt: skip
+    return {"width": width, "height": height, "shader": {"name": asked.shader}, "sampler": {"name": "random"},
+            "accelerator": {"name": "auto"}, "precision": None, "threads": 1}  # fmt: skip
 
 
-def replicate_images(
-    engine: Engine, scene: Scene, settings: Mapping[str, Any], replicates: int, first: int
-) -> NDArray[np.float64]:
-    """(replicates, height, width, 3) images with seeds of their own: no two engines share random numbers."""
-    return np.stack(list(_images(engine, scene, settings, replicates, first)))
+def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, replicates: int) -> NDArray[np.float64]:
+    """(replicates, height, width, 3) images with seeds of their own: no two engines share random numbers.
 
-
-def _images(
-    engine: Engine, scene: Scene, settings: Mapping[str, Any], replicates: int, first: int
-) -> Iterator[NDArray[np.float64]]:
-    plain = {key: value for key, value in settings.items() if key not in ("spp", "seed")}
-    for k in range(replicates):
-        chosen = Settings(**plain, seed=settings["seed"] + first + k)
-        reason = engine.why_not(scene, chosen)
-        if reason is not None:
-            raise Unsupported(f"{engine.name}: {reason}")
-        yield np.array(engine.prepare(scene, chosen).render(settings["spp"]).mean(), np.float64)
+    They are rendered in a process of the engine's own. Raises `RendererFailed`, also where that process died.
+    """
+    try:
+        films = pool.replicates(engine, request, range(first, first + replicates))
+        images = np.stack([np.array(film.mean(), np.float64) for film, _ in films])
+    except WorkerFailed as error:
+        raise RendererFailed(f"{engine}: {error}") from error
+    if not np.isfinite(images).all():
+        raise RendererFailed(f"{engine}: its images are not finite")
+    return images
 
 
 def _show(scene: Scene, asked: Asked, rows: Sequence[tuple[str, str, Equivalence]]) -> None:

@@ -75,7 +75,8 @@ def average(subject: Subject) -> Iterator[Measured]:
     truth = 0.9 / math.pi * forms.sphere(1.0, 2.0, math.pi / 6)
     view = point_view((-4, 1.5, 1), ORIGIN, 8 if subject.quick else 16)
     materials = [material(kd=0.9), material(emission=1)]
-    for sampler in SAMPLERS:
+    lit = scene([FLOOR, lamp], materials, camera=view)
+    for sampler in subject.accepted(SAMPLERS, lit, path_tracer(2)):
         chosen = _chosen(sampler, 4)
         seen = means(subject, [FLOOR, lamp], materials, [], view, path_tracer(2), 4, sampler=chosen)
         yield z_score(subject, seen, truth, sampler)
@@ -99,7 +100,8 @@ def edge_slopes(subject: Subject) -> Iterator[Measured]:
 
 def _slopes(subject: Subject, given: Integrands) -> Iterator[Measured]:
     """How far the slope's 99 % interval stays from the one expected; steeper is wrong for `random` alone."""
-    for sampler, expected in given.slopes.items():
+    for sampler in subject.accepted(list(given.slopes), given.scene, given.shader):
+        expected = given.slopes[sampler]
         counts = [4**k for k in range(1, 5 if subject.quick or subject.tracing == "float32" else 6)]
         squares = np.array([(seen - given.truth) ** 2 for seen in _images(subject, given, sampler, counts)])
         slope, error = slope_of(counts, squares.reshape(len(counts), -1))

@@ -1,7 +1,8 @@
 """The battery in processes side by side: each takes one part after the other, and one that dies is a finding.
 
 A part is a section asked of an engine in one precision. Processes are spawned, not forked, since engines start threads of
-their own; a process keeps what an engine has compiled or loaded for the parts that follow.
+their own; a process keeps what an engine has compiled or loaded for the parts that follow. What an engine can be asked is
+found in such a process, too: the parent imports no engine, and no native library outlives a verdict in it.
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ from dataclasses import dataclass, field
 from functools import cache
 from multiprocessing.connection import Connection, wait
 from time import perf_counter
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from engines import registry
+from engines.errors import RaybenchError
 from harness.verify.battery import CASES, Finding, broken, examine
 from harness.verify.case import Case
-from harness.verify.subject import Subject, accelerators, precisions
+from harness.verify.promises import tracing_precision
+from harness.verify.subject import Declined, Subject, accelerators, precisions
 from harness.worker import die_with_parent
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -30,21 +34,43 @@ SPAWN = multiprocessing.get_context("spawn")
 _engine = cache(registry.engine)
 
 
-class Part(NamedTuple):
-    """`asks`: (id of a case, accelerator), in the order of the findings. `engine` is the name that imports it."""
+class Known(NamedTuple):
+    """What a process says of an engine: `asked` is the name that imports it, `precisions` maps settings to what it traces in.
 
-    engine: str
+    `problem`: why it cannot be loaded. `refusal`: why it renders nothing at all.
+    """
+
+    asked: str
+    name: str = ""
+    version: str = ""
+    precisions: tuple[tuple[str, str], ...] = ()
+    accelerators: tuple[str, ...] = ()
+    problem: str = ""
+    refusal: str = ""
+
+
+class Part(NamedTuple):
+    """`asks`: (id of a case, accelerator), in the order of the findings; `tracing` what the engine traces in."""
+
+    engine: Known
     precision: str
+    tracing: str
     section: str
     quick: bool
     asks: tuple[tuple[str, str], ...]
 
     @property
     def words(self) -> str:
-        return f"{self.engine} {self.precision} {self.section}"
+        return f"{self.engine.asked} {self.precision} {self.section}"
 
     def subject(self, accelerator: str) -> Subject:
-        return Subject(_engine(self.engine), self.precision, accelerator, self.quick)
+        return Subject(_engine(self.engine.asked), self.precision, accelerator, self.quick)
+
+    def died(self, accelerator: str) -> Subject:
+        """The subject's name and version, without the engine."""
+        name, version = self.engine.name, self.engine.version
+        engine: Any = SimpleNamespace(name=name, version=version, tracing_precision=self.tracing)
+        return Subject(engine, self.precision, accelerator, self.quick)
 
 
 @dataclass
@@ -66,17 +92,43 @@ class Done(NamedTuple):
     seconds: float
 
 
-def parts(names: Sequence[str], quick: bool, cases: Sequence[Case] = CASES) -> list[Part]:
+def known(names: Sequence[str]) -> list[Known]:
+    """What these engines can be asked, each told by a process of its own; one that dies or fails has a `problem`."""
+    workers = [_Worker() for _ in names]
+    try:
+        for worker, name in zip(workers, names, strict=True):
+            worker.pipe.send(name)
+        return [worker.told(name) for worker, name in zip(workers, names, strict=True)]
+    finally:
+        for worker in workers:
+            worker.end()
+
+
+def _known(name: str) -> Known:
+    """What this process says of an engine."""
+    try:
+        engine, traced, refusal = _engine(name), (), ""
+        try:
+            traced = tuple((precision, tracing_precision(engine, precision)) for precision in precisions(engine))
+        except Declined as reason:
+            refusal = str(reason)
+        return Known(name, engine.name, str(engine.version), traced, tuple(accelerators(engine)), refusal=refusal)
+    except RaybenchError as error:
+        return Known(name, problem=str(error))
+    except Exception as error:  # what others wrote may fail in any way
+        return Known(name, problem=f"engine {name!r}: {type(error).__name__}: {error}")
+
+
+def parts(engines: Sequence[Known], quick: bool, cases: Sequence[Case] = CASES) -> list[Part]:
     """What is asked of these engines, in the order in which it is printed: by engine, precision and section."""
     made = []
     chosen = [case for case in cases if not (quick and case.full_only)]
-    for name in names:
-        engine = _engine(name)
-        for precision in precisions(engine):
+    for engine in engines:
+        for precision, tracing in engine.precisions:
             for section in dict.fromkeys(case.section for case in chosen):
                 asks = [(case.id, accelerator) for case in chosen if case.section == section
-                        for accelerator in (accelerators(engine) if case.each_accelerator else ["auto"])]  # fmt: skip
-                made.append(Part(name, precision, section, quick, tuple(asks)))
+                        for accelerator in (engine.accelerators if case.each_accelerator else ["auto"])]  # fmt: skip
+                made.append(Part(engine, precision, tracing, section, quick, tuple(asks)))
     return made
 
 
@@ -132,10 +184,18 @@ class _Worker:
         except (EOFError, OSError):
             self.process.join()
             case, accelerator = work.part.asks[len(work.found)]
-            work.found.append([broken(_case(case), work.part.subject(accelerator), _death(self.process.exitcode or 0))])
+            work.found.append([broken(_case(case), work.part.died(accelerator), _death(self.process.exitcode or 0))])
             self.pipe.close()
             return False
         return True
+
+    def told(self, name: str) -> Known:
+        """What the process answers about an engine, or that it died of it."""
+        try:
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            return Known(name, problem=f"engine {name!r}: {_death(self.process.exitcode or 0)} when it was loaded")
 
     def end(self) -> None:
         self.process.kill()
@@ -163,7 +223,7 @@ def _deaf() -> Iterator[None]:
 
 
 def _serve(pipe: Connection) -> None:
-    """The process: answers each ask of a part by its findings, until it is ended."""
+    """The process: answers an engine's name by what is known of it, each ask of a part by its findings, until it is ended."""
     from threadpoolctl import threadpool_limits
 
     die_with_parent()
@@ -171,8 +231,12 @@ def _serve(pipe: Connection) -> None:
     with threadpool_limits(1):
         while True:
             try:
-                part, begin = pipe.recv()
+                request = pipe.recv()
             except EOFError:
                 return
+            if isinstance(request, str):
+                pipe.send(_known(request))
+                continue
+            part, begin = request
             for case, accelerator in part.asks[begin:]:
                 pipe.send(examine(_case(case), part.subject(accelerator)))

@@ -7,7 +7,18 @@ import pytest
 
 import engines
 from engines import conformance
-from engines.conformance import CLAIMS, Finding, assert_conforms, check_engine, hits, light, rendering, sentence_of
+from engines.conformance import (
+    CLAIMS,
+    Finding,
+    assert_conforms,
+    check_engine,
+    hits,
+    key_of,
+    light,
+    rendering,
+    sentence_of,
+)
+from engines.errors import UnknownName
 from tests.conformance.small_engine import Engine, Renderer
 
 
@@ -25,8 +36,10 @@ def test_the_smallest_engine_conforms(quick):
 
 
 def test_what_an_engine_declines_is_not_held_against_it():
-    sentence = sentence_of(light.lossless_glass_is_invisible_in_a_furnace)
-    assert Finding(sentence, True, "not examined: small knows diffuse surfaces only") in check_engine(Engine())
+    claim = light.lossless_glass_is_invisible_in_a_furnace
+    reason = "small knows diffuse surfaces only"
+    declined = Finding(claim.__name__, sentence_of(claim), "declined", reason)
+    assert declined in check_engine(Engine()) and declined.ok
 
 
 def test_what_an_engine_does_not_promise_is_quoted():
@@ -87,3 +100,106 @@ def test_all_that_is_broken_is_said_at_once(monkeypatch):
     with pytest.raises(AssertionError, match=r"'small' breaks 2 of 2 claims:\n.*\n.*by hand it is 4") as caught:
         assert_conforms(Mutant())
     assert sentence_of(rendering.seeds_matter) in str(caught.value)
+
+
+
+def test_an_engine_without_single_rays_declines_what_needs_them_and_is_held_to_all_else():
+    class Raster(Renderer):
+        """It traces for its own images alone."""
+
+        rendering = False
+
+        def samples(self):
+            self.rendering = True
+            try:
+                return super().samples()
+            finally:
+                self.rendering = False
+
+        def trace(self, origins, directions, t_max=np.inf):
+            if not self.rendering:
+                raise engines.Unsupported("a rasteriser has no rays")
+            return super().trace(origins, directions, t_max)
+
+    class Rasteriser(Engine):
+        renderer = Raster
+
+    found = {finding.key: finding for finding in check_engine(Rasteriser())}
+    assert {finding.verdict for finding in found.values()} == {"holds", "declined"}
+    for claim in hits.CLAIMS:
+        assert (found[key_of(claim)].verdict, found[key_of(claim)].detail) == ("declined", "a rasteriser has no rays")
+    assert found["update_of_the_shapes_starts_anew"].verdict == "holds"
+
+
+def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it():
+    class Late(Renderer):
+        def render(self, spp, on_pass=None):
+            raise engines.Unsupported("not today")
+
+    class Promising(Engine):
+        renderer = Late
+
+    found = {finding.key: finding for finding in check_engine(Promising())}
+    assert found["render_adds_to_the_film"].verdict == "broken" and "not today" in found["render_adds_to_the_film"].detail
+
+
+def test_values_that_are_unknown_in_both_films_are_no_difference():
+    class Halfless(Renderer):
+        """It does not know its halves, as a renderer by process does not."""
+
+        def render(self, spp, on_pass=None):
+            film = super().render(spp, on_pass)
+            film.even_sums[...] = np.nan
+            return film
+
+    class Frank(Engine):
+        renderer = Halfless
+
+    found = {finding.key: finding.verdict for finding in check_engine(Frank())}
+    assert {key for key, verdict in found.items() if verdict == "broken"} == {"the_parts_of_the_film_belong_together"}
+
+
+def test_two_images_that_are_not_known_are_not_taken_for_different_ones():
+    class Blank(Renderer):
+        def samples(self):
+            return np.nan * super().samples()
+
+        def render(self, spp, on_pass=None):
+            film = super().render(spp, on_pass)
+            film.sums[...] = np.nan
+            return film
+
+    class Unseeing(Engine):
+        renderer = Blank
+
+    found = {finding.key: finding for finding in check_engine(Unseeing())}
+    assert "give the same image" in found["seeds_matter"].detail
+    assert "the image is the same" in found["update_of_the_camera_starts_anew"].detail
+
+
+def test_keys_of_claims_stand_beside_their_results(monkeypatch):
+    class Careless(Renderer):
+        def random(self):
+            return np.random.default_rng(self.done)
+
+    class Mutant(Engine):
+        renderer = Careless
+        not_promised: ClassVar = {"spheres_are_hit_where_they_are": "spheres are not its thing"}
+
+    monkeypatch.setattr(conformance, "CLAIMS", (hits.spheres_are_hit_where_they_are, rendering.seeds_matter))
+    printed = [str(finding) for finding in check_engine(Mutant())]
+    assert printed[0].startswith("not promised spheres_are_hit_where_they_are: A sphere is hit")
+    assert printed[0].endswith("spheres are not its thing")
+    assert printed[1].startswith("broken       seeds_matter: A seed gives one image")
+    with pytest.raises(AssertionError, match=r"\n  seeds_matter: A seed gives one image"):
+        assert_conforms(Mutant())
+
+
+def test_an_unknown_key_of_what_is_not_promised_is_refused_with_the_nearest_and_all():
+    class Mistaken(Engine):
+        not_promised: ClassVar = {"seeds_mater": "all images are one"}
+
+    meant = r"engine 'small'.*'seeds_mater': did you mean 'seeds_matter'\? known: a_point"
+    with pytest.raises(UnknownName, match=meant) as said:
+        check_engine(Mistaken())
+    assert all(key_of(claim) in str(said.value) for claim in CLAIMS)

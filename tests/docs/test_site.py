@@ -10,7 +10,6 @@ import pytest
 
 from tests.docs.blocks import FENCE, ROOT
 from tests.docs.pages import PAGES, TEXT
-from tests.harness.chromium import PROGRAM, Browser
 
 DOCS = ROOT / "docs"
 LINK = re.compile(r"!?\[[^\]]*\]\(<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\)")
@@ -87,15 +86,6 @@ def test_the_reference_is_made_from_the_code(site, page, words):
     assert [word for word in words if word not in text] == []
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    """A headless Chromium with the network off."""
-    if PROGRAM is None:
-        pytest.skip("Chromium is not installed")
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser
-
-
 @pytest.mark.parametrize("page", WIDE)
 def test_nothing_sticks_out_sideways(site, browser, page):
     for width in (390, 1400):
@@ -105,7 +95,8 @@ def test_nothing_sticks_out_sideways(site, browser, page):
 
 def test_pages_from_disk_ask_for_nothing_else_and_search_finds(site, browser):
     browser.open(site / "search.html")
-    browser.evaluate("location.href = 'search.html?q=stratified'")
+    browser.page.fill(".sidebar-search", "stratified")
+    browser.press("Enter")
     browser.wait_for("document.querySelectorAll('#search-results li a').length > 1")
     assert "Engines, shaders, samplers" in browser.evaluate("document.querySelector('#search-results').innerText")
     assert browser.problems == []

@@ -22,7 +22,7 @@ def swept(tmp_path_factory):
     words = ["no_such_program", "{scene}{image}{spp}{seed}{threads}"]
     files.append(described(folder, "missing", command=words).name)
     text = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", f"{files}")
-    text = text.replace("timeout: 20s", "timeout: 2s").replace("repeats: 2", "repeats: 1") + "sampler: random\n"
+    text = text.replace("timeout: 20s", "timeout: 8s").replace("repeats: 2", "repeats: 1") + "sampler: random\n"
     path = sweeping.write(folder, text)
     made = plan.make(config.load(path), allow_imports=True, allow_commands=True)
     start = time.monotonic()

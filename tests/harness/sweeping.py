@@ -93,5 +93,5 @@ def raybench(*arguments: str | Path, cwd: Path | None = None, **changes: str) ->
     """The command, to its end."""
     command = [sys.executable, "-m", "harness", *map(str, arguments)]
     return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=environment(**changes), check=False, timeout=100
+        command, capture_output=True, text=True, cwd=cwd, env=environment(**changes), check=False, timeout=300
     )

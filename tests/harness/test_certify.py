@@ -88,3 +88,10 @@ def test_the_command_certifies_and_refuses(tmp_path):
     for engine, code, said in (("Other", 0, ": certified by"), ("Brighter", 1, "NOT certified")):
         done = raybench("reference", sweeping.write(tmp_path, certified_by(engine)), "--allow-imports", cwd=tmp_path)
         assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
+
+
+def test_a_second_engine_that_crashes_is_one_line_and_the_reference_stays(tmp_path):
+    path = sweeping.write(tmp_path, certified_by("Crashing", spp=8))
+    done = raybench("reference", path, "--allow-imports", cwd=tmp_path)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "failed: the engine's process was killed by SIGSEGV" in done.stdout and "ball 12x8 8 spp: made" in done.stdout

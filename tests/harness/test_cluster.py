@@ -98,7 +98,7 @@ def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_
     def kill():
         """The first worker seen at a cell, a moment into it."""
         with distributed.Client(machines.scheduler_address, set_as_default=False) as client:
-            deadline = time.monotonic() + 60
+            deadline = time.monotonic() + 300
             while not killed and time.monotonic() < deadline:
                 busy = [w for w, keys in client.processing().items() if any("measure_cell" in str(k) for k in keys)]
                 if busy:
@@ -150,7 +150,7 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
         cluster.Cluster(machines.scheduler_address, allow_imports=True) as ours,
     ):
         machines.scale(0)
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + 300
         while ours.machines() and time.monotonic() < deadline:
             time.sleep(0.05)
         with pytest.raises(ConfigError, match="no machine for"):

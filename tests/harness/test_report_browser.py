@@ -2,10 +2,6 @@
 
 import pytest
 
-from tests.harness.chromium import PROGRAM, Browser
-
-pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
-
 READY = "document.getElementById('viewer-canvas').dataset.ready"
 LABEL = "document.getElementById('viewer-canvas').getAttribute('aria-label')"
 PIXELS = """(() => { const c = document.getElementById('viewer-canvas');
@@ -13,30 +9,28 @@ PIXELS = """(() => { const c = document.getElementById('viewer-canvas');
   let sum = 0; for (let i = 0; i < d.length; i += 97) sum = (sum * 31 + d[i]) % 1000003; return sum; })()"""
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory, reported):
-    with Browser(tmp_path_factory.mktemp("profile")) as browser:
-        browser.report = reported / "report.html"
-        yield browser
+@pytest.fixture
+def report(reported):
+    return reported / "report.html"
 
 
 @pytest.fixture
-def page(browser):
-    browser.open(browser.report)
+def page(browser, report):
+    browser.open(report)
     browser.wait_for(READY)
     browser.evaluate("document.getElementById('viewer-canvas').focus()")
     return browser
 
 
-def test_it_opens_offline_without_errors_and_asks_for_nothing(page):
+def test_it_opens_offline_without_errors_and_asks_for_nothing(page, report):
     assert page.problems == []
-    assert {url for url in page.requests if not url.startswith("data:")} == {f"file://{page.report}"}
+    assert {url for url in page.requests if not url.startswith("data:")} == {report.as_uri()}
 
 
 @pytest.mark.parametrize("width", [1280, 420])
 @pytest.mark.parametrize("dark", [False, True])
-def test_nothing_sticks_out_sideways(page, width, dark):
-    page.open(page.report, width=width, dark=dark)
+def test_nothing_sticks_out_sideways(page, report, width, dark):
+    page.open(report, width=width, dark=dark)
     page.wait_for(READY)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -44,8 +38,8 @@ def test_nothing_sticks_out_sideways(page, width, dark):
 
 
 @pytest.mark.parametrize("section", ["verdicts", "equivalence"])
-def test_tables_that_matter_fit_a_1280_pixel_window(page, section):
-    page.open(page.report, width=1280, dark=False)
+def test_tables_that_matter_fit_a_1280_pixel_window(page, report, section):
+    page.open(report, width=1280, dark=False)
     page.wait_for(READY)
     room, needed = (page.evaluate(f"document.querySelector('#{section} .scroller').{name}")
                     for name in ("clientWidth", "scrollWidth"))  # fmt: skip
@@ -103,9 +97,7 @@ def test_wipe_grid_and_error_map_are_drawn_and_named(page):
 
 
 def test_the_pixel_under_the_pointer_is_told(page):
-    box = page.evaluate("""(() => { const c = document.getElementById('viewer-canvas'); c.scrollIntoView();
-        const r = c.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()""")
-    page.mouse("mouseMoved", *box)
+    page.point(*page.spot(0.5, 0.5, "#viewer-canvas"))
     text = page.evaluate("document.getElementById('viewer-status').textContent")
     assert text.startswith("(32, 24)") and "reference: " in text and "relative squared error" in text
 

@@ -15,6 +15,7 @@ import sweeping
 
 from harness import store
 
+HANG_SECONDS = 300
 MOMENTS = 20
 SCRIPT = """
 import sys
@@ -36,6 +37,14 @@ def start(path, out):
     return subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True)
 
 
+def until(holds):
+    """Waits until `holds()` is true."""
+    deadline = time.monotonic() + HANG_SECONDS
+    while not holds():
+        assert time.monotonic() < deadline, "it never came to hold"
+        time.sleep(0.05)
+
+
 def ours(out):
     """Worker processes that log to this results folder."""
     found = []
@@ -54,7 +63,7 @@ def undisturbed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("undisturbed")
     path = sweeping.write(folder, TEXT)
     run = start(path, folder / "out")
-    _, said = run.communicate(timeout=60)
+    _, said = run.communicate(timeout=HANG_SECONDS)
     assert run.returncode == 0, said
     return sweeping.rows(folder / "out")
 
@@ -73,7 +82,7 @@ def test_killed_at_random_moments_a_run_ends_with_the_rows_of_an_undisturbed_one
             folders.append(tmp_path / f"out{len(folders)}")
     for out in folders:
         run = start(path, out)
-        _, said = run.communicate(timeout=60)
+        _, said = run.communicate(timeout=HANG_SECONDS)
         assert run.returncode == 0, said
         assert sweeping.rows(out) == undisturbed
         assert_nothing_twice(out)
@@ -94,25 +103,19 @@ def test_no_worker_outlives_a_killed_run(tmp_path):
     out = tmp_path / "out"
     path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Other", "fake_engines:Hanging"))
     run = start(path, out)
-    deadline = time.monotonic() + 20
-    while not ours(out) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert ours(out)
+    until(lambda: ours(out))
     os.kill(run.pid, signal.SIGKILL)
     run.communicate()
-    deadline = time.monotonic() + 5
-    while ours(out) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert ours(out) == []
+    until(lambda: ours(out) == [])
 
 
 def test_a_torn_last_line_is_reported_and_its_cell_measured_again(tmp_path, undisturbed):
     out, path = tmp_path / "out", sweeping.write(tmp_path, TEXT)
-    assert start(path, out).wait(60) == 0
+    assert start(path, out).wait(HANG_SECONDS) == 0
     data = (out / store.EVENTS).read_bytes()
     (out / store.EVENTS).write_bytes(data[:-40])
     run = start(path, out)
-    _, said = run.communicate(timeout=60)
+    _, said = run.communicate(timeout=HANG_SECONDS)
     assert run.returncode == 0 and "1 measured" in said and "cut short" in said
     assert sweeping.rows(out) == undisturbed
     for line in (out / store.EVENTS).read_text().splitlines():
@@ -121,20 +124,16 @@ def test_a_torn_last_line_is_reported_and_its_cell_measured_again(tmp_path, undi
 
 def test_an_interrupt_keeps_what_was_measured_and_ends_at_once(tmp_path):
     out = tmp_path / "out"
-    path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Other", "fake_engines:Hanging"))
+    text = TEXT.replace("fake_engines:Other", "fake_engines:Hanging").replace("timeout: 20s", "timeout: 10m")
+    path = sweeping.write(tmp_path, text)
     command = [sys.executable, "-m", "harness", "run", str(path), "--out", str(out), "--allow-imports"]
     # a background job of a shell ignores interrupts, and so would its children
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     run = subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True, preexec_fn=heed)  # noqa: PLW1509
-    deadline = time.monotonic() + 30
-    while time.monotonic() < deadline:
-        time.sleep(0.1)
-        if (out / store.EVENTS).exists() and '"start"' in (out / store.EVENTS).read_text():
-            break
+    until(lambda: (out / store.EVENTS).exists() and '"start"' in (out / store.EVENTS).read_text())
     time.sleep(0.3)
     run.send_signal(signal.SIGINT)
-    began = time.monotonic()
-    _, said = run.communicate(timeout=20)
-    assert run.returncode == 130 and time.monotonic() - began < 5
+    _, said = run.communicate(timeout=HANG_SECONDS)  # far less than the cell would take
+    assert run.returncode == 130
     assert "the same command goes on from there" in said and "Traceback" not in said
     assert ours(out) == [] and not store.is_locked(out)

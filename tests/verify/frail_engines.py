@@ -1,8 +1,9 @@
-"""Engines that fail: one whose rays all miss, and one whose process dies."""
+"""Engines that fail: whose rays all miss, whose process dies, sooner or later; and such as lack almost everything."""
 
+import atexit
 import os
 import signal
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,3 +40,79 @@ class Dying(Misser):
         if len(scene.shapes) == 2:
             os.kill(os.getpid(), signal.SIGSEGV)
         return self
+
+
+class Unwilling(Misser):
+    """It renders nothing at all."""
+
+    def why_not(self, scene, settings):
+        return "today is Sunday"
+
+
+class Dead(Misser):
+    """Its process is killed when it is loaded."""
+
+    def __init__(self):
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+
+class Narrow:
+    """The reference engine without Sobol: it draws at random alone, or by a sampler of its own, which is called `white`."""
+
+    name, version, known = "narrow", "1", ("random",)
+
+    def __init__(self):
+        self.inner = engines.engine("numpy")
+
+    def accelerators(self):
+        return self.inner.accelerators()
+
+    def _settings(self, settings):
+        own = settings.sampler == "white"
+        return replace(settings, sampler="random") if own else settings
+
+    def why_not(self, scene, settings):
+        name = settings.sampler["name"] if isinstance(settings.sampler, dict) else settings.sampler
+        if name not in self.known:
+            return f"it has no sampler {name}"
+        return self.inner.why_not(scene, self._settings(settings))
+
+    def prepare(self, scene, settings):
+        return self.inner.prepare(scene, self._settings(settings))
+
+
+class Own(Narrow):
+    """It has its own sampler alone."""
+
+    name, known = "own", ("white",)
+
+    def samplers(self):
+        return {"white": {}}
+
+
+class Flat(Narrow):
+    """It has the shader `albedo` alone."""
+
+    name = "flat"
+
+    def why_not(self, scene, settings):
+        return super().why_not(scene, settings) if settings.shader == "albedo" else "it shows albedo alone"
+
+
+class LateToCrash(Narrow):
+    """Its process crashes when it ends, as it does with two native libraries that share a third one."""
+
+    name = "late"
+
+    def __init__(self):
+        super().__init__()
+        atexit.register(os.kill, os.getpid(), signal.SIGSEGV)
+
+
+class CrashingRenders(Narrow):
+    """Its process crashes when it renders."""
+
+    name = "crashing"
+
+    def prepare(self, scene, settings):
+        os.kill(os.getpid(), signal.SIGSEGV)

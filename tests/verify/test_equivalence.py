@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 import engines
 from harness.cli import app
 from harness.statistics import equivalence
-from harness.verify.equivalent import replicate_images
 
 SETTINGS = {"width": 32, "height": 32, "shader": {"name": "path_tracer", "max_depth": 3}, "sampler": "random", "seed": 1,
             "spp": 64}  # fmt: skip
@@ -58,6 +57,14 @@ def two_lamps():
     })  # fmt: skip
 
 
+def replicate_images(engine, scene, settings, replicates, first):
+    """(replicates, height, width, 3) images with seeds of their own, rendered here."""
+    plain = {key: value for key, value in settings.items() if key not in ("spp", "seed")}
+    seeds = [settings["seed"] + first + k for k in range(replicates)]
+    renderers = (engine.prepare(scene, engines.Settings(**plain, seed=seed)) for seed in seeds)
+    return np.stack([np.array(renderer.render(settings["spp"]).mean()) for renderer in renderers])
+
+
 @pytest.fixture(scope="module")
 def truth():
     return replicate_images(engines.engine("numpy"), two_lamps(), SETTINGS, 12, 0)
@@ -90,5 +97,7 @@ def test_the_command_compares_and_refuses_one_engine_alone():
     arguments = ["equivalence", "furnace", "--size", "16x16", "--spp", "4", "--replicates", "4", "--engines"]
     done = CliRunner().invoke(app, [*arguments, "numpy,numpy"])
     assert done.exit_code == 0 and "detectable" in done.output, done.output
+    (row,) = [line for line in done.output.splitlines() if line.startswith("numpy  ")]
+    assert "equivalent" in row or "inconclusive" in row
     refused = CliRunner().invoke(app, [*arguments, "numpy"])
     assert refused.exit_code != 0 and "two or more" in str(refused.exception)

@@ -23,12 +23,12 @@ def in_order(parts, jobs):
 
 def test_processes_side_by_side_find_what_one_finds_in_the_same_order():
     alone = [replace(f, seconds=0.0) for f in findings([engines.engine("numpy")], quick=True, cases=CHOSEN)]
-    assert repr(in_order(workers.parts(["numpy"], True, CHOSEN), 2)) == repr(alone)
+    assert repr(in_order(workers.parts(workers.known(["numpy"]), True, CHOSEN), 2)) == repr(alone)
 
 
 def test_a_process_that_dies_is_a_finding_and_the_rest_is_asked():
     """S10 has two shapes; S4 and S6 come before it in their part, T6 in the next."""
-    found = in_order(workers.parts(["frail_engines:Dying"], True, CHOSEN), 1)
+    found = in_order(workers.parts(workers.known(["frail_engines:Dying"]), True, CHOSEN), 1)
     (died,) = [finding for finding in found if finding.case == "S10"]
     assert died.verdict == BROKEN and died.note == "the engine's process was killed by SIGSEGV"
     assert [f.case for f in found] == ["S4", "S6", "S6", "S6", "S10", "T6", "R4"]
@@ -36,7 +36,7 @@ def test_a_process_that_dies_is_a_finding_and_the_rest_is_asked():
 
 
 def test_whoever_stops_listening_leaves_no_process_behind():
-    parts = workers.run(workers.parts(["numpy"], True, CHOSEN), 2)
+    parts = workers.run(workers.parts(workers.known(["numpy"]), True, CHOSEN), 2)
     next(parts)
     parts.close()
     assert not multiprocessing.active_children()

@@ -1,12 +1,11 @@
-"""A folder with a small scene, a viewer on it, and pages in a browser, which end with their file: what they render would go
-on beside other tests. Nothing here compiles: the numpy engine renders."""
+"""A folder with a small scene, and a viewer on it, which ends with its file: what it renders would go on beside other
+tests. Nothing here compiles: the numpy engine renders."""
 
 from pathlib import Path
 
 import pytest
 
-from tests.harness.chromium import PROGRAM
-from tests.view.driving import SCENE, Page, Viewer
+from tests.view.driving import SCENE, Viewer
 
 
 @pytest.fixture(scope="module")
@@ -23,11 +22,3 @@ def folder(tmp_path_factory) -> Path:
 def viewer(folder):
     with Viewer(folder, "ball.yaml", "--engine", "numpy") as running:
         yield running
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if PROGRAM is None:
-        pytest.skip("Chromium is not installed")
-    with Page(tmp_path_factory.mktemp("profile")) as browser:
-        yield browser

@@ -1,12 +1,9 @@
-"""A viewer's server in a process of its own, and the browser that looks at it."""
+"""A viewer's server in a process of its own."""
 
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
-
-from tests.harness.chromium import Browser
 
 PIXELS = """(() => { const c = document.getElementById('canvas');
   const copy = new OffscreenCanvas(c.width, c.height).getContext('2d', {willReadFrequently: true});
@@ -58,63 +55,8 @@ class Viewer:
     def __exit__(self, *_):
         self._process.terminate()
         try:
-            self._process.wait(15)
+            self._process.wait(120)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
             raise
-
-
-class Page(Browser):
-    """The browser, online, with what the viewer's pages are asked and told."""
-
-    def __enter__(self):
-        super().__enter__()
-        self.ask("Network.emulateNetworkConditions", offline=False, latency=0, downloadThroughput=-1, uploadThroughput=-1)
-        self.ask("Browser.setDownloadBehavior", behavior="deny")
-        return self
-
-    def window(self, width, height, dark):
-        """Gives the window a size and the theme that pages are asked for."""
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self.ask("Emulation.setEmulatedMedia", features=[scheme])
-
-    def visit(self, address, width=1280, height=900, dark=False):
-        """Loads a page and waits for it."""
-        self.window(width, height, dark)
-        self.events.clear()
-        self.ask("Page.navigate", url=address)
-        while "Page.loadEventFired" not in self.events:
-            self._note(self._receive(30))
-
-    def named_key(self, key, shift=False):
-        """A key without a character, as `ArrowLeft`."""
-        for kind in ("rawKeyDown", "keyUp"):
-            self.ask("Input.dispatchKeyEvent", type=kind, key=key, code=key, modifiers=8 if shift else 0)
-
-    def drag(self, start, end, steps=8, pause=0.02):
-        """A drag with the left button, in pixels of the window."""
-        self.mouse("mouseMoved", *start)
-        self.mouse("mousePressed", *start, button="left", buttons=1, clickCount=1)
-        for step in range(1, steps + 1):
-            x, y = (a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
-            self.mouse("mouseMoved", x, y, button="left", buttons=1)
-            time.sleep(pause)
-        self.mouse("mouseReleased", *end, button="left", buttons=0, clickCount=1)
-
-    def spot(self, x, y):
-        """Where a place of the image, in shares of its size, is in the window."""
-        box = self.evaluate("""(() => { const c = document.getElementById('canvas'); c.scrollIntoView({block: 'nearest'});
-            const r = c.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()""")
-        return box[0] + x * box[2], box[1] + y * box[3]
-
-    def set(self, selector, value):
-        """Gives a control a value, as somebody at the page would."""
-        self.evaluate(f"""(() => {{ const e = document.querySelector({selector!r});
-            if (e.type === 'checkbox') e.checked = {str(bool(value)).lower()}; else e.value = {str(value)!r};
-            e.dispatchEvent(new Event('input', {{bubbles: true}}));
-            e.dispatchEvent(new Event('change', {{bubbles: true}})); }})()""")
-
-    def click(self, selector):
-        self.evaluate(f"document.querySelector({selector!r}).click()")

