@@ -128,7 +128,7 @@ def plan(
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
         stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
-    _plan_references(stdout, made, folder)
+    _plan_references(stdout, made)
     if made.examinations:
         left = len(examinations.todo(made.examinations, events, retry=False))
         stdout.print(
@@ -147,11 +147,11 @@ def _planned(
     return made, results_folder(experiment, out)
 
 
-def _plan_references(console: Console, made: Plan, folder: Path) -> None:
-    from harness import references
+def _plan_references(console: Console, made: Plan) -> None:
+    from harness import reference_files, references
 
     for wanted in made.references.values():
-        state = "ready" if references.ready(wanted, folder.parent / "references") else "to be rendered"
+        state = "ready" if references.ready(wanted, reference_files.cache_folder()) else "to be rendered"
         what = f"{wanted.describe()}, {words(wanted.asked['shader'])}, by {wanted.asked['engine']}"
         console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
 
@@ -192,12 +192,12 @@ def reference(
     given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
 ) -> int:  # fmt: skip
     """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
-    from harness import references
+    from harness import reference_files, references
     from harness.pool import Pool, WorkerFailed
 
     stdout, stderr = consoles()
     made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
-    root = folder.parent / "references"
+    root = reference_files.cache_folder()
     failed = 0
     try:
         with store.locked(folder), Pool(allow_imports, folder / "worker.log") as pool:
@@ -223,7 +223,10 @@ def reference(
 def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
     from harness import references
 
-    references.make(wanted, root, pool, lambda done, count: terminal.reference(name, done, count))
+    references.make(
+        wanted, root, pool, lambda done, count: terminal.reference(name, done, count),
+        lambda: terminal.note(f"reference of {name}: another run makes it: waiting for that one"),
+    )  # fmt: skip
 
 
 def _certified(

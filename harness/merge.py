@@ -14,11 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
-from harness import store
+from harness import reference_files, store
 from harness.identity import digest
 from harness.results import Results, load_results, settings_of
-
-REFERENCES = "references"
 
 
 def merge(folders: Sequence[Path], out: Path) -> dict[str, int]:
@@ -97,28 +95,20 @@ def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
     for source in sources:
         for reference_id, event in source.references.items():
             if reference_id not in known:
-                known[reference_id] = {**event, "folder": _copied_reference(source, event, out)}
+                reference_files.carry(source.folder, event, out, small=False)
+                known[reference_id] = {key: value for key, value in event.items() if key != "folder"}
     goals = {"event": "targets", "metric": sources[0].metric, "targets": targets}
     return [*found.values(), goals, *known.values()]
-
-
-def _copied_reference(source: Results, event: Mapping[str, Any], out: Path) -> str:
-    """Copies a reference, where it is there; its folder relative to `out`."""
-    folder = (source.folder / event["folder"]).resolve()
-    target = Path(REFERENCES) / str(event["scene_hash"])[:16] / str(event["reference_id"])
-    if folder.is_dir():
-        shutil.copytree(folder, out / target)
-    return str(target)
 
 
 def _copied(source: Results, cell: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """The cell's event under its new id, its images copied."""
     points = []
     for point in cell.get("points") or []:
-        image = store.image_path(_new_id(cell), point["spp"]) if point.get("image") else None
-        if image is not None and (source.folder / point["image"]).is_file():
+        image = store.image_path(_new_id(cell), point["spp"]) if point["image"] else None
+        if image is not None and (taken := store.image_file(source.folder, point["image"])).is_file():
             (out / image).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source.folder / point["image"], out / image)
+            shutil.copyfile(taken, out / image)
         points.append({**point, "image": image})
     return {**cell, "cell_id": _new_id(cell), "measured_as": cell["cell_id"], "points": points}
 

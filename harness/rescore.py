@@ -67,7 +67,7 @@ def _scored(
                 without += 1
                 points.append(point)
                 continue
-            scores = metrics.measure(read_image(folder / point["image"]), references[key], epsilon)
+            scores = metrics.measure(read_image(store.image_file(folder, point["image"])), references[key], epsilon)
             points.append({**point, "metrics": {**point["metrics"], **scores}})
             scored += 1
         if points != cell["points"]:

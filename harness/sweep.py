@@ -16,7 +16,7 @@ from statistics import median
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
-from harness import certify, examinations, machine, references, store
+from harness import certify, examinations, machine, reference_files, references, store
 from harness.identity import digest
 from harness.plan import Cell, Plan, expected_seconds, up_to_date
 from harness.pool import Heard, Pool, WorkerFailed, WorkerTimeout
@@ -103,7 +103,7 @@ class Sweep:
         self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events
     ) -> None:  # fmt: skip
         self.plan, self.folder, self.options, self.listener, self.events = plan, folder, options, listener, events
-        self.root = folder.parent / "references"
+        self.root = reference_files.cache_folder()
         self.metric = plan.experiment.quality.name
         self.history = store.read_events(folder)
         self.latest = store.latest_cells(self.history)
@@ -217,13 +217,14 @@ class Sweep:
                 self._without_reference(reference_id, f"no reference: {error}")
                 continue
             if reference_id not in named and references.ready(wanted, self.root):
-                self.append(references.event(wanted, self.root, self.folder))
+                self.append(references.event(wanted, self.root))
             self._certify(wanted, pool)
 
     def _make_reference(self, wanted: references.ReferenceWanted, pool: references.Images) -> None:
         references.make(
             wanted, self.root, pool,
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
+            lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
         )  # fmt: skip
 
     def _certify(self, wanted: references.ReferenceWanted, pool: references.Images) -> None:
@@ -328,7 +329,7 @@ class Sweep:
         """The arrays of a reference, read and checked once."""
         if reference_id not in self._loaded:
             wanted = self.plan.references[reference_id]
-            self._loaded[reference_id] = references.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
+            self._loaded[reference_id] = reference_files.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
         return self._loaded[reference_id]
 
     # --- examinations ------------------------------------------------------------------------------------------------
