@@ -13,9 +13,10 @@ from engines.errors import ConfigError
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
+def replacing(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
     """A file to write; at the end of the block it takes the place of `path`. Readers see the old one or the new one.
 
+    `durable`: it is on disk before that, and outlives a failure of power. What can be made again need not be.
     Any number of processes may do so at once; the last one counts. Raises `ConfigError` where it cannot be written, and
     leaves `path` as it was.
     """
@@ -25,7 +26,8 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
         with beside.open("xb") as file:
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                os.fsync(file.fileno())
         os.replace(beside, path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -34,7 +36,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             beside.unlink(missing_ok=True)
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str, durable: bool = False) -> None:
     """Replaces a file by text in UTF-8. Raises `ConfigError`."""
-    with replacing(path) as file:
+    with replacing(path, durable) as file:
         file.write(text.encode())

@@ -15,8 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from engines.errors import ConfigError
+from harness import atomic, examinations, progress, store, sweep
 from harness import config as configs
-from harness import examinations, progress, store, sweep
 from harness import plan as plans
 from harness.config import Experiment
 from harness.plan import Plan, state_of, words
@@ -347,7 +347,7 @@ def compare(before: Path, after: Path, everything: bool, output: Path | None) ->
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
     if output is not None and text is not None:
-        output.write_text(text(found), encoding="utf-8")
+        atomic.write_text(output, text(found))
 
 
 def status(folder: Path) -> None:

@@ -29,15 +29,17 @@ def is_relative(text: str) -> bool:
 
 
 def inside(folder: Path, relative: str | Path, what: str) -> Path:
-    """The path `relative` below `folder`, links resolved; it need not exist. `what` names file and field in the refusal.
+    """The path `relative` below `folder`, which need not exist. `what` names file and field in the refusal.
 
     Raises `ConfigError` where the path, or a link on its way, leads out of the folder.
     """
-    refused = ConfigError(f"{what} = {str(relative)[:200]!r}: leads out of {folder}: a path inside that folder is wanted")
+    refused = ConfigError(
+        f"{what} = {str(relative)[:200]!r}: leads out of {folder}: a path inside that folder is wanted"
+    )
     try:
         root, path = folder.resolve(), (folder / relative).resolve()
     except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL
         raise refused from None
     if not path.is_relative_to(root):
         raise refused
-    return path
+    return folder / relative

@@ -86,7 +86,9 @@ def carry(results: Path, told: Mapping[str, Any], out: Path, small: bool) -> Non
     try:
         data = _small(film_in(source, meta)) if small else path.read_bytes()
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}: remove {source} to make it anew") from error
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror or error}: remove {source} to make it anew"
+        ) from error
     with atomic.replacing(target / meta["file"]) as file:
         file.write(data)
     write_json(target / META, {**meta, "sha256": hashlib.sha256(data).hexdigest()} if small else meta)

@@ -30,7 +30,7 @@ class Events:
     """`events.jsonl` of a folder, open for appending. `torn` says that a line cut short was removed."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / EVENTS
+        self._path = confined.inside(folder, EVENTS, str(folder))
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("a+b", buffering=0)
@@ -83,7 +83,7 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
     Raises `ConfigError` where there is no such file, where a line in its middle is damaged, and for the first event that
     does not say what events say, with its line.
     """
-    path = Path(folder) / EVENTS
+    path = confined.inside(Path(folder), EVENTS, str(folder))
     try:
         lines = path.read_bytes().split(b"\n")
     except OSError as error:
@@ -132,7 +132,7 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
 
     Raises `ConfigError` where there is none, and for one of another version of the format.
     """
-    path = Path(folder) / MANIFEST
+    path = confined.inside(Path(folder), MANIFEST, str(folder))
     try:
         found = read_json(path)
     except OSError as error:
@@ -151,7 +151,7 @@ def read_json(path: Path) -> Any:
 
 def write_json(path: Path, data: Any) -> None:
     """Replaces a file by JSON in one step: readers see the old or the new one, whole. Raises `ConfigError`."""
-    atomic.write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n")
+    atomic.write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n", durable=True)
 
 
 def image_path(cell_id: str, spp: int) -> str:
@@ -198,7 +198,7 @@ def locked(folder: Path) -> Iterator[None]:
     """Keeps a second run out of the folder; the kernel lets go of the lock when the process ends, however it ends."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK).open("a+")
+        file = confined.inside(folder, LOCK, str(folder)).open("a+")
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be written: {error.strerror}") from error
     with file:

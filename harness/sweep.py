@@ -16,7 +16,7 @@ from statistics import median
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
-from harness import certify, examinations, machine, reference_files, references, store
+from harness import certify, confined, examinations, machine, reference_files, references, store
 from harness.identity import digest
 from harness.plan import Cell, Plan, expected_seconds, up_to_date
 from harness.pool import Heard, Pool, WorkerFailed, WorkerTimeout
@@ -85,7 +85,7 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
             listener.note(f"{folder / store.EVENTS}: {store.TORN}")
         sweep = Sweep(plan, folder, options, listener, events)
         sweep.record_plan()
-        with Pool(options.allow_imports, folder / LOG) as pool:
+        with Pool(options.allow_imports, confined.inside(folder, LOG, str(folder))) as pool:
             sweep.make_references(cluster or pool)
             if cluster is None:
                 sweep.blocks(pool)

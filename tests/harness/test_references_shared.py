@@ -105,7 +105,10 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one_and_no_rest(tmp_path):
     from harness import atomic
 
     atomic.write_text(tmp_path / "a", "old")
-    with pytest.raises(ConfigError, match="a: cannot be written: No space left"), atomic.replacing(tmp_path / "a") as file:
+    with (
+        pytest.raises(ConfigError, match="a: cannot be written: No space left"),
+        atomic.replacing(tmp_path / "a") as file,
+    ):
         file.write(b"new")
         raise OSError(28, "No space left on device")
     assert (tmp_path / "a").read_text() == "old" and [path.name for path in tmp_path.iterdir()] == ["a"]
