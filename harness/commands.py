@@ -356,7 +356,7 @@ def status(folder: Path) -> None:
     _require_results(folder)
     manifest, events = store.read_manifest(folder), store.read_events(folder)
     latest = store.latest_cells(events)
-    planned = {cell_id: latest.get(cell_id) for cell_id in manifest["cell_ids"]}
+    planned = {cell_id: latest.get(cell_id) for cell_id in manifest.get("cell_ids", latest)}
     counted = Counter("queued" if event is None else event["state"] for event in planned.values())
     started = store.last_event(events, "start")
     running = store.is_locked(folder)
@@ -364,7 +364,7 @@ def status(folder: Path) -> None:
         counted.update(queued=-1, running=1)
     told = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
     now = "running" if running else "not running"
-    console.print(f"{manifest['name']}: {told or 'no cells'}; {now}.", soft_wrap=True)
+    console.print(f"{manifest.get('name') or folder.name}: {told or 'no cells'}; {now}.", soft_wrap=True)
     for event in planned.values():
         if event is not None and event["state"] in ("failed", "timeout"):
             words = f"{event['state']}: {event['scene']} {event['engine']} seed {event['seed']}: {event['message']}"

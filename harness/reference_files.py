@@ -38,22 +38,32 @@ def cache_folder() -> Path:
     return Path(caches) / "raybench" / FOLDER
 
 
-def of_results(results: Path, reference_id: str, scene_hash: str) -> Path:
-    """The folder of a reference that results were compared with. Raises `ConfigError` where it is nowhere.
+def search(results: Path, reference_id: str, scene_hash: str) -> Path | None:
+    """The folder of a reference that results were compared with; None where it is nowhere.
 
     Looked for in the results themselves (archives, merged ones), in the cache folder, and in a folder `references`
-    beside the results, where raybench kept them once.
+    beside the results, where raybench kept them once. Raises `ConfigError` where a link leads out of these.
     """
-    part = Path(scene_hash[:16]) / reference_id
-    places = (results / FOLDER, cache_folder(), results.absolute().parent / FOLDER)
-    for place in places:
-        folder = confined.inside(place, part, f"{results}: reference")
+    for place in (results / FOLDER, cache_folder(), results.absolute().parent / FOLDER):
+        folder = confined.inside(place, _part(reference_id, scene_hash), f"{results}: reference")
         if (folder / META).is_file():
             return folder
-    raise ConfigError(
-        f"{results}: the reference {part} is neither there nor in {places[1]}: name its folder with --references, or "
-        "run the experiment again"
-    )
+    return None
+
+
+def of_results(results: Path, reference_id: str, scene_hash: str) -> Path:
+    """Like `search`, but raises `ConfigError` where it is nowhere."""
+    found = search(results, reference_id, scene_hash)
+    if found is None:
+        raise ConfigError(
+            f"{results}: the reference {_part(reference_id, scene_hash)} is neither there nor in {cache_folder()}: name "
+            "its folder with --references, or run the experiment again"
+        )
+    return found
+
+
+def _part(reference_id: str, scene_hash: str) -> Path:
+    return Path(scene_hash[:16]) / reference_id
 
 
 def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
@@ -70,17 +80,15 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
 
 
 def carry(results: Path, told: Mapping[str, Any], out: Path, small: bool) -> None:
-    """Copies the reference of a `reference` event into the results folder `out`, where it can be found.
+    """Copies the reference of a `reference` event into the results folder `out`, where there is such a one.
 
     `small`: its arrays in float32, compressed, and nothing for eyes. Its metadata names what is there.
     """
     reference_id, scene_hash = str(told["reference_id"]), str(told["scene_hash"])
-    try:
-        source = of_results(results, reference_id, scene_hash)
-    except ConfigError:
+    source = search(results, reference_id, scene_hash)
+    if source is None:
         return
-    part = Path(FOLDER) / scene_hash[:16] / reference_id
-    target = confined.inside(out, part, f"{out}: reference")
+    target = confined.inside(out, FOLDER / _part(reference_id, scene_hash), f"{out}: reference")
     meta = meta_of(source)
     path = confined.inside(source, meta["file"], f"{source / META}: file")
     try:
