@@ -39,4 +39,4 @@ def replacing(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
 def write_text(path: Path, text: str, durable: bool = False) -> None:
     """Replaces a file by text in UTF-8. Raises `ConfigError`."""
     with replacing(path, durable) as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="replace"))

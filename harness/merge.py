@@ -18,7 +18,6 @@ from harness import atomic, reference_files, store
 from harness.identity import digest
 from harness.results import Results, load_results, settings_of
 
-
 Owned = tuple[Results, Mapping[str, Any]]
 
 

@@ -229,6 +229,6 @@ def film_of(path: Path) -> Film:
         for array in (film.sums, film.squares, film.even_sums):
             if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind != "i":
                 raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")
-    except (OSError, KeyError, ValueError, TypeError, EOFError, BadZipFile) as error:
+    except (OSError, KeyError, ValueError, TypeError, EOFError, OverflowError, MemoryError, BadZipFile) as error:
         raise ConfigError(f"{path}: the film cannot be read: {error}") from error
     return film

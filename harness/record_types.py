@@ -29,8 +29,6 @@ def _metric(text: str) -> str:
 
 Id = Annotated[str, Field(pattern=confined.ID)]
 ImagePath = Annotated[str, AfterValidator(_path)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Amount = Annotated[float, Field(ge=0, le=1e18)]
 Seconds = Annotated[float, Field(ge=0, le=1e10)]
 Count = Annotated[int, Field(ge=0, le=2**62)]
 Samples = Annotated[int, Field(ge=1, le=2**40)]
@@ -58,7 +56,7 @@ class Point(Record):
 
     spp: Samples
     seconds: Seconds
-    rays: Amount | None = None
+    rays: float | None = None
     metrics: Numbers
     image: ImagePath | None
 

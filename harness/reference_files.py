@@ -11,11 +11,12 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
 from engines.errors import ConfigError
-from engines.film import Film
+from engines.film import BYTES_A_PIXEL, Film
 from harness import atomic, confined, records
 from harness.identity import digest
 from harness.pool import film_of
@@ -24,6 +25,8 @@ from harness.store import read_json, write_json
 if TYPE_CHECKING:
     from harness.metrics import Reference
 
+HEADERS = 1 << 16
+"""Bytes of a film's file beside its pixels, at most."""
 META, EXR = "meta.json", "reference.exr"
 FOLDER = "references"
 """Of archives and merged results: the references they carry with them."""
@@ -125,7 +128,20 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
         whole = False
     if not whole:
         raise ConfigError(f"{path}: missing, or its checksum is not the recorded one: remove {folder} to make it anew")
+    _refuse_bomb(path, meta["asked"])
     return film_of(path)
+
+
+def _refuse_bomb(path: Path, asked: Mapping[str, Any]) -> None:
+    """A few bytes can be unpacked to more than there is memory: a film takes what its size says."""
+    most = BYTES_A_PIXEL * asked["width"] * asked["height"] + HEADERS
+    try:
+        with ZipFile(path) as parts:
+            unpacked = sum(part.file_size for part in parts.infolist())
+    except (OSError, BadZipFile) as error:
+        raise ConfigError(f"{path}: the film cannot be read: {error}") from error
+    if unpacked > most:
+        raise ConfigError(f"{path}: takes {unpacked} bytes unpacked, and a film of its size at most {most}")
 
 
 def meta_of(folder: Path) -> dict[str, Any]:

@@ -52,8 +52,8 @@ class Events:
         return True
 
     def append(self, event: Mapping[str, Any]) -> None:
-        """Adds an event; on return it is on disk."""
-        self._write(json.dumps(event, ensure_ascii=False).encode() + b"\n")
+        """Adds an event; on return it is on disk. What is no Unicode in it, as parts of file names may be, becomes `?`."""
+        self._write(json.dumps(event, ensure_ascii=False).encode(errors="replace") + b"\n")
 
     def _write(self, data: bytes) -> None:
         """Writes all of it, or nothing: what a full disk cut short is taken back."""
@@ -85,7 +85,7 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
     """
     path = confined.inside(Path(folder), EVENTS, str(folder))
     try:
-        lines = path.read_bytes().split(b"\n")
+        lines = confined.content(path).split(b"\n")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}: is this a results folder?") from error
     found: list[dict[str, Any]] = []
@@ -144,7 +144,7 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
 def read_json(path: Path) -> Any:
     """What a JSON file says. Raises `OSError`, and `ConfigError` for what is no JSON."""
     try:
-        return json.loads(path.read_bytes())
+        return json.loads(confined.content(path))
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not JSON: {error}") from error
 

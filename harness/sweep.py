@@ -16,7 +16,8 @@ from statistics import median
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
-from harness import certify, confined, examinations, machine, reference_files, references, store
+from engines.errors import ConfigError
+from harness import certify, confined, examinations, machine, records, reference_files, references, store
 from harness.identity import digest
 from harness.plan import Cell, Plan, expected_seconds, up_to_date
 from harness.pool import Heard, Pool, WorkerFailed, WorkerTimeout
@@ -305,11 +306,16 @@ class Sweep:
             state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
         record.keep_last_image()
         spp = record.points[-1]["spp"] if record.points else 0
-        return {
+        event = {
             **self.event(cell, state, message, spp), "env_id": record.env_id, "phases": record.phases,
             "points": record.points, "counters": record.counters, "machine": record.disturbance,
             "sentinel_seconds": sentinel,
         }  # fmt: skip
+        try:
+            records.event(event, "what the engine tells is unusable")
+        except ConfigError as error:  # it must not make the whole folder unreadable
+            return {**self.event(cell, "failed", str(error)), "env_id": record.env_id}
+        return event
 
     def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
         """An event that says everything about a cell but what was measured; `spp` are those of its last image."""

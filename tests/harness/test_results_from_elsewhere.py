@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 
+import numpy as np
 import pytest
 import sweeping
 
@@ -78,7 +79,10 @@ def test_ids_and_paths_that_lead_out_are_refused_with_line_and_field(theirs, who
         assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize("reader", [mutation.merge, mutation.archive, mutation.rescore, mutation.report], ids=lambda r: r.__name__)
+IMAGE_READERS = (mutation.merge, mutation.archive, mutation.rescore, mutation.report)
+
+
+@pytest.mark.parametrize("reader", IMAGE_READERS, ids=lambda reader: reader.__name__)
 def test_an_image_that_is_a_link_out_is_not_followed(theirs, whole, tmp_path, reader):
     for image in theirs.glob("images/*/*.exr"):
         image.unlink()
@@ -254,3 +258,50 @@ def test_a_refusal_is_one_line_and_exit_code_2(theirs, tmp_path):
         done = sweeping.raybench(*words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1, (words, done.stderr)
         assert done.stderr.startswith("raybench: ") and f"events.jsonl:{line}: cell.points[0].spp = 'many'" in done.stderr
+
+
+@pytest.mark.parametrize("name", [store.EVENTS, store.MANIFEST, "meta.json"])
+def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(theirs, whole, tmp_path, name):
+    path = next(theirs.glob("references/*/*/meta.json")) if name == "meta.json" else theirs / name
+    path.unlink()
+    os.mkfifo(path)
+    done = sweeping.raybench("rescore", theirs)
+    assert done.returncode == 2 and "raybench: " in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
+    from harness import reference_files
+
+    folder = next(theirs.glob("references/*/*/meta.json")).parent
+    meta = json.loads((folder / "meta.json").read_text())
+    film = folder / meta["file"]
+    with np.load(film) as arrays:
+        held = dict(arrays)
+    np.savez_compressed(film, **(held | {"squares": np.zeros((2000, 2000, 3))}))
+    meta["sha256"] = reference_files.checksum(film)
+    with pytest.raises(ConfigError, match=r"bytes unpacked, and a film of its size at most"):
+        reference_files.film_in(folder, meta)
+
+
+def test_what_an_engine_tells_never_makes_a_folder_unreadable(tmp_path, monkeypatch):
+    """Figures that no reader takes are one failed cell each; the others stay, and so does what can be read."""
+    from harness import recording
+
+    told = recording.Recording._point
+
+    def _point(self, answer, film, reference):
+        told(self, {**answer, "seconds": -1.0} if self.cell.engine_name == "other" else answer, film, reference)
+
+    monkeypatch.setattr(recording.Recording, "_point", _point)
+    outcome, _ = sweeping.run(sweeping.write(tmp_path), tmp_path / "out")
+    assert outcome.states == {"done": 2, "failed": 2}
+    messages = {event["message"] for _, event in outcome.failures}
+    assert all("unusable: cell.points[0].seconds = -1.0: " in message for message in messages)
+    assert len(store.latest_cells(store.read_events(tmp_path / "out"))) == 4
+
+
+def test_a_message_that_is_no_unicode_can_be_stored_and_read(tmp_path):
+    event = {"event": "run", "time": "", "run_id": "", "command": ["a\udcff"]}
+    with store.Events(tmp_path) as events:
+        events.append(event)
+    assert store.read_events(tmp_path)[0]["command"] == ["a?"]
