@@ -228,9 +228,10 @@ class Conclusions(Record):
     pairs: list[Pair] = []
 
 
-class Finding(Record):
+class Finding(BaseModel):
     """The fields of `verify.battery.Finding`."""
 
+    model_config = ConfigDict(strict=True, extra="forbid")
     engine: str
     version: str
     precision: str
