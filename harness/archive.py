@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ import numpy as np
 from engines.errors import ConfigError
 from engines.image import read_image, write_image
 from harness import conclusions, confined, reference_files, store
-from harness.analysis import analyse
+from harness.analysis import Analysis, analyse
 from harness.report.pictures import shown_images
 from harness.results import load_results
 
@@ -38,20 +38,32 @@ def archive(folder: Path, out: Path) -> int:
     if (out / store.EVENTS).exists() and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
     analysis = analyse(load_results(folder))
-    kept = shown_images(analysis)
+    kept = {image: store.image_file(folder, image) for image in shown_images(analysis)}
+    _clear(out)
+    try:
+        _write(analysis, kept, folder, out)
+    except BaseException:
+        _clear(out)  # half an archive would pass for a whole one
+        raise
+    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+
+
+def _clear(out: Path) -> None:
     if (out / store.EVENTS).exists():
         store.clear(out)
     shutil.rmtree(out / reference_files.FOLDER, ignore_errors=True)
+
+
+def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path) -> None:
     with store.Events(out) as events:
         for event in _still_counting(store.read_events(folder)):
             events.append(without_folders(_shortened(event, kept, folder, out)))
         events.append(_rounded(conclusions.event(analysis)))
     store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
-    for image in kept:
+    for image, source in kept.items():
         target = confined.inside(out, image, f"{out}: image")
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_image(target, half(read_image(store.image_file(folder, image))))
-    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+        write_image(target, half(read_image(source)))
 
 
 def half(image: np.ndarray) -> np.ndarray:
@@ -67,7 +79,7 @@ def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [*others, *(cell for cell in latest.values() if cell["state"] != "outdated")]
 
 
-def _shortened(event: dict[str, Any], kept: set[str], folder: Path, out: Path) -> dict[str, Any]:
+def _shortened(event: dict[str, Any], kept: Container[str], folder: Path, out: Path) -> dict[str, Any]:
     """An event as it stands in the archive."""
     if event["event"] == "reference":
         reference_files.carry(folder, event, out, small=True)

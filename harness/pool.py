@@ -227,7 +227,7 @@ def film_of(path: Path) -> Film:
             film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
             film.counts, film.bad_samples = arrays["counts"], int(arrays["bad_samples"])
         for array in (film.sums, film.squares, film.even_sums):
-            if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind != "i":
+            if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind not in "iu":
                 raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")
     except (OSError, KeyError, ValueError, TypeError, EOFError, OverflowError, MemoryError, BadZipFile) as error:
         raise ConfigError(f"{path}: the film cannot be read: {error}") from error

@@ -142,14 +142,15 @@ def test_clearing_a_folder_removes_links_and_not_what_they_name(theirs, tmp_path
     assert (tmp_path / "private" / "meta.json").read_text() == SECRET and not (theirs / "images").is_symlink()
 
 
-def test_a_refused_merge_leaves_nothing_behind(theirs, whole, tmp_path):
-    image = next(path for path in theirs.glob("images/*/*.exr"))
-    image.unlink()
-    image.symlink_to(tmp_path / "secret.exr")
+@pytest.mark.parametrize("reader", [mutation.merge, mutation.archive], ids=lambda reader: reader.__name__)
+def test_a_refused_merge_or_archive_leaves_nothing_behind(theirs, whole, tmp_path, reader):
+    for film in theirs.glob("references/*/*/film-*"):
+        film.unlink()
+        film.symlink_to(tmp_path / "secret.exr")
     (tmp_path / "scratch").mkdir()
     with pytest.raises(ConfigError, match="leads out of"):
-        mutation.merge(theirs, whole, tmp_path / "scratch")
-    assert list((tmp_path / "scratch" / "merged").rglob("*")) == []
+        reader(theirs, whole, tmp_path / "scratch")
+    assert [path for path in (tmp_path / "scratch").rglob("*") if path.is_file()] == []
 
 
 @pytest.mark.parametrize(
