@@ -31,7 +31,7 @@ def is_relative(text: str) -> bool:
 
 def content(path: Path) -> bytes:
     """The bytes of a regular file. Raises `OSError`; of pipes and devices, too, which could be read for ever."""
-    if path.exists() and not path.is_file():
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a folder's own error says what it is
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
     return path.read_bytes()
 

@@ -11,7 +11,7 @@ import sweeping
 from engines import memory
 from engines.errors import ConfigError
 from engines.film import Film
-from harness import config, plan, store
+from harness import atomic, config, plan, store
 
 KIB = 1024
 
@@ -84,6 +84,22 @@ def test_what_a_run_cannot_write_is_named(tmp_path, name):
     (out / name).mkdir(parents=True)
     code, said = ended("run", path, "--allow-imports", "--out", out, folder=tmp_path)
     assert code == 2 and str(out) in is_one_line(said) and "Is a directory" in said
+
+
+def test_a_manifest_that_may_not_be_replaced_is_named_and_nothing_is_lost(tmp_path, monkeypatch):
+    path, out = sweeping.write(tmp_path), tmp_path / "out"
+    sweeping.run(path, out, ["repeats=1"])
+    before = {file.name: file.read_bytes() for file in out.iterdir()}
+
+    def refused(source, target):
+        raise PermissionError(13, "Permission denied", str(target))
+
+    monkeypatch.setattr(atomic.os, "replace", refused)
+    with pytest.raises(ConfigError, match=r"manifest\.json: cannot be written: Permission denied"):
+        sweeping.run(path, out)
+    monkeypatch.undo()
+    assert {file.name: file.read_bytes() for file in out.iterdir()} | {store.LOCK: b""} == before | {store.LOCK: b""}
+    assert sweeping.run(path, out)[0].states == {"done": 4}
 
 
 @pytest.mark.parametrize(
