@@ -13,16 +13,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines import memory
 from engines.errors import ConfigError
 from engines.tonemap import ToneMapper, tone_mapper
 
 Image = NDArray[np.float64]
 
 
+BYTES_A_PIXEL = 3 * 3 * 8 + 8
+"""Of a film. An EXR of it takes four images in float64 and in float32 besides, while it is written."""
+BYTES_A_PIXEL_WRITTEN = BYTES_A_PIXEL + 4 * 3 * (8 + 4)
+
+
 class Film:
-    """Accumulates samples of a `height` x `width` image."""
+    """Accumulates samples of a `height` x `width` image. Raises `ConfigError` where it would not fit into memory."""
 
     def __init__(self, width: int, height: int) -> None:
+        memory.require(BYTES_A_PIXEL * width * height, f"a film of {width}x{height} pixels")
         self.width, self.height = width, height
         self.sums: Image = np.zeros((height, width, 3))
         self.squares: Image = np.zeros((height, width, 3))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,11 @@ import numpy as np
 
 from engines.errors import ConfigError
 from engines.image import read_image, write_image
-from harness import conclusions, references, store
-from harness.analysis import analyse
+from harness import conclusions, confined, reference_files, store
+from harness.analysis import Analysis, analyse
 from harness.report.pictures import shown_images
 from harness.results import load_results
 
-REFERENCES = "references"
 DIGITS = 6
 MEASURED = ("phases", "counters", "machine", "sentinel_seconds", "wall_seconds")
 DROPPED = ("start", conclusions.EVENT)
@@ -36,22 +35,35 @@ def archive(folder: Path, out: Path) -> int:
     """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again."""
     if out.resolve() == folder.resolve():
         raise ConfigError(f"{out}: is the results folder itself: --out must be another")
-    if (out / store.EVENTS).exists() and not (out / REFERENCES).is_dir():
+    if (out / store.EVENTS).exists() and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
     analysis = analyse(load_results(folder))
-    kept = shown_images(analysis)
+    kept = {image: store.image_file(folder, image) for image in shown_images(analysis)}
+    _clear(out)
+    try:
+        _write(analysis, kept, folder, out)
+    except BaseException:
+        _clear(out)  # half an archive would pass for a whole one
+        raise
+    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+
+
+def _clear(out: Path) -> None:
     if (out / store.EVENTS).exists():
         store.clear(out)
-    shutil.rmtree(out / REFERENCES, ignore_errors=True)
+    shutil.rmtree(out / reference_files.FOLDER, ignore_errors=True)
+
+
+def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path) -> None:
     with store.Events(out) as events:
         for event in _still_counting(store.read_events(folder)):
             events.append(without_folders(_shortened(event, kept, folder, out)))
         events.append(_rounded(conclusions.event(analysis)))
     store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
-    for image in kept:
-        (out / image).parent.mkdir(parents=True, exist_ok=True)
-        write_image(out / image, half(read_image(folder / image)))
-    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    for image, source in kept.items():
+        target = confined.inside(out, image, f"{out}: image")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_image(target, half(read_image(source)))
 
 
 def half(image: np.ndarray) -> np.ndarray:
@@ -67,10 +79,11 @@ def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [*others, *(cell for cell in latest.values() if cell["state"] != "outdated")]
 
 
-def _shortened(event: dict[str, Any], kept: set[str], folder: Path, out: Path) -> dict[str, Any]:
+def _shortened(event: dict[str, Any], kept: Container[str], folder: Path, out: Path) -> dict[str, Any]:
     """An event as it stands in the archive."""
     if event["event"] == "reference":
-        return {**event, "folder": _copied_reference(folder, event, out)}
+        reference_files.carry(folder, event, out, small=True)
+        return {key: value for key, value in event.items() if key != "folder"}
     if event["event"] != "cell":
         return event
     points = [{**point, "image": point["image"] if point.get("image") in kept else None} for point in event["points"]]
@@ -95,12 +108,3 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, float) and math.isfinite(value):
         return float(f"{value:.{DIGITS}g}")
     return value
-
-
-def _copied_reference(folder: Path, event: Mapping[str, Any], out: Path) -> str:
-    """Copies a reference in float32, where it is there; its folder relative to `out`."""
-    target = Path(REFERENCES) / str(event["scene_hash"])[:16] / str(event["reference_id"])
-    source = (folder / event["folder"]).resolve()
-    if source.is_dir():
-        references.copy_small(source, out / target)
-    return str(target)

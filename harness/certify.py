@@ -7,7 +7,6 @@ reference and that version of the second engine alone.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -18,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from engines.errors import ConfigError
-from harness import machine
+from harness import machine, records
 from harness.identity import digest
 from harness.pool import WorkerFailed
-from harness.references import Images, ReferenceWanted, Report, replicates
+from harness.references import Images, ReferenceWanted, Report, held, replicates
 from harness.statistics import equivalence
-from harness.store import write_json
+from harness.store import read_json, write_json
 
 MOST_REPLICATES = 8
 SEEDS_AWAY = 1 << 20
@@ -54,8 +53,9 @@ def existing(wanted: ReferenceWanted, root: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        found = read_json(path)
+        records.event(found, str(path))
+    except (OSError, ConfigError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}: remove it to make it anew") from error
     return found if found.get("certificate_id") == digest(asked_of(wanted)) else None
 
@@ -63,8 +63,14 @@ def existing(wanted: ReferenceWanted, root: Path) -> dict[str, Any] | None:
 def make(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     """Renders, compares, writes the certificate and returns it as an event. Raises `WorkerFailed`.
 
-    A second engine that cannot render the scene is no failure: the verdict is then "impossible".
+    A second engine that cannot render the scene is no failure: the verdict is then "impossible". While another process
+    works on the same reference this one waits.
     """
+    with held(wanted, root):
+        return existing(wanted, root) or _made(wanted, root, pool, report)
+
+
+def _made(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     certifier, asked = wanted.certifier, asked_of(wanted)
     assert certifier is not None
     told: dict[str, Any] = {

@@ -1,6 +1,7 @@
 """The command line: `raybench` and `python -m harness`. Only names and help live here; work is imported when asked for.
 
-Exit codes: 0 all is well, 1 a cell failed or ran out of time, 2 the input cannot be used, 130 interrupted.
+Exit codes: 0 all is well, 1 a cell failed or ran out of time, 2 the input cannot be used or a file cannot be written,
+130 interrupted.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import typer
 app = typer.Typer(
     name="raybench", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     help="Races ray tracers to quality: the error of an image against the time it took.",
-    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out; 2 the input cannot be used; 130 interrupted.",
+    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out; 2 the input cannot be used, or a file cannot "
+    "be written; 130 interrupted.",
 )  # fmt: skip
 
 Config = Annotated[str, typer.Argument(help="An experiment: a path, or a bare name from configs/.")]
@@ -26,6 +28,19 @@ Set = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
 ]
+def _keep_references(folder: Path | None) -> Path | None:
+    if folder is not None:
+        os.environ["RAYBENCH_REFERENCES"] = str(folder)
+    return folder
+
+
+References = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option(
+        metavar="DIR", callback=_keep_references,
+        help="Where references are kept; else in $RAYBENCH_REFERENCES, else in raybench/references of the user's cache.",
+    ),
+]  # fmt: skip
 AllowImports = Annotated[
     bool, typer.Option("--allow-imports", help="Import code that files name as module:attribute. Only if you trust it.")
 ]
@@ -52,6 +67,7 @@ def run(
         Optional[str],  # noqa: UP045
         typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786."),
     ] = None,
+    references: References = None,
 ) -> None:
     """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
     from engines.errors import ConfigError
@@ -67,7 +83,7 @@ def run(
 @app.command()
 def plan(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False,
+    allow_commands: AllowCommands = False, references: References = None,
 ) -> None:  # fmt: skip
     """Show what an experiment would do: every configuration, its state, why it is skipped, and how long it may take."""
     from harness import commands
@@ -78,7 +94,7 @@ def plan(
 @app.command()
 def reference(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False,
+    allow_commands: AllowCommands = False, references: References = None,
 ) -> None:  # fmt: skip
     """Render the references of an experiment, and nothing else. Those that are there are kept or extended."""
     from harness import commands
@@ -160,6 +176,7 @@ def view(
     port: Annotated[int, typer.Option(min=0, max=65535, help="[default: one that is free]")] = 0,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
     allow_imports: AllowImports = False,
+    references: References = None,
 ) -> None:
     """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
     from harness.view import open_viewer
@@ -179,6 +196,7 @@ def report(
             "results/dissertation and results/dahlquist]",
         ),
     ] = None,
+    references: References = None,
 ) -> None:
     """Write tables, plots and report.html of results folders anew, without rendering; or a chapter about them."""
     from harness import commands
@@ -196,6 +214,7 @@ def rescore(
         Optional[list[str]],  # noqa: UP045
         typer.Option("--set", metavar="KEY=VALUE", help="Another quality: --set quality.epsilon=0.1. May be repeated."),
     ] = None,
+    references: References = None,
 ) -> None:
     """Compute all metrics again from the images of a results folder, without rendering; then write the report."""
     from harness import commands
@@ -207,6 +226,7 @@ def rescore(
 def merge(
     folders: Annotated[list[Path], typer.Argument(help="Results folders.")],
     out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
+    references: References = None,
 ) -> None:
     """Put results of several machines into one folder and report; their times are kept apart."""
     from harness import commands
@@ -218,6 +238,7 @@ def merge(
 def archive(
     folder: Folder,
     out: Annotated[Path, typer.Option("--out", help="A new folder, or an archive that is to be replaced.")],
+    references: References = None,
 ) -> None:
     """Copy results into a small folder of their own, to commit or to attach: few images, references included."""
     from harness import commands
@@ -353,9 +374,21 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         sys.exit(141)
     except Exception as error:
-        from engines.errors import RaybenchError
-
-        if not isinstance(error, RaybenchError):
+        message = _told(error)
+        if message is None:
             raise
-        print(f"raybench: {error}", file=sys.stderr)
+        print(f"raybench: {message}", file=sys.stderr)
         sys.exit(2)
+
+
+def _told(error: Exception) -> str | None:
+    """An error that the user or the machine caused as one line; None for a mistake of ours."""
+    from engines.errors import RaybenchError
+
+    if isinstance(error, RaybenchError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:  # a full disk, a file that may not be written
+        return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
+    if isinstance(error, MemoryError):
+        return f"there is not enough memory: {error}" if str(error) else "there is not enough memory"
+    return None

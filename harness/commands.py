@@ -15,8 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from engines.errors import ConfigError
+from harness import atomic, examinations, progress, store, sweep
 from harness import config as configs
-from harness import examinations, progress, store, sweep
 from harness import plan as plans
 from harness.config import Experiment
 from harness.plan import Plan, state_of, words
@@ -128,7 +128,7 @@ def plan(
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
         stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
-    _plan_references(stdout, made, folder)
+    _plan_references(stdout, made)
     if made.examinations:
         left = len(examinations.todo(made.examinations, events, retry=False))
         stdout.print(
@@ -147,11 +147,11 @@ def _planned(
     return made, results_folder(experiment, out)
 
 
-def _plan_references(console: Console, made: Plan, folder: Path) -> None:
-    from harness import references
+def _plan_references(console: Console, made: Plan) -> None:
+    from harness import reference_files, references
 
     for wanted in made.references.values():
-        state = "ready" if references.ready(wanted, folder.parent / "references") else "to be rendered"
+        state = "ready" if references.ready(wanted, reference_files.cache_folder()) else "to be rendered"
         what = f"{wanted.describe()}, {words(wanted.asked['shader'])}, by {wanted.asked['engine']}"
         console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
 
@@ -192,12 +192,12 @@ def reference(
     given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
 ) -> int:  # fmt: skip
     """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
-    from harness import references
+    from harness import reference_files, references
     from harness.pool import Pool, WorkerFailed
 
     stdout, stderr = consoles()
     made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
-    root = folder.parent / "references"
+    root = reference_files.cache_folder()
     failed = 0
     try:
         with store.locked(folder), Pool(allow_imports, folder / "worker.log") as pool:
@@ -223,7 +223,10 @@ def reference(
 def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
     from harness import references
 
-    references.make(wanted, root, pool, lambda done, count: terminal.reference(name, done, count))
+    references.make(
+        wanted, root, pool, lambda done, count: terminal.reference(name, done, count),
+        lambda: terminal.note(f"reference of {name}: another run makes it: waiting for that one"),
+    )  # fmt: skip
 
 
 def _certified(
@@ -344,7 +347,7 @@ def compare(before: Path, after: Path, everything: bool, output: Path | None) ->
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
     if output is not None and text is not None:
-        output.write_text(text(found), encoding="utf-8")
+        atomic.write_text(output, text(found))
 
 
 def status(folder: Path) -> None:
@@ -353,7 +356,7 @@ def status(folder: Path) -> None:
     _require_results(folder)
     manifest, events = store.read_manifest(folder), store.read_events(folder)
     latest = store.latest_cells(events)
-    planned = {cell_id: latest.get(cell_id) for cell_id in manifest["cell_ids"]}
+    planned = {cell_id: latest.get(cell_id) for cell_id in manifest.get("cell_ids", latest)}
     counted = Counter("queued" if event is None else event["state"] for event in planned.values())
     started = store.last_event(events, "start")
     running = store.is_locked(folder)
@@ -361,7 +364,7 @@ def status(folder: Path) -> None:
         counted.update(queued=-1, running=1)
     told = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
     now = "running" if running else "not running"
-    console.print(f"{manifest['name']}: {told or 'no cells'}; {now}.", soft_wrap=True)
+    console.print(f"{manifest.get('name') or folder.name}: {told or 'no cells'}; {now}.", soft_wrap=True)
     for event in planned.values():
         if event is not None and event["state"] in ("failed", "timeout"):
             words = f"{event['state']}: {event['scene']} {event['engine']} seed {event['seed']}: {event['message']}"

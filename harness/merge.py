@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
-from harness import store
+from harness import atomic, reference_files, store
 from harness.identity import digest
 from harness.results import Results, load_results, settings_of
 
-REFERENCES = "references"
+Owned = tuple[Results, Mapping[str, Any]]
 
 
 def merge(folders: Sequence[Path], out: Path) -> dict[str, int]:
@@ -38,20 +38,32 @@ def merge(folders: Sequence[Path], out: Path) -> dict[str, int]:
             )
     cells = _cells(sources)
     _refuse_mixtures(cells.values())
-    out.mkdir(parents=True, exist_ok=True)
-    with store.Events(out) as events:
-        for event in _preamble(sources, out):
-            events.append(event)
-        for source, cell in cells.values():
-            events.append(_copied(source, cell, out))
-    store.write_json(out / store.MANIFEST, _manifest(sources, [_new_id(cell) for _, cell in cells.values()]))
+    try:
+        _write(sources, list(cells.values()), out)
+    except BaseException:
+        _empty(out)  # half a merged folder would pass for a whole one
+        raise
     counts: dict[str, int] = {}
     for _, cell in cells.values():
         counts[str(cell.get("env_id"))] = counts.get(str(cell.get("env_id")), 0) + (cell["state"] == "done")
     return counts
 
 
-Owned = tuple[Results, Mapping[str, Any]]
+def _write(sources: Sequence[Results], cells: Sequence[Owned], out: Path) -> None:
+    with store.Events(out) as events:
+        for event in _preamble(sources, out):
+            events.append(event)
+        for source, cell in cells:
+            events.append(_copied(source, cell, out))
+    store.write_json(out / store.MANIFEST, _manifest(sources, [_new_id(cell) for _, cell in cells]))
+
+
+def _empty(out: Path) -> None:
+    for path in out.iterdir() if out.is_dir() else ():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        elif path.name != store.LOCK:
+            path.unlink(missing_ok=True)
 
 
 def _cells(sources: Sequence[Results]) -> dict[str, Owned]:
@@ -97,28 +109,20 @@ def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
     for source in sources:
         for reference_id, event in source.references.items():
             if reference_id not in known:
-                known[reference_id] = {**event, "folder": _copied_reference(source, event, out)}
+                reference_files.carry(source.folder, event, out, small=False)
+                known[reference_id] = {key: value for key, value in event.items() if key != "folder"}
     goals = {"event": "targets", "metric": sources[0].metric, "targets": targets}
     return [*found.values(), goals, *known.values()]
-
-
-def _copied_reference(source: Results, event: Mapping[str, Any], out: Path) -> str:
-    """Copies a reference, where it is there; its folder relative to `out`."""
-    folder = (source.folder / event["folder"]).resolve()
-    target = Path(REFERENCES) / str(event["scene_hash"])[:16] / str(event["reference_id"])
-    if folder.is_dir():
-        shutil.copytree(folder, out / target)
-    return str(target)
 
 
 def _copied(source: Results, cell: Mapping[str, Any], out: Path) -> dict[str, Any]:
     """The cell's event under its new id, its images copied."""
     points = []
     for point in cell.get("points") or []:
-        image = store.image_path(_new_id(cell), point["spp"]) if point.get("image") else None
-        if image is not None and (source.folder / point["image"]).is_file():
-            (out / image).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source.folder / point["image"], out / image)
+        image = store.image_path(_new_id(cell), point["spp"]) if point["image"] else None
+        if image is not None and (taken := store.image_file(source.folder, point["image"])).is_file():
+            with atomic.replacing(out / image, durable=False) as file:
+                file.write(taken.read_bytes())
         points.append({**point, "image": image})
     return {**cell, "cell_id": _new_id(cell), "measured_as": cell["cell_id"], "points": points}
 

@@ -14,8 +14,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from engines import choices
+from engines import choices, memory
 from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
+from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.registry import is_file, load_attribute
@@ -27,6 +28,8 @@ from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
 from harness.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 
+BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
+"""Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 CONTROL_LABEL = "A/A"
 WARM_UP_SEED = 1 << 40
 """Added to a cell's seed for the pass that is discarded."""
@@ -201,6 +204,7 @@ def _configured(
     scene, engine = known.scenes[file.path], known.engines[combination["engine"]]
     accelerator, lacking = known.accelerator(combination["engine"], combination["accelerator"])
     width, height = combination["resolution"] or scene.camera.resolution
+    memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
     settings = {
         "shader": combination["shader"], "sampler": combination["sampler"], "accelerator": accelerator,
         "precision": combination["precision"] or "float64", "threads": combination["threads"],

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
+from zipfile import BadZipFile
 
 from engines.errors import ConfigError
 
@@ -49,7 +50,11 @@ class Worker:
     """A process that has imported one engine. Use `ask`, then `receive` until "end"; `kill` at any time."""
 
     def __init__(self, engine: str, allow_imports: bool, log: Path) -> None:
-        self._log = log.open("ab")
+        try:
+            log.parent.mkdir(parents=True, exist_ok=True)
+            self._log = log.open("ab")
+        except OSError as error:
+            raise ConfigError(f"{log}: cannot be written: {error.strerror}") from error
         self._process = subprocess.Popen(
             [sys.executable, "-m", "harness.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
             env=environment(allow_imports), start_new_session=True, bufsize=0,
@@ -73,11 +78,17 @@ class Worker:
             self._died()
 
     def receive(self, deadline: float) -> dict[str, Any]:
-        """The next answer. Raises `WorkerFailed`, or `WorkerTimeout` at `deadline` (of `monotonic`)."""
+        """The next answer. Raises `WorkerFailed`, or `WorkerTimeout` at `deadline` (of `monotonic`).
+
+        `ConfigError`: the disk is full, which is no failure of the cell.
+        """
         while b"\n" not in self._pending:
             self._read(deadline)
         line, _, self._pending = self._pending.partition(b"\n")
         answer = json.loads(line)
+        if answer["did"] == "unwritten":
+            self.kill()
+            raise ConfigError(answer["message"])
         if answer["did"] == "failed":
             self._settle(deadline)
             raise WorkerFailed(answer["message"])
@@ -215,6 +226,9 @@ def film_of(path: Path) -> Film:
             film = Film(width, height)
             film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
             film.counts, film.bad_samples = arrays["counts"], int(arrays["bad_samples"])
-    except (OSError, KeyError, ValueError) as error:
-        raise ConfigError(f"{path}: the worker's film cannot be read: {error}") from error
+        for array in (film.sums, film.squares, film.even_sums):
+            if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind not in "iu":
+                raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")
+    except (OSError, KeyError, ValueError, TypeError, EOFError, OverflowError, MemoryError, BadZipFile) as error:
+        raise ConfigError(f"{path}: the film cannot be read: {error}") from error
     return film

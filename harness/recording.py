@@ -83,8 +83,9 @@ class Recording:
     def _keep(self, film: Any) -> None:
         point = self.points[-1]
         path = store.image_path(self.cell.cell_id, point["spp"])
-        (self.sweep.folder / path).parent.mkdir(parents=True, exist_ok=True)
+        target = store.image_file(self.sweep.folder, path)
+        target.parent.mkdir(parents=True, exist_ok=True)
         told = {key: point[key] for key in ("spp", "seconds", "metrics")}
         identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "asked": dict(self.cell.asked)}
-        film.save(self.sweep.folder / path, provenance={**identity, **told, "scene": self.cell.scene.name})
+        film.save(target, provenance={**identity, **told, "scene": self.cell.scene.name})
         point["image"] = path

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from engines import memory
 from engines.choices import SAMPLERS, SHADERS, resolve
 from engines.errors import ConfigError, Unsupported
-from engines.film import Film
+from engines.film import BYTES_A_PIXEL_WRITTEN, Film
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.scene import load_scene
@@ -61,6 +62,8 @@ def render(request: Request) -> Film:
     for warning in scene.warnings:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
     plain = engine_settings(settings, request.seed, request.allow_imports)
+    width, height = plain.size(scene)
+    memory.require(BYTES_A_PIXEL_WRITTEN * width * height, f"an image of {width}x{height} pixels")
     why_not = engine.why_not(scene, plain)
     if why_not:
         raise Unsupported(why_not)

@@ -41,7 +41,10 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
 
 def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
     """The quality that the folder's config asked for, with overrides applied."""
-    text = json.dumps({"quality": manifest["config"]["quality"]})
+    asked = (manifest.get("config") or {}).get("quality")
+    if asked is None:
+        raise ConfigError(f"{store.MANIFEST} config.quality: is missing: it is not known what was to be measured")
+    text = json.dumps({"quality": asked})
     root = parse_yaml(text, store.MANIFEST, ConfigError)
     for override in overrides:
         root = config.override(root, override)
@@ -67,7 +70,7 @@ def _scored(
                 without += 1
                 points.append(point)
                 continue
-            scores = metrics.measure(read_image(folder / point["image"]), references[key], epsilon)
+            scores = metrics.measure(read_image(store.image_file(folder, point["image"])), references[key], epsilon)
             points.append({**point, "metrics": {**point["metrics"], **scores}})
             scored += 1
         if points != cell["points"]:

@@ -130,7 +130,9 @@ class Results:
 
     def image(self, point: Event) -> np.ndarray | None:
         """A checkpoint's image (h, w, 3); None where it was not kept or cannot be read."""
-        return read_image(self.folder / point["image"]) if point.get("image") else None
+        from harness.store import image_file
+
+        return read_image(image_file(self.folder, point["image"])) if point.get("image") else None
 
 
 def load_results(folder: str | Path) -> Results:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from engines.errors import ConfigError
+from harness import atomic, confined, locks, records
 
 if TYPE_CHECKING:
     from harness.metrics import Reference
@@ -29,10 +30,13 @@ class Events:
     """`events.jsonl` of a folder, open for appending. `torn` says that a line cut short was removed."""
 
     def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self._path = folder / EVENTS
-        self._file = self._path.open("a+b", buffering=0)
-        self.torn = self._drop_torn_line()
+        self._path = confined.inside(folder, EVENTS, str(folder))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("a+b", buffering=0)
+            self.torn = self._drop_torn_line()
+        except OSError as error:
+            raise ConfigError(f"{self._path}: cannot be written: {error.strerror}") from error
 
     def _drop_torn_line(self) -> bool:
         """Cuts the file after its last whole line; a whole object that lacks only its newline gets one."""
@@ -48,15 +52,19 @@ class Events:
         return True
 
     def append(self, event: Mapping[str, Any]) -> None:
-        """Adds an event; on return it is on disk."""
-        self._write(json.dumps(event, ensure_ascii=False).encode() + b"\n")
+        """Adds an event; on return it is on disk. What is no Unicode in it, as parts of file names may be, becomes `?`."""
+        self._write(json.dumps(event, ensure_ascii=False).encode(errors="replace") + b"\n")
 
     def _write(self, data: bytes) -> None:
+        """Writes all of it, or nothing: what a full disk cut short is taken back."""
+        end = self._file.seek(0, os.SEEK_END)
         try:
             while data:
                 data = data[self._file.write(data) :]
             os.fsync(self._file.fileno())
         except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.truncate(end)
             raise ConfigError(f"{self._path}: cannot be written: {error.strerror}") from error
 
     def close(self) -> None:
@@ -70,19 +78,21 @@ class Events:
 
 
 def read_events(folder: str | Path) -> list[dict[str, Any]]:
-    """All events of a folder in order; a torn last line is ignored with a warning.
+    """All events of a folder in order, checked against `records`; a torn last line is ignored with a warning.
 
-    Raises `ConfigError` where there is no such file, or where a line in its middle is damaged.
+    Raises `ConfigError` where there is no such file, where a line in its middle is damaged, and for the first event that
+    does not say what events say, with its line.
     """
-    path = Path(folder) / EVENTS
+    path = confined.inside(Path(folder), EVENTS, str(folder))
     try:
-        lines = path.read_bytes().split(b"\n")
+        lines = confined.content(path).split(b"\n")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}: is this a results folder?") from error
     found: list[dict[str, Any]] = []
     for index, line in enumerate(lines):
         event = _parsed(line)
         if event is not None:
+            records.event(event, f"{path}:{index + 1}")
             found.append(event)
         elif line and index == len(lines) - 1:
             warnings.warn(f"{path}: {TORN}", stacklevel=2)
@@ -94,7 +104,7 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
 def _parsed(line: bytes) -> dict[str, Any] | None:
     try:
         event = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return event if isinstance(event, dict) and "event" in event else None
 
@@ -118,31 +128,40 @@ def last_event(events: Iterable[Mapping[str, Any]], kind: str) -> dict[str, Any]
 
 
 def read_manifest(folder: str | Path) -> dict[str, Any]:
-    """The manifest of a results folder; raises `ConfigError` where there is none."""
-    path = Path(folder) / MANIFEST
+    """The manifest of a results folder, checked against `records`.
+
+    Raises `ConfigError` where there is none, and for one of another version of the format.
+    """
+    path = confined.inside(Path(folder), MANIFEST, str(folder))
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}: is this a results folder?") from error
-    except ValueError as error:
+    records.manifest(found, str(path))
+    return found
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file says. Raises `OSError`, and `ConfigError` for what is no JSON."""
+    try:
+        return json.loads(confined.content(path))
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not JSON: {error}") from error
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Replaces a file by JSON in one step: readers see the old or the new one, whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".new")
-    with beside.open("w", encoding="utf-8") as file:
-        json.dump(data, file, indent=2, ensure_ascii=False)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(beside, path)
+    """Replaces a file by JSON in one step: readers see the old or the new one, whole. Raises `ConfigError`."""
+    atomic.write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n", durable=True)
 
 
 def image_path(cell_id: str, spp: int) -> str:
     """Where a checkpoint's image lies, relative to the results folder."""
     return f"{IMAGES}/{cell_id}/spp{spp:04d}.exr"
+
+
+def image_file(folder: Path, image: str) -> Path:
+    """The file of an image that an event names. Raises `ConfigError` where the path leads out of the folder."""
+    return confined.inside(folder, image, f"{folder / EVENTS}: image")
 
 
 def discard_images(folder: Path, cell_id: str) -> None:
@@ -151,15 +170,18 @@ def discard_images(folder: Path, cell_id: str) -> None:
 
 
 def clear(folder: Path) -> None:
-    """Empties a results folder of what runs write. Other files stay, and so do references."""
+    """Empties a results folder of what runs write. Other files stay, and so do references. Links go, not what they name."""
     if folder.exists() and not (folder / EVENTS).exists() and any(folder.iterdir()):
         raise ConfigError(f"{folder}: holds no {EVENTS}, so it is no results folder: --fresh does not touch it")
     for name in (*DERIVED, IMAGES, MANIFEST, EVENTS):
         path = folder / name
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+        try:
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be removed: {error.strerror}") from error
 
 
 def derived_is_fresh(folder: Path) -> bool:
@@ -176,17 +198,22 @@ def locked(folder: Path) -> Iterator[None]:
     """Keeps a second run out of the folder; the kernel lets go of the lock when the process ends, however it ends."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / LOCK).open("a+")
+        file = confined.inside(folder, LOCK, str(folder)).open("a+")
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be written: {error.strerror}") from error
     with file:
-        if not _try_lock(file):
-            file.seek(0)
-            holder = file.read().strip() or "unknown"
-            raise ConfigError(f"{folder}: another run (process {holder}) is writing here: wait for it, or choose --out")
-        file.truncate(0)
-        file.write(f"{os.getpid()}\n")
-        file.flush()
+        try:
+            if not locks.try_lock(file):
+                file.seek(0)
+                holder = file.read().strip() or "unknown"
+                raise ConfigError(
+                    f"{folder}: another run (process {holder}) is writing here: wait for it, or choose --out"
+                )
+            file.truncate(0)
+            file.write(f"{os.getpid()}\n")
+            file.flush()
+        except OSError as error:
+            raise ConfigError(f"{folder / LOCK}: cannot be locked: {error.strerror}") from error
         yield
 
 
@@ -194,28 +221,17 @@ def is_locked(folder: Path) -> bool:
     """Whether a run is writing there now."""
     try:
         with (folder / LOCK).open("r+") as file:
-            return not _try_lock(file)
+            return not locks.try_lock(file)
     except OSError:
         return False
-
-
-def _try_lock(file: Any) -> bool:
-    try:
-        import fcntl
-    except ImportError:  # Windows: no lock is better than no run
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def reference_arrays(folder: str | Path, reference_id: str) -> Reference:
     """The reference that cells of a results folder were compared with, checked against its checksum."""
-    from harness.references import read
+    from harness import reference_files
 
     for event in read_events(folder):
         if event["event"] == "reference" and event["reference_id"] == reference_id:
-            return read((Path(folder) / event["folder"]).resolve(), reference_id, event["scene_hash"])
+            found = reference_files.of_results(Path(folder), reference_id, event["scene_hash"])
+            return reference_files.read(found, reference_id, event["scene_hash"])
     raise ConfigError(f"{folder}: no reference {reference_id!r} is named in {EVENTS}")

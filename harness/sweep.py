@@ -16,7 +16,8 @@ from statistics import median
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
 
-from harness import certify, examinations, machine, references, store
+from engines.errors import ConfigError
+from harness import certify, confined, examinations, machine, records, reference_files, references, store
 from harness.identity import digest
 from harness.plan import Cell, Plan, expected_seconds, up_to_date
 from harness.pool import Heard, Pool, WorkerFailed, WorkerTimeout
@@ -85,7 +86,7 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
             listener.note(f"{folder / store.EVENTS}: {store.TORN}")
         sweep = Sweep(plan, folder, options, listener, events)
         sweep.record_plan()
-        with Pool(options.allow_imports, folder / LOG) as pool:
+        with Pool(options.allow_imports, confined.inside(folder, LOG, str(folder))) as pool:
             sweep.make_references(cluster or pool)
             if cluster is None:
                 sweep.blocks(pool)
@@ -103,7 +104,7 @@ class Sweep:
         self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events
     ) -> None:  # fmt: skip
         self.plan, self.folder, self.options, self.listener, self.events = plan, folder, options, listener, events
-        self.root = folder.parent / "references"
+        self.root = reference_files.cache_folder()
         self.metric = plan.experiment.quality.name
         self.history = store.read_events(folder)
         self.latest = store.latest_cells(self.history)
@@ -217,13 +218,14 @@ class Sweep:
                 self._without_reference(reference_id, f"no reference: {error}")
                 continue
             if reference_id not in named and references.ready(wanted, self.root):
-                self.append(references.event(wanted, self.root, self.folder))
+                self.append(references.event(wanted, self.root))
             self._certify(wanted, pool)
 
     def _make_reference(self, wanted: references.ReferenceWanted, pool: references.Images) -> None:
         references.make(
             wanted, self.root, pool,
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
+            lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
         )  # fmt: skip
 
     def _certify(self, wanted: references.ReferenceWanted, pool: references.Images) -> None:
@@ -304,11 +306,16 @@ class Sweep:
             state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
         record.keep_last_image()
         spp = record.points[-1]["spp"] if record.points else 0
-        return {
+        event = {
             **self.event(cell, state, message, spp), "env_id": record.env_id, "phases": record.phases,
             "points": record.points, "counters": record.counters, "machine": record.disturbance,
             "sentinel_seconds": sentinel,
         }  # fmt: skip
+        try:
+            records.event(event, "what the engine tells is unusable")
+        except ConfigError as error:  # it must not make the whole folder unreadable
+            return {**self.event(cell, "failed", str(error)), "env_id": record.env_id}
+        return event
 
     def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
         """An event that says everything about a cell but what was measured; `spp` are those of its last image."""
@@ -328,7 +335,7 @@ class Sweep:
         """The arrays of a reference, read and checked once."""
         if reference_id not in self._loaded:
             wanted = self.plan.references[reference_id]
-            self._loaded[reference_id] = references.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
+            self._loaded[reference_id] = reference_files.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
         return self._loaded[reference_id]
 
     # --- examinations ------------------------------------------------------------------------------------------------

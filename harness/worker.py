@@ -9,6 +9,7 @@ Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference"
            {"do": "examine", "case", "precision", "accelerator", "quick"}
 Answers:   {"did": "import", "seconds", "version", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
            {"did": "examined", "findings"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+           {"did": "unwritten", "message"}: a film could not be handed over, which is no failure of the engine
 After a point the child waits for "go": the parent measures the error while nothing renders.
 
 This module imports the standard library only, so that the time to import an engine is all its own.
@@ -127,9 +128,11 @@ def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     try:
         {"cell": cell, "reference": reference, "examine": examine}[request["do"]](engine, request, pipes)
     except Exception as error:
+        import contextlib
         import traceback
 
-        traceback.print_exc()
+        with contextlib.suppress(OSError):  # where the log cannot grow
+            traceback.print_exc()
         pipes.send(did="failed", message=one_line(error))
 
 
@@ -208,10 +211,15 @@ def hand_over(pipes: Pipes, film: Any, scratch: str, spp: int, **message: Any) -
 
     if film.spp != spp:
         raise RuntimeError(f"the engine rendered {film.spp} samples a pixel where {spp} were asked for")
-    np.savez(
-        scratch, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts,
-        bad_samples=film.bad_samples,
-    )  # fmt: skip
+    try:
+        with open(scratch, "wb") as file:
+            np.savez(
+                file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts,
+                bad_samples=film.bad_samples,
+            )  # fmt: skip
+    except OSError as error:
+        pipes.send(did="unwritten", message=f"{scratch}: cannot be written: {error.strerror or error}")
+        os._exit(0)
     pipes.send(did="point", spp=spp, **message)
     pipes.receive()
 

@@ -15,6 +15,7 @@ import matplotlib
 
 from engines.errors import ConfigError
 from harness.analysis import Analysis, analyse
+from harness.atomic import write_text
 from harness.chapter import dahlquist, experiment
 from harness.chapter.document import Chapter, Section, html, latex, markdown
 from harness.plots.style import FORMATS, STYLE
@@ -42,7 +43,7 @@ def write_chapter(folders: Sequence[Path], target: Path) -> list[Path]:
         chapter = Chapter(TITLE, [_section(analysis, plots) for analysis in analyses])
     texts = {"chapter.md": markdown(chapter), "chapter.tex": latex(chapter), "chapter.html": html(chapter)}
     for name, text in texts.items():
-        (target / name).write_text(text, encoding="utf-8")
+        write_text(target / name, text)
     return [target / name for name in texts]
 
 

@@ -11,6 +11,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
+from harness.confined import inside
 from harness.machine import usable_cores
 from harness.plots import stability
 from harness.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
@@ -36,7 +37,7 @@ def write_plots(analysis: Analysis, folder: Path) -> list[Plot]:
     """Draws everything that the results allow into `folder`/plots; plots of earlier results are removed first."""
     from harness.plots.beside import Beside
 
-    target = folder / "plots"
+    target = inside(folder, "plots", str(folder))
     target.mkdir(exist_ok=True)
     for old in [path for suffix in FORMATS for path in target.glob(f"*.{suffix}")]:
         old.unlink()

@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from engines.errors import ConfigError
+from harness.atomic import replacing, write_text
 from harness.results import Contender, Results
 
 INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
@@ -169,10 +170,11 @@ def save(figure: Figure, folder: Path, name: str, suffixes: Sequence[str] = ()) 
     figure.draw_without_rendering()
     figure.set_layout_engine(None)  # the layout is found; with any engine each format would be drawn twice
     for suffix in (each for each in suffixes or formats() if each != "svg"):
-        figure.savefig(folder / f"{name}.{suffix}", metadata=NO_DATES[suffix])
+        with replacing(folder / f"{name}.{suffix}", durable=False) as file:
+            figure.savefig(file, format=suffix, metadata=NO_DATES[suffix])
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=NO_DATES["svg"], transparent=True)
-    (folder / f"{name}.svg").write_text(buffer.getvalue(), encoding="utf-8")
+    write_text(folder / f"{name}.svg", buffer.getvalue())
     return buffer.getvalue()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness.analysis import analyse
+from harness.atomic import write_text
 from harness.plots import write_plots
 from harness.results import load_results
 from harness.tables import write_tables
@@ -22,5 +23,5 @@ def write_derived(folder: str | Path) -> Path:
     tables = write_tables(analysis, results.folder)
     plots = write_plots(analysis, results.folder)
     path = results.folder / "report.html"
-    path.write_text(report_html(analysis, tables, plots), encoding="utf-8")
+    write_text(path, report_html(analysis, tables, plots))
     return path

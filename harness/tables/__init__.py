@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness.analysis import Analysis
+from harness.atomic import write_text
+from harness.confined import inside
 from harness.tables.changes import changes
 from harness.tables.model import Column, Table, cell_text, csv_text, latex_text, markdown_text, sort_value
 from harness.tables.tidy import phase_rows, points, quality_times
@@ -27,13 +29,13 @@ def write_tables(analysis: Analysis, folder: Path) -> list[Table]:
     """Writes points.csv, ttq.csv, phases.csv and tables/*; returns the tables for people."""
     tidy = [points(analysis.results), quality_times(analysis), phase_rows(analysis.results)]
     tables = all_tables(analysis)
-    (folder / "tables").mkdir(exist_ok=True)
+    target = inside(folder, "tables", str(folder))
     for table in tidy:
-        (folder / f"{table.name}.csv").write_text(csv_text(table), encoding="utf-8")
+        write_text(folder / f"{table.name}.csv", csv_text(table))
     for table in tables:
         for suffix, text in TEXTS.items():
-            (folder / "tables" / f"{table.name}.{suffix}").write_text(text(table), encoding="utf-8")
-    (folder / "tables" / "columns.md").write_text(_columns_text(tidy, tables), encoding="utf-8")
+            write_text(target / f"{table.name}.{suffix}", text(table))
+    write_text(target / "columns.md", _columns_text(tidy, tables))
     return tables
 
 

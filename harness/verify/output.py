@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Printed
 
+from harness.atomic import write_text
 from harness.tables import Column, Table
 from harness.tables.model import csv_text, latex_text, number_text
 from harness.verify.battery import BROKEN, DECLINED, KEPT, NOT_PROMISED, Finding
@@ -71,7 +72,7 @@ def write(found: Sequence[Finding], folder: Path, quick: bool) -> None:
         "html": page(found, quick, plots),
     }
     for suffix, text in texts.items():
-        (folder / f"verify.{suffix}").write_text(text, encoding="utf-8")
+        write_text(folder / f"verify.{suffix}", text)
 
 
 def _document(found: Sequence[Finding], quick: bool) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
-from harness import catalog
+from harness import catalog, confined
 
 MOST_LISTED = 500
 MOST_SEEN = 20_000
@@ -66,13 +66,7 @@ class Library:
 
     def inside(self, name: str) -> Path:
         """The path that `name` means below the folder, which need not exist; refused where it leads out."""
-        try:
-            path = (self.folder / name).resolve()
-        except (OSError, ValueError, RuntimeError) as problem:
-            raise ConfigError(f"{name!r}: not a usable path: {problem}") from problem
-        if not path.is_relative_to(self.folder):
-            raise ConfigError(f"{name!r}: lies outside {self.folder}, the folder that the viewer was given")
-        return path
+        return confined.inside(self.folder, name, "scene").resolve()
 
 
 def _is_scene(path: Path) -> bool:

@@ -60,7 +60,7 @@ def chapter(folder, made, reference=None, cell_ids=()):
         for _ in range(2):
             film.add(reference)
         references._save(wanted.folder(folder / "references"), wanted, film, 1.0)
-        events.append(references.event(wanted, folder / "references", folder))
+        events.append(references.event(wanted, folder / "references"))
     told = manifest()
     told["config"]["name"] = "dahlquist"
     (folder / "manifest.json").write_text(json.dumps(told | {"cell_ids": list(cell_ids)}))

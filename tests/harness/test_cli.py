@@ -129,7 +129,7 @@ def test_run_writes_its_files_where_the_name_says(finished):
         assert (folder / "results" / "small" / name).stat().st_size > 0
     manifest = json.loads((folder / "results" / "small" / "manifest.json").read_text())
     assert manifest["command"][:2] == ["raybench", "run"]
-    assert (folder / "results" / "references").is_dir()
+    assert [place.name for place in (folder / "results").iterdir()] == ["small"]
 
 
 def test_the_second_run_touches_nothing(finished):
@@ -162,7 +162,8 @@ def test_status_and_report_read_the_folder(finished):
 def test_reference_renders_references_alone(tmp_path):
     path = sweeping.write(tmp_path)
     for words in ("made in", "ready in"):
-        assert words in ended(raybench("reference", path, "--allow-imports", cwd=tmp_path), 0)
+        said = ended(raybench("reference", path, "--allow-imports", "--references", tmp_path / "refs", cwd=tmp_path), 0)
+        assert f"{words} {tmp_path / 'refs'}" in said
     assert not (tmp_path / "results" / "small" / "events.jsonl").exists()
 
 

@@ -10,7 +10,7 @@ import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers
-from harness import config, plan, references, store
+from harness import config, plan, reference_files, references, store
 from harness.pool import Pool
 
 
@@ -30,7 +30,7 @@ def made(tmp_path):
 
 
 def read(wanted, root):
-    return references.read(wanted.folder(root), wanted.reference_id, wanted.scene_hash)
+    return reference_files.read(wanted.folder(root), wanted.reference_id, wanted.scene_hash)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_stale_reference_is_refused(made, tmp_path):
     wanted, _, _ = made(8)
     root = tmp_path / "refs"
     with pytest.raises(ConfigError, match="the scene has changed since this reference was made"):
-        references.read(wanted.folder(root), wanted.reference_id, "0" * 64)
+        reference_files.read(wanted.folder(root), wanted.reference_id, "0" * 64)
     moved = replace(wanted, asked={**wanted.asked, "seed": 1})
     moved.folder(root).parent.mkdir(parents=True, exist_ok=True)
     wanted.folder(root).rename(moved.folder(root))
@@ -125,16 +125,46 @@ def test_a_damaged_reference_is_refused_with_what_to_do(made, tmp_path):
         references.ready(wanted, tmp_path / "refs")
 
 
-def test_results_find_their_references(tmp_path):
+def test_results_find_their_references(tmp_path, monkeypatch):
+    monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "kept"))
     path, out = sweeping.write(tmp_path), tmp_path / "results" / "small"
     sweeping.run(path, out, ["repeats=1"])
     (event,) = [e for e in store.read_events(out) if e["event"] == "reference"]
     assert event["spp"] == 64 and (event["width"], event["height"]) == (12, 8) and event["seconds"] > 0
-    assert (out / event["folder"]).resolve().parent.parent == tmp_path / "results" / "references"
+    folder = tmp_path / "kept" / event["scene_hash"][:16] / event["reference_id"]
     reference = store.reference_arrays(out, event["reference_id"])
     assert reference.mean.shape == (8, 12, 3)
-    assert np.allclose(read_film_layers(out / event["folder"] / "reference.exr").mean, reference.mean, atol=1e-6)
-    meta = json.loads((out / event["folder"] / "meta.json").read_text())
+    assert np.allclose(read_film_layers(folder / "reference.exr").mean, reference.mean, atol=1e-6)
+    meta = json.loads((folder / "meta.json").read_text())
     assert meta["machine"]["cpu"] and meta["asked"]["seed"] == 9000
     with pytest.raises(ConfigError, match="no reference 'nothing' is named"):
         store.reference_arrays(out, "nothing")
+
+
+def test_nothing_appears_beside_the_results_and_sibling_results_share_one_reference(tmp_path, monkeypatch):
+    monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "kept"))
+    path = sweeping.write(tmp_path)
+    for name in ("a", "b"):
+        sweeping.run(path, tmp_path / "results" / name, ["repeats=1"])
+    assert sorted(place.name for place in (tmp_path / "results").iterdir()) == ["a", "b"]
+    assert len(list((tmp_path / "kept").glob("*/*/meta.json"))) == 1
+
+
+def test_references_beside_results_of_earlier_versions_are_still_read(tmp_path, monkeypatch):
+    monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "results" / "references"))
+    path, out = sweeping.write(tmp_path), tmp_path / "results" / "small"
+    sweeping.run(path, out, ["repeats=1"])
+    (event,) = [e for e in store.read_events(out) if e["event"] == "reference"]
+    monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "empty"))
+    assert store.reference_arrays(out, event["reference_id"]).spp == 64
+    (tmp_path / "results" / "references").rename(tmp_path / "gone")
+    with pytest.raises(ConfigError, match="name its folder with --references"):
+        store.reference_arrays(out, event["reference_id"])
+
+
+def test_the_cache_folder_is_the_users_unless_one_is_named(tmp_path, monkeypatch):
+    monkeypatch.delenv("RAYBENCH_REFERENCES")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert reference_files.cache_folder() == tmp_path / "raybench" / "references"
+    monkeypatch.setenv("RAYBENCH_REFERENCES", str(tmp_path / "mine"))
+    assert reference_files.cache_folder() == tmp_path / "mine"

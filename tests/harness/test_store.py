@@ -12,7 +12,13 @@ import sweeping
 from engines.errors import ConfigError
 from harness import store
 
-FIRST, SECOND = {"event": "cell", "cell_id": "a", "state": "done"}, {"event": "sentinel", "seconds": 0.1}
+FIRST = {
+    "event": "cell", "cell_id": "a", "state": "done", "block": 0, "seed": 1, "scene": "ball", "scene_hash": "b",
+    "engine": "numpy", "shader": {"name": "albedo"}, "sampler": {"name": "random"}, "accelerator": {"name": "auto"},
+    "threads": 1, "width": 8, "height": 6, "reference_id": None, "phases": {}, "points": [], "counters": {},
+    "machine": {},
+}  # fmt: skip
+SECOND = {"event": "sentinel", "block": 0, "seconds": 0.1}
 
 
 def lines(folder):
@@ -74,7 +80,7 @@ def test_the_last_event_of_a_cell_is_its_state_and_nothing_is_there_twice():
 
 def test_errors_that_are_not_finite_survive(tmp_path):
     with store.Events(tmp_path) as events:
-        events.append({"event": "cell", "cell_id": "a", "x": float("inf"), "y": float("nan")})
+        events.append({**FIRST, "x": float("inf"), "y": float("nan")})
     (event,) = store.read_events(tmp_path)
     assert event["x"] == float("inf") and event["y"] != event["y"]
 

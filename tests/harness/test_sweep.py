@@ -116,7 +116,6 @@ def test_rescoring_for_another_quality_is_recorded_and_loses_no_score(finished, 
     from harness.rescore import rescore
 
     out = shutil.copytree(finished[1], tmp_path / "out")
-    shutil.copytree(finished[1].parent / "references", tmp_path / "references")
     changes = ["quality.epsilon=0.1", "quality.targets=auto"]
     rescore(out, changes, ["raybench", "rescore"])
     results = load_results(out)

@@ -69,7 +69,7 @@ def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     assert len(images) >= 4 and all((folder / "results/derby" / image).is_file() for image in images)
     assert not list((folder / "results").glob(".race-*"))
     (reference,) = [event for event in read_events(folder / "results/derby") if event["event"] == "reference"]
-    assert (folder / "results/derby" / reference["folder"]).is_dir()
+    assert results.reference(reference["reference_id"]) is not None
     raced.open(viewer.address + "reports/derby/report.html")
     raced.wait_for("document.getElementById('viewer-canvas').dataset.ready")
     assert "derby" in raced.evaluate("location.href") and raced.evaluate("document.querySelectorAll('.plot svg').length") > 3
