@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import random
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -126,11 +127,11 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
-    warnings = [f"{path}: {warning}" for path, warned in scenes.items() for warning in warned]
+    warned = [f"{path}: {warning}" for path, told in scenes.items() for warning in told]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
     examinations = planned(experiment.verify, {name: known.engines[name] for name in compared})
-    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings), examinations)
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), examinations)
 
 
 def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
@@ -170,7 +171,18 @@ class _Known:
 
 
 def _accelerators(engine: Engine) -> Mapping[str, Any]:
-    return {"auto": {}, **engine.accelerators()}
+    try:
+        found: Any = engine.accelerators()
+    except RaybenchError:
+        raise
+    except Exception as error:
+        message = f"engine {engine.name}: accelerators failed: {type(error).__name__}: {error}"
+        raise ConfigError(message) from error
+    if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
+        raise ConfigError(
+            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is wanted"
+        )
+    return {"auto": {}, **found}
 
 
 def _resolved(engine: Engine, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -235,12 +247,25 @@ def primitive_count(scene: Scene) -> int:
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
+    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will tell."""
+    plain = engine_settings(settings, 0, allow_imports)
     try:
-        return engine.why_not(scene, engine_settings(settings, 0, allow_imports))
+        answer: Any = engine.why_not(scene, plain)
     except UnknownName as unknown:
         if unknown.kind == "sampler":  # an engine's own, which the configuration was right to name
             return f"the engine {engine.name} has no sampler {unknown.found}"
         raise
+    except RaybenchError:
+        raise
+    except Exception as error:
+        warnings.warn(f"engine {engine.name}: why_not failed: {type(error).__name__}: {error}: it is tried", stacklevel=2)
+        return None
+    if answer is not None and not isinstance(answer, str):
+        warnings.warn(
+            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is wanted: it is tried", stacklevel=2
+        )
+        return None
+    return answer
 
 
 def _reference(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -25,6 +24,7 @@ from engines.external.template import filled
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.scene.model import Camera, Scene, Shape
+from engines.temporary import TemporaryFolder
 
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to the threads asked for: the program may inherit others from a harness."""
@@ -66,7 +66,7 @@ class Engine:
         if said.threads not in (None, settings.threads):
             raise Unsupported(f"{said.name} always takes {said.threads} threads")
         resolved = replace(settings, shader=shader, sampler=sampler, precision=said.precision)
-        with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
+        with TemporaryFolder() as folder:
             FORMATS[said.scene_format](scene, resolved, Path(folder))
         return resolved
 
@@ -102,7 +102,7 @@ class Renderer:
     def __init__(self, said: Description, settings: Settings, scene: Scene) -> None:
         """`settings` with every choice resolved."""
         self._said, self._settings, self._scene = said, settings, scene
-        self._folder = tempfile.TemporaryDirectory(prefix="raybench-")
+        self._folder = TemporaryFolder()
         self._process = Process()
         self._told = 0.0
         self._begin()
