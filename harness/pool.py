@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -215,7 +215,7 @@ class Pool:
             self._workers[engine] = Worker(engine, self._allow_imports, self._log, self._most_bytes, self._temporary)
         return self._workers[engine]
 
-    def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Iterator[Heard]:
+    def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[Heard]:
         """What a worker tells of a cell, from its import to its end; the caller's time in between is not counted.
 
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed.

@@ -57,7 +57,9 @@ def parsed(line: bytes) -> dict[str, Any]:
         message = json.loads(line)
         message = json.loads(json.dumps(message, ensure_ascii=False).encode("utf-8", "replace"))
     except (ValueError, RecursionError) as error:
-        raise BadMessage(f"it wrote {excerpt(line)} where messages are sent: engines may print to stdout only") from error
+        raise BadMessage(
+            f"it wrote {excerpt(line)} where messages are sent: engines may print to stdout only"
+        ) from error
     kind = message.get("did") if isinstance(message, dict) else None
     if not isinstance(kind, str) or kind not in FIELDS:
         raise BadMessage(f"it wrote {excerpt(line)} where messages are sent: engines may print to stdout only")

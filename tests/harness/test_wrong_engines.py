@@ -17,8 +17,8 @@ RIGHT = ("Steady", "Unsure", "Talkative")
 def swept(tmp_path_factory):
     """A run, by the command, of engines that are wrong in all ways and one that is right, with the report."""
     folder = tmp_path_factory.mktemp("wrong")
-    names = [f"wrong_engines:{name}" for name in (*wrong_engines.WORDS, *RIGHT[1:])]
-    text = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", f"{['fake_engines:Steady', *names]}")
+    names = ["fake_engines:Steady", *(f"wrong_engines:{name}" for name in (*wrong_engines.WORDS, *RIGHT[1:]))]
+    text = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", f"{names}")
     path = sweeping.write(folder, text.replace("repeats: 2", "repeats: 1").replace("images: none", "images: all"))
     return sweeping.raybench("run", path, "--out", folder / "out", "--allow-imports", cwd=folder), folder / "out"
 
@@ -50,7 +50,7 @@ def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swep
 
 
 def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
-    done, out = swept
+    _, out = swept
     found = events(out)
     assert [point["metrics"]["nonfinite"] for point in found["late_infinity"]["points"]] == [0, 0, 0, 2]
     for name in ("not_a_number", "late_infinity", "too_bright"):
@@ -63,7 +63,7 @@ def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
 
 def test_checkpoints_before_the_failure_are_kept(swept):
     points = events(swept[1])["late_infinity"]["points"]
-    assert [point["spp"] for point in points] == [1, 2, 4, 8] and [bool(point["image"]) for point in points][:3] == [True] * 3
+    assert [(point["spp"], bool(point["image"])) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Mapping
@@ -264,13 +265,13 @@ class Talkative(Steady):
 
 
 class Hungry(Wrong):
-    """Takes 16 MiB at a time, 4 GiB in all; tells in RAYBENCH_TEST_HELD how much it has, and lasts for ever."""
+    """Takes 16 MiB at a time, 1.5 GiB in all, and then never ends."""
 
     name = "hungry"
 
     def spoil(self, film: Film) -> Film:
         held = []
-        for _ in range(256):
+        for _ in range(96):
             held.append(np.ones(16 * MIB, np.uint8))
             time.sleep(0.002)
         time.sleep(600)
@@ -278,15 +279,18 @@ class Hungry(Wrong):
 
 
 class HungryChild(Wrong):
-    """Has another process, in a session of its own, take memory."""
+    """Has another process take memory, in a session of its own, which writes its id into a file that
+    RAYBENCH_TEST_CHILD names."""
 
     name = "hungry_child"
 
     def spoil(self, film: Film) -> Film:
-        import subprocess
-
-        code = "import time; held = [bytearray(b'x') * (16 << 20) for _ in range(64) if not time.sleep(0.01)]; time.sleep(600)"
-        subprocess.run([sys.executable, "-c", code], start_new_session=True, check=False)
+        code = (
+            "import os, sys, time; open(sys.argv[1], 'w').write(str(os.getpid()))\n"
+            "held = [bytearray(b'x') * (16 << 20) for _ in range(96) if not time.sleep(0.002)]; time.sleep(600)"
+        )
+        words = [sys.executable, "-c", code, os.environ["RAYBENCH_TEST_CHILD"]]
+        subprocess.run(words, start_new_session=True, check=False)
         return film
 
 
