@@ -6,8 +6,6 @@ engines and scenes are loaded here once, so that every mistake in a name is foun
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 import random
 import warnings
 from collections.abc import Iterable, Mapping
@@ -27,6 +25,7 @@ from harness.examinations import Examination, planned
 from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
 from harness.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
+from harness.sources import engine_code, is_own, plugin_code
 
 CONTROL_LABEL = "A/A"
 WARM_UP_SEED = 1 << 40
@@ -152,8 +151,15 @@ class _Known:
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             self.engines.setdefault(name, engine_of(name))
+        self._codes: dict[str, str] = {}
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
         self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
+
+    def code(self, name: str) -> str:
+        """The hash of an engine's code."""
+        if name not in self._codes:
+            self._codes[name] = engine_code(self.engines[name], name)
+        return self._codes[name]
 
     def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
@@ -229,7 +235,8 @@ def _configured(
     asked = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
-        "checkpoints": asdict(experiment.checkpoints), "label": None, **_code(settings),
+        "checkpoints": asdict(experiment.checkpoints), "label": None,
+        "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
     }  # fmt: skip
     cell = Cell(
         cell_id="", configuration=digest(asked), asked=asked, block=0, order=0, seed=0, label=None, scene=file,
@@ -289,8 +296,12 @@ def _reference(
     asked = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": given.engine,
         "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
-        **{key: value for key, value in asked_of.items() if key != "threads"}, **_code(asked_of),
+        **{key: value for key, value in asked_of.items() if key != "threads"},
     }  # fmt: skip
+    # A change of raybench's own code that changes no version changes no converged image, and references take long.
+    code = {} if is_own(engine) else {"engine": known.code(given.engine)}
+    code |= _plugin_codes(asked_of)
+    asked |= {"code": code} if code else {}
     from harness.machine import usable_cores
 
     threads = given.threads or len(usable_cores())
@@ -306,25 +317,14 @@ def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Kno
     engine = known.engines[name]
     given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
     given["precision"] = _precision(engine, scene, given, known.allow_imports)
-    return Certifier(name, str(engine.version), given, _why_not(engine, scene, given, known.allow_imports))
+    version = str(engine.version) if is_own(engine) else f"{engine.version}+{known.code(name)[:8]}"
+    return Certifier(name, version, given, _why_not(engine, scene, given, known.allow_imports))
 
 
-def _code(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Hashes of the files of plugins named `module:attribute`: a changed file is another request."""
-    found = {}
-    for kind in ("shader", "sampler", "accelerator"):
-        name = settings[kind]["name"]
-        if ":" in name:
-            found[name] = hashlib.sha256(_source(load_attribute(name)).encode()).hexdigest()
-    return {"code": found} if found else {}
-
-
-def _source(plugin: Any) -> str:
-    module = inspect.getmodule(plugin) or inspect.getmodule(type(plugin))
-    try:
-        return inspect.getsource(module) if module else ""
-    except (OSError, TypeError):
-        return ""
+def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Hashes of the code of plugins named `module:attribute`: a changed file is another request."""
+    names = [settings[kind]["name"] for kind in ("shader", "sampler", "accelerator")]
+    return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
 def _with_control(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:

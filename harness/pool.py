@@ -63,7 +63,7 @@ class Worker:
         self._log = log.open("ab")
         self._most_bytes = memory.default_limit() if most_bytes is None else most_bytes
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "harness.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
+            [sys.executable, "-P", "-m", "harness.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
             env={**environment(allow_imports), **({"TMPDIR": str(folder)} if folder else {})}, start_new_session=True,
             bufsize=0,
         )  # fmt: skip
@@ -80,6 +80,7 @@ class Worker:
         self.busy = False
         self.import_seconds: float = answer["seconds"]
         self.version: str = answer["version"]
+        self.code: str = answer["code"]
         self._forks = answer["forks"]
 
     def ask(self, request: dict[str, Any]) -> None:
@@ -221,7 +222,8 @@ class Pool:
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed.
         """
         worker = self.worker(engine)
-        yield Heard({"did": "import", "seconds": worker.import_seconds, "version": worker.version})
+        imported = {"seconds": worker.import_seconds, "version": worker.version, "code": worker.code}
+        yield Heard({"did": "import", **imported})
         deadline = monotonic() + timeout_seconds
         worker.ask({"do": "cell", **request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)})
         did, kinds = "", ("prepared",)
@@ -278,7 +280,7 @@ def environment(allow_imports: bool) -> dict[str, str]:
     changes: dict[str, str] = dict.fromkeys(THREAD_POOLS, "1")
     # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be.
     changes["NUMBA_CPU_NAME"] = os.environ.get("NUMBA_CPU_NAME", "")
-    return {**os.environ, **changes, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "PYTHONSAFEPATH": "1"}
+    return {**os.environ, **changes, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def film_of(path: Path) -> Film:

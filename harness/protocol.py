@@ -36,7 +36,12 @@ def _numbers(value: Any) -> bool:
 
 NUMBER = (_seconds, "a finite number from 0 on")
 FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
-    "import": {"seconds": NUMBER, "version": (_is(str), "text"), "forks": (_is(bool), "true or false")},
+    "import": {
+        "seconds": NUMBER,
+        "version": (_is(str), "text"),
+        "code": (_is(str), "text"),
+        "forks": (_is(bool), "true or false"),
+    },
     "prepared": dict.fromkeys(("load_seconds", "build_seconds", "compile_seconds"), NUMBER),
     "point": {"spp": (_count, "an integer above 0"), "seconds": NUMBER},
     "examined": {"findings": (_is(list), "a list")},

@@ -54,12 +54,15 @@ class Recording:
             elif message["did"] == "end":
                 self.counters, self.disturbance = told.get("counters", {}), told.get("machine", {})
 
-    def _imported(self, seconds: float, version: str) -> None:
+    def _imported(self, seconds: float, version: str, code: str) -> None:
         planned = str(self.cell.asked["engine_version"])
         if version != planned:
             raise WorkerFailed(
                 f"the engine is version {version} where it was to render, {planned} where it was planned"
             )
+        # Elsewhere native libraries of the same version may be other files.
+        if self.env_id == self.sweep.env_id and code != self.cell.asked["code"]["engine"]:
+            raise WorkerFailed("the engine's code has changed since the run began: run again")
         self.phases["import_seconds"] = seconds
 
     def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:

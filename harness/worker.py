@@ -7,7 +7,7 @@ cell itself and ends, and the parent starts another.
 
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
            {"do": "examine", "case", "precision", "accelerator", "quick"}
-Answers:   {"did": "import", "seconds", "version", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
+Answers:   {"did": "import", "seconds", "version", "code", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
            {"did": "examined", "findings"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
 After a point the child waits for "go": the parent measures the error while nothing renders.
 
@@ -90,10 +90,13 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
 
         engine = engine_of(request["engine"])
         version = str(engine.version)
+        seconds = perf_counter() - start
+        from harness.sources import engine_code
+
+        code = engine_code(engine, request["engine"])
     except BaseException as error:
         pipes.send(did="failed", message=one_line(error))
         os._exit(0)
-    seconds = perf_counter() - start
     import engines  # noqa: F401 (so that children find it)
     import harness.measure
     import harness.settings  # noqa: F401
@@ -101,7 +104,7 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
     forks = hasattr(os, "fork") and sys.platform == "linux" and threads_now() == 1
     gc.collect()
     gc.freeze()
-    pipes.send(did="import", seconds=seconds, version=version, forks=forks)
+    pipes.send(did="import", seconds=seconds, version=version, code=code, forks=forks)
     return engine, forks
 
 

@@ -38,6 +38,16 @@ class Engine:
         self.name = self._said.name
         self.version = f"{self._said.version}-{self._said.digest}"
 
+    def source_files(self) -> list[Path]:
+        """The files that the command and the environment name: the program where it is a path, its scripts."""
+        said = self._said
+        program, *words = said.command
+        named = [said.file.absolute().parent / Path(program).expanduser()] if "/" in program else []
+        # The end of `--script=/path/to/it`, too. A program runs in a folder of its own: other relative paths are none.
+        ends = [word.rpartition("=")[2] for word in (*words, *said.environment.values())]
+        named += [path for path in map(Path, ends) if path.is_absolute()]
+        return [path for path in named if path.is_file()]
+
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         """Its own, whatever it is."""
         return {"auto": {}}
