@@ -52,7 +52,7 @@ class Recording:
             elif message["did"] == "point":
                 self._point(told, film, reference)
             elif message["did"] == "end":
-                self.counters, self.disturbance = told.get("counters", {}), told.get("machine", {})
+                self.counters, self.disturbance = {**told.get("counters", {}), **self.counters}, told.get("machine", {})
 
     def _imported(self, seconds: float, version: str, code: str) -> None:
         planned = str(self.cell.asked["engine_version"])
@@ -73,6 +73,7 @@ class Recording:
         scores = metrics.measure(image, reference, self.sweep.plan.experiment.quality.epsilon)
         self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
         self._last_film = film
+        self.counters["bad_samples"] = float(film.bad_samples)
         if bad := films.bad_pixels(image):
             self._last_film = None
             raise WorkerFailed(

@@ -8,6 +8,7 @@ import sweeping
 import wrong_engines
 
 from harness import pool, protocol, store
+from harness.analysis import analyse
 from harness.results import load_results
 
 RIGHT = ("Steady", "Unsure", "Talkative")
@@ -59,6 +60,16 @@ def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
     assert ranked == {"steady", "unsure", "talkative"}
     report = (out / "report.html").read_text()
     assert "2 of 96 pixels of the engine" in report and "late_infinity" in report
+
+
+def test_what_is_not_finite_is_flagged_in_the_verdicts(tmp_path):
+    text = sweeping.EXPERIMENT.replace("fake_engines:Other", "wrong_engines:NowAndThen")
+    outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
+    assert outcome.states == {"done": 3, "failed": 1}
+    verdicts = {v.contender.settings.engine: v for v in analyse(load_results(tmp_path / "out")).verdicts}
+    assert {"non-finite pixels", "bad samples"} <= set(verdicts["now_and_then"].flags)
+    assert not {"non-finite pixels", "bad samples"} & set(verdicts["steady"].flags)
+    assert verdicts["now_and_then"].failures == 1
 
 
 def test_checkpoints_before_the_failure_are_kept(swept):

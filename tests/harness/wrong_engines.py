@@ -63,6 +63,23 @@ class TooBright(Wrong):
         return film
 
 
+class NowAndThen(Wrong):
+    """Not finite in the second block alone; its film has counted bad samples, too."""
+
+    name = "now_and_then"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = super().prepare(scene, settings)
+        self.second = settings.seed % 2 == 0
+        return renderer
+
+    def spoil(self, film: Film) -> Film:
+        film.bad_samples = 3
+        if self.second:
+            film.sums[0, 0, 1] = np.nan
+        return film
+
+
 class OtherSize(Wrong):
     name = "other_size"
 
