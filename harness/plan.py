@@ -150,7 +150,7 @@ class _Known:
         for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
-            self.engines.setdefault(name, engine_of(name))
+            _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
         self._codes: dict[str, str] = {}
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
         self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
@@ -181,7 +181,7 @@ def _accelerators(engine: Engine) -> Mapping[str, Any]:
         found: Any = engine.accelerators()
     except RaybenchError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         message = f"engine {engine.name}: accelerators failed: {type(error).__name__}: {error}"
         raise ConfigError(message) from error
     if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
@@ -264,7 +264,7 @@ def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_im
         raise
     except RaybenchError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         warnings.warn(f"engine {engine.name}: why_not failed: {type(error).__name__}: {error}: it is tried", stacklevel=2)
         return None
     if answer is not None and not isinstance(answer, str):

@@ -71,7 +71,7 @@ def _named(engine: Engine) -> Iterator[tuple[str, Path]]:
     given: Any = getattr(engine, "source_files", None)
     try:
         files = [Path(file) for file in (given() if callable(given) else ())]
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         message = f"engine {engine.name}: source_files failed: {type(error).__name__}: {error}: paths are wanted"
         raise ConfigError(message) from error
     for file in files:
