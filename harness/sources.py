@@ -70,7 +70,8 @@ def _named(engine: Engine) -> Iterator[tuple[str, Path]]:
     """What an engine names itself; the folders of its files are no part of its code."""
     given: Any = getattr(engine, "source_files", None)
     try:
-        files = [Path(file) for file in (given() if callable(given) else ())]
+        answer: Any = given() if callable(given) else ()
+        files = [Path(file) for file in answer]
     except (Exception, SystemExit) as error:
         message = f"engine {engine.name}: source_files failed: {type(error).__name__}: {error}: paths are wanted"
         raise ConfigError(message) from error
