@@ -54,7 +54,7 @@ def engine(name: Any) -> Engine:
         if point.name == name:
             try:
                 found = point.load()
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise ConfigError(f"engine {name!r} ({point.value}): cannot be loaded: {error}") from error
             return _made(found, name)
     raise UnknownName("engine", name, known_names())
@@ -94,7 +94,7 @@ def load_attribute(path: str) -> Any:
         found: Any = importlib.import_module(module)
         for part in attribute.split("."):
             found = getattr(found, part)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ConfigError(f"{path}: cannot be imported: {error}") from error
     return found
 
@@ -102,7 +102,7 @@ def load_attribute(path: str) -> Any:
 def _made(found: Any, name: object) -> Engine:
     try:
         made = found() if isinstance(found, type) else found
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ConfigError(f"engine {name!r}: cannot be created: {error}") from error
     try:
         lacking = [part for part in _PARTS if not hasattr(made, part)]
@@ -110,6 +110,8 @@ def _made(found: Any, name: object) -> Engine:
         raise ConfigError(f"engine {name!r}: {found!r} is no engine: it fails when it is asked: {error}") from error
     if lacking:
         raise ConfigError(f"engine {name!r}: {found!r} is no engine: it lacks {', '.join(lacking)}")
+    if not isinstance(made.name, str) or not made.name.isprintable() or not made.name.strip():
+        raise ConfigError(f"engine {name!r}: its name is {made.name!r}: a line of text is wanted")
     return made
 
 

@@ -200,9 +200,11 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
         own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))
         if too_good_per_sample(own, theirs):
             flags.append("too good per sample")
-    points = [point for cell in verdict.contender.done for point in cell["points"]]
+    points = [point for cell in verdict.contender.cells for point in cell.get("points") or []]
     if any((point.get("metrics") or {}).get("nonfinite") for point in points):
         flags.append("non-finite pixels")
+    if any((cell.get("counters") or {}).get("bad_samples") for cell in verdict.contender.cells):
+        flags.append("bad samples")
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
         flags.append("contended")
     if any(tells_its_time(cell) for cell in verdict.contender.done):

@@ -15,7 +15,6 @@ another, and has failed when that has happened three times. Events carry the env
 
 from __future__ import annotations
 
-import tempfile
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,7 +25,8 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from engines.errors import ConfigError
-from harness import catalog, machine
+from engines.temporary import TemporaryFolder
+from harness import catalog, machine, memory
 from harness.identity import digest
 from harness.plan import Cell, expected_seconds
 from harness.pool import Heard, Pool, WorkerFailed, WorkerTimeout
@@ -71,15 +71,21 @@ class Told:
             raise self.error
 
 
-def measure_cell(engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, first: bool) -> Told:
-    """Measures a cell on the machine that runs this. `first` of a block takes the sentinel's median, too."""
+def measure_cell(
+    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, first: bool, most_bytes: int | None,
+    share: float,
+) -> Told:  # fmt: skip
+    """Measures a cell on the machine that runs this. `first` of a block takes the sentinel's median, too.
+
+    Without a limit of memory, `most_bytes`, it gets that `share` of the machine's which its place has.
+    """
     told = Told(machine.environment())
     if first:
         told.block_sentinel = median(sentinel_seconds() for _ in range(3))
     began, told.sentinel = monotonic(), sentinel_seconds()
-    with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
+    with TemporaryFolder() as folder:
         log = Path(folder) / "worker.log"
-        with Pool(allow_imports, log) as pool:
+        with Pool(allow_imports, log, most_bytes or memory.default_limit(share)) as pool:
             try:
                 for heard in pool.cell(engine, request, timeout):
                     told.heard.append(heard)
@@ -91,11 +97,11 @@ def measure_cell(engine: str, request: dict[str, Any], timeout: float, allow_imp
 
 
 def render_replicates(
-    engine: str, request: dict[str, Any], seeds: list[int], allow_imports: bool
+    engine: str, request: dict[str, Any], seeds: list[int], allow_imports: bool, most_bytes: int | None
 ) -> list[tuple[Film, float]] | str:
     """Replicates of a reference, on all cores of the machine that runs this; a sentence where the engine failed."""
     request = {**request, "settings": {**request["settings"], "threads": len(machine.usable_cores())}}
-    with tempfile.TemporaryDirectory(prefix="raybench-") as folder, Pool(allow_imports, Path(folder) / "log") as pool:
+    with TemporaryFolder() as folder, Pool(allow_imports, Path(folder) / "log", most_bytes) as pool:
         try:
             return list(pool.replicates(engine, request, seeds))
         except WorkerFailed as error:
@@ -117,8 +123,9 @@ class Task:
 class Cluster:
     """The machines behind a scheduler's address."""
 
-    def __init__(self, address: str, allow_imports: bool) -> None:
-        self._allow_imports = allow_imports
+    def __init__(self, address: str, allow_imports: bool, most_bytes: int | None = None) -> None:
+        """`most_bytes` of memory are allowed to a cell's processes; None: a share of its machine's."""
+        self._allow_imports, self._most_bytes = allow_imports, most_bytes
         self.client = connected(address)
         self._replicates: list[Future] = []
         self._alone_since: float | None = None
@@ -161,7 +168,7 @@ class Cluster:
         parts = [list(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         self._replicates = [
             self.client.submit(
-                render_replicates, engine, _there(request), part, self._allow_imports,
+                render_replicates, engine, _there(request), part, self._allow_imports, self._most_bytes,
                 resources={RESOURCE: 1}, retries=MOST_LOSSES, pure=False,
             )
             for part in parts
@@ -183,7 +190,7 @@ class Cluster:
         """Gives a cell to a machine."""
         future = self.client.submit(
             measure_cell, cell.engine, _there(asked), cell.budget.timeout_seconds, self._allow_imports, first,
-            workers=[address], resources={RESOURCE: share}, pure=False, retries=0,
+            self._most_bytes, share, workers=[address], resources={RESOURCE: share}, pure=False, retries=0,
         )  # fmt: skip
         return Task(cell, address, future)
 

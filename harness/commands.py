@@ -197,10 +197,10 @@ def reference(
 
     stdout, stderr = consoles()
     made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
-    root = reference_files.cache_folder()
+    root, most_bytes = reference_files.cache_folder(), made.experiment.limits.memory_bytes
     failed = 0
     try:
-        with store.locked(folder), Pool(allow_imports, folder / "worker.log") as pool:
+        with store.locked(folder), Pool(allow_imports, folder / "worker.log", most_bytes) as pool:
             for wanted in made.references.values():
                 where = wanted.folder(root)
                 name = wanted.describe()

@@ -90,6 +90,13 @@ class VerifyAsked:
 
 
 @dataclass(frozen=True, slots=True)
+class Limits:
+    """What a cell may use. `memory_bytes` None stands for a share of the machine's memory: `memory.default_limit`."""
+
+    memory_bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Experiment:
     """What a file asks for. `combinations` hold one value of every setting; repeats multiply them later."""
 
@@ -110,6 +117,7 @@ class Experiment:
     resolved: Mapping[str, Any]
     source: str = ""
     verify: VerifyAsked | None = None
+    limits: Limits = Limits()
 
 
 def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
@@ -185,7 +193,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         checkpoints=_checkpoints(top), repeats=repeats, seed=seed, order_seed=order.get("seed", 1),
         reference=reference, quality=quality, control=read.get("control", repeats >= 3),
         images=read["images"], warnings=tuple(warnings), resolved={}, source=source,
-        verify=_verify(top), timing=read["timing"], baseline=read.get("baseline"),
+        verify=_verify(top), timing=read["timing"], baseline=read.get("baseline"), limits=_limits(top),
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -234,7 +242,9 @@ _REFERENCE: dict[str, Any] = {
     "threads": fields.integer(0, 1024),
     "certify": lambda node: None if node.value is None else _image_maker(node),
 }  # fmt: skip
-SECTIONS = ("matrix", "zip", "exclude", "include", "extend", "checkpoints", "order", "reference", "quality", "verify")
+SECTIONS = (
+    "matrix", "zip", "exclude", "include", "extend", "checkpoints", "limits", "order", "reference", "quality", "verify",
+)  # fmt: skip
 TOP_KEYS = ("raybench_experiment", *_SCALARS, *SECTIONS, *SETTINGS)
 
 
@@ -247,6 +257,11 @@ def _section(top: Mapping[str, Located], key: str, readers: Mapping[str, Any], k
 def _checkpoints(top: Mapping[str, Located]) -> Checkpoints:
     given = _section(top, "checkpoints", _CHECKPOINTS, Checkpoints)
     return replace(given, ratio=exact_root(given.ratio))
+
+
+def _limits(top: Mapping[str, Located]) -> Limits:
+    given = fields.mapping(top["limits"], ("memory",)) if "limits" in top else {}
+    return Limits(**{"memory_bytes": fields.size(given["memory"])} if "memory" in given else {})
 
 
 def exact_root(ratio: float) -> float:
@@ -322,7 +337,7 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "control": experiment.control,
         "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
-        "verify": asdict(experiment.verify) if experiment.verify else None,
+        "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
         "reference": asdict(experiment.reference),
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
     }  # fmt: skip

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from harness.identity import digest
 from harness.pool import Pool, WorkerFailed, WorkerTimeout
+from harness.sources import engine_code
 
 if TYPE_CHECKING:
     from engines.interface import Engine
@@ -78,8 +79,8 @@ def _examination(
     source = inspect.getsource(inspect.getmodule(case.check) or case.check)
     preimage = {
         "engine": name if ":" not in name else engine.name, "engine_version": str(engine.version),
-        "precision": precision, "accelerator": accelerator, "case": case.id, "quick": asked.quick,
-        "code": hashlib.sha256(source.encode()).hexdigest(),
+        "engine_code": engine_code(engine, name), "precision": precision, "accelerator": accelerator, "case": case.id,
+        "quick": asked.quick, "code": hashlib.sha256(source.encode()).hexdigest(),
     }  # fmt: skip
     return Examination(digest(preimage), name, preimage, asked.timeout_seconds)
 
@@ -110,8 +111,8 @@ def make(each: Examination, pool: Pool, env_id: str) -> dict[str, Any]:
         worker = pool.worker(each.engine)
         deadline = monotonic() + each.timeout_seconds
         worker.ask({"do": "examine", **{key: each.asked[key] for key in ("case", "precision", "accelerator", "quick")}})
-        found = worker.receive(deadline)["findings"]
-        worker.receive(deadline)
+        found = worker.receive(deadline, "examined")["findings"]
+        worker.receive(deadline, "end")
     except WorkerFailed as error:
         state, message = "failed", str(error)
     except WorkerTimeout:

@@ -1,6 +1,6 @@
 """Readers of one YAML value each: a checked Python value, or a refusal with file, line, key and what is wanted.
 
-Booleans are neither numbers nor names. Durations carry their unit: `500ms`, `20s`, `5m`, `1h`.
+Booleans are neither numbers nor names. Durations and sizes carry their unit: `500ms`, `20s`, `5m`, `1h`; `512 MiB`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from dataclasses import replace
 from typing import Any
 
 from engines.scene.yaml_file import Located
+from harness.memory import UNITS
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*(ms|s|m|min|h)")
+_SIZE = re.compile(rf"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)\s*({'|'.join(UNITS)})")
 _SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -77,6 +79,17 @@ def duration(node: Located) -> float:
     if not 0.0 < seconds <= 30 * 86400.0:
         raise node.refuse("must be a time above zero and below thirty days")
     return seconds
+
+
+def size(node: Located) -> int:
+    """Bytes, from text with a unit."""
+    found = _SIZE.fullmatch(node.value.strip()) if isinstance(node.value, str) else None
+    if found is None:
+        raise node.refuse("must be a size with its unit: 512MiB, 8 GiB or 8 GB")
+    wanted = float(found[1]) * UNITS[found[2]]
+    if not 1.0 <= wanted < 2**60:
+        raise node.refuse("must be a size from one byte on and below an exbibyte")
+    return int(wanted)
 
 
 def mapping(node: Located, known: Iterable[str] | None = None) -> dict[str, Located]:

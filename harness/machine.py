@@ -17,6 +17,7 @@ except ImportError:  # Windows
     resource = None
 
 LIBRARIES = ("numpy", "numba", "llvmlite", "embreex", "mitsuba", "trimesh", "scipy", "scikit-image")
+SOURCES = ("engines/__init__.py", "harness/machine.py")
 OTHER_SHARE = 0.25
 """Cores' worth of other processes' work during a timing above which it counts as contended."""
 STEAL_SHARE = 0.02
@@ -73,18 +74,25 @@ def load_1m() -> float:
 
 
 def git_state(folder: Path) -> dict[str, Any] | None:
-    """Commit and dirty flag of the checkout that holds `folder`; None outside one."""
+    """Commit and dirty flag of the checkout whose sources raybench's are, in `folder`; None where git tracks none of them.
+
+    An installed package may lie inside a repository that is somebody else's.
+    """
+    if _git(folder, "ls-files", "--error-unmatch", "--", *SOURCES) is None:
+        return None
     commit = _git(folder, "rev-parse", "HEAD")
     if not commit:
         return None
-    changes = _git(folder, "status", "--porcelain", "--untracked-files=no")
+    changes = _git(folder, "status", "--porcelain", "--untracked-files=no", "--", ".")
     return {"commit": commit, "dirty": bool(changes)}
 
 
 def _git(folder: Path, *arguments: str) -> str | None:
+    # Inside a hook of git these variables name the repository that the hook is of.
+    own = {key: value for key, value in os.environ.items() if key not in ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")}
     try:
         done = subprocess.run(
-            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False
+            ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=False, env=own
         )
     except (OSError, subprocess.TimeoutExpired):
         return None

@@ -26,6 +26,8 @@ MEANINGS = {
     "checkpoints": "Samples a pixel at which the error is measured: start, start ratio, start ratio^2, ...",
     "checkpoints.ratio": "Between one checkpoint and the next; 1.4142 is the root of two, and hits every power of two.",
     "checkpoints.start": "Samples a pixel of the first checkpoint.",
+    "limits": "What a cell may use beside its budget.",
+    "limits.memory": "Memory that its processes may hold before they are killed: 8 GiB. Default: 3/4 of the machine's.",
     "repeats": "Blocks: each measures every combination once, in random order, with a seed of its own.",
     "seed": "Of the first block; each further block adds one.",
     "order": "How cells follow each other.",

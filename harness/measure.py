@@ -8,11 +8,14 @@ Metrics, files and progress happen between the timed calls, while this process w
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from time import perf_counter
 from typing import Any, NamedTuple
 
+from engines.errors import RendererFailed
 from engines.film import Film
 from engines.interface import Engine, Renderer, Settings
 from engines.scene import Scene
@@ -78,7 +81,13 @@ def prepare(engine: Engine, scene: Scene, settings: Settings) -> tuple[Renderer,
     start = perf_counter()
     renderer = engine.prepare(scene, settings)
     prepared = perf_counter()
-    inside = float(renderer.counters().get("compile_seconds", 0.0))
+    lacking = [name for name in ("warm_up", "render", "counters") if not callable(getattr(renderer, name, None))]
+    if lacking:
+        raise RendererFailed(
+            f"the engine's prepare returned {type(renderer).__name__}, which lacks {', '.join(lacking)}: "
+            "a Renderer is wanted"
+        )
+    inside = counters(renderer).get("compile_seconds", 0.0)
     warming = perf_counter()
     renderer.warm_up()
     warm = perf_counter() - warming
@@ -120,13 +129,12 @@ def timed_points(
 
 def rays_traced(renderer: Renderer) -> float | None:
     """The rays that the renderer has counted so far; None where it counts none."""
-    rays = renderer.counters().get("rays")
-    return None if rays is None else float(rays)
+    return counters(renderer).get("rays")
 
 
 def told(renderer: Renderer) -> float | None:
     """The time that a renderer by process has told so far: what this process waits for is not all its rendering."""
-    return renderer.counters().get("told_seconds")
+    return counters(renderer).get("told_seconds")
 
 
 def timed_call(render: Callable[..., Film], spp: int, disturbance: Disturbance) -> tuple[Film, float]:
@@ -144,6 +152,15 @@ def timed_call(render: Callable[..., Film], spp: int, disturbance: Disturbance) 
 
 
 def counters(renderer: Renderer) -> dict[str, float]:
-    """The renderer's counters as plain numbers."""
-    found: Mapping[str, Any] = renderer.counters()
-    return {key: float(value) for key, value in found.items() if isinstance(value, (int, float))}
+    """The renderer's counters as plain numbers; what is no number is left out.
+
+    Raises `RendererFailed` where there is no mapping, or a number in it is negative or not finite.
+    """
+    found: Any = renderer.counters()
+    if not isinstance(found, Mapping):
+        raise RendererFailed(f"the engine's counters returned {type(found).__name__}: a mapping to numbers is wanted")
+    numbers = {str(key): float(value) for key, value in found.items() if isinstance(value, Real)}
+    for key, value in numbers.items():
+        if not 0.0 <= value < math.inf:
+            raise RendererFailed(f"the engine's counters have {key} = {value}: a finite number from 0 on is wanted")
+    return numbers

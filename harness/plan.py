@@ -6,9 +6,8 @@ engines and scenes are loaded here once, so that every mistake in a name is foun
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 import random
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from harness.examinations import Examination, planned
 from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
 from harness.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
+from harness.sources import engine_code, is_own, plugin_code
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
@@ -129,11 +129,11 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
-    warnings = [f"{path}: {warning}" for path, warned in scenes.items() for warning in warned]
+    warned = [f"{path}: {warning}" for path, told in scenes.items() for warning in told]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
     examinations = planned(experiment.verify, {name: known.engines[name] for name in compared})
-    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warnings), examinations)
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), examinations)
 
 
 def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
@@ -153,9 +153,16 @@ class _Known:
         for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
-            self.engines.setdefault(name, engine_of(name))
+            _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+        self._codes: dict[str, str] = {}
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
         self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
+
+    def code(self, name: str) -> str:
+        """The hash of an engine's code."""
+        if name not in self._codes:
+            self._codes[name] = engine_code(self.engines[name], name)
+        return self._codes[name]
 
     def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
@@ -173,7 +180,18 @@ class _Known:
 
 
 def _accelerators(engine: Engine) -> Mapping[str, Any]:
-    return {"auto": {}, **engine.accelerators()}
+    try:
+        found: Any = engine.accelerators()
+    except RaybenchError:
+        raise
+    except (Exception, SystemExit) as error:
+        message = f"engine {engine.name}: accelerators failed: {type(error).__name__}: {error}"
+        raise ConfigError(message) from error
+    if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
+        raise ConfigError(
+            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is wanted"
+        )
+    return {"auto": {}, **found}
 
 
 def _resolved(engine: Engine, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -221,7 +239,8 @@ def _configured(
     asked = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
-        "checkpoints": asdict(experiment.checkpoints), "label": None, **_code(settings),
+        "checkpoints": asdict(experiment.checkpoints), "label": None,
+        "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
     }  # fmt: skip
     cell = Cell(
         cell_id="", configuration=digest(asked), asked=asked, block=0, order=0, seed=0, label=None, scene=file,
@@ -239,12 +258,25 @@ def primitive_count(scene: Scene) -> int:
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
+    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will tell."""
+    plain = engine_settings(settings, 0, allow_imports)
     try:
-        return engine.why_not(scene, engine_settings(settings, 0, allow_imports))
+        answer: Any = engine.why_not(scene, plain)
     except UnknownName as unknown:
         if unknown.kind == "sampler":  # an engine's own, which the configuration was right to name
             return f"the engine {engine.name} has no sampler {unknown.found}"
         raise
+    except RaybenchError:
+        raise
+    except (Exception, SystemExit) as error:
+        warnings.warn(f"engine {engine.name}: why_not failed: {type(error).__name__}: {error}: it is tried", stacklevel=2)
+        return None
+    if answer is not None and not isinstance(answer, str):
+        warnings.warn(
+            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is wanted: it is tried", stacklevel=2
+        )
+        return None
+    return answer
 
 
 def _reference(
@@ -268,8 +300,12 @@ def _reference(
     asked = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": given.engine,
         "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
-        **{key: value for key, value in asked_of.items() if key != "threads"}, **_code(asked_of),
+        **{key: value for key, value in asked_of.items() if key != "threads"},
     }  # fmt: skip
+    # A change of raybench's own code that changes no version changes no converged image, and references take long.
+    code = {} if is_own(engine) else {"engine": known.code(given.engine)}
+    code |= _plugin_codes(asked_of)
+    asked |= {"code": code} if code else {}
     from harness.machine import usable_cores
 
     threads = given.threads or len(usable_cores())
@@ -285,25 +321,14 @@ def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Kno
     engine = known.engines[name]
     given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
     given["precision"] = _precision(engine, scene, given, known.allow_imports)
-    return Certifier(name, str(engine.version), given, _why_not(engine, scene, given, known.allow_imports))
+    version = str(engine.version) if is_own(engine) else f"{engine.version}+{known.code(name)[:8]}"
+    return Certifier(name, version, given, _why_not(engine, scene, given, known.allow_imports))
 
 
-def _code(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Hashes of the files of plugins named `module:attribute`: a changed file is another request."""
-    found = {}
-    for kind in ("shader", "sampler", "accelerator"):
-        name = settings[kind]["name"]
-        if ":" in name:
-            found[name] = hashlib.sha256(_source(load_attribute(name)).encode()).hexdigest()
-    return {"code": found} if found else {}
-
-
-def _source(plugin: Any) -> str:
-    module = inspect.getmodule(plugin) or inspect.getmodule(type(plugin))
-    try:
-        return inspect.getsource(module) if module else ""
-    except (OSError, TypeError):
-        return ""
+def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Hashes of the code of plugins named `module:attribute`: a changed file is another request."""
+    names = [settings[kind]["name"] for kind in ("shader", "sampler", "accelerator")]
+    return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
 def _with_control(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:

@@ -52,23 +52,34 @@ class Recording:
             elif message["did"] == "point":
                 self._point(told, film, reference)
             elif message["did"] == "end":
-                self.counters, self.disturbance = told["counters"], told["machine"]
+                self.counters, self.disturbance = {**told.get("counters", {}), **self.counters}, told.get("machine", {})
 
-    def _imported(self, seconds: float, version: str) -> None:
+    def _imported(self, seconds: float, version: str, code: str) -> None:
         planned = str(self.cell.asked["engine_version"])
         if version != planned:
             raise WorkerFailed(
                 f"the engine is version {version} where it was to render, {planned} where it was planned"
             )
+        # Elsewhere native libraries of the same version may be other files.
+        if self.env_id == self.sweep.env_id and code != self.cell.asked["code"]["engine"]:
+            raise WorkerFailed("the engine's code has changed since the run began: run again")
         self.phases["import_seconds"] = seconds
 
     def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
-        from harness import metrics
+        from harness import films, metrics
 
         self.phases["render_seconds"] = answer["seconds"]
-        scores = metrics.measure(film.mean(), reference, self.sweep.plan.experiment.quality.epsilon)
+        image = films.image_of(film)
+        scores = metrics.measure(image, reference, self.sweep.plan.experiment.quality.epsilon)
         self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
         self._last_film = film
+        self.counters["bad_samples"] = float(film.bad_samples)
+        if bad := films.bad_pixels(image):
+            self._last_film = None
+            raise WorkerFailed(
+                f"{bad} of {film.width * film.height} pixels of the engine's image at {answer['spp']} spp are not finite: "
+                "finite radiance is wanted"
+            )
         images = self.sweep.plan.experiment.images
         wanted = self.cell.block == 0 or answer["spp"] in SHARED_SPP
         if images == "all" or (images == "some" and wanted and self.cell.label is None):
@@ -77,7 +88,7 @@ class Recording:
 
     def keep_last_image(self) -> None:
         """Writes the image of the last checkpoint, if images are wanted and it is not there yet."""
-        if self.points and self.sweep.plan.experiment.images != "none" and self.points[-1]["image"] is None:
+        if self._last_film is not None and self.sweep.plan.experiment.images != "none" and self.points[-1]["image"] is None:
             self._keep(self._last_film)
 
     def _keep(self, film: Any) -> None:

@@ -19,7 +19,6 @@ from engines.errors import ConfigError
 from engines.film import BYTES_A_PIXEL, Film
 from harness import atomic, confined, records
 from harness.identity import digest
-from harness.pool import film_of
 from harness.store import read_json, write_json
 
 if TYPE_CHECKING:
@@ -129,7 +128,18 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
     if not whole:
         raise ConfigError(f"{path}: missing, or its checksum is not the recorded one: remove {folder} to make it anew")
     _refuse_bomb(path, meta["asked"])
-    return film_of(path)
+    try:
+        with np.load(path) as arrays:
+            height, width = arrays["counts"].shape
+            film = Film(width, height)
+            film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
+            film.counts, film.bad_samples = arrays["counts"], int(arrays["bad_samples"])
+        for array in (film.sums, film.squares, film.even_sums):
+            if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind not in "iu":
+                raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")
+    except (OSError, KeyError, ValueError, TypeError, EOFError, OverflowError, MemoryError, BadZipFile) as error:
+        raise ConfigError(f"{path}: the film cannot be read: {error}") from error
+    return film
 
 
 def _refuse_bomb(path: Path, asked: Mapping[str, Any]) -> None:

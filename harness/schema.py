@@ -19,10 +19,12 @@ from harness.config import (
     VerifyAsked,
 )
 from harness.meanings import MEANINGS
+from harness.memory import UNITS
 from harness.rules import COMPARISONS
 from harness.settings import DEFAULTS, SETTING_READERS, Budget, samplers_of_engines
 
 _TIME = {"type": "string", "pattern": r"^\s*([0-9]+(\.[0-9]*)?|\.[0-9]+)\s*(ms|s|m|min|h)\s*$"}
+_SIZE = {"type": "string", "pattern": rf"^\s*([0-9]+(\.[0-9]*)?|\.[0-9]+)\s*({'|'.join(UNITS)})\s*$"}
 _SEED = {"type": "integer", "minimum": 0}
 
 
@@ -46,6 +48,7 @@ def experiment_schema() -> dict[str, Any]:
         "checkpoints": _object({
             "ratio": {"type": "number", "minimum": 1.01}, "start": {"type": "integer", "minimum": 1},
         }),
+        "limits": _object({"memory": _SIZE}),
         "order": _object({"policy": {"enum": ["blocks"]}, "seed": _SEED}),
         "reference": _object({
             "engine": settings["engine"], "spp": {"type": "integer", "minimum": 2}, "seed": _SEED,

@@ -94,10 +94,10 @@ def known(kind: str, name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
-    """Those that single engines bring, with their options."""
+    """Those that single engines bring, with their options; none of an engine that fails when it is asked."""
     found: dict[str, Mapping[str, choices.Option]] = {}
     for name in engine_names():
-        with contextlib.suppress(RaybenchError):
+        with contextlib.suppress(Exception, SystemExit):
             found |= getattr(engine_of(name), "samplers", dict)()
     return found
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -76,7 +77,7 @@ def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outco
         return _run(plan, folder, options, listener, None)
     from harness.cluster import Cluster
 
-    with Cluster(options.cluster, options.allow_imports) as cluster:
+    with Cluster(options.cluster, options.allow_imports, plan.experiment.limits.memory_bytes) as cluster:
         return _run(plan, folder, options, listener, cluster)
 
 
@@ -86,7 +87,8 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
             listener.note(f"{folder / store.EVENTS}: {store.TORN}")
         sweep = Sweep(plan, folder, options, listener, events)
         sweep.record_plan()
-        with Pool(options.allow_imports, confined.inside(folder, LOG, str(folder))) as pool:
+        log = confined.inside(folder, LOG, str(folder))
+        with Pool(options.allow_imports, log, plan.experiment.limits.memory_bytes) as pool:
             sweep.make_references(cluster or pool)
             if cluster is None:
                 sweep.blocks(pool)
@@ -279,8 +281,8 @@ class Sweep:
             began, sentinel = monotonic(), sentinel_seconds()
             record = Recording(self, cell, self.env_id)
             asked = request(cell, self.plan.experiment.checkpoints)
-            heard = pool.cell(cell.engine, asked, cell.budget.timeout_seconds)
-            event = self.measured_as(record, heard, sentinel)
+            with closing(pool.cell(cell.engine, asked, cell.budget.timeout_seconds)) as heard:
+                event = self.measured_as(record, heard, sentinel)
             self.finish(cell, {**event, "wall_seconds": monotonic() - began})
 
     def begin(self, cell: Cell) -> None:

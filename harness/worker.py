@@ -7,7 +7,7 @@ cell itself and ends, and the parent starts another.
 
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
            {"do": "examine", "case", "precision", "accelerator", "quick"}
-Answers:   {"did": "import", "seconds", "version", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
+Answers:   {"did": "import", "seconds", "version", "code", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
            {"did": "examined", "findings"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
            {"did": "unwritten", "message"}: a film could not be handed over, which is no failure of the engine
 After a point the child waits for "go": the parent measures the error while nothing renders.
@@ -27,6 +27,8 @@ from time import perf_counter
 from typing import Any
 
 PR_SET_PDEATHSIG = 1
+MOST_CHARACTERS = 2000
+"""Of an exception's message."""
 TIMED_HERE = ("build_seconds", "compile_seconds")
 """Counters that are not passed on: the phases of the first renderer are what was waited for."""
 
@@ -88,10 +90,14 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
         from engines.registry import engine as engine_of
 
         engine = engine_of(request["engine"])
-    except Exception as error:
+        version = str(engine.version)
+        seconds = perf_counter() - start
+        from harness.sources import engine_code
+
+        code = engine_code(engine, request["engine"])
+    except BaseException as error:
         pipes.send(did="failed", message=one_line(error))
         os._exit(0)
-    seconds = perf_counter() - start
     import engines  # noqa: F401 (so that children find it)
     import harness.measure
     import harness.settings  # noqa: F401
@@ -99,7 +105,7 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
     forks = hasattr(os, "fork") and sys.platform == "linux" and threads_now() == 1
     gc.collect()
     gc.freeze()
-    pipes.send(did="import", seconds=seconds, version=str(engine.version), forks=forks)
+    pipes.send(did="import", seconds=seconds, version=version, code=code, forks=forks)
     return engine, forks
 
 
@@ -127,7 +133,7 @@ def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Answers one request; an exception becomes a message."""
     try:
         {"cell": cell, "reference": reference, "examine": examine}[request["do"]](engine, request, pipes)
-    except Exception as error:
+    except BaseException as error:  # sys.exit of an engine is a failure, too
         import contextlib
         import traceback
 
@@ -150,7 +156,7 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     disturbance = Disturbance()
     schedule = measure.Schedule(**request["schedule"])
     for point in measure.timed_points(renderer, schedule, estimate, disturbance):
-        hand_over(pipes, point.film, request["scratch"], point.spp, seconds=point.seconds, rays=point.rays)
+        hand_over(pipes, point.film, request, point.spp, seconds=point.seconds, rays=point.rays)
     counters = {key: value for key, value in measure.counters(renderer).items() if key not in TIMED_HERE}
     pipes.send(did="end", counters=counters, machine=disturbance.report())
 
@@ -169,7 +175,7 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
         renderer, _, _ = measure.prepare(engine, scene, settings)
         start = perf_counter()
         film = renderer.render(spp=request["spp"])
-        hand_over(pipes, film, request["scratch"], request["spp"], seconds=perf_counter() - start, seed=seed)
+        hand_over(pipes, film, request, request["spp"], seconds=perf_counter() - start, seed=seed)
     pipes.send(did="end")
 
 
@@ -205,20 +211,14 @@ def settings_of(request: dict[str, Any], seed: int) -> Any:
     return engine_settings(request["settings"], seed, request["allow_imports"])
 
 
-def hand_over(pipes: Pipes, film: Any, scratch: str, spp: int, **message: Any) -> None:
-    """Leaves the film's arrays in `scratch` and waits until the parent has used them."""
-    import numpy as np
+def hand_over(pipes: Pipes, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:
+    """Leaves the film's arrays in the file `request["scratch"]` and waits until the parent has used them."""
+    from harness.films import leave
 
-    if film.spp != spp:
-        raise RuntimeError(f"the engine rendered {film.spp} samples a pixel where {spp} were asked for")
     try:
-        with open(scratch, "wb") as file:
-            np.savez(
-                file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts,
-                bad_samples=film.bad_samples,
-            )  # fmt: skip
+        leave(film, request["scratch"], request["settings"]["width"], request["settings"]["height"], spp)
     except OSError as error:
-        pipes.send(did="unwritten", message=f"{scratch}: cannot be written: {error.strerror or error}")
+        pipes.send(did="unwritten", message=f"{request['scratch']}: cannot be written: {error.strerror or error}")
         os._exit(0)
     pipes.send(did="point", spp=spp, **message)
     pipes.receive()
@@ -228,7 +228,10 @@ def one_line(error: BaseException) -> str:
     """An exception as one line: our own errors speak for themselves, others are named."""
     from engines.errors import RaybenchError
 
-    text = " ".join(str(error).split())
+    try:
+        text = " ".join(str(error).split())[:MOST_CHARACTERS]
+    except Exception:
+        text = "(its message cannot be read)"
     return text if isinstance(error, RaybenchError) else f"{type(error).__name__}: {text}"
 
 

@@ -36,6 +36,7 @@ PUBLIC = {
     "engines.registry",
     "engines.scene",
     "engines.scene.yaml_file",
+    "engines.temporary",
     "engines.tonemap",
 }
 
@@ -49,6 +50,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.errors": set(),
     "engines.concurrency": set(),
     "engines.sobol_numbers": set(),
+    "engines.temporary": set(),
     "engines.choices": {"engines.errors"},
     "engines.memory": {"engines.errors"},
     "engines.tonemap": {"engines.errors"},
@@ -65,8 +67,8 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", "engines.kernels"},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
-    "engines.external": {*_BASE, "engines.export", "engines.image"},
-    "engines.mitsuba": _BASE,
+    "engines.external": {*_BASE, "engines.export", "engines.image", "engines.temporary"},
+    "engines.mitsuba": {*_BASE, "engines.temporary"},
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),

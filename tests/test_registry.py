@@ -126,3 +126,18 @@ def test_an_unknown_engine_names_the_nearest_and_the_plugins(plugins):
     plugins(optix="outside:Plain")
     with pytest.raises(UnknownName, match=r"did you mean 'embree'.*optix"):
         engine("embre")
+
+
+@pytest.mark.parametrize("name", [None, 3, "", " ", "two\nlines", b"bytes"])
+def test_an_engine_without_a_name_that_tables_can_hold_is_refused(name):
+    unnamed = Plain()
+    unnamed.name = name
+    with pytest.raises(ConfigError, match=r"its name is .*: a line of text is wanted"):
+        engine(unnamed)
+
+
+def test_an_engine_that_exits_when_it_is_made_is_an_error_and_no_exit(plugins, monkeypatch):
+    monkeypatch.setattr(Plain, "__init__", lambda self: sys.exit("the licence has expired"), raising=False)
+    plugins(a="outside:Plain")
+    with pytest.raises(ConfigError, match="cannot be created: the licence has expired"):
+        engine("a")

@@ -92,7 +92,8 @@ def _values(schema) -> str:
     if "string" in kinds:
         pattern = schema.get("pattern", "")
         named = "module:attribute" if pattern == ":" else "module:attribute or a .yaml file" if "ya?ml" in pattern else "text"
-        return "a time with its unit, as 20s, 5m" if "ms|s" in pattern else named
+        unit = "a time with its unit, as 20s, 5m" if "ms|s" in pattern else "a size with its unit, as 8 GiB"
+        return unit if "ms|s" in pattern or "GiB" in pattern else named
     return f"{'true or false' if 'boolean' in kinds else kinds[0] if kinds else 'any'}{_range(schema)}"
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -26,6 +25,7 @@ from engines.external.template import filled
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.scene.model import Camera, Scene, Shape
+from engines.temporary import TemporaryFolder
 
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to the threads asked for: the program may inherit others from a harness."""
@@ -60,6 +60,16 @@ class Engine:
             "threads": [said.threads or 1],
         }
 
+    def source_files(self) -> list[Path]:
+        """The files that the command and the environment name: the program where it is a path, its scripts."""
+        said = self._said
+        program, *words = said.command
+        named = [said.file.absolute().parent / Path(program).expanduser()] if "/" in program else []
+        # The end of `--script=/path/to/it`, too. A program runs in a folder of its own: other relative paths are none.
+        ends = [word.rpartition("=")[2] for word in (*words, *said.environment.values())]
+        named += [path for path in map(Path, ends) if path.is_absolute()]
+        return [path for path in named if path.is_file()]
+
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         """Its own, whatever it is."""
         return {"auto": {}}
@@ -88,7 +98,7 @@ class Engine:
         if said.threads not in (None, settings.threads):
             raise Unsupported(f"{said.name} always takes {said.threads} threads")
         resolved = replace(settings, shader=shader, sampler=sampler, precision=said.precision)
-        with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
+        with TemporaryFolder() as folder:
             FORMATS[said.scene_format](scene, resolved, Path(folder))
         return resolved
 
@@ -124,7 +134,7 @@ class Renderer:
     def __init__(self, said: Description, settings: Settings, scene: Scene) -> None:
         """`settings` with every choice resolved."""
         self._said, self._settings, self._scene = said, settings, scene
-        self._folder = tempfile.TemporaryDirectory(prefix="raybench-")
+        self._folder = TemporaryFolder()
         self._process = Process()
         self._guard = CallGuard()
         self._told = 0.0

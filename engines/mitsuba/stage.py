@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +14,7 @@ from engines.mitsuba.description import Description, Part, described, extent, se
 from engines.mitsuba.library import activate
 from engines.mitsuba.ply import write_ply
 from engines.scene.model import Material, Plane, Scene, Sphere, SphereSet, Triangle, Triple
+from engines.temporary import TemporaryFolder
 
 Array = NDArray[Any]
 
@@ -49,7 +49,7 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
     scale = 1.0
     if settings.shader.name == "albedo":
         scene, scale = _painted(scene)
-    with tempfile.TemporaryDirectory(prefix="raybench-mitsuba-") as folder:
+    with TemporaryFolder() as folder:
         description = _described(mi, scene, settings, Path(folder))
         nodes = dict(description.nodes)
         nodes["sensor"] = sensor(scene.camera, width, height, sampler_node(settings), extent(scene))

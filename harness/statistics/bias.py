@@ -67,5 +67,6 @@ def too_good_per_sample(error_times_spp: Mapping[int, float], baseline: Mapping[
     """
     common = [key for key in baseline if key in error_times_spp]
     pairs = [(baseline[key], error_times_spp[key]) for key in common]
-    logs = [math.log(base / other) for base, other in pairs if base > 0 and other > 0 and math.isfinite(base / other)]
+    # A difference of logarithms: the quotient of finite numbers may be zero or infinite.
+    logs = [math.log(base) - math.log(other) for base, other in pairs if 0 < base < math.inf and 0 < other < math.inf]
     return bool(mean_interval(logs, level).low > math.log(margin))

@@ -80,7 +80,7 @@ def noise_floor(first: Mapping[int, float], second: Mapping[int, float], level: 
 def _log_ratio(baseline: float, other: float) -> float:
     if math.isinf(baseline) or math.isinf(other):
         return math.inf if math.isinf(baseline) else -math.inf
-    return math.log(baseline / other)
+    return math.log(baseline) - math.log(other)
 
 
 def _exp(value: float) -> float:

@@ -46,7 +46,7 @@ class Crossing(NamedTuple):
 def curve(x: ArrayLike, error: ArrayLike, se: ArrayLike | None = None) -> Curve:
     """A Curve of float arrays sorted by x."""
     x, error = np.asarray(x, np.float64), np.asarray(error, np.float64)
-    spread = np.zeros_like(x) if se is None else np.nan_to_num(np.asarray(se, np.float64))
+    spread = np.zeros_like(x) if se is None else np.nan_to_num(np.asarray(se, np.float64), posinf=np.inf)
     order = np.argsort(x, kind="stable")
     return Curve(x[order], error[order], spread[order])
 

@@ -40,7 +40,7 @@ def reliable_errors(error: ArrayLike, se: ArrayLike) -> NDArray[np.float64]:
 
     A target under that level is thus not reached by noise.
     """
-    error, se = np.asarray(error, np.float64), np.nan_to_num(np.asarray(se, np.float64))
+    error, se = np.asarray(error, np.float64), np.nan_to_num(np.asarray(se, np.float64), posinf=np.inf)
     return np.maximum(error, NOISE_ERRORS * se)
 
 
@@ -70,4 +70,4 @@ def efficiency(mse: Sequence[float], seconds: Sequence[float]) -> Estimate:
     NaN for a seed whose error is not positive or not finite.
     """
     pairs = zip(mse, seconds, strict=True)
-    return median_interval([1 / (e * t) if math.isfinite(e) and e > 0 and t > 0 else math.nan for e, t in pairs])
+    return median_interval([1 / (e * t) if math.isfinite(e * t) and e > 0 and e * t > 0 else math.nan for e, t in pairs])

@@ -29,7 +29,7 @@ class Worker:
     async def start(cls, allow_imports: bool) -> Worker:
         """A worker that has its imports behind it."""
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "harness.view.worker", stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
+            sys.executable, "-P", "-m", "harness.view.worker", stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             env=environment(allow_imports), start_new_session=True, limit=STREAM_LIMIT,
         )  # fmt: skip
         made = cls(process)

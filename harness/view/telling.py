@@ -5,7 +5,6 @@ A thread of its own does it, so that rendering waits neither for tone mapping no
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import traceback
 from collections.abc import Callable
@@ -19,6 +18,7 @@ import psutil
 
 from engines.errors import ConfigError, RaybenchError
 from engines.film import Film
+from engines.temporary import TemporaryFolder
 from harness.view import requests
 from harness.view.display import Tone, rgba
 from harness.view.mailbox import Mailbox
@@ -170,7 +170,7 @@ class Teller:
             "moved": {key: offset.tolist() for key, offset in stage.offsets.items()}, "spp": film.spp,
             "render_seconds": self._picture.seconds, "tone_mapper": self._look.name, "exposure": self._look.exposure,
         }  # fmt: skip
-        with tempfile.TemporaryDirectory(prefix="raybench-") as folder:
+        with TemporaryFolder() as folder:
             path = Path(folder, name)
             film.save(path, provenance=told, tone_mapper=self._look)
             self._send(packed({"is": "file", "name": name}, path.read_bytes()))

@@ -2,6 +2,7 @@
 
 import json
 import random
+import sys
 from dataclasses import replace
 
 import pytest
@@ -192,3 +193,20 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name):
     assert experiment.warnings == ()
     made = plan.make(experiment)
     assert made.warnings == () and not [cell.skip for cell in made.cells if cell.skip]
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (lambda self: 1 / 0, "engine other: accelerators failed: ZeroDivisionError"),
+        (lambda self: sys.exit("no licence"), "engine other: accelerators failed: SystemExit: no licence"),
+        (lambda self: ["tree"], r"engine other: accelerators returned \['tree'\]: a mapping"),
+        (lambda self: {"tree": None}, "engine other: accelerators returned {'tree': None}: a mapping"),
+    ],
+)
+def test_an_engine_that_cannot_list_its_accelerators_is_an_error_that_names_it(tmp_path, monkeypatch, answer, message):
+    import fake_engines
+
+    monkeypatch.setattr(fake_engines.Other, "accelerators", answer)
+    with pytest.raises(RaybenchError, match=message):
+        planned(tmp_path)

@@ -7,6 +7,7 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import psutil
@@ -14,6 +15,7 @@ import pytest
 import sweeping
 
 from harness import store
+from harness.pool import Pool
 
 HANG_SECONDS = 300
 MOMENTS = 20
@@ -32,9 +34,9 @@ LONGEST_SECONDS = 1.5
 TEXT = sweeping.EXPERIMENT.replace("images: none", "images: last")
 
 
-def start(path, out):
+def start(path, out, **changes):
     command = [sys.executable, "-c", SCRIPT, str(path), str(out)]
-    return subprocess.Popen(command, env=sweeping.environment(), stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, env=sweeping.environment(**changes), stderr=subprocess.PIPE, text=True)
 
 
 def until(holds):
@@ -99,14 +101,20 @@ def assert_nothing_twice(out):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux kills children with their parent")
-def test_no_worker_outlives_a_killed_run(tmp_path):
-    out = tmp_path / "out"
+def test_no_worker_outlives_a_killed_run_and_the_next_one_removes_its_temporary_folder(tmp_path, monkeypatch):
+    out, temporary = tmp_path / "out", tmp_path / "temporary"
+    temporary.mkdir()
     path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Other", "fake_engines:Hanging"))
-    run = start(path, out)
+    run = start(path, out, TMPDIR=str(temporary))
     until(lambda: ours(out))
     os.kill(run.pid, signal.SIGKILL)
     run.communicate()
     until(lambda: ours(out) == [])
+    (left,) = temporary.iterdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    with Pool(True, tmp_path / "log") as pool:
+        assert not left.exists() and pool.scratch.parent.is_dir()
+    assert list(temporary.iterdir()) == []
 
 
 def test_a_torn_last_line_is_reported_and_its_cell_measured_again(tmp_path, undisturbed):

@@ -330,3 +330,16 @@ def test_an_engine_that_is_too_good_per_sample_is_flagged():
     equal, clamped = (dict(enumerate(scale * rng.lognormal(0, 0.02, 5))) for scale in (1.0, 0.5))
     assert too_good_per_sample(clamped, honest) and not too_good_per_sample(equal, honest)
     assert not too_good_per_sample({0: 0.1}, {0: 1.0})
+
+
+@pytest.mark.parametrize("error", [math.nan, math.inf, 0.0, -1.0, 1e300, 5e-324])
+def test_numbers_at_the_ends_of_their_range_give_no_exception_and_win_nothing(error):
+    with np.errstate(all="raise"):
+        odd = curve([0.1, 0.2], [error, error], [error, error])
+        assert first_crossing(odd.x, reliable_errors(odd.error, odd.se), 1e-3).state in ("censored", "at_first")
+        quality = time_to_quality([odd, odd], [0.0, 0.0], 1e-3)
+        assert quality.reached == (2 if error == 5e-324 else 0)
+        convergence_slope([odd, odd])
+        efficiency([error, error], [0.1, 5e-324])
+    assert too_good_per_sample({0: error, 1: error}, {0: 1e10, 1: 1e10}) == (error == 5e-324)
+    assert too_good_per_sample({0: 1e10, 1: 1e10}, {0: error, 1: error}) == (error == 1e300)

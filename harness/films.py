@@ -1,0 +1,90 @@
+"""A film on its way from a worker to its parent, and what must hold of it there: an engine may return anything."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from numbers import Integral
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import RendererFailed
+from engines.film import Film, Image
+
+COLOURS = ("sums", "squares", "even_sums")
+PARTS = (*COLOURS, "counts", "bad_samples")
+MOST_BYTES_PER_PIXEL, HEADER_BYTES = 256, 1 << 16
+"""Of the file: three colour arrays and counts take 80 bytes a pixel in float64."""
+LARGEST = float(np.finfo(np.float32).max)
+"""Image files hold float32."""
+
+
+def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> None:
+    """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film that was asked for."""
+    lacking = [part for part in PARTS if not hasattr(film, part)]
+    if lacking:
+        raise RendererFailed(
+            f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is wanted"
+        )
+    parts = {part: getattr(film, part) for part in PARTS}
+    _refuse_unfit(parts, width, height, spp)
+    np.savez(path, **parts)
+
+
+def take(path: Path, width: int, height: int, spp: int) -> Film:
+    """The film that a worker left, checked once more: engines share the worker's process and may have changed the file.
+
+    Raises `RendererFailed` where it is not a film of `height` x `width` pixels with `spp` samples each.
+    """
+    try:
+        if path.stat().st_size > width * height * MOST_BYTES_PER_PIXEL + HEADER_BYTES:
+            raise ValueError(f"it is larger than a film of {width} x {height} pixels")
+        with np.load(path) as arrays:
+            parts: dict[str, Any] = {part: arrays[part] for part in COLOURS}
+            parts |= {"counts": arrays["counts"], "bad_samples": arrays["bad_samples"].item()}
+    except (OSError, EOFError, KeyError, ValueError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
+        raise RendererFailed(f"the worker's film cannot be read: {type(error).__name__}: {error}") from error
+    _refuse_unfit(parts, width, height, spp)
+    film = Film(width, height)
+    film.sums, film.squares, film.even_sums = (np.asarray(parts[part], np.float64) for part in COLOURS)
+    film.counts, film.bad_samples = np.asarray(parts["counts"], np.int64), int(parts["bad_samples"])
+    return film
+
+
+def _refuse_unfit(parts: Mapping[str, Any], width: int, height: int, spp: int) -> None:
+    """Raises `RendererFailed` for arrays of another shape or kind, and for counts that are not `spp` everywhere."""
+    for name in COLOURS:
+        _refuse_array(name, parts[name], (height, width, 3), np.floating, "floating-point numbers")
+    counts = parts["counts"]
+    _refuse_array("counts", counts, (height, width), np.integer, "integers")
+    low, high = int(counts.min()), int(counts.max())
+    if (low, high) != (spp, spp):
+        found = str(low) if low == high else f"{low} to {high}"
+        raise RendererFailed(f"the engine's film.counts are {found}: {spp} is wanted, the samples asked for")
+    bad = parts["bad_samples"]
+    if isinstance(bad, bool) or not isinstance(bad, Integral) or int(bad) < 0:
+        raise RendererFailed(f"the engine's film.bad_samples is {bad!r}: an integer from 0 on is wanted")
+
+
+def _refuse_array(name: str, found: Any, shape: tuple[int, ...], kind: type, words: str) -> None:
+    if not isinstance(found, np.ndarray):
+        raise RendererFailed(f"the engine's film.{name} is of type {type(found).__name__}: a NumPy array is wanted")
+    if found.shape != shape:
+        raise RendererFailed(f"the engine's film.{name} is of shape {found.shape}: {shape} is wanted")
+    if not np.issubdtype(found.dtype, kind):
+        raise RendererFailed(f"the engine's film.{name} is of dtype {found.dtype}: {words} are wanted")
+
+
+def image_of(film: Film) -> Image:
+    """(height, width, 3) linear radiance of a film; what image files cannot hold (float32) is infinite."""
+    mean = film.mean()
+    return np.where(abs(mean) > LARGEST, np.copysign(np.inf, mean), mean)
+
+
+def bad_pixels(image: NDArray[np.float64]) -> int:
+    """Pixels with a channel that is NaN or infinite."""
+    return int((~np.isfinite(image).all(axis=2)).sum())

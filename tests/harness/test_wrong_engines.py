@@ -1,0 +1,119 @@
+"""Engines of others that break the contract: each fails in its own cell, with its reason, and the run goes on."""
+
+import json
+import math
+
+import pytest
+import sweeping
+import wrong_engines
+
+from harness import pool, protocol, store
+from harness.analysis import analyse
+from harness.results import load_results
+
+RIGHT = ("Steady", "Unsure", "Talkative")
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A run, by the command, of engines that are wrong in all ways and one that is right, with the report."""
+    folder = tmp_path_factory.mktemp("wrong")
+    names = ["fake_engines:Steady", *(f"wrong_engines:{name}" for name in (*wrong_engines.WORDS, *RIGHT[1:]))]
+    text = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", f"{names}")
+    path = sweeping.write(folder, text.replace("repeats: 2", "repeats: 1").replace("images: none", "images: all"))
+    return sweeping.raybench("run", path, "--out", folder / "out", "--allow-imports", cwd=folder), folder / "out"
+
+
+def events(folder):
+    return {event["engine"]: event for event in store.latest_cells(store.read_events(folder)).values()}
+
+
+def test_the_run_goes_to_its_end_and_says_so(swept):
+    done, out = swept
+    assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
+    states = [event["state"] for event in events(out).values()]
+    assert states.count("failed") == len(wrong_engines.WORDS) and states.count("done") == len(RIGHT)
+    assert (out / "report.html").is_file()
+
+
+@pytest.mark.parametrize("name", wrong_engines.WORDS)
+def test_a_wrong_engine_fails_its_cell_and_the_reason_is_clear(swept, name):
+    event = events(swept[1])[getattr(wrong_engines, name).name]
+    assert event["state"] == "failed" and wrong_engines.WORDS[name] in event["message"]
+
+
+def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swept):
+    done, out = swept
+    assert {events(out)[name]["state"] for name in ("unsure", "talkative")} == {"done"}
+    said = " ".join(done.stderr.split())
+    assert "unsure: why_not failed: ZeroDivisionError: no tree" in said
+    assert "talkative: why_not answered True: None or a sentence is wanted" in said
+
+
+def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
+    _, out = swept
+    found = events(out)
+    assert [point["metrics"]["nonfinite"] for point in found["late_infinity"]["points"]] == [0, 0, 0, 2]
+    for name in ("not_a_number", "late_infinity", "too_bright"):
+        assert found[name]["points"][-1]["metrics"]["relmse_e0.01"] == math.inf
+    ranked = {contender.settings.engine for contender in load_results(out).contenders if contender.done}
+    assert ranked == {"steady", "unsure", "talkative"}
+    report = (out / "report.html").read_text()
+    assert "2 of 96 pixels of the engine" in report and "late_infinity" in report
+
+
+def test_what_is_not_finite_is_flagged_in_the_verdicts(tmp_path):
+    text = sweeping.EXPERIMENT.replace("fake_engines:Other", "wrong_engines:NowAndThen")
+    outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
+    assert outcome.states == {"done": 3, "failed": 1}
+    verdicts = {v.contender.settings.engine: v for v in analyse(load_results(tmp_path / "out")).verdicts}
+    assert {"non-finite pixels", "bad samples"} <= set(verdicts["now_and_then"].flags)
+    assert not {"non-finite pixels", "bad samples"} & set(verdicts["steady"].flags)
+    assert verdicts["now_and_then"].failures == 1
+
+
+def test_checkpoints_before_the_failure_are_kept(swept):
+    points = events(swept[1])["late_infinity"]["points"]
+    assert [(point["spp"], bool(point["image"])) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("NotANumber", "the engine's image is not finite"), ("OtherSize", "(8, 12, 3) is wanted"),
+     ("Babbler", "where messages are sent")],
+)  # fmt: skip
+def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name, words):
+    path = sweeping.write(tmp_path)
+    outcome, listener = sweeping.run(path, tmp_path / "out", [f"reference.engine=wrong_engines:{name}", "repeats=1"])
+    assert outcome.states == {"failed": 2}
+    assert "no reference: " in listener.notes[0] and words in listener.notes[0]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"", b"hello", b"[]", b"{}", b'{"did": 3}', b'{"did": ["end"]}', b'{"did": "dance"}', b"\xff\xfe", b"[" * 5000,
+        b'{"did": "point", "spp": 1}', b'{"did": "point", "spp": true, "seconds": 1}',
+        b'{"did": "point", "spp": 1, "seconds": Infinity}', b'{"did": "point", "spp": 1, "seconds": -1}',
+        b'{"did": "point", "spp": 1, "seconds": 1, "rays": "many"}', b'{"did": "prepared", "load_seconds": 1}',
+        b'{"did": "end", "counters": {"rays": NaN}}', b'{"did": "end", "machine": 3}', b'{"did": "failed", "message": 3}',
+    ],
+)  # fmt: skip
+def test_what_is_no_message_is_refused(line):
+    with pytest.raises(protocol.BadMessage):
+        protocol.parsed(line)
+
+
+def test_text_of_a_message_can_always_be_written():
+    message = protocol.parsed(b'{"did": "failed", "message": "caf\\udce9"}')
+    assert json.dumps(message, ensure_ascii=False).encode()
+
+
+def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
+    request = {
+        "scene_path": "nowhere", "scene_hash": "", "spp": 1, "settings": {"width": 4, "height": 4},
+    }  # fmt: skip
+    with pool.Pool(True, tmp_path / "log") as workers:
+        worker = workers.worker("fake_engines:Steady")
+        worker.ask({"do": "reference", **request, "seeds": [1], "allow_imports": True, "scratch": ""})
+        assert workers.worker("fake_engines:Steady") is not worker and not worker.usable
