@@ -52,8 +52,10 @@ FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
 }
 """What a message of each kind must have. A cell's "point" has `rays`, too, and its "end" `counters` and `machine`."""
 OPTIONAL: Mapping[str, tuple[Callable[[Any], bool], str]] = {
-    "rays": (lambda value: value is None or _seconds(value), f"{NUMBER[1]}, or null"), "counters": (_numbers, "a mapping to finite numbers"), "machine": (_is(dict), "a mapping"),
-}  # fmt: skip
+    "rays": (lambda value: value is None or _seconds(value), f"{NUMBER[1]}, or null"),
+    "counters": (_numbers, "a mapping to finite numbers"),
+    "machine": (_is(dict), "a mapping"),
+}
 
 
 def parsed(line: bytes) -> dict[str, Any]:
