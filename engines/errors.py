@@ -7,7 +7,16 @@ from collections.abc import Iterable
 
 
 class RaybenchError(Exception):
-    """Base of every error caused by input; the command line prints it without a traceback and exits with 2."""
+    """Base of every error caused by input; the command line prints it without a traceback and exits with 2.
+
+    Its text is one line whatever names it quotes: line feeds and terminal codes in it are shown as escapes.
+    """
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if text.isprintable():
+            return text
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class SceneError(RaybenchError):

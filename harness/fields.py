@@ -59,6 +59,15 @@ def number(low: float, high: float, open_low: bool = False) -> Callable[[Located
     return read
 
 
+def finite(node: Located) -> None:
+    """Refuses infinities and NaN anywhere in a value."""
+    if isinstance(node.value, float) and not math.isfinite(node.value):
+        raise node.refuse("must be finite")
+    children = node.value.values() if isinstance(node.value, dict) else node.value
+    for child in children if isinstance(node.value, (dict, list)) else ():
+        finite(child)
+
+
 def one_of(*names: str) -> Callable[[Located], str]:
     def read(node: Located) -> str:
         if isinstance(node.value, str) and node.value in names:

@@ -30,6 +30,7 @@ PUBLIC = {
     "engines.export",
     "engines.film",
     "engines.image",
+    "engines.input_files",
     "engines.interface",
     "engines.registry",
     "engines.scene",
@@ -42,12 +43,13 @@ _JITTED = {*_BASE, "engines.kernels", "engines.sobol_numbers"}
 
 ALLOWED: dict[str, set[str]] = {
     "engines.errors": set(),
+    "engines.input_files": set(),
     "engines.sobol_numbers": set(),
     "engines.choices": {"engines.errors"},
     "engines.tonemap": {"engines.errors"},
     "engines.film": {"engines.errors", "engines.tonemap", "engines.image"},
-    "engines.image": {"engines.errors", "engines.tonemap", "engines.film"},
-    "engines.scene": {"engines.errors", "engines.image"},
+    "engines.image": {"engines.errors", "engines.input_files", "engines.tonemap", "engines.film"},
+    "engines.scene": {"engines.errors", "engines.image", "engines.input_files"},
     "engines.interface": {"engines.errors", "engines.choices", "engines.film", "engines.scene"},
     "engines.registry": {"engines.errors", "engines.interface"},
     "engines.conformance": _BASE,

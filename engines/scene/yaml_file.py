@@ -23,13 +23,13 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike, fspath
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
 from engines.errors import RaybenchError, SceneError, suggestion
+from engines.input_files import open_regular, unreadable
 
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 64
@@ -101,14 +101,15 @@ class Located:
 def read_yaml(path: str | PathLike[str], error: type[RaybenchError] = SceneError, name: str = "") -> Located:
     """The tree of a YAML file, which messages call `name` or by its path.
 
-    Raises `error` for files that are missing, unreadable, empty, too large, not text or not strict YAML.
+    Raises `error` for files that are missing, no regular files, unreadable, empty, too large, not text or not strict
+    YAML.
     """
     name = name or fspath(path)
     try:
-        with Path(path).open("rb") as stream:
+        with open_regular(path) as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as problem:
-        raise error(f"{name}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from problem
+        raise error(f"{name}: {unreadable(problem)}") from problem
     if len(data) > MAX_BYTES:
         raise error(f"{name}: larger than {MAX_BYTES // 2**20} MiB: put meshes into files of their own")
     try:
@@ -204,7 +205,7 @@ class _Composer:
             elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
                 self._end()
         if self.root is None or (self.root.value is None and not text.strip()):
-            raise self._error(0, "empty: a mapping is wanted")
+            raise self._error(1, "empty: a mapping is wanted")
         return self.root
 
     def _error(self, line: int, wanted: str, path: KeyPath = ()) -> RaybenchError:

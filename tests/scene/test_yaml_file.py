@@ -113,10 +113,10 @@ def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
         return str(caught.value)
 
     assert "No such file" in refused("missing.yaml")
-    assert "empty" in refused("empty.yaml", b"")
+    assert ":1: empty" in refused("empty.yaml", b"") and ":1: empty" in refused("comment.yaml", b"# nothing\n")
     assert ":2: not UTF-8 text: byte 0xff" in refused("binary.yaml", b"a: 1\nb: \xff\xfe")
     (tmp_path / "folder.yaml").mkdir()
-    assert "directory" in refused("folder.yaml")
+    assert "is not a regular file but a folder" in refused("folder.yaml")
     monkeypatch.setattr(yaml_file, "MAX_BYTES", 100)
     assert "larger than" in refused("large.yaml", b"a" * 101)
 
