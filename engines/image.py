@@ -44,7 +44,7 @@ PILLOW_FORMATS = tuple(dict.fromkeys(FORMATS.values()))
 MAX_PIXELS = 1 << 27
 """Largest image that is read, 16384 x 8192: 3 GiB in float64."""
 SMALL_PIXELS = 1 << 25
-"""Largest image, 8192 x 4096, that a file of fewer bytes than pixels may hold: so much a kilobyte can unpack to, and no more."""
+"""Largest image, 8192 x 4096, of a file that has fewer bytes than pixels: more is not unpacked from next to nothing."""
 BYTES_PER_PIXEL = 32
 """Memory at the height of reading: float64 beside what the decoder gave."""
 TILE_WIDTH, TILE_HEIGHT = 322, 323
@@ -244,7 +244,8 @@ def _exr_channels(file: Path) -> dict[str, NDArray[Any]]:
 
     limit, samples = _most_pixels(file), 0
     with _decoding(file):
-        for part in _opened_exr(file, header_only=True).parts:
+        parts = _opened_exr(file, header_only=True).parts
+        for part in parts:
             if part.type() not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
                 raise SceneError(f"{file}: holds deep data: an EXR of one value for each pixel and channel is wanted")
             (left, top), (right, bottom) = part.header["dataWindow"]
@@ -254,7 +255,10 @@ def _exr_channels(file: Path) -> dict[str, NDArray[Any]]:
         if samples > MAX_CHANNELS * limit:
             raise SceneError(f"{file}: has {samples} values: at most {MAX_CHANNELS * limit} are read from a file of its size")
         _check_memory(file, 4.0 * samples)
-        return {name: channel.pixels for name, channel in _opened_exr(file, header_only=False).channels().items()}
+        opened = _opened_exr(file, header_only=False)
+        if len(opened.parts) != len(parts):  # a part that cannot be decoded is left out
+            raise SceneError(f"{file}: is not a usable image: its pixels are damaged or cut short")
+        return {name: channel.pixels for name, channel in opened.channels().items()}
 
 
 def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image:
@@ -286,7 +290,8 @@ def _opened_bitmap(file: Path) -> Iterator[Any]:
 
 def _bitmap(file: Path) -> NDArray[np.uint8]:
     with _opened_bitmap(file) as image:
-        _check_size(file, *image.size, _most_pixels(file))
+        width, height = image.size
+        _check_size(file, width, height, _most_pixels(file))
         tags = getattr(image, "tag_v2", {})
         if TILE_WIDTH in tags and TILE_HEIGHT in tags:  # a TIFF's tiles may be larger than the image, and are decoded whole
             _check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)

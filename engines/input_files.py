@@ -33,7 +33,7 @@ def open_regular(path: FilePath) -> BinaryIO:
     """
     _require_regular(path, os.stat(path))
     nonblocking = getattr(os, "O_NONBLOCK", 0)  # a FIFO may have come to this name since
-    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | nonblocking))
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | nonblocking))  # noqa: SIM115
     try:
         _require_regular(path, os.fstat(file.fileno()))
     except OSError:
@@ -59,18 +59,18 @@ def lacking_memory(needed: float) -> str:
     total, has = psutil.virtual_memory().total, "this machine has"
     allowed = _address_space()
     if allowed < total:
-        total, has = allowed, "this process may use"
+        total, has = allowed, "this process may take"
     return f"would need {_gibibytes(needed)}: {has} {_gibibytes(total)}" if needed > total else ""
 
 
 def _address_space() -> float:
-    """Bytes that `ulimit -v` allows to this process."""
+    """Bytes that `ulimit -v` still allows to this process."""
     try:
         import resource
     except ImportError:  # Windows
         return float("inf")
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return float("inf") if soft == resource.RLIM_INFINITY else float(soft)
+    return float("inf") if soft == resource.RLIM_INFINITY else float(soft - psutil.Process().memory_info().vms)
 
 
 def _gibibytes(size: float) -> str:

@@ -61,10 +61,10 @@ def number(low: float, high: float, open_low: bool = False) -> Callable[[Located
 
 def finite(node: Located) -> None:
     """Refuses infinities and NaN anywhere in a value."""
-    if isinstance(node.value, float) and not math.isfinite(node.value):
+    value = node.value
+    if isinstance(value, float) and not math.isfinite(value):
         raise node.refuse("must be finite")
-    children = node.value.values() if isinstance(node.value, dict) else node.value
-    for child in children if isinstance(node.value, (dict, list)) else ():
+    for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
         finite(child)
 
 

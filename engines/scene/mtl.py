@@ -28,7 +28,9 @@ Raw = dict[str, Triple | float]
 
 
 def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[tuple[str, str]]]:
-    """Materials by name, and what to warn about: (name of the material, sentence). Raises `SceneError` with the file and the line of what is wrong."""
+    """Materials by name, and what to warn about: (name of the material, sentence).
+
+    Raises `SceneError` with the file and the line of what is wrong."""
     try:
         with open_regular(file) as stream:
             data = stream.read(MAX_BYTES + 1)

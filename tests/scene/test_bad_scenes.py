@@ -155,3 +155,24 @@ def test_unknown_bare_names_list_the_nearest():
 def test_paths_that_are_none_are_refused(name):
     with pytest.raises(SceneError):
         engines.load_scene(name)
+
+
+@pytest.mark.parametrize("number", [".nan", ".inf", "-.inf"])
+def test_a_number_that_is_not_finite_is_refused_where_it_stands(tmp_path, number):
+    """Every number of the good scene in turn."""
+    file, lines = tmp_path / "box.yaml", GOOD.split("\n")
+    numbers = [(i, found.span()) for i, line in enumerate(lines) for found in re.finditer(r"(?<=[ \[:])[0-9.]+\b", line)]
+    assert len(numbers) > 50
+    for index, (start, end) in numbers:
+        line = lines[index][:start] + number + lines[index][end:]
+        file.write_text("\n".join([*lines[:index], line, *lines[index + 1 :]]))
+        with pytest.raises(SceneError) as caught:
+            engines.load_scene(file)
+        assert str(caught.value).startswith(f"{file}:{index + 1} ") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", " \n", "\n\n# nothing\n", "\ufeff", "---\n"])
+def test_an_empty_scene_is_refused_with_file_and_line(tmp_path, text):
+    (tmp_path / "box.yaml").write_text(text)
+    with pytest.raises(SceneError, match=r"box\.yaml:[12][: ].*(a mapping is wanted|must be a mapping)"):
+        engines.load_scene(tmp_path / "box.yaml")
