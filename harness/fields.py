@@ -40,7 +40,7 @@ def integer(low: int, high: int) -> Callable[[Located], int]:
 
     def read(node: Located) -> int:
         value = node.value
-        if is_number(value) and math.isfinite(value) and value == int(value) and low <= value <= high:
+        if is_number(value) and low <= value <= high and value == int(value):
             return int(value)
         raise node.refuse(f"must be an integer in [{low}, {high}]")
 
@@ -48,11 +48,11 @@ def integer(low: int, high: int) -> Callable[[Located], int]:
 
 
 def number(low: float, high: float, open_low: bool = False) -> Callable[[Located], float]:
-    """A reader of finite numbers in [low, high], or (low, high] where `open_low`."""
+    """A reader of numbers in [low, high], both finite, or (low, high] where `open_low`."""
 
     def read(node: Located) -> float:
         value = node.value
-        if is_number(value) and math.isfinite(value) and low <= value <= high and not (open_low and value == low):
+        if is_number(value) and low <= value <= high and not (open_low and value == low):
             return float(value)
         raise node.refuse(f"must be a number in {'(' if open_low else '['}{low:g}, {high:g}]")
 

@@ -34,6 +34,8 @@ from engines.input_files import open_regular, unreadable
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 64
 MAX_ALIASES = 1000
+MAX_DIGITS = 1000
+"""Of a whole number: Python writes no more than 4300 in decimal, and messages show what was found."""
 MAX_NODES = 400_000
 """Values in a file, each use of an alias counted in full. PyYAML reads some 20,000 a second."""
 
@@ -324,6 +326,8 @@ def _scalar_value(text: str) -> Any:
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
+        if len(text) > MAX_DIGITS:
+            raise ValueError
         return int(text, 0 if text[:2] in ("0x", "0o") else 10)
     return float(text) if _FLOAT.fullmatch(text) else text
 
