@@ -279,7 +279,7 @@ def _opened_bitmap(file: Path) -> Iterator[Any]:
     from PIL import UnidentifiedImageError
 
     try:
-        with _decoding(file), Pillow.open(file, formats=PILLOW_FORMATS) as image:
+        with _decoding(file), open_regular(file) as stream, Pillow.open(stream, formats=PILLOW_FORMATS) as image:
             yield image
     except SceneError as problem:
         if isinstance(problem.__cause__, UnidentifiedImageError):

@@ -6,6 +6,7 @@ Opening a FIFO waits for its writer, opening a device may make it act, and readi
 from __future__ import annotations
 
 import errno
+import io
 import os
 import stat
 from os import PathLike
@@ -33,13 +34,21 @@ def open_regular(path: FilePath) -> BinaryIO:
     """
     _require_regular(path, os.stat(path))
     nonblocking = getattr(os, "O_NONBLOCK", 0)  # a FIFO may have come to this name since
-    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | nonblocking))  # noqa: SIM115
+    raw = io.FileIO(path, opener=lambda name, flags: os.open(name, flags | nonblocking))
     try:
-        _require_regular(path, os.fstat(file.fileno()))
+        _require_regular(path, os.fstat(raw.fileno()))
     except OSError:
-        file.close()
+        raw.close()
         raise
-    return file
+    return _RegularFile(raw)
+
+
+class _RegularFile(io.BufferedReader):
+    """Reserves no more than the file holds, where a decoder asks for as much as a damaged header says."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
+        return super().read(left if size is None or size < 0 else min(size, left))
 
 
 def unreadable(problem: OSError | ValueError) -> str:

@@ -80,6 +80,18 @@ def test_regular_files_are_read_and_others_refused_as_open_does(tmp_path):
     assert unreadable(caught.value) == "cannot be read: No such file or directory"
 
 
+def test_reading_reserves_no_more_than_the_file_holds(tmp_path):
+    (tmp_path / "a").write_bytes(b"abcdef")
+    script = """
+import resource
+from engines.input_files import open_regular
+with open_regular("a") as file:
+    resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
+    print(file.read(2), file.read(1 << 40), file.read(1 << 40), file.seek(1), file.read(), file.seek(9), file.read(1))
+"""
+    assert python(script, folder=tmp_path).strip() == "b'ab' b'cdef' b'' 1 b'bcdef' 9 b''"
+
+
 READERS = """
 import json, sys
 from pathlib import Path
