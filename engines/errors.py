@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_NAMES = 100
+"""Known names that a message lists."""
+
 
 class RaybenchError(Exception):
     """Base of every error caused by input; the command line prints it without a traceback and exits with 2.
@@ -47,8 +50,10 @@ class RendererFailed(RaybenchError):
 
 
 def suggestion(found: str, known: Iterable[str]) -> str:
-    """The second half of an unknown-name message: the nearest known name, if any is near, and all of them."""
+    """The second half of an unknown-name message: the nearest known name, if any is near, and all of them if they
+    are not too many."""
     names = sorted(map(str, known))
     near = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
     guess = f"did you mean {near[0]!r}? " if near else ""
-    return f"{guess}known: {', '.join(names) or 'none'}"
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"{guess}known: {', '.join(names[:MOST_NAMES]) or 'none'}{more}"

@@ -36,6 +36,8 @@ MAX_DEPTH = 64
 MAX_ALIASES = 1000
 MAX_DIGITS = 1000
 """Of a whole number: Python writes no more than 4300 in decimal, and messages show what was found."""
+MAX_SHOWN = 80
+"""Characters of a key or value in a message."""
 MAX_NODES = 400_000
 """Values in a file, each use of an alias counted in full. PyYAML reads some 20,000 a second."""
 
@@ -145,7 +147,7 @@ def locate(data: Any, name: str = "", error: type[RaybenchError] = SceneError) -
 
 
 def _where(origin: Origin, line: int, path: KeyPath) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step[:MAX_SHOWN]}" for step in path).lstrip(".")
     place = f"{origin.name}:{line}" if origin.name and line else origin.name
     return " ".join(part for part in (place, text) if part) or "top level"
 
@@ -154,7 +156,7 @@ def _found(value: Any) -> str:
     if isinstance(value, (dict, list, np.ndarray)):
         return ""
     shown = "null" if value is None else repr(value)
-    return f" = {shown if len(shown) <= 80 else shown[:77] + '...'}"
+    return f" = {shown if len(shown) <= MAX_SHOWN else shown[: MAX_SHOWN - 3] + '...'}"
 
 
 def _code(character: str | int) -> int:

@@ -72,7 +72,9 @@ def _chunk(kind: str, seed: int, first: int, end: int, folder: Path, limit: floa
         with tempfile.TemporaryFile() as log:
             module = kind if "." in kind else f"tests.fuzz.{kind}"
             words = [sys.executable, "-m", "tests.fuzz.worker", module, str(seed), str(first), str(end), str(folder)]
-            with subprocess.Popen(words, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log) as worker:
+            # Unbuffered: `select` does not see what a buffer holds.
+            pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": log, "bufsize": 0}
+            with subprocess.Popen(words, cwd=ROOT, **pipes) as worker:
                 assert worker.stdout is not None
                 for answer in _answers(worker.stdout, limit):
                     if "outcome" in answer:

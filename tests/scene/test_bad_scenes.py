@@ -10,6 +10,8 @@ import pytest
 
 import engines
 from engines.errors import SceneError
+from engines.scene import fields
+from engines.scene.yaml_file import Located, Origin
 
 GOOD = """\
 raybench_scene: 1
@@ -176,3 +178,23 @@ def test_an_empty_scene_is_refused_with_file_and_line(tmp_path, text):
     (tmp_path / "box.yaml").write_text(text)
     with pytest.raises(SceneError, match=r"box\.yaml:[12][: ].*(a mapping is wanted|must be a mapping)"):
         engines.load_scene(tmp_path / "box.yaml")
+
+
+def test_a_name_is_looked_up_without_a_walk_through_all_names():
+    class Names(dict):
+        def __iter__(self):
+            raise AssertionError("a search through all names, for every shape")
+
+    assert fields.one_of(Located("b", Origin("", SceneError)), Names(a=1, b=2), "material") == "b"
+
+
+def test_messages_are_short_whatever_they_quote_and_list():
+    scene = {"raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
+             "materials": {f"m{index}": {} for index in range(1000)},
+             "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "m" + "x" * 10_000}]}  # fmt: skip
+    with pytest.raises(SceneError, match=r"shapes\[0\].material = .*unknown material: known: .* and 900 more$") as caught:
+        engines.scene_from(scene)
+    assert len(str(caught.value)) < 2000
+    with pytest.raises(SceneError, match=r"^k{80}: unknown key") as caught:
+        engines.scene_from({"k" * 10_000: 1})
+    assert len(str(caught.value)) < 300
