@@ -10,6 +10,7 @@ from random import Random
 
 from engines.errors import SceneError
 
+MEBIBYTES = 64
 WAYS = ("accept", "refuse", "raise", "silent", "memory", "hang", "die", "accept")
 
 
@@ -28,7 +29,7 @@ def read(folder: Path) -> None:
     if way == "raise":
         raise KeyError("spp")
     if way == "memory":
-        bytearray(b"x" * (2200 << 20))
+        bytearray(b"x" * (100 << 20))
     elif way == "hang":
         time.sleep(600)
     elif way == "die":

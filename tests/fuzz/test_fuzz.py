@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -13,7 +14,7 @@ from tests.fuzz import mutate
 from tests.fuzz.runner import KINDS, run
 from tests.fuzz.worker import ROOT, run_case
 
-CASES = 60
+CASES = 40
 EVENTS = pytest.param("events", marks=pytest.mark.xfail(reason="readers of events do not check types yet", strict=False))
 
 
@@ -32,10 +33,11 @@ def test_what_is_damaged_was_whole(tmp_path, kind, monkeypatch):
     for name in ("mutated_bytes", "mutated_text", "mutated_tree", "scaled_tree"):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, lambda random, content: content)
-    outcomes = [run_case(module, 0, case, tmp_path / str(case)) for case in range(20)]
+    count = 4 if kind == "events" else 20
+    outcomes = [run_case(module, 0, case, tmp_path / str(case)) for case in range(count)]
     assert {outcome.outcome for outcome in outcomes} <= {"accepted", "refused"}
     whole = sum(outcome.outcome == "accepted" for outcome in outcomes)
-    assert whole >= (20 if kind in ("scenes", "events") else 10), outcomes
+    assert whole >= (count if kind in ("scenes", "events") else count / 2), outcomes
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -50,14 +52,14 @@ def test_a_case_is_the_same_when_it_is_repeated(tmp_path, kind):
 
 
 def test_cases_that_raise_hang_die_take_memory_or_say_too_little_are_failures(tmp_path):
-    tally = run("tests.fuzz.planted", 0, 0, 9, tmp_path, limit=10.0)
+    tally = run("tests.fuzz.planted", 0, 0, 9, tmp_path, limit=15.0)
     assert (tally.cases, tally.accepted, tally.refused) == (9, 3, 1)
     found = {failure.case: failure.what for failure in tally.failures}
     assert found.keys() == {2, 3, 4, 5, 6}
     assert found[2].startswith("tests/fuzz/planted.py:") and found[2].endswith("KeyError: 'spp'")
     assert "names none of a.txt" in found[3]
-    assert "MiB" in found[4] or "MemoryError" in found[4]
-    assert found[5] == "no answer within 10 s" and "SIGSEGV" in found[6]
+    assert re.fullmatch(r"took \d{3} MiB", found[4])
+    assert found[5] == "no answer within 15 s" and "SIGSEGV" in found[6]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["2", "3", "4", "5", "6"]
     assert (tmp_path / "5" / "a.txt").read_text() == "hang"
 
