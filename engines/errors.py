@@ -5,9 +5,21 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MOST_NAMES = 100
+"""Known names that a message lists."""
+
 
 class RaybenchError(Exception):
-    """Base of every error caused by input; the command line prints it without a traceback and exits with 2."""
+    """Base of every error caused by input; the command line prints it without a traceback and exits with 2.
+
+    Its text is one line whatever names it quotes: line feeds and terminal codes in it are shown as escapes.
+    """
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if text.isprintable():
+            return text
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class SceneError(RaybenchError):
@@ -38,8 +50,10 @@ class RendererFailed(RaybenchError):
 
 
 def suggestion(found: str, known: Iterable[str]) -> str:
-    """The second half of an unknown-name message: the nearest known name, if any is near, and all of them."""
+    """The second half of an unknown-name message: the nearest known name, if any is near, and all of them if they
+    are not too many."""
     names = sorted(map(str, known))
     near = difflib.get_close_matches(found, names, n=1, cutoff=0.6)
     guess = f"did you mean {near[0]!r}? " if near else ""
-    return f"{guess}known: {', '.join(names) or 'none'}"
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"{guess}known: {', '.join(names[:MOST_NAMES]) or 'none'}{more}"

@@ -11,7 +11,9 @@ import io
 import json
 import os
 import uuid
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engines.errors import ConfigError, SceneError, suggestion
 from engines.film import to_bitmap
+from engines.input_files import lacking_memory, open_regular, unreadable
 
 if TYPE_CHECKING:
     from engines.film import Film
@@ -31,10 +34,23 @@ FilePath = str | PathLike[str]
 
 ATTRIBUTE = "raybench"
 LAYERS = ("variance", "half0", "half1")
-BITMAPS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+FORMATS = {
+    ".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP",
+}  # fmt: skip
+BITMAPS = tuple(FORMATS)
 SUFFIXES = (".exr", *BITMAPS)
+PILLOW_FORMATS = tuple(dict.fromkeys(FORMATS.values()))
+"""Pillow goes by content, not by name, and starts a program for some formats (Ghostscript for EPS): it may try these alone."""
 MAX_PIXELS = 1 << 27
 """Largest image that is read, 16384 x 8192: 3 GiB in float64."""
+SMALL_PIXELS = 1 << 25
+"""Largest image, 8192 x 4096, of a file that has fewer bytes than pixels: more is not unpacked from next to nothing."""
+BYTES_PER_PIXEL = 32
+"""Memory at the height of reading: float64 beside what the decoder gave."""
+TILE_WIDTH, TILE_HEIGHT = 322, 323
+"""Tags of a TIFF."""
+MAX_CHANNELS = 16
+"""Channels of an EXR, over all its parts, for each pixel of the limits above; a film of ours has twelve."""
 
 
 class FilmLayers(NamedTuple):
@@ -99,9 +115,8 @@ def _write_bitmap(path: FilePath, bitmap: NDArray[np.uint8], provenance: Mapping
     if suffix == ".png":
         data = png_bytes(bitmap, provenance)
     else:
-        formats = {".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP"}
-        options = {"JPEG": {"quality": 95}, "WEBP": {"lossless": True}}.get(formats[suffix], {})
-        data = _encoded(bitmap, formats[suffix], **options)
+        options = {"JPEG": {"quality": 95}, "WEBP": {"lossless": True}}.get(FORMATS[suffix], {})
+        data = _encoded(bitmap, FORMATS[suffix], **options)
     _replace(path, lambda temporary: temporary.write_bytes(data))
 
 
@@ -147,7 +162,8 @@ def _json(provenance: Mapping[str, Any]) -> str:
 def read_image(path: FilePath) -> Image:
     """(h, w, 3) linear float64 of an EXR (R, G, B, or grey Y) or of an 8-bit file, decoded from sRGB.
 
-    Raises `SceneError` naming the file when it is missing, unreadable, corrupt, too large or of an unknown format.
+    Raises `SceneError` naming the file when it is missing, no regular file, unreadable, corrupt, too large (known from
+    its header, before anything is decoded) or of an unknown format.
     """
     file = _readable(path)
     if file.suffix.lower() == ".exr":
@@ -178,10 +194,8 @@ def read_provenance(path: FilePath) -> dict[str, Any]:
     if file.suffix.lower() == ".exr":
         text = _opened_exr(file, header_only=True).header().get(ATTRIBUTE)
     else:
-        from PIL import Image as Pillow
-
-        with _decoding(file), Pillow.open(file) as image:
-            text = getattr(image, "text", image.info).get(ATTRIBUTE)
+        with _opened_bitmap(file) as image:
+            text = image.info.get(ATTRIBUTE)  # `text` would decode the pixels
     try:
         found = json.loads(text) if isinstance(text, str) else {}
     except ValueError as problem:
@@ -194,26 +208,28 @@ def _readable(path: FilePath) -> Path:
     if file.suffix.lower() not in SUFFIXES:
         raise SceneError(f"{file}: unknown image format {file.suffix!r}: {suggestion(file.suffix, SUFFIXES)}")
     try:
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             empty = not stream.read(1)
     except (OSError, ValueError) as problem:
-        raise SceneError(f"{file}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from problem
+        raise SceneError(f"{file}: {unreadable(problem)}") from problem
     if empty:
         raise SceneError(f"{file}: is empty")
     return file
 
 
-class _decoding:
+@contextmanager
+def _decoding(file: Path) -> Iterator[None]:
     """Turns whatever a decoder raises inside the block into a `SceneError` naming the file."""
-
-    def __init__(self, file: Path) -> None:
-        self.file = file
-
-    def __enter__(self) -> None: ...
-
-    def __exit__(self, kind: Any, problem: BaseException | None, trace: Any) -> None:
-        if isinstance(problem, Exception) and not isinstance(problem, SceneError):
-            raise SceneError(f"{self.file}: is not a usable image: {problem}") from problem
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except SceneError:
+        raise
+    except MemoryError as problem:
+        raise SceneError(f"{file}: is not a usable image: decoding it takes more memory than there is") from problem
+    except Exception as problem:
+        raise SceneError(f"{file}: is not a usable image: {problem or type(problem).__name__}") from problem
 
 
 def _opened_exr(file: Path, header_only: bool) -> Any:
@@ -224,10 +240,25 @@ def _opened_exr(file: Path, header_only: bool) -> Any:
 
 
 def _exr_channels(file: Path) -> dict[str, NDArray[Any]]:
-    (left, top), (right, bottom) = _opened_exr(file, header_only=True).header()["dataWindow"]
-    _check_size(file, int(right) - int(left) + 1, int(bottom) - int(top) + 1)
+    import OpenEXR
+
+    limit, samples = _most_pixels(file), 0
     with _decoding(file):
-        return {name: channel.pixels for name, channel in _opened_exr(file, header_only=False).channels().items()}
+        parts = _opened_exr(file, header_only=True).parts
+        for part in parts:
+            if part.type() not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
+                raise SceneError(f"{file}: holds deep data: an EXR of one value for each pixel and channel is wanted")
+            (left, top), (right, bottom) = part.header["dataWindow"]
+            width, height = int(right) - int(left) + 1, int(bottom) - int(top) + 1
+            _check_size(file, width, height, limit)
+            samples += width * height * len(part.header["channels"])
+        if samples > MAX_CHANNELS * limit:
+            raise SceneError(f"{file}: has {samples} values: at most {MAX_CHANNELS * limit} are read from a file of its size")
+        _check_memory(file, 4.0 * samples)
+        opened = _opened_exr(file, header_only=False)
+        if len(opened.parts) != len(parts):  # a part that cannot be decoded is left out
+            raise SceneError(f"{file}: is not a usable image: its pixels are damaged or cut short")
+        return {name: channel.pixels for name, channel in opened.channels().items()}
 
 
 def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image:
@@ -236,16 +267,34 @@ def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image
         names = ["Y"] * 3
     missing = [name for name in names if name not in channels]
     if missing:
-        raise SceneError(f"{file}: channel {missing[0]!r} is missing: it has {', '.join(sorted(channels))}")
+        raise SceneError(f"{file}: channel {missing[0]!r} is missing: it has {', '.join(sorted(channels))}"[:500])
     with _decoding(file):
-        return np.stack([channels[name] for name in names], axis=2).astype(np.float64)
+        return np.stack([channels[name] for name in names], axis=2, dtype=np.float64, casting="safe")
+
+
+@contextmanager
+def _opened_bitmap(file: Path) -> Iterator[Any]:
+    """Pillow's image of a file of `PILLOW_FORMATS`; its header is read, its pixels are not."""
+    from PIL import Image as Pillow
+    from PIL import UnidentifiedImageError
+
+    try:
+        with _decoding(file), open_regular(file) as stream, Pillow.open(stream, formats=PILLOW_FORMATS) as image:
+            yield image
+    except SceneError as problem:
+        if isinstance(problem.__cause__, UnidentifiedImageError):
+            wanted = ", ".join(PILLOW_FORMATS)
+            raise SceneError(f"{file}: is not a usable image: the content of one of {wanted} is wanted") from problem
+        raise
 
 
 def _bitmap(file: Path) -> NDArray[np.uint8]:
-    from PIL import Image as Pillow
-
-    with _decoding(file), Pillow.open(file) as image:
-        _check_size(file, *image.size)
+    with _opened_bitmap(file) as image:
+        width, height = image.size
+        _check_size(file, width, height, _most_pixels(file))
+        tags = getattr(image, "tag_v2", {})
+        if TILE_WIDTH in tags and TILE_HEIGHT in tags:  # a TIFF's tiles may be larger than the image, and are decoded whole
+            _check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)
         return np.asarray(image.convert("RGB"))
 
 
@@ -255,6 +304,16 @@ def _decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
     return linear[bitmap]
 
 
-def _check_size(file: Path, width: int, height: int) -> None:
-    if not 0 < width * height <= MAX_PIXELS:
-        raise SceneError(f"{file}: has {width} x {height} pixels: at most {MAX_PIXELS} are read")
+def _most_pixels(file: Path) -> int:
+    return min(MAX_PIXELS, max(SMALL_PIXELS, file.stat().st_size))
+
+
+def _check_size(file: Path, width: int, height: int, most: int) -> None:
+    if not 0 < width * height <= most:
+        raise SceneError(f"{file}: has {width} x {height} pixels: at most {most} are read from a file of its size")
+    _check_memory(file, float(width) * height * BYTES_PER_PIXEL)
+
+
+def _check_memory(file: Path, needed: float) -> None:
+    if lacks := lacking_memory(needed):
+        raise SceneError(f"{file}: reading it {lacks}")

@@ -6,6 +6,7 @@ working directory's folder, then in the checkout's or the wheel's.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
@@ -37,12 +38,15 @@ def shown(path: Path) -> str:
 
 
 def find(kind: str, given: str, beside: Path | None = None) -> Path:
-    """The file of a `scenes` or `configs` name or path; raises `ConfigError` with the nearest known name."""
+    """The file of a `scenes` or `configs` name or path; raises `ConfigError` with the nearest known name.
+
+    What lies at a path may be anything: readers refuse all but regular files.
+    """
     looks_like_path = "/" in given or given.endswith((".yaml", ".yml"))
     for folder in ([beside] if beside else []) + [Path.cwd()]:
-        candidate = folder / Path(given).expanduser()
-        if looks_like_path and candidate.is_file():
-            return candidate.resolve()
+        candidate = os.path.join(folder, os.path.expanduser(given))
+        if looks_like_path and os.path.exists(candidate):  # where Path.exists raises for names that are too long
+            return Path(candidate).resolve()
     known = shipped(kind)
     if given in known:
         return known[given].resolve()

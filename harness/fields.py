@@ -42,7 +42,7 @@ def integer(low: int, high: int) -> Callable[[Located], int]:
 
     def read(node: Located) -> int:
         value = node.value
-        if is_number(value) and math.isfinite(value) and value == int(value) and low <= value <= high:
+        if is_number(value) and low <= value <= high and value == int(value):
             return int(value)
         raise node.refuse(f"must be an integer in [{low}, {high}]")
 
@@ -50,15 +50,24 @@ def integer(low: int, high: int) -> Callable[[Located], int]:
 
 
 def number(low: float, high: float, open_low: bool = False) -> Callable[[Located], float]:
-    """A reader of finite numbers in [low, high], or (low, high] where `open_low`."""
+    """A reader of numbers in [low, high], both finite, or (low, high] where `open_low`."""
 
     def read(node: Located) -> float:
         value = node.value
-        if is_number(value) and math.isfinite(value) and low <= value <= high and not (open_low and value == low):
+        if is_number(value) and low <= value <= high and not (open_low and value == low):
             return float(value)
         raise node.refuse(f"must be a number in {'(' if open_low else '['}{low:g}, {high:g}]")
 
     return read
+
+
+def finite(node: Located) -> None:
+    """Refuses infinities and NaN anywhere in a value."""
+    value = node.value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise node.refuse("must be finite")
+    for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        finite(child)
 
 
 def one_of(*names: str) -> Callable[[Located], str]:

@@ -7,6 +7,7 @@ the plugin object itself, or a factory called with the options written beside th
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -63,8 +64,8 @@ def _engine(node: Located, folder: Path) -> str:
     given = fields.text(node)
     if is_file(given):
         for place in (folder, Path.cwd()):
-            if (file := place / Path(given).expanduser()).is_file():
-                return str(file.resolve())
+            if os.path.isfile(file := os.path.join(place, os.path.expanduser(given))):
+                return str(Path(file).resolve())
         raise node.refuse("there is no such file")
     if ":" not in given and given not in known_names():
         raise node.refuse(f"unknown engine: {suggestion(given, known_names())}")
@@ -75,6 +76,7 @@ def _named_choice(kind: str, table: Mapping[str, Mapping[str, choices.Option]] |
     def read(node: Located, folder: Path) -> dict[str, Any]:
         if not isinstance(node.value, (str, dict)):
             raise node.refuse(f"a {kind}'s name, or {{name: ..., option: value}}, is wanted")
+        fields.finite(node)
         given = node.plain() if isinstance(node.value, dict) else {"name": fields.text(node)}
         if not isinstance(given.get("name"), str):
             raise node.refuse("the key 'name' is wanted")

@@ -36,3 +36,11 @@ def test_an_error_survives_the_way_from_a_worker_process(error):
 @pytest.mark.parametrize("kind", [UnknownName, Unsupported, SceneError, ConfigError])
 def test_every_error_of_input_has_one_base(kind):
     assert issubclass(kind, RaybenchError)
+
+
+@pytest.mark.parametrize("kind", [RaybenchError, SceneError, ConfigError, Unsupported])
+def test_a_message_is_one_line_whatever_it_quotes(kind):
+    error = kind("m\n\r\u2028.obj: \x1b[31mred\x07 \udc80 is ö")
+    assert str(error) == r"m\n\r\u2028.obj: \x1b[31mred\x07 \udc80 is ö"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+    assert "\n" not in str(UnknownName("engine", "a\nb", ["c\nd"]))

@@ -7,6 +7,7 @@ path integrator has a roulette of its own. Depths count in segments here and in 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -66,7 +67,7 @@ def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
         y = camera.height / 2.0
         x = y * width / height
         yield f'Camera "orthographic" "float screenwindow" [ {numbers((-x, x, -y, y))} ]'
-    name = Path(scene.source).stem or "scene"
+    name = re.sub(r"[^\w.-]", "_", Path(scene.source).stem) or "scene"  # a quote in it would end pbrt's string
     yield f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ] "string filename" [ "{name}.exr" ]'
     yield 'PixelFilter "box" "float xradius" [ 0.5 ] "float yradius" [ 0.5 ]'
     yield f'Sampler "independent" "integer pixelsamples" [ {spp} ]'

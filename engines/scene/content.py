@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from engines.scene.model import Camera, CustomCamera, Light, Material, Mesh, Shape
 
 VERSION = b"raybench scene 1"
+CHUNK = 1 << 20
+"""Numbers of an array that are copied at a time."""
 
 
 def content_hash(
@@ -48,20 +50,20 @@ def _fields(thing: Any, without: set[str]) -> list[Any]:
 def _mesh_materials(mesh: Mesh, values: Sequence[list[Any]]) -> tuple[list[Any], NDArray[np.int32]]:
     """The values of a mesh's materials in the order of first use, and for each face which of them it has."""
     used, first = np.unique(mesh.materials, return_index=True)
-    table: list[Any] = []
+    table: dict[tuple[Any, ...], int] = {}
     place = np.zeros(len(values), np.int32)
     for material in used[np.argsort(first)]:
-        if values[material] not in table:
-            table.append(values[material])
-        place[material] = table.index(values[material])
-    return table, place[mesh.materials]
+        place[material] = table.setdefault(tuple(values[material]), len(table))
+    return list(table), place[mesh.materials]
 
 
 def _feed(digest: Any, value: Any) -> None:
     """Adds a value with its type and extent, so that no two different structures give the same bytes."""
     if isinstance(value, np.ndarray):
         digest.update(f"a{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value + value.dtype.type(0)))  # + 0 turns -0.0 into 0.0
+        numbers = np.ascontiguousarray(value).reshape(-1)
+        for start in range(0, len(numbers), CHUNK):
+            digest.update(numbers[start : start + CHUNK] + value.dtype.type(0))  # + 0 turns -0.0 into 0.0
     elif isinstance(value, dict):
         _feed(digest, ["dict", *sorted(value.items())])
     elif isinstance(value, (list, tuple)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -49,8 +49,7 @@ def boolean(node: Located) -> bool:
     return node.value
 
 
-def one_of(node: Located, known: Iterable[str], what: str) -> str:
-    known = list(known)
+def one_of(node: Located, known: Collection[str], what: str) -> str:
     if not isinstance(node.value, str) or node.value not in known:
         raise node.refuse(f"unknown {what}: {suggestion(str(node.value), known)}")
     return node.value

@@ -52,6 +52,7 @@ class Place:
         It is looked for in `folder` (default: the scene's) and in the shipped scenes. Raises when it does not exist,
         or lies outside the scene's folder and the shipped scenes without `allow_outside`; links are followed first.
         """
+        what = "" if name == node.value else f"names {name[:80]!r}: "
         starts = [folder or self.folder, *scene_folders()]
         roots = [root.resolve() for root in (self.folder, *scene_folders())]
         outside = False
@@ -63,7 +64,7 @@ class Place:
                 elif found.exists():
                     return found
             except (OSError, ValueError, RuntimeError) as problem:
-                raise node.refuse(f"not a usable path: {problem}") from problem
+                raise node.refuse(f"{what}not a usable path: {getattr(problem, 'strerror', None) or problem}") from problem
         if outside:
-            raise node.refuse(f"lies outside the scene's folder {self.folder}: move it there, or allow_outside=True")
-        raise node.refuse(f"no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")
+            raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: move it there, or allow_outside=True")
+        raise node.refuse(f"{what}no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")

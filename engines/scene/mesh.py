@@ -7,7 +7,9 @@ of the file, and drops what an MTL says beyond Kd. Faces keep the order of the f
 from __future__ import annotations
 
 import io
+import os
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import SceneError
+from engines.input_files import open_regular, unreadable
 from engines.scene import fields
 from engines.scene.files import Place
 from engines.scene.geometry import fans, unit_rows
@@ -28,6 +31,8 @@ from engines.scene.yaml_file import Located
 SUFFIXES = (".obj", ".ply", ".stl")
 BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8}
 """Memory at the height of reading, for each byte of a file."""
+MAX_LIBRARIES = 1000
+"""MTL files of an OBJ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +68,12 @@ def read_mesh(node: Located, place: Place, smooth: bool, with_materials: bool) -
 
 def _content(node: Located, file: Path) -> bytes:
     try:
-        refuse_above_memory(node, file.stat().st_size * BYTES_PER_FILE_BYTE[file.suffix.lower()], "reading it")
-        data = file.read_bytes()
+        with open_regular(file) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            refuse_above_memory(node, size * BYTES_PER_FILE_BYTE[file.suffix.lower()], "reading it")
+            data = stream.read(size)
     except OSError as problem:
-        raise node.refuse(f"cannot be read: {problem.strerror or problem}") from problem
+        raise node.refuse(unreadable(problem)) from problem
     if not data.strip():
         raise node.refuse("is empty")
     return data
@@ -78,7 +85,6 @@ def _read_obj(
     if b"\0" in data:
         raise node.refuse("is not an OBJ file: it holds binary data")
     polygons = parse_obj(data.decode("latin-1"), lambda line, wanted: _at_line(node, file, line, wanted))
-    _check_finite(node, polygons.vertices)
     vertices, faces, normals = polygons.vertices, polygons.faces, None
     if smooth and polygons.face_normals is not None:
         vertices, faces, normals = _split_at_normals(node, polygons, polygons.face_normals)
@@ -107,24 +113,30 @@ def _split_at_normals(
 
 def _obj_materials(node: Located, place: Place, file: Path, polygons: Polygons) -> tuple[list[Material], list[str]]:
     """The materials in the order of `polygons.material_names`, and what to warn about."""
-    found: dict[str, Material] = {}
-    notes: list[str] = []
-    for library in polygons.libraries:
-        path = place.find(node, library, file.parent)
-        materials, more = read_mtl(path, node)
-        found |= materials
-        notes += more
     if not polygons.libraries:
         raise node.refuse("names no MTL file: name a material beside 'mesh'")
+    if len(polygons.libraries) > MAX_LIBRARIES:
+        raise node.refuse(f"names {len(polygons.libraries)} MTL files: at most {MAX_LIBRARIES} are read")
+    found: dict[str, Material] = {}
+    notes: dict[str, list[str]] = {}
+    files = dict.fromkeys(place.find(node, library, file.parent) for library in polygons.libraries)
+    for path in files:
+        materials, more = read_mtl(path, node)
+        found |= materials
+        for name, note in more:
+            notes.setdefault(name, []).append(note)
     for name in polygons.material_names:
         if name == "":
             raise node.refuse("has faces before its first usemtl: name a material beside 'mesh'")
         if name not in found:
-            raise node.refuse(f"uses material {name!r}, which is not in {', '.join(polygons.libraries)}")
-    used = set(polygons.material_names)
-    return [found[name] for name in polygons.material_names], [
-        text for text in notes if any(repr(name) in text for name in used)
-    ]
+            raise node.refuse(f"uses material {name!r}, which is not in {_listed(polygons.libraries)}")
+    names = polygons.material_names
+    return [found[name] for name in names], [note for name in names for note in notes.get(name, ())]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return ", ".join(names[:5]) + more
 
 
 def _read_with_trimesh(node: Located, file: Path, data: bytes, smooth: bool) -> MeshData:

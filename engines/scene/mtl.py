@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from engines.errors import SceneError
+from engines.input_files import open_regular, unreadable
 from engines.scene.materials import ENERGY_TOLERANCE, energy
 from engines.scene.model import BLACK, Material, Triple
 from engines.scene.yaml_file import Located
@@ -26,18 +27,20 @@ _NUMBERS = ("d", "tr", "ni", "illum")
 Raw = dict[str, Triple | float]
 
 
-def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[str]]:
-    """Materials by name, and what to warn about. Raises `SceneError` with the file and the line of what is wrong."""
+def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[tuple[str, str]]]:
+    """Materials by name, and what to warn about: (name of the material, sentence).
+
+    Raises `SceneError` with the file and the line of what is wrong."""
     try:
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             data = stream.read(MAX_BYTES + 1)
     except OSError as problem:
-        raise node.refuse(f"its MTL {file} cannot be read: {problem.strerror or problem}") from problem
+        raise node.refuse(f"its MTL {file} {unreadable(problem)}") from problem
     if b"\0" in data or len(data) > MAX_BYTES:
         raise node.refuse(f"its MTL {file} is not an MTL file: it holds binary data or passes 16 MiB")
     raw: dict[str, Raw] = {}
-    textured: list[str] = []
-    current: Raw | None = None
+    textured: dict[str, None] = {}
+    name, current = "", None
     lines = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for number, line in enumerate(lines, 1):
         parts = line.split("#", 1)[0].split()
@@ -47,16 +50,17 @@ def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[str]]
         if key == "newmtl":
             name = line.split(None, 1)[1].strip()
             current = raw.setdefault(name, {})
-        elif key.startswith("map_kd") and raw:
-            textured.append(next(reversed(raw)))
+        elif key.startswith("map_kd") and current is not None:
+            textured[name] = None
         elif key in _COLORS or key in _NUMBERS:
             if current is None:
                 raise _wrong(node, file, number, f"{parts[0]} stands before the first newmtl")
             current[key] = _value(node, file, number, key, parts[1:])
-    materials, warnings = {}, [f"{file.name}: textures are not read: material {name!r}" for name in textured]
+    warnings = [(name, f"{file.name}: textures are not read: material {name!r}") for name in textured]
+    materials: dict[str, Material] = {}
     for name, values in raw.items():
         materials[name], warning = _material(name, values, file)
-        warnings += warning
+        warnings += [(name, text) for text in warning]
     return materials, warnings
 
 

@@ -7,7 +7,7 @@ left aside. A fan is right for convex polygons; a concave one must be triangulat
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,20 +45,23 @@ class _Statements:
 def parse_obj(text: str, at_line: AtLine) -> Polygons:
     """Raises what `at_line` makes for numbers that are none, indices out of range, and files without faces."""
     kinds = {"v": _Statements(), "vn": _Statements(), "f": _Statements(), "usemtl": _Statements()}
-    libraries: list[str] = []
-    text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " ")
-    for number, line in enumerate(text.split("\n"), 1):
+    libraries: dict[str, None] = {}
+    for number, line in _whole_lines(text.replace("\r\n", "\n").replace("\r", "\n")):
         parts = line.split(None, 1)
         if len(parts) == 2:
             if parts[0] in kinds:
                 statements = kinds[parts[0]]
                 statements.text.append(parts[1])
                 statements.lines.append(number)
-            elif parts[0] == "mtllib" and parts[1].strip() not in libraries:
-                libraries.append(parts[1].strip())
+            elif parts[0] == "mtllib":
+                libraries[parts[1].strip()] = None
     if not kinds["f"].text:
         raise at_line(1, "not an OBJ file with faces")
     vertices, normals = _rows(kinds["v"], at_line), _rows(kinds["vn"], at_line)
+    finite = np.isfinite(vertices).all(axis=1)
+    if not finite.all():
+        wrong = int(np.argmin(finite))
+        raise at_line(kinds["v"].lines[wrong], f"{_shown(kinds['v'].text[wrong])}: finite numbers are wanted")
     corners, corner_normals, counts = _corners(kinds["f"], at_line)
     lines = np.repeat(np.array(kinds["f"].lines), counts)
     corners = _absolute(corners, lines, kinds["v"].lines, "vertex", at_line)
@@ -68,8 +71,23 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
         face_normals = _absolute(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
     materials, names = _materials(kinds["usemtl"], kinds["f"].lines)
     return Polygons(
-        vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, libraries
+        vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, list(libraries)
     )  # fmt: skip
+
+
+def _whole_lines(text: str) -> Iterator[tuple[int, str]]:
+    """Lines, each with the number of its first, where a backslash at the end has the next one continue it."""
+    lines = text.split("\n")
+    if "\\\n" not in text:
+        yield from enumerate(lines, 1)
+        return
+    parts: list[str] = []
+    for number, line in enumerate(lines, 1):
+        continued = line.endswith("\\") and number < len(lines)
+        parts.append(line[:-1] if continued else line)
+        if not continued:
+            yield number - len(parts) + 1, " ".join(parts)
+            parts = []
 
 
 def _rows(statements: _Statements, at_line: AtLine) -> NDArray[np.float64]:
@@ -84,8 +102,11 @@ def _rows(statements: _Statements, at_line: AtLine) -> NDArray[np.float64]:
         return np.array([list(map(float, line.split()[:3])) for line in lines], np.float64).reshape(-1, 3)
     except ValueError:
         wrong = next(i for i, line in enumerate(lines) if len(line.split()) < 3 or not _are_numbers(line.split()))
-        text = statements.text[wrong].strip()[:80]
-        raise at_line(statements.lines[wrong], f"{text!r}: three numbers are wanted") from None
+        raise at_line(statements.lines[wrong], f"{_shown(statements.text[wrong])}: three numbers are wanted") from None
+
+
+def _shown(text: str) -> str:
+    return repr(text.strip()[:80])
 
 
 def _without_comments(lines: list[str]) -> list[str]:
@@ -112,8 +133,7 @@ def _corners(
         vertices, normals = _corner_numbers(joined)
     except (ValueError, OverflowError):
         wrong = next(i for i, line in enumerate(lines) if not all(map(_is_corner, line.split())))
-        text = faces.text[wrong].strip()[:80]
-        raise at_line(faces.lines[wrong], f"{text!r}: not a list of corners") from None
+        raise at_line(faces.lines[wrong], f"{_shown(faces.text[wrong])}: not a list of corners") from None
     return vertices, normals, counts
 
 
@@ -157,13 +177,10 @@ def _absolute(
 
 def _materials(uses: _Statements, face_lines: list[int]) -> tuple[NDArray[np.int32], list[str]]:
     """The material of each face as an index into the names, in the order of first use; only used names count."""
-    names: list[str] = []
+    names: dict[str, int] = {}
     found = np.zeros(len(face_lines), np.int32)
     starts = [0, *(bisect_left(face_lines, line) for line in uses.lines), len(face_lines)]
     for name, start, end in zip(["", *(text.strip() for text in uses.text)], starts[:-1], starts[1:], strict=True):
-        if start == end:
-            continue
-        if name not in names:
-            names.append(name)
-        found[start:end] = names.index(name)
-    return found, names
+        if start < end:
+            found[start:end] = names.setdefault(name, len(names))
+    return found, list(names)

@@ -23,17 +23,21 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike, fspath
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
 from engines.errors import RaybenchError, SceneError, suggestion
+from engines.input_files import open_regular, unreadable
 
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 64
 MAX_ALIASES = 1000
+MAX_DIGITS = 1000
+"""Of a whole number: Python writes no more than 4300 in decimal, and messages show what was found."""
+MAX_SHOWN = 80
+"""Characters of a key or value in a message."""
 MAX_NODES = 400_000
 """Values in a file, each use of an alias counted in full. PyYAML reads some 20,000 a second."""
 
@@ -101,14 +105,15 @@ class Located:
 def read_yaml(path: str | PathLike[str], error: type[RaybenchError] = SceneError, name: str = "") -> Located:
     """The tree of a YAML file, which messages call `name` or by its path.
 
-    Raises `error` for files that are missing, unreadable, empty, too large, not text or not strict YAML.
+    Raises `error` for files that are missing, no regular files, unreadable, empty, too large, not text or not strict
+    YAML.
     """
     name = name or fspath(path)
     try:
-        with Path(path).open("rb") as stream:
+        with open_regular(path) as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as problem:
-        raise error(f"{name}: cannot be read: {getattr(problem, 'strerror', None) or problem}") from problem
+        raise error(f"{name}: {unreadable(problem)}") from problem
     if len(data) > MAX_BYTES:
         raise error(f"{name}: larger than {MAX_BYTES // 2**20} MiB: put meshes into files of their own")
     try:
@@ -142,7 +147,7 @@ def locate(data: Any, name: str = "", error: type[RaybenchError] = SceneError) -
 
 
 def _where(origin: Origin, line: int, path: KeyPath) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step[:MAX_SHOWN]}" for step in path).lstrip(".")
     place = f"{origin.name}:{line}" if origin.name and line else origin.name
     return " ".join(part for part in (place, text) if part) or "top level"
 
@@ -151,7 +156,7 @@ def _found(value: Any) -> str:
     if isinstance(value, (dict, list, np.ndarray)):
         return ""
     shown = "null" if value is None else repr(value)
-    return f" = {shown if len(shown) <= 80 else shown[:77] + '...'}"
+    return f" = {shown if len(shown) <= MAX_SHOWN else shown[: MAX_SHOWN - 3] + '...'}"
 
 
 def _code(character: str | int) -> int:
@@ -204,7 +209,7 @@ class _Composer:
             elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
                 self._end()
         if self.root is None or (self.root.value is None and not text.strip()):
-            raise self._error(0, "empty: a mapping is wanted")
+            raise self._error(1, "empty: a mapping is wanted")
         return self.root
 
     def _error(self, line: int, wanted: str, path: KeyPath = ()) -> RaybenchError:
@@ -323,6 +328,8 @@ def _scalar_value(text: str) -> Any:
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
+        if len(text) > MAX_DIGITS:
+            raise ValueError
         return int(text, 0 if text[:2] in ("0x", "0o") else 10)
     return float(text) if _FLOAT.fullmatch(text) else text
 

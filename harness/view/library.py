@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
+from engines.input_files import open_regular
 from harness import catalog, confined
 
 MOST_LISTED = 500
@@ -71,7 +72,7 @@ class Library:
 
 def _is_scene(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return b"raybench_scene" in file.read(HEAD)
     except OSError:
         return False

@@ -216,7 +216,7 @@ def test_a_mistake_is_told_with_file_line_key_and_what_is_wanted(mistake):
         ("raybench_experiment: 1\nengine: numba\nscene: cornel_box\n", "a.yaml:3 scene: unknown scene 'cornel_box'"),
         ("raybench_experiment: 1\nengine: numba\nscene: a/b.yaml\n", "a.yaml:3 scene: scene 'a/b.yaml': there is no"),
         ("- 1\n", "a.yaml:1: a mapping is wanted"),
-        ("", "a.yaml: empty"),
+        ("", "a.yaml:1: empty"),
     ],
 )
 def test_a_file_that_is_no_experiment_is_refused(text, message):

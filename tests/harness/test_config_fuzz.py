@@ -4,44 +4,23 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 import time
 from pathlib import Path
 
+import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engines.errors import ConfigError
-from engines.scene.yaml_file import parse_yaml, read_yaml
+from engines.scene.yaml_file import parse_yaml
 from harness import config
+from tests.fuzz.configs import FULL, TREE
+from tests.fuzz.mutate import WRONG, parent_of, places
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-FULL = """\
-raybench_experiment: 1
-name: all keys
-matrix:
-  scene: [cornell_box, two_spheres]
-  engine: [numpy, numba]
-  threads: [1, 2]
-  accelerator: [none, {name: grid}]
-  shader: [{name: path_tracer, max_depth: 6}]
-  sampler: [random, {name: stratified, strata: 16}]
-zip: [{precision: [float32, float64], resolution: [[8, 8], [16, 12]]}]
-exclude: [{engine: numpy, threads: {ge: 2}}]
-include: [{scene: cornell_box, engine: embree, accelerator: embree}]
-extend: [{where: {engine: numba}, set: {precision: float32}}]
-budget: {max_time: 20s, max_spp: 1024, timeout: 5m}
-checkpoints: {ratio: 1.4142, start: 1}
-repeats: 3
-order: {policy: blocks, seed: 1}
-reference: {engine: numba, spp: 128, seed: 9000}
-quality: {metric: relmse, epsilon: 1e-2, targets: [1.0e-1, 1e-2, 0.001]}
-images: last
-control: true
-"""
-TREE = yaml.safe_load(FULL)
-WRONG = [math.nan, -math.inf, -1, 0, 2**70, 1.5, True, None, "", "x", "1e400s", "\x07", "numba", [], [[]], {}, {"x": {"y": 1}},
-         {"name": "grid", "name2": 1}, [1, [2, {"a": 3}]], "9" * 400, "*.yaml", "../../etc/passwd", "a:b"]  # fmt: skip
+PLACES = places(TREE)
 
 
 def reads_or_refuses(text, overrides=()):
@@ -57,15 +36,6 @@ def reads_or_refuses(text, overrides=()):
         assert "\n" not in problem and len(problem) < 2000
     assert time.perf_counter() - start < 60
     return problem
-
-
-def _places(data, path=()):
-    children = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    found = [path] if path else []
-    return found + [place for key, child in children for place in _places(child, (*path, key))]
-
-
-PLACES = _places(TREE)
 
 
 def test_the_file_that_is_mutated_is_right():
@@ -90,24 +60,6 @@ def test_a_value_or_key_put_wrong_is_read_or_refused(path, wrong, rename, drop):
         assert problem is not None
 
 
-@settings(max_examples=80)
-@given(st.data())
-def test_flipped_and_missing_bytes_are_read_or_refused(tmp_path_factory, data):
-    content = bytearray(FULL.encode())
-    for _ in range(data.draw(st.integers(1, 5))):
-        content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
-    if data.draw(st.booleans()):
-        content = content[: data.draw(st.integers(0, len(content)))]
-    file = tmp_path_factory.mktemp("flipped") / "a.yaml"
-    file.write_bytes(content)
-    start = time.perf_counter()
-    try:
-        config.parse(read_yaml(file, ConfigError), ROOT)
-    except ConfigError as problem:
-        assert "\n" not in str(problem)
-    assert time.perf_counter() - start < 60
-
-
 @settings(max_examples=60)
 @given(
     st.text(max_size=30),
@@ -115,3 +67,19 @@ def test_flipped_and_missing_bytes_are_read_or_refused(tmp_path_factory, data):
 )
 def test_any_override_is_read_or_refused(text, head):
     reads_or_refuses(FULL, [head + text])
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 10**400])
+def test_a_number_that_is_not_finite_or_too_large_is_refused_with_file_and_line(number):
+    """Titles and conditions of rules aside, where it is text, and matches nothing."""
+    places_of_numbers = [path for path in PLACES if path != ("name",) and path[0] not in ("exclude", "extend")]
+    extra = [] if number == 10**400 else [("accelerator", "leaf"), ("shader", "sizes"), ("sampler", "x")]
+    for path in [*places_of_numbers, *extra]:
+        tree = copy.deepcopy(TREE)
+        if path in extra:
+            tree["matrix"].pop(path[0])
+            tree[path[0]] = {"name": "plugin:plugin", path[1]: [{"x": number}]}
+        else:
+            parent_of(tree, path)[path[-1]] = number
+        problem = reads_or_refuses(yaml.safe_dump(tree, sort_keys=False))
+        assert problem is not None and re.match(r"a\.yaml:\d+[: ]", problem), (path, problem)

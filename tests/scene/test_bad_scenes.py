@@ -10,6 +10,8 @@ import pytest
 
 import engines
 from engines.errors import SceneError
+from engines.scene import fields
+from engines.scene.yaml_file import Located, Origin
 
 GOOD = """\
 raybench_scene: 1
@@ -155,3 +157,44 @@ def test_unknown_bare_names_list_the_nearest():
 def test_paths_that_are_none_are_refused(name):
     with pytest.raises(SceneError):
         engines.load_scene(name)
+
+
+@pytest.mark.parametrize("number", [".nan", ".inf", "-.inf"])
+def test_a_number_that_is_not_finite_is_refused_where_it_stands(tmp_path, number):
+    """Every number of the good scene in turn."""
+    file, lines = tmp_path / "box.yaml", GOOD.split("\n")
+    numbers = [(i, found.span()) for i, line in enumerate(lines) for found in re.finditer(r"(?<=[ \[:])[0-9.]+\b", line)]
+    assert len(numbers) > 50
+    for index, (start, end) in numbers:
+        line = lines[index][:start] + number + lines[index][end:]
+        file.write_text("\n".join([*lines[:index], line, *lines[index + 1 :]]))
+        with pytest.raises(SceneError) as caught:
+            engines.load_scene(file)
+        assert str(caught.value).startswith(f"{file}:{index + 1} ") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", " \n", "\n\n# nothing\n", "\ufeff", "---\n"])
+def test_an_empty_scene_is_refused_with_file_and_line(tmp_path, text):
+    (tmp_path / "box.yaml").write_text(text)
+    with pytest.raises(SceneError, match=r"box\.yaml:[12][: ].*(a mapping is wanted|must be a mapping)"):
+        engines.load_scene(tmp_path / "box.yaml")
+
+
+def test_a_name_is_looked_up_without_a_walk_through_all_names():
+    class Names(dict):
+        def __iter__(self):
+            raise AssertionError("a search through all names, for every shape")
+
+    assert fields.one_of(Located("b", Origin("", SceneError)), Names(a=1, b=2), "material") == "b"
+
+
+def test_messages_are_short_whatever_they_quote_and_list():
+    scene = {"raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
+             "materials": {f"m{index}": {} for index in range(1000)},
+             "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "m" + "x" * 10_000}]}  # fmt: skip
+    with pytest.raises(SceneError, match=r"shapes\[0\].material = .*unknown material: known: .* and 900 more$") as caught:
+        engines.scene_from(scene)
+    assert len(str(caught.value)) < 2000
+    with pytest.raises(SceneError, match=r"^k{80}: unknown key") as caught:
+        engines.scene_from({"k" * 10_000: 1})
+    assert len(str(caught.value)) < 300

@@ -1,23 +1,20 @@
-"""Random scenes: valid ones load and render, one mutation raises SceneError and nothing else, flipped bytes end quickly."""
+"""Random scenes: valid ones load and render, one mutation raises SceneError and nothing else. Files: tests/fuzz."""
 
 from __future__ import annotations
 
 import contextlib
 import copy
-import io
-import math
 import struct
-import time
 
 import numpy as np
 import pytest
-import trimesh
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import engines
 from engines.errors import SceneError
+from tests.fuzz.mutate import NEVER_RIGHT, places
 
 QUICK = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -78,26 +75,20 @@ def test_valid_scenes_load_the_same_from_python_and_from_yaml(tmp_path, data):
     assert engines.load_scene(tmp_path / "s.yaml").content_hash == scene.content_hash
 
 
-def _places(data, path=()):
-    """The paths of all values in a tree."""
-    children = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
-    found = [path] if path else []
-    return found + [place for key, child in children for place in _places(child, (*path, key))]
-
-
-WRONG = [math.nan, math.inf, -math.inf, {"x": {"y": 1}}, [[[]]], "\x00text", 10**400, object(), [1, 2, 3, 4], b"x"]
+UNWRITTEN = [object(), b"x"]
+"""What YAML cannot say."""
 
 
 @QUICK
 @given(scenes(), st.data())
 def test_one_wrong_value_raises_scene_error_and_nothing_else(data, choice):
-    path = choice.draw(st.sampled_from([p for p in _places(data) if p[0] != "name" and len(p) > 0]))
+    path = choice.draw(st.sampled_from([p for p in places(data) if p[0] != "name" and len(p) > 0]))
     mutated = copy.deepcopy(data)
     parent = mutated
     for step in path[:-1]:
         parent = parent[step]
     if choice.draw(st.booleans()) or not isinstance(parent, dict):
-        parent[path[-1]] = choice.draw(st.sampled_from(WRONG))
+        parent[path[-1]] = choice.draw(st.sampled_from(NEVER_RIGHT + UNWRITTEN))
     else:
         parent[f"{path[-1]}x"] = parent.pop(path[-1])
     if path == ("camera", "type") and parent.get("type").__class__ is object:
@@ -168,56 +159,3 @@ def test_any_finite_bit_patterns_are_traced_and_never_crash(engine, bits):
             continue  # an engine may refuse what its arithmetic cannot hold
         assert not np.isnan(hits.t).any() and (hits.t > 0).all()
         assert ((hits.primitive >= 0) == np.isfinite(hits.t)).all() and (hits.primitive < 4).all()
-
-
-def _export(kind):
-    mesh = trimesh.creation.icosphere(1)
-    found = mesh.export(file_type=kind) if kind != "ascii.ply" else mesh.export(file_type="ply", encoding="ascii")
-    return found if isinstance(found, bytes) else found.encode()
-
-
-FILES = {
-    "s.yaml": yaml.safe_dump({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0]},
-        "materials": {"m": {"kd": [0.5, 0.4, 0.3]}, "lamp": {"emission": 1e-3}},
-        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1.5}, "material": "m"},
-                   {"procedural": {"name": "tessellated_sphere", "subdivisions": 1}, "material": "lamp"}],
-        "lights": [{"point": {"position": [0, 3, 0], "intensity": 10}}],
-    }).encode(),
-    "m.obj": b"mtllib m.mtl\n" + _export("obj") + b"\nusemtl a\nvn 0 0 1\nf 1//1 2//1 -1//-1 4//1\n",
-    "m.mtl": b"newmtl a\nKd 0.5 0.4 0.3\nKs 0.1 0.1 0.1\nillum 3\nnewmtl b\nKe 17 12 4\nNi 1.5\nillum 7\n",
-    "m.ply": _export("ply"),
-    "ascii.ply": _export("ascii.ply"),
-    "m.stl": _export("stl"),
-    "ascii.stl": _export("stl_ascii"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", FILES)
-@settings(QUICK, max_examples=80)
-@given(data=st.data())
-def test_flipped_and_missing_bytes_end_quickly_in_a_scene_or_a_scene_error(tmp_path, name, data):
-    content = bytearray(FILES[name])
-    for _ in range(data.draw(st.integers(1, 4))):
-        # half of the flips go into the head, where formats keep their counts
-        last = data.draw(st.sampled_from([min(300, len(content)), len(content)])) - 1
-        content[data.draw(st.integers(0, last))] ^= 1 << data.draw(st.integers(0, 7))
-    if data.draw(st.booleans()):
-        content = content[: data.draw(st.integers(0, len(content)))]
-    (tmp_path / "m.obj").write_bytes(b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n")
-    (tmp_path / name).write_bytes(content)
-    start = time.perf_counter()
-    try:
-        if name == "s.yaml":
-            engines.load_scene(tmp_path / name)
-        else:
-            mesh = {"mesh": {"file": name, "smooth": True}, "material": "m"}
-            if name == "m.mtl":
-                mesh = {"mesh": {"file": "m.obj"}}
-            found = yaml.safe_load(io.BytesIO(FILES["s.yaml"])) | {"shapes": [mesh]}
-            shape = engines.scene_from(found, folder=tmp_path).shapes[0]
-            assert np.isfinite(shape.vertices).all() and shape.faces.max() < len(shape.vertices)
-    except SceneError as problem:
-        assert "\n" not in str(problem)
-    assert time.perf_counter() - start < 2.0

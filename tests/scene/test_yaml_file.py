@@ -113,10 +113,10 @@ def test_files_that_cannot_be_read_are_refused(tmp_path, monkeypatch):
         return str(caught.value)
 
     assert "No such file" in refused("missing.yaml")
-    assert "empty" in refused("empty.yaml", b"")
+    assert ":1: empty" in refused("empty.yaml", b"") and ":1: empty" in refused("comment.yaml", b"# nothing\n")
     assert ":2: not UTF-8 text: byte 0xff" in refused("binary.yaml", b"a: 1\nb: \xff\xfe")
     (tmp_path / "folder.yaml").mkdir()
-    assert "directory" in refused("folder.yaml")
+    assert "is not a regular file but a folder" in refused("folder.yaml")
     monkeypatch.setattr(yaml_file, "MAX_BYTES", 100)
     assert "larger than" in refused("large.yaml", b"a" * 101)
 
@@ -137,3 +137,10 @@ def test_plain_data_becomes_the_same_tree_without_lines():
         locate({"a": loop})
     with pytest.raises(SceneError, match="keys are text"):
         locate({"a": {1: 2}})
+
+
+@pytest.mark.parametrize("number", ["9" * 1001, "0x" + "f" * 100_000, "0o" + "7" * 5000, "9" * 100_000])
+def test_numbers_of_too_many_digits_are_refused_with_the_line(number):
+    with pytest.raises(SceneError, match=r"a\.yaml:2: a number with too many digits"):
+        parse_yaml(f"a: 1\nb: {number}\n", "a.yaml")
+    assert parse_yaml(f"a: {'9' * 400}").plain() == {"a": int("9" * 400)}

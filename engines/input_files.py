@@ -1,0 +1,86 @@
+"""Files that somebody else wrote or named: only regular ones are opened, and only what fits into memory is read.
+
+Opening a FIFO waits for its writer, opening a device may make it act, and reading either need not end.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import stat
+from os import PathLike
+from typing import BinaryIO
+
+import psutil
+
+FilePath = str | PathLike[str]
+
+_KINDS = {
+    stat.S_IFDIR: "a folder", stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}  # fmt: skip
+
+
+class NotRegularFile(OSError):
+    """A path that leads to something else than a regular file; links are followed."""
+
+
+def open_regular(path: FilePath) -> BinaryIO:
+    """A regular file, open for reading its bytes. Never waits.
+
+    Raises `NotRegularFile` for folders, FIFOs, sockets and devices, and what `open` raises: `OSError`, or `ValueError`
+    for names that no file can have.
+    """
+    _require_regular(path, os.stat(path))
+    nonblocking = getattr(os, "O_NONBLOCK", 0)  # a FIFO may have come to this name since
+    raw = io.FileIO(path, opener=lambda name, flags: os.open(name, flags | nonblocking))
+    try:
+        _require_regular(path, os.fstat(raw.fileno()))
+    except OSError:
+        raw.close()
+        raise
+    return _RegularFile(raw)
+
+
+class _RegularFile(io.BufferedReader):
+    """Reserves no more than the file holds, where a decoder asks for as much as a damaged header says."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
+        return super().read(left if size is None or size < 0 else min(size, left))
+
+
+def unreadable(problem: OSError | ValueError) -> str:
+    """What a message says after the file's name: `is not a regular file but a FIFO`, `cannot be read: Permission denied`."""
+    reason = getattr(problem, "strerror", None) or str(problem)
+    return reason if isinstance(problem, NotRegularFile) else f"cannot be read: {reason}"
+
+
+def _require_regular(path: FilePath, found: os.stat_result) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "something else")
+        raise NotRegularFile(errno.EINVAL, f"is not a regular file but {kind}", os.fspath(path))
+
+
+def lacking_memory(needed: float) -> str:
+    """Empty where `needed` bytes fit into the memory of this machine and of this process, else why they do not."""
+    total, has = psutil.virtual_memory().total, "this machine has"
+    allowed = _address_space()
+    if allowed < total:
+        total, has = allowed, "this process may take"
+    return f"would need {_gibibytes(needed)}: {has} {_gibibytes(total)}" if needed > total else ""
+
+
+def _address_space() -> float:
+    """Bytes that `ulimit -v` still allows to this process."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return float("inf")
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return float("inf") if soft == resource.RLIM_INFINITY else float(soft - psutil.Process().memory_info().vms)
+
+
+def _gibibytes(size: float) -> str:
+    return f"{size / 2**30:.3g} GiB"
