@@ -15,10 +15,9 @@ from tests.fuzz.runner import KINDS, run
 from tests.fuzz.worker import ROOT, run_case
 
 CASES = 40
-EVENTS = pytest.param("events", marks=pytest.mark.xfail(reason="readers of events do not check types yet", strict=False))
 
 
-@pytest.mark.parametrize("kind", [*(kind for kind in KINDS if kind != "events"), EVENTS])
+@pytest.mark.parametrize("kind", KINDS)
 def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, kind):
     tally = run(kind, 0, 0, CASES, tmp_path, limit=60.0)
     assert tally.failures == []
