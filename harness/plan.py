@@ -26,7 +26,7 @@ from harness.examinations import Examination, planned
 from harness.identity import digest
 from harness.references import Certifier, ReferenceWanted
 from harness.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
-from harness.sources import engine_code, is_own, plugin_code
+from harness.sources import engine_code, plugin_code
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
@@ -302,10 +302,7 @@ def _reference(
         "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
         **{key: value for key, value in asked_of.items() if key != "threads"},
     }  # fmt: skip
-    # A change of raybench's own code that changes no version changes no converged image, and references take long.
-    code = {} if is_own(engine) else {"engine": known.code(given.engine)}
-    code |= _plugin_codes(asked_of)
-    asked |= {"code": code} if code else {}
+    asked["code"] = {"engine": known.code(given.engine), **_plugin_codes(asked_of)}
     from harness.machine import usable_cores
 
     threads = given.threads or len(usable_cores())
@@ -321,7 +318,7 @@ def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Kno
     engine = known.engines[name]
     given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
     given["precision"] = _precision(engine, scene, given, known.allow_imports)
-    version = str(engine.version) if is_own(engine) else f"{engine.version}+{known.code(name)[:8]}"
+    version = f"{engine.version}+{known.code(name)[:8]}"
     return Certifier(name, version, given, _why_not(engine, scene, given, known.allow_imports))
 
 

@@ -42,12 +42,6 @@ def plugin_code(plugin: Any, name: str) -> str:
     return _digest(_files(path for path in _paths(_own_modules(plugin, name)) if not path.is_relative_to(OWN)))
 
 
-def is_own(engine: Engine) -> bool:
-    """Whether an engine comes with raybench and runs no program of others."""
-    paths = _paths([type(engine).__module__])
-    return bool(paths) and paths[0].is_relative_to(OWN) and not hasattr(engine, "source_files")
-
-
 def _own_modules(found: Any, name: str) -> list[str]:
     """The module that `name` names and the one that a thing is defined in."""
     module, colon, _ = name.partition(":")
