@@ -23,7 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from engines.errors import ConfigError, SceneError, suggestion
 from engines.film import to_bitmap
-from engines.input_files import lacking_memory, open_regular, unreadable
+from engines.input_files import open_regular, unreadable
+from engines.memory import lacking_memory
 
 if TYPE_CHECKING:
     from engines.film import Film

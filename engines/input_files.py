@@ -1,4 +1,4 @@
-"""Files that somebody else wrote or named: only regular ones are opened, and only what fits into memory is read.
+"""Files that somebody else wrote or named: only regular ones are opened.
 
 Opening a FIFO waits for its writer, opening a device may make it act, and reading either need not end.
 """
@@ -11,8 +11,6 @@ import os
 import stat
 from os import PathLike
 from typing import BinaryIO
-
-import psutil
 
 FilePath = str | PathLike[str]
 
@@ -61,26 +59,3 @@ def _require_regular(path: FilePath, found: os.stat_result) -> None:
     if not stat.S_ISREG(found.st_mode):
         kind = _KINDS.get(stat.S_IFMT(found.st_mode), "something else")
         raise NotRegularFile(errno.EINVAL, f"is not a regular file but {kind}", os.fspath(path))
-
-
-def lacking_memory(needed: float) -> str:
-    """Empty where `needed` bytes fit into the memory of this machine and of this process, else why they do not."""
-    total, has = psutil.virtual_memory().total, "this machine has"
-    allowed = _address_space()
-    if allowed < total:
-        total, has = allowed, "this process may take"
-    return f"would need {_gibibytes(needed)}: {has} {_gibibytes(total)}" if needed > total else ""
-
-
-def _address_space() -> float:
-    """Bytes that `ulimit -v` still allows to this process."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return float("inf")
-    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return float("inf") if soft == resource.RLIM_INFINITY else float(soft - psutil.Process().memory_info().vms)
-
-
-def _gibibytes(size: float) -> str:
-    return f"{size / 2**30:.3g} GiB"

@@ -9,22 +9,19 @@ from engines.errors import ConfigError
 
 WORTH_ASKING = 1 << 28
 """Bytes below which nothing is asked of the system."""
-_CONTROL_GROUP = Path("/sys/fs/cgroup/memory.max")
+
+
+def machine_bytes() -> int:
+    """The memory of this machine, or of its control group where that has less."""
+    import psutil
+
+    return min([psutil.virtual_memory().total, *_control_group_limits()])
 
 
 def limit_bytes() -> int:
-    """What this process may have at most: the machine's memory, or its control group's or its own limit if that is less."""
-    import psutil
-
-    limits = [psutil.virtual_memory().total]
-    with suppress(OSError, ValueError):  # no such file, or "max"
-        limits.append(int(_CONTROL_GROUP.read_text()))
-    with suppress(ImportError):  # Windows
-        import resource
-
-        own = resource.getrlimit(resource.RLIMIT_AS)[0]
-        limits += [own] if own != resource.RLIM_INFINITY else []
-    return min(limits)
+    """What this process may have at most: the machine's memory, or its own limit (`ulimit -v`) where that is less."""
+    own = _address_space()
+    return machine_bytes() if own is None else min(machine_bytes(), own)
 
 
 def require(needed: int, what: str) -> None:
@@ -37,3 +34,46 @@ def require(needed: int, what: str) -> None:
             f"{what}: takes {needed} bytes of memory ({needed / 2**30:.4g} GiB), and {limit} ({limit / 2**30:.4g} GiB) "
             "are the limit here: choose a smaller size"
         )
+
+
+def lacking_memory(needed: float) -> str:
+    """Empty where `needed` more bytes fit into the memory of this machine and of this process, else why they do not."""
+    if needed < WORTH_ASKING and _address_space() is None:
+        return ""
+    import psutil
+
+    total, has, own = machine_bytes(), "this machine has", _address_space()
+    left = None if own is None else own - psutil.Process().memory_info().vms
+    if left is not None and left < total:
+        total, has = left, "this process may take"
+    return f"would need {_gibibytes(needed)}: {has} {_gibibytes(total)}" if needed > total else ""
+
+
+def _address_space() -> int | None:
+    """The limit of `ulimit -v`, None where there is none."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if soft == resource.RLIM_INFINITY else soft
+
+
+def _control_group_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> list[int]:
+    """The limits of this process's control group and of those above it (Linux, versions 1 and 2), in bytes."""
+    found: list[int] = []
+    with suppress(OSError, ValueError):
+        for line in own.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            if controllers and "memory" not in controllers.split(","):
+                continue
+            top, name = (root / "memory", "memory.limit_in_bytes") if controllers else (root, "memory.max")
+            for folder in [top / path.lstrip("/"), *(top / path.lstrip("/")).parents]:
+                if folder.is_relative_to(top):
+                    with suppress(OSError, ValueError):
+                        found.append(int((folder / name).read_text()))
+    return found
+
+
+def _gibibytes(size: float) -> str:
+    return f"{size / 2**30:.3g} GiB"

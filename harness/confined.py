@@ -6,7 +6,6 @@ path goes through `inside`, and every id that becomes part of a path through `ID
 
 from __future__ import annotations
 
-import errno
 import re
 from pathlib import Path, PurePosixPath
 
@@ -27,13 +26,6 @@ def is_relative(text: str) -> bool:
         return False
     parts = text.split("/")
     return ".." not in parts and "" not in parts and PurePosixPath(text).parts != ()
-
-
-def content(path: Path) -> bytes:
-    """The bytes of a regular file. Raises `OSError`; of pipes and devices, too, which could be read for ever."""
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a folder's own error says what it is
-        raise OSError(errno.EINVAL, "it is no regular file", str(path))
-    return path.read_bytes()
 
 
 def inside(folder: Path, relative: str | Path, what: str) -> Path:

@@ -1,4 +1,4 @@
-"""Memory of this machine, of its control group, and of a worker's processes."""
+"""Memory of a worker and of all that it has started, and how much of it a cell may hold."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from pathlib import Path
 from time import monotonic
 
 import psutil
+
+from engines.memory import machine_bytes
 
 DEFAULT_SHARE = 0.75
 """Of the machine's memory, for a cell that no config limits."""
@@ -24,30 +26,9 @@ def words(size: float) -> str:
     return f"{size / UNITS[unit]:.3g} {unit}" if size < 1000 * UNITS[unit] else f"{size / UNITS[unit]:.0f} {unit}"
 
 
-def of_machine() -> int:
-    """Bytes that this process may use: the machine's memory, or less where its control group is limited."""
-    return min([psutil.virtual_memory().total, *_control_group_limits()])
-
-
 def default_limit(share: float = 1.0) -> int:
     """Bytes that a cell may hold where nothing else is asked for; `share` is its part of the machine."""
-    return int(DEFAULT_SHARE * share * of_machine())
-
-
-def _control_group_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> list[int]:
-    """The limits of this process's control group and of those above it (Linux, versions 1 and 2), in bytes."""
-    found: list[int] = []
-    with contextlib.suppress(OSError, ValueError):
-        for line in own.read_text().splitlines():
-            _, controllers, path = line.split(":", 2)
-            if controllers and "memory" not in controllers.split(","):
-                continue
-            top, name = (root / "memory", "memory.limit_in_bytes") if controllers else (root, "memory.max")
-            for folder in [top / path.lstrip("/"), *(top / path.lstrip("/")).parents]:
-                if folder.is_relative_to(top):
-                    with contextlib.suppress(OSError, ValueError):
-                        found.append(int((folder / name).read_text()))
-    return found
+    return int(DEFAULT_SHARE * share * machine_bytes())
 
 
 class Watch:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from engines.errors import ConfigError
+from engines.input_files import open_regular, unreadable
 from harness import atomic, confined, locks, records
 
 if TYPE_CHECKING:
@@ -85,9 +86,10 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
     """
     path = confined.inside(Path(folder), EVENTS, str(folder))
     try:
-        lines = confined.content(path).split(b"\n")
+        with open_regular(path) as file:
+            lines = file.read().split(b"\n")
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}: is this a results folder?") from error
+        raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
     found: list[dict[str, Any]] = []
     for index, line in enumerate(lines):
         event = _parsed(line)
@@ -136,7 +138,7 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
     try:
         found = read_json(path)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}: is this a results folder?") from error
+        raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
     records.manifest(found, str(path))
     return found
 
@@ -144,7 +146,8 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
 def read_json(path: Path) -> Any:
     """What a JSON file says. Raises `OSError`, and `ConfigError` for what is no JSON."""
     try:
-        return json.loads(confined.content(path))
+        with open_regular(path) as file:
+            return json.loads(file.read())
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: not JSON: {error}") from error
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from engines.input_files import NotRegularFile, lacking_memory, open_regular, unreadable
+from engines.input_files import NotRegularFile, open_regular, unreadable
+from engines.memory import lacking_memory
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="FIFOs, sockets and devices")
 
@@ -226,7 +227,7 @@ def test_memory_that_this_process_may_not_take_is_lacking():
     assert "this machine has" in lacking_memory(1e18)
     script = """
 import resource
-from engines.input_files import lacking_memory
+from engines.memory import lacking_memory
 resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
 print(lacking_memory(2.0 ** 33), lacking_memory(2.0 ** 20) == "")
 """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from engines.input_files import lacking_memory
+from engines.memory import lacking_memory
 from engines.scene.yaml_file import Located
 
 

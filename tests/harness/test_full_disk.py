@@ -83,7 +83,8 @@ def test_what_a_run_cannot_write_is_named(tmp_path, name):
     path, out = sweeping.write(tmp_path), tmp_path / "out"
     (out / name).mkdir(parents=True)
     code, said = ended("run", path, "--allow-imports", "--out", out, folder=tmp_path)
-    assert code == 2 and str(out) in is_one_line(said) and "Is a directory" in said
+    assert code == 2 and str(out) in is_one_line(said)
+    assert "Is a directory" in said or "not a regular file but a folder" in said
 
 
 def test_a_manifest_that_may_not_be_replaced_is_named_and_nothing_is_lost(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import psutil
 import pytest
 import sweeping
 
+from engines import memory as allocation
 from engines.errors import ConfigError
 from harness import config, memory, store
 
@@ -100,7 +101,7 @@ def test_a_control_groups_limit_is_read_with_those_above_it(tmp_path, lines, fil
     for name, text in files.items():
         (tmp_path / "root" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "root" / name).write_text(text)
-    assert memory._control_group_limits(tmp_path / "root", tmp_path / "own") == found
+    assert allocation._control_group_limits(tmp_path / "root", tmp_path / "own") == found
 
 
 def test_all_processes_below_one_are_found():
