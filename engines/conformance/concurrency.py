@@ -19,11 +19,13 @@ from engines.interface import Renderer
 RAYS = 257
 HANG_SECONDS = 120.0
 """After so long a call counts as one that does not return."""
+PASS_SECONDS = 5.0
+"""After so long a render without a pass is taken to be under way: one by another program is one long pass."""
 
 
 @contextlib.contextmanager
 def _rendering(renderer: Renderer) -> Iterator[None]:
-    """A render without an end in another thread, which is under way; ended, and seen to end, behind the block."""
+    """A render without an end in another thread; behind the block it is ended, and seen to end."""
     passed, given_up, failures = threading.Event(), threading.Event(), []
 
     def look(film: Any) -> None:
@@ -40,7 +42,11 @@ def _rendering(renderer: Renderer) -> Iterator[None]:
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     try:
-        expect(passed.wait(HANG_SECONDS), f"no pass ended in {HANG_SECONDS:g} s, or the render failed: {failures}")
+        passed.wait(PASS_SECONDS)
+        thread.join(0.1)
+        expect(not failures, f"the render failed: {failures}")
+        if not thread.is_alive():
+            raise Declined(f"{ENDLESS:,} samples a pixel are rendered at once: nothing can be called meanwhile")
         yield
     finally:
         renderer.stop()

@@ -30,7 +30,6 @@ from engines.temporary import TemporaryFolder
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to the threads asked for: the program may inherit others from a harness."""
 NOT_PROMISED = {
-    "counters_count": "what a program traces is its own business: its rays count as 0",
     "render_adds_to_the_film": "of the image of one call the variance is not known, but that between calls",
     "the_parts_of_the_film_belong_together": "a program leaves means, neither squares nor halves",
     "a_split_render_is_the_same": "every call is a process with a seed of its own",

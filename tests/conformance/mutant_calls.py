@@ -1,5 +1,6 @@
 """Engines that mind neither other threads nor the size of the camera."""
 
+import threading
 import time
 
 from engines.conformance import concurrency
@@ -9,55 +10,42 @@ from tests.conformance.small_engine import Renderer
 
 
 class Watched(Renderer):
-    """Knows whether it renders, and whether a ray comes from outside."""
+    """Knows whether another thread renders."""
 
-    inside = False
+    renders_in = None
 
-    def samples(self):
-        self.inside = True
+    def render(self, spp, on_pass=None):
+        self.renders_in = threading.get_ident()
         try:
-            return super().samples()
+            return super().render(spp, on_pass)
         finally:
-            self.inside = False
+            self.renders_in = None
 
     @property
-    def busy(self):
-        return self.guard._exclusive.locked() and not self.inside
+    def beside(self):
+        return self.renders_in not in (None, threading.get_ident())
 
 
 @breaks(concurrency.rays_beside_a_render_are_answered_as_alone)
 class OtherAnswersBesideARender(Watched):
     def trace(self, *rays):
-        return super().trace(*rays) if not self.busy else super().trace(*(array + 1 for array in rays))
-
-    def samples(self):  # slow enough for rays to find it between two passes
-        time.sleep(0.02)
-        return super().samples()
+        return super().trace(*rays) if not self.beside else super().trace(*(array + 1 for array in rays))
 
 
 @breaks(concurrency.rays_beside_a_render_are_answered_as_alone)
 class FailsBesideARender(Watched):
     def occluded(self, *rays):
-        if self.busy:
+        if self.beside:
             raise ValueError("the memory is taken")
         return super().occluded(*rays)
 
-    def samples(self):
-        time.sleep(0.02)
-        return super().samples()
-
 
 @breaks(concurrency.rays_beside_a_render_are_answered_as_alone)
-class HangsBesideARender(Watched):
+class WaitsForTheEndOfTheRender(Watched):
     def trace(self, *rays):
-        while self.busy:
+        while self.beside:
             time.sleep(0.01)
-            self.inside = False
         return super().trace(*rays)
-
-    def samples(self):
-        time.sleep(0.02)
-        return super().samples()
 
 
 @breaks(concurrency.a_render_is_not_disturbed)

@@ -1,5 +1,6 @@
 """The clock: what is on it, when it stops, and what it costs."""
 
+import threading
 import time
 from itertools import pairwise
 
@@ -27,13 +28,18 @@ def renderer(engine=fake_engines.Steady, **settings):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock of its own for the harness and for `time.sleep`: what is slept takes exactly that long, and nothing else."""
+    """A clock of its own for the harness and for `time.sleep` in this thread: what is slept takes exactly that long, and
+    nothing else."""
+    sleep, thread = time.sleep, threading.current_thread()
 
     class Clock:
         now = 0.0
 
         def sleep(self, seconds):
-            self.now += seconds
+            if threading.current_thread() is thread:
+                self.now += seconds
+            else:
+                sleep(seconds)
 
     made = Clock()
     monkeypatch.setattr(measure, "perf_counter", lambda: made.now)
