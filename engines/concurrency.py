@@ -12,6 +12,17 @@ import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+_first_in_process = threading.Lock()
+
+
+def _renew_lock() -> None:
+    global _first_in_process
+    _first_in_process = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
+    os.register_at_fork(after_in_child=_renew_lock)
+
 
 class CallGuard:
     """Held by a renderer; each of its public calls runs within one of the three contexts.
@@ -26,10 +37,11 @@ class CallGuard:
         self._renew()
 
     def _renew(self) -> None:
-        self._process, self._call = os.getpid(), ""
+        self._call = ""
         self._exclusive = threading.Lock()
         self._changed = threading.Condition()
         self._queries, self._updating = 0, False
+        self._process = os.getpid()  # last: then the locks are this process's
 
     @contextmanager
     def rendering(self, call: str = "render") -> Iterator[None]:
@@ -51,10 +63,10 @@ class CallGuard:
     def updating(self) -> Iterator[None]:
         """For `update`. Waits for rays that are being traced; raises RuntimeError while a render is under way."""
         with self.rendering("update"):
-            with self._changed:
-                self._updating = True
-                self._changed.wait_for(lambda: self._queries == 0)
             try:
+                with self._changed:
+                    self._updating = True
+                    self._changed.wait_for(lambda: self._queries == 0)
                 yield
             finally:
                 with self._changed:
@@ -78,15 +90,18 @@ class CallGuard:
     def _enter_process(self) -> None:
         if self._process == os.getpid():
             return
-        after_fork = self._after_fork() if self._after_fork is not None else None
-        if after_fork is None or self._exclusive.locked():
-            raise RuntimeError(
-                "this renderer was prepared in a process of which this one is a fork, and "
-                + ("cannot be used here" if after_fork is None else "was busy at the time")
-                + ": prepare another one here"
-            )
-        self._renew()
-        after_fork()
+        with _first_in_process:
+            if self._process == os.getpid():  # another thread was first
+                return
+            after_fork = self._after_fork() if self._after_fork is not None else None
+            if after_fork is None or self._exclusive.locked():
+                raise RuntimeError(
+                    "this renderer was prepared in a process of which this one is a fork, and "
+                    + ("cannot be used here" if after_fork is None else "was busy at the time")
+                    + ": prepare another one here"
+                )
+            after_fork()
+            self._renew()
 
 
 __all__ = ["CallGuard"]

@@ -28,6 +28,8 @@ Set = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
 ]
+
+
 def _keep_references(folder: Path | None) -> Path | None:
     if folder is not None:
         os.environ["RAYBENCH_REFERENCES"] = str(folder)

@@ -16,10 +16,6 @@ ID = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,199}$"
 _CONTROL = re.compile(r"[\x00-\x1f\x7f\\]")
 
 
-def is_id(text: str) -> bool:
-    return re.fullmatch(ID, text) is not None
-
-
 def is_relative(text: str) -> bool:
     """Whether it is written as a path below a folder: relative, without `..`, empty parts and control characters."""
     if not text or len(text) > 1000 or _CONTROL.search(text) or text.startswith(("/", "~")):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Mapping
 from numbers import Integral
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from engines.errors import RendererFailed
 from engines.film import Film, Image
+from engines.input_files import open_regular
 
 COLOURS = ("sums", "squares", "even_sums")
 PARTS = (*COLOURS, "counts", "bad_samples")
@@ -23,8 +23,13 @@ LARGEST = float(np.finfo(np.float32).max)
 """Image files hold float32."""
 
 
+class Unwritten(Exception):
+    """The disk is full, say: no failure of the engine."""
+
+
 def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> None:
-    """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film that was asked for."""
+    """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film that was asked for, and
+    `Unwritten` where the file cannot be written."""
     lacking = [part for part in PARTS if not hasattr(film, part)]
     if lacking:
         raise RendererFailed(
@@ -32,7 +37,10 @@ def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> Non
         )
     parts = {part: getattr(film, part) for part in PARTS}
     _refuse_unfit(parts, width, height, spp)
-    np.savez(path, **parts)
+    try:
+        np.savez(path, **parts)
+    except OSError as error:
+        raise Unwritten(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def take(path: Path, width: int, height: int, spp: int) -> Film:
@@ -41,12 +49,15 @@ def take(path: Path, width: int, height: int, spp: int) -> Film:
     Raises `RendererFailed` where it is not a film of `height` x `width` pixels with `spp` samples each.
     """
     try:
-        if path.stat().st_size > width * height * MOST_BYTES_PER_PIXEL + HEADER_BYTES:
-            raise ValueError(f"it is larger than a film of {width} x {height} pixels")
-        with np.load(path) as arrays:
-            parts: dict[str, Any] = {part: arrays[part] for part in COLOURS}
-            parts |= {"counts": arrays["counts"], "bad_samples": arrays["bad_samples"].item()}
-    except (OSError, EOFError, KeyError, ValueError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
+        with open_regular(path) as file, zipfile.ZipFile(file) as members:
+            unpacked = sum(member.file_size for member in members.infolist())
+            if unpacked > width * height * MOST_BYTES_PER_PIXEL + HEADER_BYTES:
+                raise ValueError(f"it is larger than a film of {width} x {height} pixels")
+            file.seek(0)
+            with np.load(file) as arrays:
+                parts: dict[str, Any] = {part: arrays[part] for part in COLOURS}
+                parts |= {"counts": arrays["counts"], "bad_samples": arrays["bad_samples"].item()}
+    except Exception as error:  # what zipfile, zlib and NumPy raise for damaged files is no closed list
         raise RendererFailed(f"the worker's film cannot be read: {type(error).__name__}: {error}") from error
     _refuse_unfit(parts, width, height, spp)
     film = Film(width, height)

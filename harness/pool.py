@@ -16,6 +16,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from engines.errors import ConfigError, RaybenchError
+from engines.film import BYTES_A_PIXEL
 from engines.temporary import TemporaryFolder, remove_abandoned
 from harness import memory, protocol
 
@@ -35,6 +36,10 @@ THREAD_POOLS = (
 
 class WorkerFailed(Exception):
     """A request that failed; the message is the worker's, or says how the process died."""
+
+
+class FilmUnwritten(WorkerFailed):
+    """A worker could not write its film, it says."""
 
 
 class WorkerTimeout(Exception):
@@ -65,11 +70,15 @@ class Worker:
         except OSError as error:
             raise ConfigError(f"{log}: cannot be written: {error.strerror}") from error
         self._most_bytes = memory.default_limit() if most_bytes is None else most_bytes
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "harness.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log,
-            env={**environment(allow_imports), **({"TMPDIR": str(folder)} if folder else {})}, start_new_session=True,
-            bufsize=0,
-        )  # fmt: skip
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "harness.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                stderr=self._log, env={**environment(allow_imports), **({"TMPDIR": str(folder)} if folder else {})},
+                start_new_session=True, bufsize=0,
+            )  # fmt: skip
+        except OSError as error:
+            self._log.close()
+            raise WorkerFailed(f"no process could be started: {error.strerror or error}") from error
         self._watch = memory.Watch(self._process.pid)
         self._looked = monotonic()
         self._pending = b""
@@ -96,11 +105,11 @@ class Worker:
 
     def receive(self, deadline: float, *wanted: str) -> dict[str, Any]:
         """The next answer, of one of the kinds `wanted`. Raises `WorkerFailed`, or `WorkerTimeout` at `deadline` (of
-        `monotonic`), and `ConfigError` where the disk is full, which is no failure of the cell."""
+        `monotonic`)."""
         answer = self._message(deadline)
         if answer["did"] == "unwritten":
             self.kill()
-            raise ConfigError(answer["message"])
+            raise FilmUnwritten(answer["message"])
         if wanted and answer["did"] not in (*wanted, "failed", "idle"):
             self.kill()
             raise WorkerFailed(f"the engine's process sent a message {answer['did']!r} where {wanted[0]!r} is wanted")
@@ -235,7 +244,7 @@ class Pool:
         did, kinds = "", ("prepared",)
         try:
             while did != "end":
-                answer = worker.receive(deadline, *kinds)
+                answer = self._receive(worker, request, deadline, *kinds)
                 did, began = answer["did"], monotonic()
                 yield Heard(answer, self._film(worker, request, answer["spp"]) if did == "point" else None)
                 deadline += monotonic() - began
@@ -253,13 +262,28 @@ class Pool:
         worker.ask({"do": "reference", **request, **told})
         try:
             for _ in seeds:
-                seconds = worker.receive(FOREVER, "point")["seconds"]
+                seconds = self._receive(worker, request, FOREVER, "point")["seconds"]
                 yield self._film(worker, request, request["spp"]), seconds
                 worker.ask({"do": "go"})
         except GeneratorExit:
             worker.kill()
             raise
         worker.receive(FOREVER, "end")
+
+    def _receive(self, worker: Worker, request: Mapping[str, Any], deadline: float, *kinds: str) -> dict[str, Any]:
+        """The worker's next answer. Raises `ConfigError` where a film cannot be written, which is no failure of the cell,
+        once this process has tried as well: an engine can send any message."""
+        try:
+            return worker.receive(deadline, *kinds)
+        except FilmUnwritten as error:
+            size = request["settings"]["width"] * request["settings"]["height"] * BYTES_A_PIXEL
+            try:
+                with self.scratch.open("wb") as file:
+                    for _ in range(0, size, 1 << 20):
+                        file.write(bytes(1 << 20))
+            except OSError:
+                raise ConfigError(str(error)) from None
+            raise WorkerFailed(f"its film could not be written there, though this process can: {error}") from None
 
     def _film(self, worker: Worker, request: Mapping[str, Any], spp: int) -> Film:
         """The film that a worker has left; raises `WorkerFailed` where it is none."""

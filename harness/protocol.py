@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,6 +12,9 @@ from harness.fields import is_number
 MOST_BYTES = 1 << 24
 """Of one message."""
 _SHOWN = 80
+LARGEST = sys.float_info.max
+MOST_WORDS = 2000
+"""Characters of a message that an engine's process sends for people to read."""
 
 
 class BadMessage(Exception):
@@ -19,7 +22,7 @@ class BadMessage(Exception):
 
 
 def _seconds(value: Any) -> bool:
-    return is_number(value) and math.isfinite(value) and value >= 0
+    return is_number(value) and 0 <= value <= LARGEST  # not isfinite: an integer may be too large for that
 
 
 def _count(value: Any) -> bool:
@@ -31,7 +34,7 @@ def _is(*kinds: type) -> Callable[[Any], bool]:
 
 
 def _numbers(value: Any) -> bool:
-    return isinstance(value, dict) and all(is_number(each) and math.isfinite(each) for each in value.values())
+    return isinstance(value, dict) and all(is_number(each) and abs(each) <= LARGEST for each in value.values())
 
 
 NUMBER = (_seconds, "a finite number from 0 on")
@@ -74,7 +77,9 @@ def parsed(line: bytes) -> dict[str, Any]:
     wanted = {**FIELDS[kind], **{key: check for key, check in OPTIONAL.items() if key in message}}
     for key, (holds, words) in wanted.items():
         if not holds(message.get(key)):
-            raise BadMessage(f"its message {kind!r} has {key} = {message.get(key)!r}: {words} is wanted")
+            raise BadMessage(f"its message {kind!r} has {key} = {message.get(key)!r:.{_SHOWN}}: {words} is wanted")
+    if "message" in message:
+        message["message"] = " ".join(message["message"].split())[:MOST_WORDS]
     return message
 
 

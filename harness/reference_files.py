@@ -104,8 +104,9 @@ def carry(results: Path, told: Mapping[str, Any], out: Path, small: bool) -> Non
     write_json(target / META, {**meta, "sha256": hashlib.sha256(data).hexdigest()} if small else meta)
     exr = confined.inside(source, EXR, f"{source}: image")
     if not small and exr.is_file():
+        content = exr.read_bytes()
         with atomic.replacing(target / EXR) as file:
-            file.write(exr.read_bytes())
+            file.write(content)
 
 
 def _small(film: Film) -> bytes:
@@ -131,13 +132,15 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
     try:
         with np.load(path) as arrays:
             height, width = arrays["counts"].shape
+            if (height, width) != (meta["asked"]["height"], meta["asked"]["width"]):
+                raise ValueError(f"{width}x{height} pixels, and its metadata says another size")
             film = Film(width, height)
             film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
             film.counts, film.bad_samples = arrays["counts"], int(arrays["bad_samples"])
         for array in (film.sums, film.squares, film.even_sums):
             if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind not in "iu":
                 raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")
-    except (OSError, KeyError, ValueError, TypeError, EOFError, OverflowError, MemoryError, BadZipFile) as error:
+    except Exception as error:  # what zipfile, zlib and NumPy raise for damaged files is no closed list
         raise ConfigError(f"{path}: the film cannot be read: {error}") from error
     return film
 
@@ -148,7 +151,7 @@ def _refuse_bomb(path: Path, asked: Mapping[str, Any]) -> None:
     try:
         with ZipFile(path) as parts:
             unpacked = sum(part.file_size for part in parts.infolist())
-    except (OSError, BadZipFile) as error:
+    except (OSError, RuntimeError, NotImplementedError, BadZipFile) as error:
         raise ConfigError(f"{path}: the film cannot be read: {error}") from error
     if unpacked > most:
         raise ConfigError(f"{path}: takes {unpacked} bytes unpacked, and a film of its size at most {most}")

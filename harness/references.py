@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -218,7 +218,8 @@ def _save(folder: Path, wanted: ReferenceWanted, film: Film, seconds: float) -> 
     before = meta_of(folder)["file"] if (folder / META).exists() else name
     write_json(folder / META, meta)
     if before != name:
-        (folder / before).unlink(missing_ok=True)
+        with suppress(OSError):
+            (folder / before).unlink()
     return meta
 
 

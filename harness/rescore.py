@@ -70,7 +70,11 @@ def _scored(
                 without += 1
                 points.append(point)
                 continue
-            scores = metrics.measure(read_image(store.image_file(folder, point["image"])), references[key], epsilon)
+            file = store.image_file(folder, point["image"])
+            image = read_image(file)
+            if image.shape != references[key].mean.shape:
+                raise ConfigError(f"{file}: is of shape {image.shape}: its reference is of {references[key].mean.shape}")
+            scores = metrics.measure(image, references[key], epsilon)
             points.append({**point, "metrics": {**point["metrics"], **scores}})
             scored += 1
         if points != cell["points"]:

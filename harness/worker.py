@@ -213,12 +213,12 @@ def settings_of(request: dict[str, Any], seed: int) -> Any:
 
 def hand_over(pipes: Pipes, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:
     """Leaves the film's arrays in the file `request["scratch"]` and waits until the parent has used them."""
-    from harness.films import leave
+    from harness.films import Unwritten, leave
 
     try:
         leave(film, request["scratch"], request["settings"]["width"], request["settings"]["height"], spp)
-    except OSError as error:
-        pipes.send(did="unwritten", message=f"{request['scratch']}: cannot be written: {error.strerror or error}")
+    except Unwritten as error:
+        pipes.send(did="unwritten", message=str(error))
         os._exit(0)
     pipes.send(did="point", spp=spp, **message)
     pipes.receive()

@@ -95,7 +95,8 @@ class _Impl(caching.CompileResultCacheImpl):
 
 
 class KeyedFiles:
-    """Files of one function, one per key. Has the methods of Numba's `IndexDataCacheFile` that its caches call."""
+    """Files of one function, one per key. Has the methods of Numba's `IndexDataCacheFile` that loading and
+    saving call."""
 
     def __init__(self, folder: Path, name: str) -> None:
         self._folder, self._name = folder, name

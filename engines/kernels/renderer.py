@@ -85,7 +85,7 @@ class Renderer:
         self._guard = CallGuard(after_fork=self._start_threads)
         self._start_threads()
         self._control = np.zeros(3, np.int64)
-        self._resize()
+        self._resize(scene)
         self._addresses: NDArray[np.int64] | None = None
         self._block_bytes = block_bytes(self._real, accelerator.scratch)
         # of each thread: its block of lanes, and behind it the one in which samples begin
@@ -103,11 +103,12 @@ class Renderer:
         self._tracing_pool = ThreadPoolExecutor(self._wanted.threads, thread_name_prefix="raybench-trace")
         self._preparing, self._counting = threading.RLock(), threading.Lock()
 
-    def _resize(self) -> None:
-        """An empty film, and tiles, of the size that the settings and the camera want."""
-        width, height = self._wanted.size(self._scene)
-        self.settings = replace(self._wanted, width=width, height=height)
+    def _resize(self, scene: Scene) -> None:
+        """An empty film, and tiles, of the size that the settings and the scene's camera want. Raises `ConfigError` where
+        it does not fit into memory, and then changes nothing."""
+        width, height = self._wanted.size(scene)
         self.film = Film(width, height)
+        self.settings = replace(self._wanted, width=width, height=height)
         self._tiles = _tiles(width, height)
         self._done = np.zeros(len(self._tiles), np.int64)
 
@@ -124,10 +125,10 @@ class Renderer:
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled
         self._compile_seconds += compiled
+        if self._wanted.size(scene) != (self.film.width, self.film.height):
+            self._resize(scene)
         self._scene, self._world, self._addresses = scene, world, None
         self._world.bind(MARGINS, surface.margins(self._tracing))
-        if self._wanted.size(scene) != (self.film.width, self.film.height):
-            self._resize()
         self._bind_options()
         self._bind_camera()
 
@@ -159,7 +160,7 @@ class Renderer:
         self._world.bind(FIRST_SAMPLE, first)
 
     def _stages(self) -> NDArray[np.int64]:
-        """Addresses of the stages, compiled or loaded the first time they are asked for; that of `trace` alone by `_trace`."""
+        """Addresses of the stages, which the first call compiles or loads. `_trace` adds the one that it alone needs."""
         with self._preparing:
             if self._addresses is None:
                 start = time.perf_counter()
@@ -295,9 +296,9 @@ class Renderer:
             if shapes is not None:
                 self._build(replace(scene, shapes=tuple(shapes)))
             elif camera is not None:
-                self._scene, self._addresses = scene, None
                 if self._wanted.size(scene) != (self.film.width, self.film.height):
-                    self._resize()
+                    self._resize(scene)
+                self._scene, self._addresses = scene, None
                 self._bind_camera()
             self._done[:] = 0
             self.film.clear()

@@ -6,6 +6,7 @@ Variant and threads are state of the whole process, so that calls into Mitsuba r
 from __future__ import annotations
 
 import importlib
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,15 @@ LLVM, SCALAR = "llvm_ad_rgb", "scalar_rgb"
 OLDEST_LLVM = 17
 """Dr.Jit loads older ones too, some of which end the process while they compile ("Cannot select ... fminimum")."""
 _in_use = threading.RLock()
+
+
+def _renew_lock() -> None:
+    global _in_use
+    _in_use = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(after_in_child=_renew_lock)
 
 
 def lacking(variant: str) -> str | None:

@@ -84,12 +84,11 @@ class Renderer:
             raise Unsupported(f"Mitsuba has no counterpart of {lacks}")
         with self._guard.updating():
             scene = self._scene if camera is None else replace(self._scene, camera=camera)
+            size = self.settings.size(scene)
+            film = self.film if size == (self.film.width, self.film.height) else Film(*size)  # first: it may be refused
             self._build(scene if shapes is None else replace(scene, shapes=tuple(shapes)))
-            size = self.settings.size(self._scene)
-            if size == (self.film.width, self.film.height):
-                self.film.clear()
-            else:
-                self.film = Film(*size)
+            self.film = film
+            self.film.clear()
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits; see `engines.interface.Renderer`."""

@@ -88,16 +88,15 @@ class Renderer:
             require_numpy(camera)
         with self._guard.updating():
             scene = self._scene if camera is None else replace(self._scene, camera=camera)
+            width, height = self._wanted.size(scene)
+            same_size = (width, height) == (self._film.width, self._film.height)
+            film = self._film if same_size else Film(width, height)  # first: it may be refused
             if shapes is not None:
                 scene, rendered = replace(scene, shapes=tuple(shapes)), self._context.rays
                 self._build(scene)
                 self._rays_rendered += rendered
-            self._scene = scene
-            width, height = self._wanted.size(scene)
-            if (width, height) == (self._film.width, self._film.height):
-                self._film.clear()
-            else:
-                self._film = Film(width, height)
+            self._scene, self._film = scene, film
+            self._film.clear()
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""

@@ -81,7 +81,7 @@ def test_an_engine_that_is_edited_while_the_run_goes_is_noticed(mine):
     assert outcome.failures[0][1]["message"] == "the engine's code has changed since the run began: run again"
 
 
-def test_a_reference_by_an_engine_of_others_goes_by_its_code_and_by_ours_by_version(mine):
+def test_a_reference_goes_by_the_code_of_its_engine_and_by_no_other(mine):
     folder, module, path = mine
 
     def reference_ids(engine):

@@ -2,12 +2,16 @@
 
 import json
 import math
+import os
 
+import numpy as np
 import pytest
 import sweeping
 import wrong_engines
 
-from harness import pool, protocol, store
+from engines.errors import RendererFailed
+from engines.film import Film
+from harness import films, pool, protocol, store
 from harness.analysis import analyse
 from harness.results import load_results
 
@@ -117,3 +121,35 @@ def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
         worker = workers.worker("fake_engines:Steady")
         worker.ask({"do": "reference", **request, "seeds": [1], "allow_imports": True, "scratch": ""})
         assert workers.worker("fake_engines:Steady") is not worker and not worker.usable
+
+
+def test_numbers_too_large_for_arithmetic_are_no_message():
+    for line in (b'{"did": "point", "spp": 1, "seconds": 1%s}', b'{"did": "end", "counters": {"rays": 1%s}}'):
+        with pytest.raises(protocol.BadMessage, match="is wanted") as refused:
+            protocol.parsed(line % (b"0" * 400))
+        assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize("damage", ["an array", "a FIFO", "text", "a bomb", "an odd method"])
+def test_a_film_that_was_tampered_with_is_an_engines_failure(tmp_path, damage):
+    path = tmp_path / "film.npz"
+    film = Film(2, 2)
+    film.add(np.ones((4, 3)))
+    films.leave(film, path, 2, 2, 1)
+    assert films.take(path, 2, 2, 1).spp == 1
+    if damage == "an array":
+        with path.open("wb") as file:
+            np.save(file, film.sums)
+    elif damage == "a FIFO":
+        path.unlink()
+        os.mkfifo(path)
+    elif damage == "text":
+        path.write_text("a film")
+    elif damage == "a bomb":
+        np.savez_compressed(path, sums=np.zeros(1 << 22), counts=film.counts)
+    else:
+        content = bytearray(path.read_bytes())
+        content[8] = content[content.index(b"PK\x01\x02") + 10] = 99
+        path.write_bytes(content)
+    with pytest.raises(RendererFailed, match="the worker's film cannot be read"):
+        films.take(path, 2, 2, 1)

@@ -253,6 +253,17 @@ class Liar(Wrong):
         return film
 
 
+class Forger(Wrong):
+    """Says that the disk is full, which is no failure of an engine."""
+
+    name = "forger"
+
+    def spoil(self, film: Film) -> Film:
+        write_everywhere(b'{"did": "unwritten", "message": "the disk\\nis full"}\n')
+        time.sleep(600)
+        return film
+
+
 class Closer(Wrong):
     """Closes all files, those of others, too."""
 
@@ -334,5 +345,6 @@ WORDS: Mapping[str, str] = {
     "Babbler": "it wrote 'pass 1 of 4' where messages are sent",
     "Flooder": "it sent a message of more than 16 MiB: 'xxx",
     "Liar": "its message 'point' has spp = -3: an integer above 0 is wanted",
+    "Forger": "its film could not be written there, though this process can: the disk is full",
     "Closer": "the engine's process ended with status",
 }

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import engines
-from engines import Settings
+from engines import Settings, memory
 from engines.concurrency import CallGuard
 
 JITTED = ["numba", "embree"]
@@ -179,3 +179,18 @@ def test_an_update_waits_for_rays_and_rays_for_an_update():
     assert order == ["trace", "update"]
     with guard.rendering(), guard.tracing():  # rays may be traced from `on_pass`
         pass
+
+
+@pytest.mark.parametrize("engine", ["numpy", *JITTED])
+def test_a_camera_whose_film_does_not_fit_into_memory_changes_nothing(engine, monkeypatch):
+    scene, settings = engines.load_scene("cornell_box"), Settings(sampler="random", shader="albedo")
+    small = replace(scene, camera=replace(scene.camera, resolution=(20, 10)))
+    renderer = engines.engine(engine).prepare(small, settings)
+    before = renderer.render(1).mean().copy()
+    monkeypatch.setattr(memory, "limit_bytes", lambda: 1 << 28)
+    for changes in ({}, {"shapes": scene.shapes[:3]}):
+        with pytest.raises(engines.ConfigError, match="a film of 60000x60000"):
+            renderer.update(camera=replace(scene.camera, eye=(0.5, 0, 3), resolution=(60_000, 60_000)), **changes)
+    assert np.array_equal(renderer.film.mean(), before)
+    twice = engines.engine(engine).prepare(small, settings).render(2).mean()
+    assert np.array_equal(renderer.render(1).mean(), twice)
