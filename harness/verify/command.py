@@ -80,7 +80,7 @@ def _untested(known: Sequence[workers.Known], found: Sequence[Finding]) -> dict[
     for engine in known:
         mine = [finding for finding in found if (finding.engine, finding.version) == (engine.name, engine.version)]
         if all(finding.verdict == DECLINED for finding in mine):
-            left_out = "what was asked for is left out of a quick run"
+            left_out = "a quick run leaves the chosen cases out"
             reasons[engine.asked] = engine.refusal or (f"it declines: {mine[0].note}" if mine else left_out)
     return reasons
 
