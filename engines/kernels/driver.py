@@ -1,11 +1,10 @@
-"""The loop that drives blocks of lanes through the stages, tile by tile, and the same for single rays.
+"""The loop that drives blocks of lanes through the stages, tile by tile (`queries` does so for single rays).
 
     refill -> closest -> surface -> draw -> light -> shade -> occluded -> settle -> retire
 
 A lane that finishes its sample takes the next of the tile at once, from a second block in which the camera has begun
-sixteen samples together. A tile is finished in passes of a few samples a pixel
-into a buffer of its own; then the buffer goes to the film in the order of samples, so neither threads nor the way
-calls are split can change a bit of the image.
+sixteen samples together. A tile is rendered in passes of a few samples a pixel. A pass fills a buffer, which then goes to
+the film in the order of samples: neither threads nor the way calls are split can change a bit of the image.
 """
 
 from __future__ import annotations
