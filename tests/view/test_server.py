@@ -30,7 +30,14 @@ def get(viewer, path, **headers):
 
 
 def workers(viewer):
-    return [child for child in psutil.Process(viewer.pid).children() if child.status() != psutil.STATUS_ZOMBIE]
+    return [child for child in psutil.Process(viewer.pid).children() if is_alive(child)]
+
+
+def is_alive(process):
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:  # it ended since it was listed
+        return False
 
 
 # ---- who may speak ---------------------------------------------------------------------------------------------------
