@@ -19,11 +19,30 @@ BLACK: Triple = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
+class Conductor:
+    """A metal: reflection alone, weighted by the unpolarised Fresnel reflectance of the complex index `eta` + i `k`.
+
+    `alpha` are the GGX roughnesses along the two tangents, both 0 for a smooth surface (a mirror) and both above 0
+    otherwise; the first tangent is the derivative of the point by the shape's first coordinate. `reflectance` in [0, 1] scales the
+    reflection.
+    """
+
+    eta: Triple
+    k: Triple
+    alpha: tuple[float, float] = (0.0, 0.0)
+    reflectance: Triple = (1.0, 1.0, 1.0)
+
+
+Bsdf = Conductor
+
+
+@dataclass(frozen=True, slots=True)
 class Material:
     """Surface response: kd Lambertian albedo (f = kd/pi), ks mirror, kt refraction, emission radiance (W/sr/m2).
 
     With `fresnel` the mirror is weighted by F and the refraction by 1 - F (exact dielectric, unpolarised). Emission
-    leaves the front side, or both when `two_sided`. `ior` is relative to the outside of the shape.
+    leaves the front side, or both when `two_sided`. `ior` is relative to the outside of the shape. Where `bsdf` is given
+    it replaces kd, ks, kt, ior and fresnel, which then have their defaults.
     """
 
     name: str
@@ -34,6 +53,7 @@ class Material:
     fresnel: bool = False
     emission: Triple = BLACK
     two_sided: bool = False
+    bsdf: Bsdf | None = None
 
     @property
     def emits(self) -> bool:
@@ -55,6 +75,16 @@ class Sphere:
     """Outside is the front: the normal points away from `center`; `radius` is above zero."""
 
     center: Triple
+    radius: float
+    material: int
+
+
+@dataclass(frozen=True, slots=True)
+class Disk:
+    """Flat and round; `normal` is unit and points to the front; `radius` is above zero."""
+
+    center: Triple
+    normal: Triple
     radius: float
     material: int
 
@@ -94,7 +124,7 @@ class SphereSet:
     name: str = "spheres"
 
 
-Shape = Plane | Sphere | Triangle | Mesh | SphereSet
+Shape = Plane | Sphere | Disk | Triangle | Mesh | SphereSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +144,18 @@ class DirectionalLight:
     irradiance: Triple
 
 
+@dataclass(frozen=True, slots=True)
+class SpotLight:
+    """A point light that shines into a cone about the unit vector `direction`: `intensity` in W/sr within `beam_width` degrees
+    of it, falling linearly in the angle to 0 at `cutoff` degrees; 0 < `beam_width` <= `cutoff` < 180, half angles."""
+
+    position: Triple
+    direction: Triple
+    intensity: Triple
+    cutoff: float
+    beam_width: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class EnvironmentLight:
     """Radiance from infinity: constant `radiance`, or `image` (h, w, 3) latitude-longitude times `radiance`.
@@ -126,7 +168,7 @@ class EnvironmentLight:
     image: NDArray[np.float64] | None = None
 
 
-Light = PointLight | DirectionalLight | EnvironmentLight
+Light = PointLight | DirectionalLight | SpotLight | EnvironmentLight
 
 
 @dataclass(frozen=True, slots=True)
