@@ -1,0 +1,102 @@
+"""How kernels are compiled: Numba's options in one place, and stages that are called by address.
+
+A *stage* is a C function `void(batch, scene)` of two addresses. A factory makes it from plain values (a scalar type, ints,
+bools, tuples of them) and from jitted functions; both are part of the key under which its machine code is kept on disk. The driver
+calls stages by address, so compile times add up rather than multiply.
+"""
+
+from __future__ import annotations
+
+import gc
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import numba
+from numba import types
+from numba.core.ccallback import CFunc
+
+from engines.kernels.compile.code_cache import cached
+
+# The default error model puts an early exit into every loop with a division, and then nothing vectorises.
+OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+
+compile_seconds = 0.0
+"""Seconds this process has spent compiling or loading kernels and stages; what two threads wait for at once counts once."""
+_compiling, _since, _collecting, _lock = 0, 0.0, True, threading.Lock()
+
+
+@contextmanager
+def _timed_compilation() -> Iterator[None]:
+    global compile_seconds, _compiling, _since, _collecting
+    with _lock:
+        if _compiling == 0:
+            # Numba makes millions of objects that live on: looking for garbage among them is a sixth of the time.
+            _since, _collecting = time.perf_counter(), gc.isenabled()
+            gc.disable()
+        _compiling += 1
+    try:
+        yield
+    finally:
+        with _lock:
+            _compiling -= 1
+            if _compiling == 0:
+                compile_seconds += time.perf_counter() - _since
+                if _collecting:
+                    gc.enable()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """A jitted function that Python calls: releases the GIL, kept on disk."""
+    dispatcher = numba.njit(nogil=True, **OPTIONS)(function)
+    dispatcher._cache = cached(function)
+    compile_for = dispatcher._compile_for_args
+
+    def timed(*arguments: Any, **named: Any) -> Any:
+        with _timed_compilation():
+            return compile_for(*arguments, **named)
+
+    dispatcher._compile_for_args = timed
+    return dispatcher
+
+
+def inline(function: Callable[..., Any]) -> Any:
+    """A jitted function of one lane, inlined into the loop over lanes so that the loop can become vector code.
+
+    What compiled code calls has no way in from Python, which saves a fifth of a cold start; a call from Python compiles
+    the function once more.
+    """
+    dispatcher = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+
+    def remember(compiled: Any) -> None:
+        """Numba's own enters the function where Python looks for it, and a call from Python crashes."""
+        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+
+    @cache
+    def from_python() -> Any:
+        return numba.njit(**OPTIONS)(function)
+
+    dispatcher.add_overload = remember
+    dispatcher._compile_for_args = lambda *arguments, **named: from_python()._compile_for_args(*arguments, **named)
+    return dispatcher
+
+
+_STAGE = types.void(types.int64, types.int64)
+
+
+def compile_stage(function: Callable[..., Any], on_disk: bool = True) -> Any:
+    """Compiles `function(batch, scene)`; the result has `.address` and must be kept alive while that is used."""
+    return compile_function(function, _STAGE, on_disk)
+
+
+def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool = True) -> Any:
+    """Compiles a C function of the given numba signature."""
+    compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))
+    if on_disk:
+        compiled._cache = cached(function)
+    with _timed_compilation():
+        compiled.compile()
+    return compiled

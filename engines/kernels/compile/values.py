@@ -1,0 +1,123 @@
+"""Operations on numbers that compiled code has and Python lacks: selection without a branch, fused multiply-add, constants of
+a given type, bits of words; and calls by address. `select`, `fma` and `const` take vectors (`simd`) as well."""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from engines.kernels.compile.simd_types import Mask, Simd, call_vector, spread
+
+# ---- calls and atomics -----------------------------------------------------------------------------------------------
+
+
+@intrinsic
+def call_stage(typing, stage, batch, scene):
+    """Calls the stage at address `stage`."""
+
+    def generate(context, builder, signature, arguments):
+        word = ir.IntType(64)
+        function = ir.FunctionType(ir.VoidType(), [word, word])
+        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), generate
+
+
+@intrinsic
+def lowest_bit(typing, word):
+    """The index of the lowest bit that is set in a word that is not 0."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def highest_bit(typing, word):
+    """The index of the highest bit that is set in a word that is not 0."""
+
+    def generate(context, builder, signature, arguments):
+        zeros = builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 1))
+        return builder.sub(ir.Constant(ir.IntType(64), 63), zeros)
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def float_bits(typing, x):
+    """The bits of a float32 as an int32: positive ones sort like their bits."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], ir.IntType(32))
+
+    return types.int32(types.float32), generate
+
+
+@intrinsic
+def bits_set(typing, word):
+    """How many bits of a word are set."""
+
+    def generate(context, builder, signature, arguments):
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def fetch_add(typing, address, amount):
+    """Adds to the int64 at `address` atomically and returns what was there before."""
+
+    def generate(context, builder, signature, arguments):
+        pointer = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        return builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
+
+    return types.int64(types.int64, types.int64), generate
+
+
+# ---- values ----------------------------------------------------------------------------------------------------------
+
+
+@intrinsic
+def select(typing, condition, yes, no):
+    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code. Of a
+    mask (`simd`) it selects number by number, and a plain number stands for eight."""
+    result = no if isinstance(no, Simd) else yes
+
+    def generate(context, builder, signature, arguments):
+        values = [
+            spread(builder, x if kind == result else context.cast(builder, x, kind, result.kind))
+            if isinstance(result, Simd)
+            else x
+            for x, kind in zip(arguments[1:], signature.args[1:], strict=True)
+        ]
+        return builder.select(arguments[0], *values)
+
+    if isinstance(condition, Mask):
+        return result(condition, yes, no), generate
+    return result(types.boolean, result, result), generate
+
+
+@intrinsic
+def fma(typing, a, b, c):
+    """a b + c, rounded once."""
+
+    def generate(context, builder, signature, arguments):
+        if isinstance(a, Simd):
+            return call_vector(builder, "fma", arguments)
+        return builder.fma(*arguments)
+
+    return a(a, a, a), generate
+
+
+@intrinsic
+def const(typing, value, like):
+    """The number `value` in the type of `like`: a bare Python literal would turn float32 arithmetic into float64."""
+    kind = like.kind if isinstance(like, Simd) else getattr(like, "dtype", like)
+
+    def generate(context, builder, signature, arguments):
+        return context.cast(builder, arguments[0], signature.args[0], kind)
+
+    return kind(value, like), generate

@@ -1,0 +1,34 @@
+"""What a scene holds, as far as machine code depends on it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class SceneFeatures(NamedTuple):
+    """Stages are compiled for the features that concern them (`only`), so that scenes which differ in others share their machine
+    code, and no stage has code for what the scene lacks. Kinds are those of `engines.kernels.flatten`."""
+
+    triangles: bool = False
+    spheres: bool = False
+    planes: bool = False
+    analytic: tuple[int, ...] = ()
+    """Kinds of the bounded shapes, besides spheres, that have a formula."""
+    smooth: bool = False
+    """Triangles with vertex normals."""
+    bsdfs: tuple[int, ...] = ()
+    """Kinds of BSDF models."""
+    diffuse: bool = False
+    specular_reflection: bool = False
+    specular_transmission: bool = False
+    tangents: bool = False
+    """Some material is anisotropic."""
+    emission: bool = False
+    """Some surface emits."""
+    lights: tuple[int, ...] = ()
+    """Kinds of listed lights."""
+    many_lights: bool = False
+
+    def only(self, *names: str) -> SceneFeatures:
+        """The named features, and none of the others."""
+        return SceneFeatures(**{name: getattr(self, name) for name in names})

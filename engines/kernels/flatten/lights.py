@@ -1,0 +1,135 @@
+"""Lights as rows: the list of docs/transport.md, and which of them each primitive belongs to.
+
+A light's parameters are up to `LIGHT_PARAMETERS` numbers, whose meaning its kind fixes; its lane function `sample` reads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.lane.lights import constant_environment, directional, mesh, point, sphere
+from engines.kernels.layout import LightRow
+from engines.scene.model import (
+    DirectionalLight,
+    EnvironmentLight,
+    Material,
+    Mesh,
+    PointLight,
+    Sphere,
+    SphereSet,
+    Triangle,
+)
+
+POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE = range(6)
+
+Reals = NDArray[np.float64]
+
+
+class LightModel(NamedTuple):
+    """A kind of light in kernels."""
+
+    sample: Any
+    """Its lane function; None for the environment's image, which is sampled by table."""
+    parameters: int
+    """How many of a row's parameters it reads."""
+
+
+MODELS: dict[int, LightModel] = {
+    POINT: LightModel(point.sample, 4),
+    DIRECTIONAL: LightModel(directional.sample, 3),
+    CONSTANT_ENVIRONMENT: LightModel(constant_environment.sample, 0),
+    IMAGE_ENVIRONMENT: LightModel(None, 0),
+    MESH: LightModel(mesh.sample, 1),
+    SPHERE: LightModel(sphere.sample, 4),
+}
+
+
+def _point(light: PointLight, center: Reals) -> list[float]:
+    parameters = [*np.subtract(light.position, center), light.falloff]
+    return LightRow.packed(kind=POINT, color=light.intensity, parameters=parameters)
+
+
+def _directional(light: DirectionalLight, center: Reals) -> list[float]:
+    return LightRow.packed(kind=DIRECTIONAL, color=light.irradiance, parameters=np.negative(light.direction))
+
+
+def _environment(light: EnvironmentLight, center: Reals) -> list[float]:
+    kind = CONSTANT_ENVIRONMENT if light.image is None else IMAGE_ENVIRONMENT
+    return LightRow.packed(kind=kind, color=light.radiance)
+
+
+ROWS: dict[type, Callable[[Any, Reals], list[float]]] = {
+    PointLight: _point,
+    DirectionalLight: _directional,
+    EnvironmentLight: _environment,
+}
+"""How a light of the model becomes a row: (light, center) -> numbers."""
+
+
+class LightList:
+    """Listed lights first, then the emitting shapes in order."""
+
+    def __init__(self, scene: Any, first_id: list[int], primitives: int, center: Reals) -> None:
+        self.rows: list[list[float]] = []
+        self.faces: list[Any] = [np.zeros(0, np.int64)]
+        self.cdf: list[Any] = [np.zeros(0)]
+        self.ranges: list[tuple[int, int]] = []
+        self.environment = next((light for light in scene.lights if isinstance(light, EnvironmentLight)), None)
+        self.of_primitive = np.full(primitives, -1, np.int32)
+        self.center = center
+        for light in scene.lights:
+            self._append(ROWS[type(light)](light, center))
+        for shape, first in zip(scene.shapes, first_id, strict=True):
+            self._add_shape(scene.materials, shape, first)
+
+    def kinds(self) -> tuple[int, ...]:
+        return tuple(sorted({int(row[0]) for row in self.rows}))
+
+    def _append(self, row: list[float], faces: tuple[int, int] = (0, 0)) -> None:
+        self.rows.append(row)
+        self.ranges.append(faces)
+
+    def _add_shape(self, materials: tuple[Material, ...], shape: Any, first: int) -> None:
+        if isinstance(shape, (Triangle, Mesh)):
+            self._add_faces(materials, shape, first)
+            return
+        material = materials[shape.material]
+        if not material.emits or type(shape) not in SHAPES:
+            return
+        for k, (kind, parameters) in enumerate(SHAPES[type(shape)](shape, self.center)):
+            self.of_primitive[first + k] = len(self.rows)
+            emission = {"color": material.emission, "two_sided": material.two_sided}
+            self._append(LightRow.packed(kind=kind, parameters=parameters, **emission))
+
+    def _add_faces(self, materials: tuple[Material, ...], shape: Any, first: int) -> None:
+        if isinstance(shape, Triangle):
+            corners = np.array([[shape.a, shape.b, shape.c]])
+            emitting = np.flatnonzero([materials[shape.material].emits])
+        else:
+            emitting = np.flatnonzero(np.array([m.emits for m in materials])[shape.materials])
+            corners = shape.vertices[shape.faces[emitting]]
+        corners = corners[: len(emitting)]
+        areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        chosen, areas = emitting[areas > 0], areas[areas > 0]
+        if not len(chosen):
+            return
+        self.of_primitive[first + chosen] = len(self.rows)
+        start = sum(len(part) for part in self.faces)
+        self.faces.append(first + chosen)
+        sums = np.cumsum(areas)
+        self.cdf.append(sums / sums[-1])
+        self._append(LightRow.packed(kind=MESH, parameters=[sums[-1]]), (start, len(chosen)))
+
+
+def _spheres(shape: Any, center: Reals) -> list[tuple[int, list[float]]]:
+    if isinstance(shape, Sphere):
+        return [(SPHERE, [*np.subtract(shape.center, center), shape.radius])]
+    return [(SPHERE, [*(place - center), radius]) for place, radius in zip(shape.centers, shape.radii, strict=True)]
+
+
+SHAPES: dict[type, Callable[[Any, Reals], list[tuple[int, list[float]]]]] = {Sphere: _spheres, SphereSet: _spheres}
+"""How an emitting shape becomes lights, one a primitive: (shape, center) -> (kind, parameters) of each."""

@@ -1,0 +1,139 @@
+"""A scene as arrays, and the table of addresses through which stages reach them (`engines.kernels.layout.SceneTable`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.compile.records import Field
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import environment
+from engines.kernels.flatten.lights import LightList
+from engines.kernels.flatten.materials import material_features, material_rows
+from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
+from engines.kernels.layout import SLOTS, LightRow, PrimitiveRow, SceneTable
+from engines.scene.model import Mesh, Scene
+
+
+@dataclass(slots=True)
+class FlatScene:
+    """Arrays of one scene in one precision, by their fields in `SceneTable`. Indices are int32."""
+
+    real: type
+    center: NDArray[np.float64]
+    features: SceneFeatures
+    first_id: NDArray[np.int64]
+    """(shapes,) id of the first primitive of each shape."""
+    bounds: NDArray[np.float64]
+    """(2, 3) box of all finite shapes, in scene coordinates; NaN where there are none."""
+    arrays: dict[Any, NDArray[Any]] = field(default_factory=dict)
+    table: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SLOTS, np.int64))
+    owned: list[Any] = field(default_factory=list)
+    """Other objects whose memory the table leads to: they live as long as the scene."""
+
+    def bind(self, slot: Any, value: NDArray[Any] | int) -> None:
+        """Puts an array (which is kept alive) or a number into a field of the table."""
+        assert isinstance(slot, Field)
+        if isinstance(value, np.ndarray):
+            self.arrays[slot] = value = np.ascontiguousarray(value)
+            self.table[slot.first] = value.ctypes.data
+        else:
+            self.table[slot.first] = value
+
+    @property
+    def address(self) -> int:
+        return self.table.ctypes.data
+
+    @property
+    def bytes(self) -> int:
+        return sum(array.nbytes for array in self.arrays.values())
+
+
+def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
+    """The arrays of `scene` in precision `real` (np.float32 or np.float64), for an intersector of precision `tracing`."""
+    geometry = Geometry(scene.shapes)
+    bounds = geometry.bounds()
+    center = _recentre(bounds, tracing)
+    lights = LightList(scene, geometry.first_id, geometry.n, center)
+    features = _features(scene, geometry, lights)
+    flat = FlatScene(real, center, features, np.array(geometry.first_id, np.int64), bounds)
+    _bind_shapes(flat, geometry)
+    _bind_surfaces(flat, scene, geometry, lights)
+    _bind_lights(flat, lights)
+    return flat
+
+
+def _recentre(bounds: NDArray[np.float64], tracing: type) -> NDArray[np.float64]:
+    """Where the origin of the tracing coordinates lies. A mesh far from the origin loses all precision in float32."""
+    middle, half = bounds.mean(axis=0), np.ptp(bounds, axis=0).max() / 2
+    far = np.abs(middle).max() > 4 * half
+    return middle if far and half > 0 and tracing == np.float32 else np.zeros(3)
+
+
+def _features(scene: Scene, geometry: Geometry, lights: LightList) -> SceneFeatures:
+    used = [scene.materials[i] for i in np.flatnonzero(np.bincount(geometry.joined(geometry.material)))]
+    return SceneFeatures(
+        triangles=geometry.counts["triangles"] > 0,
+        spheres=geometry.counts["spheres"] > 0,
+        planes=geometry.counts["planes"] > 0,
+        analytic=geometry.analytic_kinds(),
+        smooth=any(isinstance(s, Mesh) and s.normals is not None for s in scene.shapes),
+        lights=lights.kinds(),
+        many_lights=len(lights.rows) > 1,
+        **material_features(used),
+    )
+
+
+def _bind_shapes(flat: FlatScene, geometry: Geometry) -> None:
+    table, join, zeros = SceneTable, geometry.joined, np.zeros(3)
+    for slot, name in (
+        (table.n_triangles, "triangles"), (table.n_spheres, "spheres"), (table.n_planes, "planes"),
+        (table.n_analytic, "analytic"),
+    ):  # fmt: skip
+        flat.bind(slot, geometry.counts[name])
+    flat.bind(table.vertices, (join(geometry.vertices) - flat.center).astype(flat.real))
+    flat.bind(table.vertex_normals, join(geometry.normals).astype(flat.real))
+    flat.bind(table.triangles, np.array(join(geometry.faces)))
+    collapse_degenerate(flat.arrays[table.triangles], flat.arrays[table.vertices])
+    flat.bind(table.spheres, join(geometry.spheres) - np.append(flat.center, 0))
+    flat.bind(table.planes, join(geometry.planes) - np.append(flat.center, zeros))
+    flat.bind(table.analytic, geometry.analytic_rows(flat.center))
+    flat.bind(table.analytic_bounds, np.hstack(geometry.analytic_bounds(flat.center)))
+    for slot, name in (
+        (table.triangle_primitives, "triangles"), (table.sphere_primitives, "spheres"),
+        (table.plane_primitives, "planes"), (table.analytic_primitives, "analytic"),
+    ):  # fmt: skip
+        flat.bind(slot, join(geometry.ids[name]))
+
+
+def _bind_surfaces(flat: FlatScene, scene: Scene, geometry: Geometry, lights: LightList) -> None:
+    """The arrays that lead from a primitive's id to its geometry, material and light."""
+    join = geometry.joined
+    flat.bind(SceneTable.materials, material_rows(scene.materials).astype(flat.real))
+    primitives = np.zeros((max(geometry.n, 1), PrimitiveRow.size), np.int32)  # a row to read where every ray misses
+    columns = (join(geometry.kind), join(geometry.index), join(geometry.material), lights.of_primitive)
+    for column, values in enumerate(columns):
+        primitives[: geometry.n, column] = values
+    flat.bind(SceneTable.primitives, primitives)
+
+
+def _bind_lights(flat: FlatScene, lights: LightList) -> None:
+    real, table = flat.real, SceneTable
+    flat.bind(table.n_lights, len(lights.rows))
+    flat.bind(table.lights, np.array(lights.rows or np.zeros((1, LightRow.size)), np.float64).astype(real))
+    flat.bind(table.light_faces, np.concatenate(lights.faces).astype(np.int32))
+    flat.bind(table.light_cdf, np.concatenate(lights.cdf))
+    flat.bind(table.light_ranges, np.array(lights.ranges or [(0, 0)], np.int32))
+    light = lights.environment
+    flat.bind(table.environment_radiance, np.array(light.radiance if light else (0.0, 0.0, 0.0), real))
+    if light is not None and light.image is not None:
+        image, pdf, rows, columns = environment.tables(light)
+        flat.bind(table.environment, image)
+        flat.bind(table.environment_pdf, pdf)
+        flat.bind(table.environment_rows, rows)
+        flat.bind(table.environment_columns, columns)
+        flat.bind(table.environment_width, image.shape[1])
+        flat.bind(table.environment_height, image.shape[0])

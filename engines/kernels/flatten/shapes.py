@@ -1,0 +1,152 @@
+"""Shapes as arrays: triangles, spheres, planes, and the other shapes that have a formula (`ANALYTIC`).
+
+An analytic shape is `SHAPE_PARAMETERS` float64 numbers and a module of lane functions. One that is registered here is found by
+every accelerator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.compile.jit import kernel
+from engines.kernels.layout import SHAPE_PARAMETERS
+from engines.scene.model import Mesh, Plane, Sphere, SphereSet, Triangle
+
+TRIANGLE, SPHERE, PLANE = range(3)
+
+Reals = NDArray[np.float64]
+
+
+class AnalyticShape(NamedTuple):
+    """How a shape of the model becomes parameters (positions relative to `center`), and its bounding box."""
+
+    kind: int
+    parameters: Callable[[Any, Reals], list[float]]
+    """(shape, center) -> numbers"""
+    bounds: Callable[[Reals], tuple[Reals, Reals]]
+    """Parameters (n, SHAPE_PARAMETERS) -> lowest and highest coordinates (n, 3)."""
+    lane: Any
+    """Its module of `engines.kernels.lane.shapes`: `distance` and `interaction`."""
+
+
+ANALYTIC: dict[type, AnalyticShape] = {}
+
+
+def analytic_shape(kind: int) -> AnalyticShape:
+    """The registered shape of a kind."""
+    return next(shape for shape in ANALYTIC.values() if shape.kind == kind)
+
+
+class Geometry:
+    """The shapes of a scene, collected in order; primitives of each kind in the order of their ids."""
+
+    def __init__(self, shapes: Any) -> None:
+        self.vertices: list[Any] = [np.zeros((0, 3))]
+        self.normals: list[Any] = [np.zeros((0, 3))]
+        self.faces: list[Any] = [np.zeros((0, 3), np.int32)]
+        self.spheres: list[Any] = [np.zeros((0, 4))]
+        self.planes: list[Any] = [np.zeros((0, 6))]
+        self.analytic: list[Any] = []
+        self.ids: dict[str, list[Any]] = {name: [np.zeros(0, np.int32)] for name in _COLUMNS}
+        self.material: list[Any] = [np.zeros(0, np.int64)]
+        self.kind: list[Any] = [np.zeros(0, np.int64)]
+        self.index: list[Any] = [np.zeros(0, np.int64)]
+        self.first_id: list[int] = []
+        self.n = 0
+        self.n_vertices = 0
+        self.counts = dict.fromkeys(_COLUMNS, 0)
+        for shape in shapes:
+            self.first_id.append(self.n)
+            self._add(shape)
+
+    @staticmethod
+    def joined(parts: list[Any]) -> NDArray[Any]:
+        """All parts in one array; a single one that is not empty is not copied."""
+        filled = [part for part in parts if len(part)] or parts[:1]
+        return filled[0] if len(filled) == 1 else np.concatenate(filled)
+
+    def _add(self, shape: Any) -> None:
+        if isinstance(shape, Plane):
+            self.planes.append(np.array([[*shape.point, *shape.normal]]))
+            self._primitives("planes", PLANE, 1, shape.material)
+        elif isinstance(shape, Sphere):
+            self.spheres.append(np.array([[*shape.center, shape.radius]]))
+            self._primitives("spheres", SPHERE, 1, shape.material)
+        elif isinstance(shape, SphereSet):
+            self.spheres.append(np.column_stack([shape.centers, shape.radii]))
+            self._primitives("spheres", SPHERE, len(shape.radii), shape.material)
+        elif isinstance(shape, Triangle):
+            self._triangles(np.array([shape.a, shape.b, shape.c]), None, np.array([[0, 1, 2]]), shape.material)
+        elif isinstance(shape, Mesh):
+            self._triangles(shape.vertices, shape.normals, shape.faces, shape.materials)
+        else:
+            self.analytic.append(shape)
+            self._primitives("analytic", ANALYTIC[type(shape)].kind, 1, shape.material)
+
+    def _triangles(self, vertices: Any, normals: Any, faces: Any, material: Any) -> None:
+        self.vertices.append(vertices)
+        self.normals.append(np.zeros((len(vertices), 3)) if normals is None else normals)
+        faces = np.asarray(faces, np.int32)
+        self.faces.append(faces + np.int32(self.n_vertices) if self.n_vertices else faces)
+        self.n_vertices += len(vertices)
+        self._primitives("triangles", TRIANGLE, len(faces), material)
+
+    def _primitives(self, column: str, kind: int, n: int, material: Any) -> None:
+        first = self.counts[column]
+        self.ids[column].append(np.arange(self.n, self.n + n, dtype=np.int32))
+        self.material.append(np.broadcast_to(np.asarray(material, np.int64), (n,)))
+        self.kind.append(np.full(n, kind, np.int8))
+        self.index.append(np.arange(first, first + n, dtype=np.int32))
+        self.counts[column] += n
+        self.n += n
+
+    def bounds(self) -> Reals:
+        """(2, 3) box of all finite shapes, NaN where there are none."""
+        vertices, spheres = self.joined(self.vertices), self.joined(self.spheres)
+        radii = spheres[:, 3:]
+        low, high = self.analytic_bounds(np.zeros(3))
+        ends = [p for p in (vertices, spheres[:, :3] - radii, spheres[:, :3] + radii, low, high) if len(p)]
+        if not ends:
+            return np.full((2, 3), np.nan)
+        lows, highs = [part.min(axis=0) for part in ends], [part.max(axis=0) for part in ends]
+        return np.array([np.min(lows, axis=0), np.max(highs, axis=0)])
+
+    def analytic_rows(self, center: Reals) -> Reals:
+        """(n, SHAPE_PARAMETERS) parameters, positions relative to `center`."""
+        result = np.zeros((len(self.analytic), SHAPE_PARAMETERS))
+        for row, shape in zip(result, self.analytic, strict=True):
+            numbers = ANALYTIC[type(shape)].parameters(shape, center)
+            row[: len(numbers)] = numbers
+        return result
+
+    def analytic_bounds(self, center: Reals) -> tuple[Reals, Reals]:
+        """Lowest and highest coordinates (n, 3)."""
+        parameters = self.analytic_rows(center)
+        low, high = np.zeros((len(parameters), 3)), np.zeros((len(parameters), 3))
+        for i, shape in enumerate(self.analytic):
+            found = ANALYTIC[type(shape)].bounds(parameters[i : i + 1])
+            low[i], high[i] = found[0][0], found[1][0]
+        return low, high
+
+    def analytic_kinds(self) -> tuple[int, ...]:
+        return tuple(sorted({ANALYTIC[type(shape)].kind for shape in self.analytic}))
+
+
+_COLUMNS = ("triangles", "spheres", "planes", "analytic")
+
+
+@kernel
+def collapse_degenerate(faces, vertices):
+    """Draws faces without area (as the vertices are rounded) together to a point, which no ray meets. Seen from afar,
+    rounding could open a slit."""
+    for i in range(len(faces)):
+        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        px, py, pz = np.float64(vertices[a, 0]), np.float64(vertices[a, 1]), np.float64(vertices[a, 2])
+        ux, uy, uz = vertices[b, 0] - px, vertices[b, 1] - py, vertices[b, 2] - pz
+        vx, vy, vz = vertices[c, 0] - px, vertices[c, 1] - py, vertices[c, 2] - pz
+        if uy * vz - uz * vy == 0.0 and uz * vx - ux * vz == 0.0 and ux * vy - uy * vx == 0.0:
+            faces[i, 1] = faces[i, 2] = a

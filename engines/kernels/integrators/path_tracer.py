@@ -1,0 +1,55 @@
+"""Unidirectional path tracing: emission, one light sample a vertex, one lobe, Russian roulette (docs/transport.md)."""
+
+from __future__ import annotations
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
+from engines.kernels.lane.sampling import power_heuristic
+from engines.kernels.lane.vector import Vec3, dot, largest, select3
+
+LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
+DIRECT = {"light": LIGHT_ONLY, "bsdf": BSDF_ONLY, "mis": MIS}
+
+
+@inline
+def step(si, light, bsdf, draws, path, options):
+    zero, one = const(0.0, si.t), const(1.0, si.t)
+    none = Vec3(zero, zero, zero)
+    max_depth, rr_depth, direct = options[0], options[1], options[2]
+    use_light, use_bsdf = direct == const(LIGHT_ONLY, direct), direct == const(BSDF_ONLY, direct)
+    huge = const(3e38, zero)
+
+    # emission: what the light strategy would have found too counts for less
+    unlisted = si.light_pdf <= zero
+    only = select(unlisted | (path.pdf > huge), one, zero)
+    w = select(use_light, only, select(use_bsdf, one, power_heuristic(path.pdf, si.light_pdf)))
+    radiance = path.throughput * si.emission * w
+
+    sample = bsdf.sample
+    goes_on = (path.depth < max_depth) & sample.valid & (not si.miss)
+
+    # direct light
+    w = power_heuristic(light.pdf, bsdf.pdf)
+    w = select(use_light, one, select(use_bsdf, select(light.pdf > huge, one, zero), w))
+    value = bsdf.value
+    lit = goes_on & (value.scale > zero) & (dot(si.geometric_normal, light.wi) > zero) & (light.pdf > zero)
+    li = path.throughput * value.color * light.radiance * (select(lit, value.scale, zero) * w)
+
+    # one lobe carries the path on
+    side = dot(si.geometric_normal, sample.wi)
+    alive = goes_on & (select(sample.transmitted, -side, side) > zero)
+    throughput = path.throughput * (sample.weight.color * sample.weight.scale)
+
+    # roulette
+    survival = largest(throughput)
+    survival = select(survival < const(0.95, survival), survival, const(0.95, survival))
+    plays = path.depth >= rr_depth
+    alive = alive & ((draws.roulette < survival) | (not plays))
+    throughput = throughput * select(plays, one / select(survival > zero, survival, one), one)
+    return ScatterResult(
+        radiance, select3(lit, li, none), alive, sample.wi, sample.transmitted, throughput, sample.pdf, False, none, none
+    )
+
+
+INTEGRATOR = Integrator(step, Uses(value=True, sample=True))

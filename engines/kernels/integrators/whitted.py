@@ -1,0 +1,45 @@
+"""Whitted's rule: every light at every hit, specular reflection and transmission followed to the end."""
+
+from __future__ import annotations
+
+import math
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.integrators.interface import Integrator, ScatterResult, Uses
+from engines.kernels.lane.vector import Vec3, dot, select3, total
+
+
+@inline
+def local(si, light, bsdf, path, ambient):
+    """(radiance, direct): emission and the ambient term; and what the light sample adds."""
+    zero = const(0.0, si.t)
+    radiance = path.throughput * (si.emission + bsdf.diffuse * ambient)
+    value = bsdf.value
+    lit = (not si.miss) & (value.scale > zero) & (dot(si.geometric_normal, light.wi) > zero) & (light.pdf > zero)
+    direct = path.throughput * value.color * light.radiance * select(lit, value.scale, zero)
+    return radiance, select3(lit, direct, Vec3(zero, zero, zero))
+
+
+@inline
+def step(si, light, bsdf, draws, path, options):
+    zero = const(0.0, si.t)
+    radiance, direct = local(si, light, bsdf, path, options[1])
+    reflection, transmission = bsdf.reflection, bsdf.transmission
+    ks = path.throughput * reflection.weight.color * reflection.weight.scale
+    kt = path.throughput * transmission.weight.color * transmission.weight.scale
+    deeper = (path.depth < options[0]) & (not si.miss)
+    reflects = deeper & reflection.valid & (total(ks) > zero) & (dot(si.geometric_normal, reflection.wi) > zero)
+    side = dot(si.geometric_normal, transmission.wi)
+    through = transmission.transmitted
+    refracts = deeper & transmission.valid & (total(kt) > zero) & (select(through, -side, side) > zero)
+    # the refraction goes on in the lane, the mirror ray waits: both where there are both
+    return ScatterResult(
+        radiance, direct, reflects | refracts, select3(refracts, transmission.wi, reflection.wi), refracts & through,
+        select3(refracts, kt, ks), const(math.inf, si.t), reflects & refracts, reflection.wi, ks,
+    )  # fmt: skip
+
+
+INTEGRATOR = Integrator(
+    step, Uses(value=True, specular=True, albedos=True), every_light=True, branches=True
+)

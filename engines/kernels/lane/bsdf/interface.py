@@ -1,0 +1,82 @@
+"""What a BSDF model offers to integrators.
+
+Directions are unit and point away from the surface, `wo` to the viewer and `wi` to the light; the ray's own direction is -wo. f is the
+value of the BSDF, per steradian; cos is that between `wi` and the shading normal.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.lane.vector import select3
+
+ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION = range(3)
+"""Which lobes `sample` chooses from: by chance among all, or one of the specular ones with certainty."""
+
+
+class Spectrum(NamedTuple):
+    """A colour times a number, kept apart: factors are multiplied as numbers first, and the colour once."""
+
+    color: Vec3
+    scale: float
+
+
+class BSDFSample(NamedTuple):
+    """A direction. `weight` is f cos / pdf; `pdf` per solid angle, inf for a specular event."""
+
+    wi: Vec3
+    weight: Spectrum
+    pdf: float
+    transmitted: bool
+    """It leaves on the far side of the surface."""
+    valid: bool
+    """Something is reflected or transmitted; where not, the path ends."""
+
+
+class Scattering(NamedTuple):
+    """All that an integrator is told of the BSDF at a vertex. A light's direction is that of the vertex's light sample."""
+
+    value: Spectrum
+    """f cos of the light's direction, 0 where specular lobes alone would reach it."""
+    pdf: float
+    """With which `sample` would have chosen the light's direction."""
+    sample: BSDFSample
+    reflection: BSDFSample
+    """The specular reflection."""
+    transmission: BSDFSample
+    diffuse: Vec3
+    """Albedo of the diffuse part."""
+    albedo: Vec3
+    """A colour that stands for the material where no light is computed."""
+
+
+class BSDF(NamedTuple):
+    """A model's lane functions. `parameters` are the numbers of its material, `si` a SurfaceInteraction.
+
+    evaluate(parameters, si, wi) -> Spectrum: f cos
+    pdf(parameters, si, wi) -> float: per solid angle, of `sample` with all lobes
+    sample(parameters, si, u_lobe, u0, u1, lobes) -> BSDFSample
+    albedos(parameters, si) -> (diffuse, albedo), as in `Scattering`
+    """
+
+    evaluate: Any
+    pdf: Any
+    sample: Any
+    albedos: Any
+
+
+@inline
+def no_sample(like):
+    """A sample that ends the path, in the type of the number `like`."""
+    zero = const(0.0, like)
+    none = Vec3(zero, zero, zero)
+    return BSDFSample(none, Spectrum(none, zero), zero, False, False)
+
+
+@inline
+def choose_spectrum(condition, yes, no):
+    """One of two, without a branch."""
+    return Spectrum(select3(condition, yes.color, no.color), select(condition, yes.scale, no.scale))

@@ -1,0 +1,149 @@
+"""The dissertation's material: a Lambertian part kd, a mirror ks and a refraction kt, with exact Fresnel where wanted.
+
+One lobe is chosen in proportion to the sum of its colour's channels. Parameters: kd, ks, kt (3 each), ior, 1 with Fresnel.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.lane.bsdf.interface import (
+    ALL,
+    BSDF,
+    SPECULAR_REFLECTION,
+    BSDFSample,
+    Spectrum,
+)
+from engines.kernels.lane.fresnel import reflect, refract
+from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
+from engines.kernels.lane.vector import Vec3, dot, largest, select3, total
+
+_KD, _KS, _KT, _INTERFACE = range(3), range(3, 6), range(6, 9), range(9, 11)
+
+
+class Lobes(NamedTuple):
+    """The three lobes as `si` meets them. `ks` and `kt` are weighted by Fresnel, `scale` is the factor of refraction on radiance."""
+
+    kd: Vec3
+    ks: Vec3
+    kt: Vec3
+    fresnel_ks: float
+    fresnel_kt: float
+    d: float
+    r: float
+    t: float
+    reflected: Vec3
+    refracted: Vec3
+    through: bool
+    scale: float
+
+
+def columns(features: SceneFeatures) -> tuple[int, ...]:
+    """The parameters that are read in a scene of these features."""
+    specular = features.specular_reflection or features.specular_transmission
+    return (
+        *(_KD if features.diffuse else ()),
+        *(_KS if features.specular_reflection else ()),
+        *(_KT if features.specular_transmission else ()),
+        *(_INTERFACE if specular else ()),
+    )
+
+
+def make(features: SceneFeatures) -> BSDF:
+    """The model's functions in a scene of these features."""
+    return _make(features.diffuse, features.specular_reflection, features.specular_transmission)
+
+
+@cache
+def _make(diffuse: bool, reflection: bool, transmission: bool) -> BSDF:
+    specular = reflection or transmission
+
+    @inline
+    def lobes_of(parameters, si):
+        zero, one = const(0.0, si.t), const(1.0, si.t)
+        none = Vec3(zero, zero, zero)
+        kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else none
+        if not specular:
+            return Lobes(kd, none, none, one, one, total(kd), zero, zero, none, none, False, one)
+        ks = Vec3(parameters[3], parameters[4], parameters[5]) if reflection else none
+        kt = Vec3(parameters[6], parameters[7], parameters[8]) if transmission else none
+        eta = select(si.front, parameters[9], one / parameters[9])
+        glass = refract(si.direction, si.normal, eta)
+        weighted = parameters[10] > zero
+        f = select(weighted, glass.reflectance, one)
+        g = select(weighted, one - glass.reflectance, one)
+        return Lobes(
+            kd, ks, kt, f, g, total(kd), total(ks * f), total(kt * g),
+            reflect(si.direction, si.normal), glass.direction, not glass.total, glass.scale,
+        )  # fmt: skip
+
+    @inline
+    def evaluate(parameters, si, wi):
+        zero = const(0.0, si.t)
+        kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else Vec3(zero, zero, zero)
+        cos = dot(si.normal, wi)
+        return Spectrum(kd, select(cos > zero, cos, zero) * const(1.0 / math.pi, cos))
+
+    @inline
+    def pdf(parameters, si, wi):
+        zero, one = const(0.0, si.t), const(1.0, si.t)
+        lobes = lobes_of(parameters, si)
+        q = lobes.d + lobes.r + lobes.t
+        return lobes.d / select(q > zero, q, one) * dot(si.normal, wi) * const(1.0 / math.pi, one)
+
+    @inline
+    def sample_any(parameters, si, u_lobe, u0, u1):
+        zero, one = const(0.0, si.t), const(1.0, si.t)
+        lobes = lobes_of(parameters, si)
+        d, r, t = lobes.d, lobes.r, lobes.t
+        q = d + r + t
+        share = d / select(q > zero, q, one)
+        wi = cosine_direction(si.normal, u0, u1)
+        pdf = share * cosine_pdf(si.normal, wi)
+        weight = Spectrum(lobes.kd, q / select(d > zero, d, one))
+        transmitted = False
+        if specular:
+            u = u_lobe * q
+            is_diffuse, is_reflection = u < d, (u >= d) & (u < d + r)
+            transmitted = (u >= d + r) & lobes.through
+            ks, kt = lobes.ks * lobes.fresnel_ks, lobes.kt * lobes.fresnel_kt
+            refraction = kt * (q / select(t > zero, t, one))
+            color = select3(is_diffuse, lobes.kd, select3(is_reflection, ks, refraction))
+            scale = select(is_reflection, q / select(r > zero, r, one), lobes.scale)
+            weight = Spectrum(color, select(is_diffuse, weight.scale, scale))
+            wi = select3(is_diffuse, wi, select3(is_reflection, lobes.reflected, lobes.refracted))
+            pdf = select(is_diffuse, pdf, const(math.inf, pdf))
+        return BSDFSample(wi, weight, pdf, transmitted, q > zero)
+
+    @inline
+    def sample(parameters, si, u_lobe, u0, u1, which):
+        if which == ALL:
+            return sample_any(parameters, si, u_lobe, u0, u1)
+        zero, lobes = const(0.0, si.t), lobes_of(parameters, si)
+        infinite = const(math.inf, zero)
+        if which == SPECULAR_REFLECTION:
+            weight = Spectrum(lobes.ks, lobes.fresnel_ks)
+            return BSDFSample(lobes.reflected, weight, infinite, False, lobes.r > zero)
+        weight = Spectrum(lobes.kt, lobes.fresnel_kt * lobes.scale)
+        return BSDFSample(lobes.refracted, weight, infinite, lobes.through, lobes.t > zero)
+
+    @inline
+    def albedos(parameters, si):
+        zero = const(0.0, si.t)
+        none = Vec3(zero, zero, zero)
+        kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else none
+        ks = Vec3(parameters[3], parameters[4], parameters[5]) if reflection else none
+        kt = Vec3(parameters[6], parameters[7], parameters[8]) if transmission else none
+        shown = select3(largest(kt) > zero, kt, none)
+        shown = select3(largest(ks) > zero, ks, shown)
+        return kd, select3(largest(kd) > zero, kd, shown)
+
+    return BSDF(evaluate, pdf, sample, albedos)
+
+
+__all__: list[Any] = ["columns", "make"]

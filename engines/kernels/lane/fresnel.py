@@ -1,0 +1,45 @@
+"""Smooth interfaces: Fresnel reflectance, reflected and refracted directions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.lane.vector import dot
+
+
+class Refraction(NamedTuple):
+    """What a smooth dielectric does with a direction. `scale` is the factor on radiance, 1/eta^2 (1 when `total`)."""
+
+    reflectance: float
+    direction: Vec3
+    total: bool
+    scale: float
+
+
+@inline
+def reflect(d, n):
+    """The direction d (towards the surface) reflected at the normal n."""
+    return d - n * (const(2.0, d.x) * dot(d, n))
+
+
+@inline
+def refract(d, n, eta):
+    """Exact, unpolarised Fresnel reflectance and Snell's direction; eta = n_t / n_i, n faces against d."""
+    zero, one, half = const(0.0, eta), const(1.0, eta), const(0.5, eta)
+    c1 = abs(dot(d, n))
+    c1 = select(c1 > one, one, c1)
+    s2 = (one - c1 * c1) / (eta * eta)
+    total = s2 >= one
+    c2 = np.sqrt(select(total, zero, one - s2))
+    across = (c1 - eta * c2) / (c1 + eta * c2)
+    along = (eta * c1 - c2) / (eta * c1 + c2)
+    reflectance = select(total, one, half * across * across + half * along * along)
+    refracted = d * (one / eta) + n * (c1 / eta - c2)
+    mirror = reflect(d, n)
+    direction = Vec3(select(total, mirror.x, refracted.x), select(total, mirror.y, refracted.y), select(total, mirror.z, refracted.z))
+    return Refraction(reflectance, direction, total, select(total, one, one / (eta * eta)))

@@ -1,0 +1,23 @@
+"""The point light: parameters are position (3) and 1, or 0 for a light that does not fall off with distance."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.vector import Vec3, dot
+
+
+@inline
+def sample(light, p, normal, u0, u1):
+    x, y, z, falloff = light.parameters[:4]
+    one = const(1.0, falloff)
+    to = Vec3(x, y, z) - p
+    square = dot(to, to)
+    distance = np.sqrt(square)
+    scale = one / select(falloff > const(0.0, falloff), square, one)
+    return LightSample(to * (one / distance), distance, light.color * scale, const(math.inf, falloff))

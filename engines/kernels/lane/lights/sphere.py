@@ -1,0 +1,45 @@
+"""The sphere that emits: by the cone from outside, uniform in area from inside. Parameters are center (3) and radius."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.shapes.sphere import cone
+from engines.kernels.lane.vector import Vec3, dot, length, select3, sin_cos_turn, tangents
+
+
+@inline
+def sample(light, p, normal, u0, u1):
+    one, zero, two = const(1.0, u0), const(0.0, u0), const(2.0, u0)
+    x, y, z, radius = light.parameters[:4]
+    center = Vec3(x, y, z)
+    seen = cone(p, center, radius)
+    sine, cosine = sin_cos_turn(u1)
+    # the cone
+    drop = u0 * seen.k
+    cos = one - drop
+    sin2 = drop * (two - drop)
+    sin = np.sqrt(select(sin2 > zero, sin2, zero))
+    t, b = tangents(seen.axis)
+    wi = t * (sin * cosine) + b * (sin * sine) + seen.axis * cos
+    inside = radius * radius - seen.distance * seen.distance * sin2
+    near = seen.distance * cos - np.sqrt(select(inside > zero, inside, zero))
+    # the whole surface
+    height = one - two * u0
+    ring = np.sqrt(select(one - height * height > zero, one - height * height, zero))
+    out = Vec3(ring * cosine, ring * sine, height)
+    to = center + out * radius - p
+    far = length(to)
+    wa = to * (one / far)
+    facing = -dot(wa, out)
+    area_pdf = far * far / (abs(facing) * const(4.0 * math.pi, u0) * radius * radius)
+    by_cone = seen.pdf > zero
+    pdf = select(by_cone, seen.pdf, area_pdf)
+    lit = by_cone | (facing > zero) | (light.two_sided > zero)
+    radiance = select3(lit, light.color * (one / pdf), Vec3(zero, zero, zero))
+    return LightSample(select3(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)

@@ -1,0 +1,1 @@
+"""Rays and shapes: distances, and what is there. One module a shape."""

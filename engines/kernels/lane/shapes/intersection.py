@@ -1,0 +1,42 @@
+"""What a shape tells of the point where a ray meets it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import select
+from engines.kernels.compile.vec3 import Vec3
+from engines.kernels.lane.vector import select3
+
+
+class ShapeIntersection(NamedTuple):
+    """Normals are those of the shape's own front side. `t` is not below inf where the shape does not confirm the hit."""
+
+    t: float
+    scale: float
+    """The largest number that rounding has scaled with, besides coordinates and distance: a sphere's radius."""
+    u: float
+    v: float
+    """Barycentric weights of a triangle's second and third vertex; 0 elsewhere."""
+    point: Vec3
+    normal: Vec3
+    """Geometric normal, unit."""
+    shading_normal: Vec3
+    tangent: Vec3
+    """Derivative of the point by the shape's first coordinate, of any length; 0 where it has none."""
+
+
+@inline
+def choose(condition, yes, no):
+    """One of two intersections, without a branch."""
+    return ShapeIntersection(
+        select(condition, yes.t, no.t),
+        select(condition, yes.scale, no.scale),
+        select(condition, yes.u, no.u),
+        select(condition, yes.v, no.v),
+        select3(condition, yes.point, no.point),
+        select3(condition, yes.normal, no.normal),
+        select3(condition, yes.shading_normal, no.shading_normal),
+        select3(condition, yes.tangent, no.tangent),
+    )

@@ -1,0 +1,114 @@
+"""Functions of three-vectors, one lane's each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.compile.vec3 import Vec3
+
+
+@inline
+def dot(a, b):
+    """The scalar product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@inline
+def cross(a, b):
+    """The vector product, right-handed."""
+    return Vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+@inline
+def length(a):
+    """Euclidean."""
+    return np.sqrt(dot(a, a))
+
+
+@inline
+def unit(a):
+    """`a` divided by its length; not for the zero vector."""
+    return a * (const(1.0, a.x) / length(a))
+
+
+@inline
+def select3(condition, yes, no):
+    """`yes` where `condition` holds, else `no`, component by component; never a branch."""
+    return Vec3(select(condition, yes.x, no.x), select(condition, yes.y, no.y), select(condition, yes.z, no.z))
+
+
+@inline
+def total(a):
+    """The sum of the components."""
+    return a.x + a.y + a.z
+
+
+@inline
+def largest(a):
+    """The largest component."""
+    most = select(a.x > a.y, a.x, a.y)
+    return select(a.z > most, a.z, most)
+
+
+@inline
+def extent(a):
+    """The largest component by magnitude."""
+    return largest(Vec3(abs(a.x), abs(a.y), abs(a.z)))
+
+
+@inline
+def to_float64(v):
+    """A vector of float64 numbers."""
+    return Vec3(np.float64(v.x), np.float64(v.y), np.float64(v.z))
+
+
+@inline
+def to_real(v, real):
+    """A vector of the scalar type `real`."""
+    return Vec3(real(v.x), real(v.y), real(v.z))
+
+
+@inline
+def tangents(n):
+    """Two unit vectors that complete the unit vector `n` to a right-handed frame (Duff et al. 2017).
+
+    The two charts meet at n.z = -0.7, not at 0: many a facet lies along z, and must not turn on the sign of a rounding error.
+    """
+    one = const(1.0, n.x)
+    sign = select(n.z < const(-0.7, n.x), -one, one)
+    a = -one / (sign + n.z)
+    b = n.x * n.y * a
+    return Vec3(one + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3(b, sign + n.y * n.y * a, -n.y)
+
+
+@inline
+def sin_cos_turn(u):
+    """(sin, cos) of 2 pi u for u in [0, 1): polynomials on an eighth of a turn, to 1 ulp, and vector code throughout.
+
+    Coefficients of fdlibm's kernel sine and cosine (Sun Microsystems 1993).
+    """
+    four = const(4.0, u)
+    quarter = np.floor(u * four + const(0.5, u))
+    x = (u - quarter / four) * const(6.283185307179586, u)
+    z = x * x
+    s = const(-2.50507602534068634195e-08, u) + z * const(1.58969099521155010221e-10, u)
+    s = const(-1.98412698298579493134e-04, u) + z * (const(2.75573137070700676789e-06, u) + z * s)
+    s = x + x * z * (const(-1.66666666666666324348e-01, u) + z * (const(8.33333333332248946124e-03, u) + z * s))
+    c = const(2.08757232129817482790e-09, u) + z * const(-1.13596475577881948265e-11, u)
+    c = const(2.48015872894767294178e-05, u) + z * (const(-2.75573143513906633035e-07, u) + z * c)
+    c = const(4.16666666666666019037e-02, u) + z * (const(-1.38888888888741095749e-03, u) + z * c)
+    c = const(1.0, u) - const(0.5, u) * z + z * z * c
+    # quarter is 0..4: 0 and 4 (s, c), 1 (c, -s), 2 (-s, -c), 3 (-c, s)
+    odd = (quarter == const(1.0, u)) | (quarter == const(3.0, u))
+    sine, cosine = select(odd, c, s), select(odd, s, c)
+    low = (quarter == const(2.0, u)) | (quarter == const(3.0, u))
+    left = (quarter == const(1.0, u)) | (quarter == const(2.0, u))
+    return select(low, -sine, sine), select(left, -cosine, cosine)
+
+
+__all__ = [
+    *("Vec3", "cross", "dot", "extent", "largest", "length", "select3", "sin_cos_turn", "tangents", "to_float64"),
+    *("to_real", "total", "unit"),
+]

@@ -1,0 +1,318 @@
+"""The memory that kernels work on, as named and typed records: the ray batch, and the flattened scene.
+
+A *ray batch* is the state of sixteen paths, one a lane. The *scene* is a table of arrays; geometry is relative to `FlatScene.center`,
+in the tracing precision unless it says otherwise. Every primitive has an id: its place in the order of shapes, then of
+primitives within a shape. Among hits at equal distances the lowest id wins.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.compile.records import (
+    LANES,
+    REAL,
+    LaneRecord,
+    Row,
+    Table,
+    array,
+    doubles,
+    flag,
+    integer,
+    lane_view,
+    real,
+    reals,
+    rows,
+    scalar,
+    table_view,
+    vector,
+    vectors,
+)
+
+BSDF_PARAMETERS = 11
+LIGHT_PARAMETERS = 8
+SHAPE_PARAMETERS = 7
+DRAWS = 8
+"""Random numbers of a vertex that a lane has room for."""
+
+
+class RayBatch(LaneRecord):
+    """Sixteen lanes, field by field. Behind the fields lies scratch memory for intersectors."""
+
+    # the path: what a lane takes over, field by field, from the batch in which the camera begins samples
+    alive = flag()  # the lane has a sample in flight
+    slot = integer()  # where in the tile's buffer the radiance goes
+    pixel = integer()  # y * width + x
+    sample = integer()  # index of the sample
+    dimension = integer()  # first dimension of the next draws
+    origin = vector()
+    direction = vector()
+    t = real()  # in: t_max, not above 0 for a lane without a ray; out: distance of the hit
+    origin_primitive = integer()  # id of the flat primitive that the ray leaves, -1 for none
+    held_primitive = integer()  # id of a hit that is shaded once more, by the next light; -1 for none
+    depth = integer()  # segments so far, 1 for the camera ray
+    throughput = vector()
+    radiance = vector()
+    pdf = real()  # of the last scattering, per solid angle; inf after a specular one and from the camera
+    cosine_pdf = real()  # of the last direction under the cosine rule
+    light = integer()  # index of the light, for integrators that visit all
+    waiting = integer()  # rays on the lane's stack
+
+    pixel_x = real()
+    pixel_y = real()
+    pixel_key = integer()  # the sampler's key of the pixel
+    draw = reals(DRAWS)  # the random numbers of this vertex, in [0, 1)
+    primitive = integer()  # id of the primitive hit, -1 for none
+    done = flag()  # the path has just ended
+
+    # the surface interaction
+    miss = flag()
+    front = flag()  # met from the side of the shape's own normal
+    point = vector()
+    normal = vector()  # shading normal, towards the viewer
+    geometric_normal = vector()  # towards the viewer
+    u = real()
+    v = real()
+    offset = real()  # how far from the surface new rays start
+    bsdf = reals(BSDF_PARAMETERS)  # of the material's model
+    emission = vector()  # towards the viewer; a miss has the environment's
+    light_pdf = real()  # with which the light sample would have found this emission; 0 where it never does
+
+    # what stages load of the scene before they compute, so that loops over lanes are vector code on any machine
+    shape = integer()  # kind of the primitive hit
+    light_kind = integer()
+    vertex0 = vector()  # of a triangle
+    vertex1 = vector()
+    vertex2 = vector()
+    vertex_normal0 = vector()
+    vertex_normal1 = vector()
+    vertex_normal2 = vector()
+    two_sided = real()  # 1 or 0
+    primitive_light = integer()  # index of the light that a primitive belongs to, -1 for none
+    light_parameters = reals(LIGHT_PARAMETERS)
+    light_color = vector()
+    shape_parameters = doubles(SHAPE_PARAMETERS)
+
+    # the light sample at the surface, and the shadow ray
+    wi = vector()  # unit, towards the light
+    light_distance = real()
+    li = vector()  # radiance over pdf
+    light_sample_pdf = real()  # per solid angle, times that of the choice of light; inf for delta lights
+    shadow_origin = vector()
+    shadow_t_max = real()  # not above 0 for no shadow ray
+    occluded = flag()
+    direct = vector()  # added to the radiance if the shadow ray is free
+
+    # a second ray that leaves `shadow_origin` later
+    branch = flag()
+    branch_direction = vector()
+    branch_throughput = vector()
+
+    # scratch of intersectors: the ray's own frame
+    frame_x = vector()
+    frame_y = vector()
+    frame_z = vector()
+
+    # where the scene holds several BSDF models: which one was hit, and the tangent that anisotropic ones need
+    bsdf_model = integer()
+    tangent = vector()  # derivative of the point by the shape's first coordinate
+    # results of the BSDF at this vertex
+    value_color = vector()
+    value_scale = real()
+    value_pdf = real()
+    sample_wi = vector()
+    sample_color = vector()
+    sample_scale = real()
+    sample_pdf = real()
+    sample_transmitted = flag()
+    sample_valid = flag()
+    reflection_color = vector()
+    reflection_scale = real()
+    transmission_color = vector()
+    transmission_scale = real()
+    transmission_wi = vector()
+    transmission_through = flag()
+    diffuse_albedo = vector()
+    albedo = vector()
+
+
+PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
+"""Numbers of a lane, from the first on, that are its path."""
+
+
+class WaitingRay(LaneRecord):
+    """A ray on a lane's stack."""
+
+    origin = vector()
+    direction = vector()
+    throughput = vector()
+    depth = integer()
+    origin_primitive = integer()
+
+
+class TriangleRow(Row):
+    """Indices of vertices."""
+
+    dtype = np.int32
+    a = real()
+    b = real()
+    c = real()
+
+
+class SphereRow(Row):
+    dtype = np.float64
+    center = vector()
+    radius = real()
+
+
+class PlaneRow(Row):
+    dtype = np.float64
+    point = vector()
+    normal = vector()
+
+
+class AnalyticRow(Row):
+    """A shape of `engines.kernels.flatten.shapes.ANALYTIC`."""
+
+    dtype = np.float64
+    parameters = reals(SHAPE_PARAMETERS)
+
+
+class PrimitiveRow(Row):
+    """Kind of the shape, index among those of its kind, material, light (-1: not in the list of lights)."""
+
+    dtype = np.int32
+    shape = real()
+    index = real()
+    material = real()
+    light = real()
+
+
+class MaterialRow(Row):
+    """Sixteen numbers, one cache line in float32."""
+
+    bsdf = reals(BSDF_PARAMETERS)  # of the model
+    emission = vector()
+    two_sided = real()
+    model = real()
+
+
+class LightRow(Row):
+    """Parameters depend on the kind: see `engines.kernels.flatten.lights`."""
+
+    kind = real()
+    color = vector()
+    two_sided = real()
+    parameters = reals(LIGHT_PARAMETERS)
+
+
+class RangeRow(Row):
+    """The faces of a mesh that is a light."""
+
+    dtype = np.int32
+    first = real()
+    count = real()
+
+
+class CameraRow(Row):
+    """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the half angles
+    are given."""
+
+    dtype = np.float64
+    eye = vector()
+    forward = vector()
+    right = vector()
+    up = vector()
+    width = real()
+    height = real()
+    half_angle_x = real()
+    half_angle_y = real()
+
+
+class MarginRow(Row):
+    """How far off the surface new rays start, as a share of the largest coordinate there; the share of the way to a light that a
+    shadow ray covers."""
+
+    dtype = np.float64
+    offset = real()
+    reach = real()
+
+
+class SceneTable(Table):
+    """What stages read. Indices are int32."""
+
+    n_triangles = scalar()
+    n_spheres = scalar()
+    n_planes = scalar()
+    n_analytic = scalar()
+    n_lights = scalar()
+    environment_width = scalar()
+    environment_height = scalar()
+
+    vertices = vectors(REAL)
+    vertex_normals = vectors(REAL)
+    triangles = rows(TriangleRow)
+    triangle_primitives = array(np.int32)  # ids, in ascending order, as of every kind
+    spheres = rows(SphereRow)
+    sphere_primitives = array(np.int32)
+    planes = rows(PlaneRow)
+    plane_primitives = array(np.int32)
+    analytic = rows(AnalyticRow)
+    analytic_primitives = array(np.int32)
+    analytic_bounds = array(np.float64)  # six a shape: lowest and highest coordinates
+    primitives = rows(PrimitiveRow)
+    materials = rows(MaterialRow)
+    lights = rows(LightRow)
+    light_faces = array(np.int32)  # primitive ids
+    light_cdf = array(np.float64)  # by area, of each range of faces
+    light_ranges = rows(RangeRow)
+    environment = vectors(np.float64)  # texels, times the radiance
+    environment_pdf = array(np.float64)  # in (u, v)
+    environment_rows = array(np.float64)  # cumulative
+    environment_columns = array(np.float64)
+    environment_radiance = vectors(REAL)  # one, of a constant environment
+
+    # set by the renderer
+    camera = rows(CameraRow)
+    options = array(np.float64)  # eight of the integrator, then the sampler's
+    sample_points = array(np.uint32)
+    points_stride = scalar()
+    first_sample = scalar()
+    seed_key = scalar()
+    wanted_draws = scalar()
+    margins = rows(MarginRow)
+
+
+ACCELERATOR = SceneTable.slots
+"""The first of sixteen slots of the table that belong to the accelerator."""
+SLOTS = ACCELERATOR + 16
+
+ray_batch = lane_view(RayBatch)
+waiting_rays = lane_view(WaitingRay)
+scene_table = table_view(SceneTable)
+
+
+def batch_bytes(scalar_type: type, scratch: int) -> int:
+    """Bytes of a ray batch with `scratch` numbers of scratch memory."""
+    return RayBatch.bytes(scalar_type) + scratch * np.dtype(scalar_type).itemsize
+
+
+def stack_bytes(scalar_type: type, capacity: int) -> int:
+    """Bytes of the stacks of a batch's lanes, with room for `capacity` rays each."""
+    return WaitingRay.bytes(scalar_type) * capacity
+
+
+def aligned(size: int) -> NDArray[np.uint8]:
+    """Zeroed memory that starts on a cache line."""
+    memory = np.zeros(size + 64, np.uint8)
+    start = -memory.ctypes.data % 64
+    return memory[start : start + size]
+
+
+__all__ = [
+    *("ACCELERATOR", "BSDF_PARAMETERS", "DRAWS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS"),
+    *("SLOTS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow", "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch"),
+    *("SceneTable", "SphereRow", "TriangleRow", "WaitingRay", "aligned", "batch_bytes", "ray_batch", "scene_table"),
+    *("stack_bytes", "waiting_rays"),
+]

@@ -1,0 +1,138 @@
+"""Tests of a whole batch against lists: planes (which no tree can hold), a few spheres, other analytic shapes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import select
+from engines.kernels.flatten.shapes import analytic_shape
+from engines.kernels.lane.shapes.plane import plane_distance
+from engines.kernels.lane.shapes.sphere import sphere_distance
+from engines.kernels.lane.vector import to_float64
+from engines.kernels.layout import LANES
+
+
+@inline
+def keep_nearer(rays, lane, t, primitive, valid):
+    """Takes a hit at distance t when it is nearer than the lane's, or as near and of a lower id."""
+    nearest, found = rays.t[lane], rays.primitive[lane]
+    better = valid & ((t < nearest) | ((t == nearest) & (primitive < found)))
+    rays.t[lane] = select(better, t, nearest)
+    rays.primitive[lane] = select(better, found - found + primitive, found)
+
+
+@inline
+def block_shadow(rays, lane, t, valid):
+    """Marks the lane's shadow ray as blocked when t lies inside it."""
+    rays.occluded[lane] = rays.occluded[lane] | (valid & (t < rays.shadow_t_max[lane]))
+
+
+@inline
+def closest_planes(rays, scene, real):
+    for i in range(scene.n_planes):
+        point, normal, primitive = scene.planes[i].point, scene.planes[i].normal, scene.plane_primitives[i]
+        for lane in range(np.uint64(LANES)):
+            o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
+            t = real(plane_distance(o, d, point, normal))
+            keep_nearer(rays, lane, t, primitive, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
+
+
+@inline
+def closest_spheres(rays, scene, real):
+    for i in range(scene.n_spheres):
+        center, radius, primitive = scene.spheres[i].center, scene.spheres[i].radius, scene.sphere_primitives[i]
+        for lane in range(np.uint64(LANES)):
+            o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
+            t = real(sphere_distance(o, d, center, radius))
+            keep_nearer(rays, lane, t, primitive, t < real(np.inf))
+
+
+@inline
+def occluded_planes(rays, scene, real):
+    for i in range(scene.n_planes):
+        point, normal, primitive = scene.planes[i].point, scene.planes[i].normal, scene.plane_primitives[i]
+        for lane in range(np.uint64(LANES)):
+            o, d = to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])
+            t = real(plane_distance(o, d, point, normal))
+            block_shadow(rays, lane, t, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
+
+
+@inline
+def occluded_spheres(rays, scene, real):
+    for i in range(scene.n_spheres):
+        center, radius = scene.spheres[i].center, scene.spheres[i].radius
+        for lane in range(np.uint64(LANES)):
+            o, d = to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])
+            t = real(sphere_distance(o, d, center, radius))
+            block_shadow(rays, lane, t, True)
+
+
+@cache
+def analytic_distance(kinds: tuple[int, ...]) -> Any:
+    """The function (scene, i, o, d) -> distance in float64 to analytic shape i of the scene, one of these kinds; not below inf where it
+    is missed, or met from behind the origin."""
+    kind, rest = kinds[0], kinds[1:]
+    distance = analytic_shape(kind).lane.distance
+
+    if not rest:
+
+        @inline
+        def only(scene, i, o, d):
+            return distance(o, d, scene.analytic[i].parameters)
+
+        return only
+    others = analytic_distance(rest)
+
+    @inline
+    def chosen(scene, i, o, d):
+        if scene.primitives[scene.analytic_primitives[i]].shape == kind:
+            return distance(o, d, scene.analytic[i].parameters)
+        return others(scene, i, o, d)
+
+    return chosen
+
+
+@cache
+def make_closest_analytic(kinds: tuple[int, ...]) -> Any:
+    """The function (rays, scene, real) that tests the batch's rays against all analytic shapes, of these kinds."""
+    if not kinds:
+        return nothing
+    distance = analytic_distance(kinds)
+
+    @inline
+    def closest(rays, scene, real):
+        for i in range(scene.n_analytic):
+            primitive = scene.analytic_primitives[i]
+            for lane in range(np.uint64(LANES)):
+                t = real(distance(scene, i, to_float64(rays.origin[lane]), to_float64(rays.direction[lane])))
+                valid = (t < real(np.inf)) & (primitive != rays.origin_primitive[lane])
+                keep_nearer(rays, lane, t, primitive, valid)
+
+    return closest
+
+
+@cache
+def make_occluded_analytic(kinds: tuple[int, ...]) -> Any:
+    """The same for shadow rays."""
+    if not kinds:
+        return nothing
+    distance = analytic_distance(kinds)
+
+    @inline
+    def occluded(rays, scene, real):
+        for i in range(scene.n_analytic):
+            primitive = scene.analytic_primitives[i]
+            for lane in range(np.uint64(LANES)):
+                t = real(distance(scene, i, to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])))
+                block_shadow(rays, lane, t, primitive != rays.origin_primitive[lane])
+
+    return occluded
+
+
+@inline
+def nothing(rays, scene, real):
+    """Stands for the test of shapes that the scene lacks."""
