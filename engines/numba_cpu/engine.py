@@ -9,7 +9,7 @@ from engines.choices import Option, number
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import plugins, resolved, why_not
+from engines.kernels.resolve import resolved, why_not
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
 from engines.scene.model import Mesh, Scene, SphereSet
 
@@ -50,7 +50,7 @@ class Engine:
         if name == "auto":
             name = "none" if _primitives(scene) <= LIST_LIMIT else "bvh"
         make = wanted.plugin.make if wanted.plugin is not None else MADE[name]
-        return Renderer(scene, chosen, make(wanted.options), plugins(chosen))
+        return Renderer(scene, chosen, make(wanted.options))
 
 
 def _primitives(scene: Scene) -> int:
