@@ -10,7 +10,7 @@ from engines.embree.library import QUALITIES, library
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import plugins, resolved, why_not
+from engines.kernels.resolve import resolved, why_not
 from engines.scene.model import Scene
 
 _OPTIONS = {
@@ -60,4 +60,4 @@ class Engine:
         chosen = resolved(settings, ACCELERATORS, "float32")
         options = chosen.accelerator.options
         refine = chosen.precision == "float64" if options["refine"] == "auto" else options["refine"]
-        return Renderer(scene, chosen, Accelerator(options, refine), plugins(chosen))
+        return Renderer(scene, chosen, Accelerator(options, refine))

@@ -22,7 +22,7 @@ def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]
     )
 
 
-def plugins(settings: Settings) -> dict[str, Any]:
+def _plugins(settings: Settings) -> dict[str, Any]:
     """The jitted functions of plugins, by part: `shader` and `sampler` objects carry theirs as `jitted`."""
     parts = {"shader": settings.shader, "sampler": settings.sampler}
     return {part: getattr(choice.plugin, "jitted", None) for part, choice in parts.items() if choice.plugin is not None}
@@ -30,7 +30,7 @@ def plugins(settings: Settings) -> dict[str, Any]:
 
 def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
-    for part, function in plugins(settings).items():
+    for part, function in _plugins(settings).items():
         if function is None:
             return (
                 f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"

@@ -45,3 +45,26 @@ def refract(d, n, eta):
         select(total, mirror.x, refracted.x), select(total, mirror.y, refracted.y), select(total, mirror.z, refracted.z)
     )
     return Refraction(reflectance, direction, total, select(total, one, one / (eta * eta)))
+
+
+@inline
+def _conductor_channel(c, eta, k):
+    """Reflectance of one channel, in real numbers."""
+    zero, one, two, half = const(0.0, c), const(1.0, c), const(2.0, c), const(0.5, c)
+    s2 = one - c * c
+    g = eta * eta - k * k - s2
+    twice = two * eta * k
+    b = np.sqrt(g * g + twice * twice)
+    square = half * (b + g)
+    a = np.sqrt(select(square > zero, square, zero))
+    perpendicular = (b + c * c - two * a * c) / (b + c * c + two * a * c)
+    bc, cross = b * c * c + s2 * s2, two * a * c * s2
+    return half * perpendicular * (one + (bc - cross) / (bc + cross))
+
+
+@inline
+def fresnel_conductor(c, eta, k):
+    """Exact, unpolarised reflectance of the complex index eta + ik at the cosine c in (0, 1], per channel."""
+    return Vec3(
+        _conductor_channel(c, eta.x, k.x), _conductor_channel(c, eta.y, k.y), _conductor_channel(c, eta.z, k.z)
+    )

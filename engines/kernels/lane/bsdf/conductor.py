@@ -1,0 +1,101 @@
+"""The conductor: a mirror, or GGX microfacets, with the Fresnel reflectance of a metal.
+
+Parameters: eta, k, reflectance (3 each), the roughnesses along the two tangents, both 0 for a mirror.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.lane.bsdf.interface import ALL, BSDF, SPECULAR_REFLECTION, BSDFSample, Spectrum
+from engines.kernels.lane.fresnel import fresnel_conductor, reflect
+from engines.kernels.lane.frame import frame_of_normal, frame_of_tangent, to_local, to_world
+from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
+from engines.kernels.lane.vector import Vec3, dot, select3
+
+PARAMETERS = 11
+
+
+@inline
+def _roughness(parameters):
+    """(whether it is rough, ax, ay), these above 0."""
+    zero, one = const(0.0, parameters[0]), const(1.0, parameters[0])
+    rough = parameters[9] > zero
+    return rough, select(rough, parameters[9], one), select(rough, parameters[10], one)
+
+
+@inline
+def _reflectance(parameters, cos):
+    """Fresnel's, times the material's factor."""
+    eta, k = Vec3(parameters[0], parameters[1], parameters[2]), Vec3(parameters[3], parameters[4], parameters[5])
+    return Vec3(parameters[6], parameters[7], parameters[8]) * fresnel_conductor(cos, eta, k)
+
+
+@inline
+def albedos(parameters, si):
+    zero, one = const(0.0, si.t), const(1.0, si.t)
+    return Vec3(zero, zero, zero), _reflectance(parameters, one)
+
+
+@cache
+def _make(tangents: bool) -> BSDF:
+    @inline
+    def frame_at(si):
+        if tangents:
+            return frame_of_tangent(si.normal, si.tangent)
+        return frame_of_normal(si.normal)
+
+    @inline
+    def evaluate(parameters, si, wi):
+        zero, four = const(0.0, si.t), const(4.0, si.t)
+        rough, ax, ay = _roughness(parameters)
+        frame = frame_at(si)
+        wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
+        m = half_vector(wo, wi)
+        value = ggx_density(m, ax, ay) * ggx_masking(wo, ax, ay) * ggx_masking(wi, ax, ay) / (four * wo.z)
+        valid = rough & (wo.z > zero) & (wi.z > zero)
+        return Spectrum(_reflectance(parameters, dot(wo, m)), select(valid, value, zero))
+
+    @inline
+    def pdf(parameters, si, wi):
+        zero, four = const(0.0, si.t), const(4.0, si.t)
+        rough, ax, ay = _roughness(parameters)
+        frame = frame_at(si)
+        wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
+        density = ggx_density(half_vector(wo, wi), ax, ay) * ggx_masking(wo, ax, ay) / (four * wo.z)
+        return select(rough & (wo.z > zero) & (wi.z > zero), density, zero)
+
+    @inline
+    def sample(parameters, si, u_lobe, u0, u1, which):
+        zero, one, two, four = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t), const(4.0, si.t)
+        rough, ax, ay = _roughness(parameters)
+        frame = frame_at(si)
+        wo = to_local(frame, -si.direction)
+        m = ggx_visible_normal(wo, ax, ay, u0, u1)
+        m = Vec3(select(rough, m.x, zero), select(rough, m.y, zero), select(rough, m.z, one))
+        cos = dot(wo, m)
+        wi = m * (two * cos) - wo
+        above = (wo.z > zero) & (wi.z > zero)
+        masking = ggx_masking(wi, ax, ay)
+        density = ggx_density(m, ax, ay) * ggx_masking(wo, ax, ay) / (four * wo.z)
+        world = select3(rough, to_world(frame, wi), reflect(si.direction, si.normal))
+        weight = Spectrum(_reflectance(parameters, cos), select(rough, masking, one))
+        # of the lobes apart, there is the specular reflection alone
+        valid = above & ((which == ALL) | ((which == SPECULAR_REFLECTION) & (not rough)))
+        return BSDFSample(world, weight, select(rough, density, const(math.inf, one)), False, valid)
+
+    return BSDF(evaluate, pdf, sample, albedos)
+
+
+def make(features: SceneFeatures) -> BSDF:
+    """The model's functions in a scene of these features."""
+    return _make(features.tangents)
+
+
+def columns(features: SceneFeatures) -> tuple[int, ...]:
+    """The parameters that are read: all."""
+    return tuple(range(PARAMETERS))

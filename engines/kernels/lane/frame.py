@@ -1,0 +1,49 @@
+"""The local frame at a surface: z along the shading normal, x along the shape's tangent."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.lane.vector import Vec3, cross, dot, select3, tangents
+
+
+class Frame(NamedTuple):
+    """Unit vectors, right-handed."""
+
+    s: Vec3
+    t: Vec3
+    n: Vec3
+
+
+@inline
+def frame_of_normal(n):
+    """A frame about n whose tangents follow no shape."""
+    s, t = tangents(n)
+    return Frame(s, t, n)
+
+
+@inline
+def frame_of_tangent(n, tangent):
+    """The frame about n whose s is as near to `tangent` as can be; `frame_of_normal` where that is parallel to n, or 0."""
+    one = const(1.0, n.x)
+    across = tangent - n * dot(n, tangent)
+    square = dot(across, across)
+    good = square > const(1e-8, one) * dot(tangent, tangent)
+    s = across * (one / np.sqrt(select(good, square, one)))
+    s0, t0 = tangents(n)
+    s = select3(good, s, s0)
+    return Frame(s, select3(good, cross(n, s), t0), n)
+
+
+@inline
+def to_local(frame, v):
+    return Vec3(dot(frame.s, v), dot(frame.t, v), dot(frame.n, v))
+
+
+@inline
+def to_world(frame, v):
+    return frame.s * v.x + frame.t * v.y + frame.n * v.z
