@@ -49,7 +49,7 @@ def make_idle(rays, lane, sample):
 def _add_direct_light(rays, zero):
     """Adds the light samples that nothing hides."""
     for lane in range(np.uint64(LANES)):
-        direct = select3(rays.occluded[lane], Vec3(zero, zero, zero), rays.direct[lane])
+        direct = select3(rays.occluded[lane] != 0, Vec3(zero, zero, zero), rays.direct[lane])
         rays.radiance[lane] = rays.radiance[lane] + direct
 
 

@@ -104,7 +104,7 @@ class RayBatch(LaneRecord):
     light_sample_pdf = real()  # per solid angle, times that of the choice of light; inf for delta lights
     shadow_origin = vector()
     shadow_t_max = real()  # not above 0 for no shadow ray
-    occluded = flag()
+    occluded = integer()  # 1 or 0: loops that join flags cost more than those that select numbers
     direct = vector()  # added to the radiance if the shadow ray is free
 
     # a second ray that leaves `shadow_origin` later

@@ -130,7 +130,7 @@ def shadow_tracer(real: Any) -> Any:
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:
-                    answer[i] = rays.occluded[lane]
+                    answer[i] = rays.occluded[lane] != 0
         return traced
 
     return kernel(occluded)

@@ -22,13 +22,14 @@ def keep_nearer(rays, lane, t, primitive, valid):
     nearest, found = rays.t[lane], rays.primitive[lane]
     better = valid & ((t < nearest) | ((t == nearest) & (primitive < found)))
     rays.t[lane] = select(better, t, nearest)
-    rays.primitive[lane] = select(better, found - found + primitive, found)
+    rays.primitive[lane] = select(better, np.int64(primitive), found)
 
 
 @inline
 def block_shadow(rays, lane, t, valid):
     """Marks the lane's shadow ray as blocked when t lies inside it."""
-    rays.occluded[lane] = rays.occluded[lane] | (valid & (t < rays.shadow_t_max[lane]))
+    blocked = valid & (t < rays.shadow_t_max[lane])
+    rays.occluded[lane] = select(blocked, np.int64(1), rays.occluded[lane])
 
 
 @inline

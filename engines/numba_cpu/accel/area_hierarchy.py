@@ -71,32 +71,32 @@ class Accelerator:
         self._list = none.Accelerator(options)
         self._bytes = 0
 
-    def build(self, scene: FlatScene, threads: int) -> None:
+    def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        self._scene = scene
-        self._list.build(scene, threads)
-        scene.bind(AreaTable.corners, corners(scene))
-        self.look(scene, has_eye=False)
+        self._flat = flat
+        self._list.build(flat, threads)
+        flat.bind(AreaTable.corners, corners(flat))
+        self.look(flat, has_eye=False)
         self.build_seconds = time.perf_counter() - start
 
-    def look(self, scene: FlatScene, has_eye: bool) -> None:
+    def look(self, flat: FlatScene, has_eye: bool) -> None:
         """Computes the boxes anew for the scene's camera. Without an eye (parallel rays, plugins) all rays use the list."""
-        n = len(scene.arrays[SceneTable.triangles]) + len(scene.arrays[SceneTable.spheres]) if has_eye else 0
-        eye = np.zeros((4, 3), scene.real)
-        boxes = np.zeros((n, 4), scene.real)
+        n = len(flat.arrays[SceneTable.triangles]) + len(flat.arrays[SceneTable.spheres]) if has_eye else 0
+        eye = np.zeros((4, 3), flat.real)
+        boxes = np.zeros((n, 4), flat.real)
         if has_eye:
-            camera = scene.arrays[SceneTable.camera].ravel()
+            camera = flat.arrays[SceneTable.camera].ravel()
             position, *axes = (
                 camera[field.first : field.first + 3]
                 for field in (CameraRow.eye, CameraRow.right, CameraRow.up, CameraRow.forward)
             )
             eye[0] = position
             eye[1:] = [axis / np.linalg.norm(axis) for axis in axes]
-            boxes = _boxes(scene, eye.astype(np.float64)).astype(scene.real)
-        scene.bind(AreaTable.eye, eye)
-        scene.bind(AreaTable.boxes, boxes)
-        scene.bind(AreaTable.n_boxes, n if has_eye else -1)
-        self._bytes = boxes.nbytes + scene.arrays[AreaTable.corners].nbytes
+            boxes = _boxes(flat, eye.astype(np.float64)).astype(flat.real)
+        flat.bind(AreaTable.eye, eye)
+        flat.bind(AreaTable.boxes, boxes)
+        flat.bind(AreaTable.n_boxes, n if has_eye else -1)
+        self._bytes = boxes.nbytes + flat.arrays[AreaTable.corners].nbytes
 
     @property
     def bytes(self) -> int:
@@ -104,20 +104,20 @@ class Accelerator:
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         closest, occluded = self._list.stages(features, real)
-        self._scene.bind(AreaTable.list_stage, closest.address)
+        self._flat.bind(AreaTable.list_stage, closest.address)
         return stage(features.triangles, features.spheres, features.planes, features.analytic, real), occluded
 
 
-def _boxes(scene: FlatScene, eye: NDArray[np.float64]) -> NDArray[np.float64]:
+def _boxes(flat: FlatScene, eye: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 4) lowest and highest x, lowest and highest y on the plane at distance 1: of triangles, then of spheres. They are
     wider than the projections by what rounding may do to a ray, and infinite where a primitive is not well ahead of the eye."""
-    points = (scene.arrays[AreaTable.corners].reshape(-1, 3).astype(np.float64) - eye[0]) @ eye[1:].T
+    points = (flat.arrays[AreaTable.corners].reshape(-1, 3).astype(np.float64) - eye[0]) @ eye[1:].T
     with np.errstate(divide="ignore", invalid="ignore"):
         seen = points[:, :2] / points[:, 2:]
         seen[~(np.abs(points[:, :2]).max(axis=1, initial=0) < STEEPEST * points[:, 2])] = np.nan
     triangles = seen.reshape(-1, 3, 2)
     low, high = [triangles.min(axis=1)], [triangles.max(axis=1)]
-    spheres = scene.arrays[SceneTable.spheres]
+    spheres = flat.arrays[SceneTable.spheres]
     centers, radii = (spheres[:, :3] - eye[0]) @ eye[1:].T, spheres[:, 3]
     sides = [_tangents(centers[:, axis], centers[:, 2], radii) for axis in (0, 1)]
     low.append(np.stack([side[0] for side in sides], axis=1))
@@ -125,7 +125,7 @@ def _boxes(scene: FlatScene, eye: NDArray[np.float64]) -> NDArray[np.float64]:
     lowest, highest = np.concatenate(low), np.concatenate(high)
     unbounded = ~np.isfinite(lowest + highest).all(axis=1)
     lowest[unbounded], highest[unbounded] = -np.inf, np.inf
-    error_bound = PAD_ULPS * np.finfo(scene.real).eps
+    error_bound = PAD_ULPS * np.finfo(flat.real).eps
     lowest = lowest - error_bound * (1 + np.abs(lowest)) ** 2
     highest = highest + error_bound * (1 + np.abs(highest)) ** 2
     return np.stack([lowest[:, 0], highest[:, 0], lowest[:, 1], highest[:, 1]], axis=1)

@@ -35,21 +35,21 @@ class Accelerator:
         self.build_seconds = 0.0
         self._bytes = 0
 
-    def build(self, scene: FlatScene, threads: int) -> None:
+    def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        n = sum(primitive_counts(scene))
+        n = sum(primitive_counts(flat))
         if n > MOST_PRIMITIVES:
             raise Unsupported(f"bvh: {n} primitives, of at most {MOST_PRIMITIVES}")
         if n > 0:
-            extent = float(np.abs(scene.bounds - scene.center).max())
+            extent = float(np.abs(flat.bounds - flat.center).max())
             if not extent < FARTHEST:
                 raise Unsupported(
                     f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none"
                 )
             with ThreadPoolExecutor(threads) as pool:
-                nodes, leaves = _build(scene, 2.0 ** float(np.frexp(extent)[1]), threads, pool)  # no area overflows
-            scene.bind(bvh_walk.BvhTable.nodes, nodes)
-            scene.bind(bvh_walk.BvhTable.leaves, leaves)
+                nodes, leaves = _build(flat, 2.0 ** float(np.frexp(extent)[1]), threads, pool)  # no area overflows
+            flat.bind(bvh_walk.BvhTable.nodes, nodes)
+            flat.bind(bvh_walk.BvhTable.leaves, leaves)
             self._bytes = nodes.nbytes + leaves.nbytes
         self.build_seconds = time.perf_counter() - start
 
@@ -72,32 +72,32 @@ class Grown(NamedTuple):
     above: list[int]
 
 
-def _build(scene: FlatScene, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
+def _build(flat: FlatScene, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
     """Wide nodes, and leaves. What a step no longer needs is gone before the next asks for memory: 200 bytes a triangle."""
-    grown = _grown(scene, unit, threads, pool)
-    nodes, leaves = _widened(grown, _first_of_kinds(scene), pool)
+    grown = _grown(flat, unit, threads, pool)
+    nodes, leaves = _widened(grown, _first_of_kinds(flat), pool)
     order = grown.order
     del grown
-    data = empty_leaves(len(order), scene.real)
-    _share(pool, threads, len(leaves), lambda first, last: fill_leaves(leaves[first:last], order, scene, data))
+    data = empty_leaves(len(order), flat.real)
+    _share(pool, threads, len(leaves), lambda first, last: fill_leaves(leaves[first:last], order, flat, data))
     return nodes, data
 
 
-def _first_of_kinds(scene: FlatScene) -> tuple[int, int]:
+def _first_of_kinds(flat: FlatScene) -> tuple[int, int]:
     """The numbers of the first sphere and of the first analytic shape."""
-    triangles, spheres, _ = primitive_counts(scene)
+    triangles, spheres, _ = primitive_counts(flat)
     return triangles, triangles + spheres
 
 
-def _grown(scene: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
-    n = sum(primitive_counts(scene))
+def _grown(flat: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
+    n = sum(primitive_counts(flat))
     growth = Growth(
         np.empty((2, n, 8), np.float32), np.empty((2, n), np.int32),
         np.empty((2 * n, 8), np.float32), np.empty((2 * n, 3), np.int32),
-        *_first_of_kinds(scene), FEWEST if n <= SMALL else LEAF,
+        *_first_of_kinds(flat), FEWEST if n <= SMALL else LEAF,
     )  # fmt: skip
     records, order = growth.records[0], growth.order[0]
-    _share(pool, threads, n, lambda first, last: fill_records(scene, unit, first, last, records, order))
+    _share(pool, threads, n, lambda first, last: fill_records(flat, unit, first, last, records, order))
     filled, above = grow_tree(growth, pool)
     return Grown(unit, order.copy(), growth.boxes, growth.links, filled, above)
 

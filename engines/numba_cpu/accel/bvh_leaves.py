@@ -31,13 +31,13 @@ def empty_leaves(n: int, real: Any) -> NDArray[np.uint8]:
     return np.zeros(n * stride(real) + SPILL, np.uint8)
 
 
-def fill_leaves(leaves: NDArray[np.int32], order: NDArray[np.int32], scene: FlatScene, data: NDArray[np.uint8]) -> None:
+def fill_leaves(leaves: NDArray[np.int32], order: NDArray[np.int32], flat: FlatScene, data: NDArray[np.uint8]) -> None:
     """Writes the given `leaves` (k, 3): first, count, kind."""
     fields = (
         *(SceneTable.vertices, SceneTable.triangles, SceneTable.triangle_primitives, SceneTable.spheres),
         *(SceneTable.sphere_primitives, SceneTable.analytic_primitives),
     )
-    (_fill32 if scene.real == np.float32 else _fill64)(leaves, order, *(scene.arrays[field] for field in fields), data)
+    (_fill32 if flat.real == np.float32 else _fill64)(leaves, order, *(flat.arrays[field] for field in fields), data)
 
 
 def _make_fill(real: Any) -> Any:

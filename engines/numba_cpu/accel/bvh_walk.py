@@ -323,7 +323,7 @@ def _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, r
         valid = (t < real(np.inf)) & (primitive != rays.origin_primitive[lane])
         if shadow:
             block_shadow(rays, lane, t, valid)
-            hidden = rays.occluded[lane]
+            hidden = rays.occluded[lane] != 0
         else:
             keep_nearer(rays, lane, t, primitive, valid)
             _set_t_max(ray, rays.t[lane])

@@ -65,13 +65,13 @@ class Accelerator:
         self.build_seconds = 0.0
         self._bytes = 0
 
-    def build(self, scene: FlatScene, threads: int) -> None:
+    def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        box = boxes(scene)
-        bounds = np.zeros(7, scene.real)
+        box = boxes(flat)
+        bounds = np.zeros(7, flat.real)
         if len(box):
             bounds[:3], bounds[3:6] = box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
-            bounds[6] = padding(scene)
+            bounds[6] = padding(flat)
         size = _resolution(bounds[:6].astype(np.float64), len(box), self._density)
         while size.max() > 1 and _memberships(box, bounds, size) > MOST_CELLS * len(box):
             size = np.maximum(size // 2, 1)
@@ -82,13 +82,13 @@ class Accelerator:
         _list_members(box, bounds, size, starts, members)
         table = GridTable
         arrays = {
-            table.box: bounds, table.cells: starts, table.members: members, table.corners: corners(scene),
-            table.primitives: primitive_ids(scene),
+            table.box: bounds, table.cells: starts, table.members: members, table.corners: corners(flat),
+            table.primitives: primitive_ids(flat),
         }  # fmt: skip
         for field, values in arrays.items():
-            scene.bind(field, values)
+            flat.bind(field, values)
         for field, cells in zip((table.size_x, table.size_y, table.size_z), size, strict=True):
-            scene.bind(field, int(cells))
+            flat.bind(field, int(cells))
         self._bytes = sum(values.nbytes for values in arrays.values())
         self.build_seconds = time.perf_counter() - start
 

@@ -65,19 +65,19 @@ class Accelerator:
     def __init__(self, options: Any) -> None:
         self.build_seconds = 0.0
 
-    def build(self, scene: FlatScene, threads: int) -> None:
+    def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        faces, vertices = scene.arrays[SceneTable.triangles], scene.arrays[SceneTable.vertices]
-        chunks, corners, local = [(0, 0)], [np.zeros((0, 3), scene.real)], [np.zeros((0, 3), np.int32)]
+        faces, vertices = flat.arrays[SceneTable.triangles], flat.arrays[SceneTable.vertices]
+        chunks, corners, local = [(0, 0)], [np.zeros((0, 3), flat.real)], [np.zeros((0, 3), np.int32)]
         for first in range(0, len(faces), CHUNK):
             own, index = np.unique(vertices[faces[first : first + CHUNK]].reshape(-1, 3), axis=0, return_inverse=True)
             corners.append(own)
             local.append(index.reshape(-1, 3).astype(np.int32))
             chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1])))
-        scene.bind(ListTable.n_chunks, len(chunks) - 1)
-        scene.bind(ListTable.chunks, np.array(chunks, np.int64))
-        scene.bind(ListTable.vertices, np.concatenate(corners))
-        scene.bind(ListTable.faces, np.concatenate(local))
+        flat.bind(ListTable.n_chunks, len(chunks) - 1)
+        flat.bind(ListTable.chunks, np.array(chunks, np.int64))
+        flat.bind(ListTable.vertices, np.concatenate(corners))
+        flat.bind(ListTable.faces, np.concatenate(local))
         self.build_seconds = time.perf_counter() - start
 
     @property

@@ -47,7 +47,7 @@ def clear_hits(rays, shadow):
     """No ray has hit anything yet."""
     for lane in range(np.uint64(LANES)):
         if shadow:
-            rays.occluded[lane] = False
+            rays.occluded[lane] = 0
         else:
             rays.primitive[lane] = -1
 
@@ -81,40 +81,40 @@ def distance_to_sphere(ray, spheres, i, real):
     return real(sphere_distance(to_float64(ray.o), to_float64(ray.d), spheres[i].center, spheres[i].radius))
 
 
-def corners(scene: FlatScene) -> NDArray[Any]:
+def corners(flat: FlatScene) -> NDArray[Any]:
     """(triangles, 9) vertices of each triangle."""
-    return scene.arrays[SceneTable.vertices][scene.arrays[SceneTable.triangles]].reshape(-1, 9)
+    return flat.arrays[SceneTable.vertices][flat.arrays[SceneTable.triangles]].reshape(-1, 9)
 
 
-def primitive_ids(scene: FlatScene) -> NDArray[np.int32]:
+def primitive_ids(flat: FlatScene) -> NDArray[np.int32]:
     """(n,) ids of triangles, then spheres, then analytic shapes."""
     kinds = SceneTable.triangle_primitives, SceneTable.sphere_primitives, SceneTable.analytic_primitives
-    return np.concatenate([scene.arrays[kind] for kind in kinds])
+    return np.concatenate([flat.arrays[kind] for kind in kinds])
 
 
-def primitive_counts(scene: FlatScene) -> tuple[int, int, int]:
+def primitive_counts(flat: FlatScene) -> tuple[int, int, int]:
     """How many triangles, spheres and analytic shapes there are."""
-    _, triangles, spheres, analytic = _shapes(scene)
+    _, triangles, spheres, analytic = _shapes(flat)
     return len(triangles), len(spheres), len(analytic)
 
 
-def boxes(scene: FlatScene) -> NDArray[Any]:
+def boxes(flat: FlatScene) -> NDArray[Any]:
     """(n, 6) lower and upper corners of triangles, then spheres, then analytic shapes, padded, in the tracing precision."""
-    result = np.empty((sum(primitive_counts(scene)), 6), scene.real)
-    _fill_boxes(*_shapes(scene), scene.real(padding(scene)), result)
+    result = np.empty((sum(primitive_counts(flat)), 6), flat.real)
+    _fill_boxes(*_shapes(flat), flat.real(padding(flat)), result)
     return result
 
 
-def padding(scene: FlatScene) -> float:
+def padding(flat: FlatScene) -> float:
     """Metres by which boxes are padded."""
-    size = float(np.abs(scene.bounds - scene.center).max()) + float(np.ptp(scene.bounds, axis=0).max())
-    return size * PAD_ULPS * float(np.finfo(scene.real).eps)
+    size = float(np.abs(flat.bounds - flat.center).max()) + float(np.ptp(flat.bounds, axis=0).max())
+    return size * PAD_ULPS * float(np.finfo(flat.real).eps)
 
 
-def _shapes(scene: FlatScene) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+def _shapes(flat: FlatScene) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Vertices, triangles, spheres, and the bounds of analytic shapes."""
     fields = SceneTable.vertices, SceneTable.triangles, SceneTable.spheres, SceneTable.analytic_bounds
-    vertices, triangles, spheres, bounds = (scene.arrays[field] for field in fields)
+    vertices, triangles, spheres, bounds = (flat.arrays[field] for field in fields)
     return vertices, triangles, spheres, bounds
 
 
@@ -138,12 +138,12 @@ def _fill_boxes(vertices, triangles, spheres, analytic, pad, result):
 
 
 def fill_records(
-    scene: FlatScene, unit: float, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]
+    flat: FlatScene, unit: float, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]
 ) -> None:
     """Boxes (n, 8) of primitives first .. last - 1 in multiples of `unit`, a power of two: lower and negated upper corner,
     padded, rounded outwards."""
-    rounding = 0.0 if scene.real == np.float32 else 2.0**-23
-    _fill_records(*_shapes(scene), padding(scene), rounding, unit, first, last, records, order)
+    rounding = 0.0 if flat.real == np.float32 else 2.0**-23
+    _fill_records(*_shapes(flat), padding(flat), rounding, unit, first, last, records, order)
 
 
 @kernel
