@@ -1,8 +1,8 @@
-"""The loop that drives blocks of lanes through the stages, tile by tile (`queries` does so for single rays).
+"""The loop that drives ray batches through the stages, tile by tile (`queries` does so for single rays).
 
-    refill -> closest -> surface -> draw -> light -> shade -> occluded -> settle -> retire
+    regenerate -> closest -> surface -> draw -> light -> BSDFs -> shade -> occluded -> add direct light -> finish
 
-A lane that finishes its sample takes the next of the tile at once, from a second block in which the camera has begun
+A lane that finishes its sample takes the next of the tile at once, from a second batch in which the camera has begun
 sixteen samples together. A tile is rendered in passes of a few samples a pixel. A pass fills a buffer, which then goes to
 the film in the order of samples: neither threads nor the way calls are split can change a bit of the image.
 """
@@ -15,25 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.kernels import block as at
-from engines.kernels.block import STACK_FIELDS
-from engines.kernels.jit import (
-    LANES,
-    call_stage,
-    fetch_add,
-    get,
-    get_int,
-    inline,
-    kernel,
-    lowest_bit,
-    pointer,
-    put,
-    put_int,
-)
-from engines.kernels.vector import Vec3, select3
+from engines.kernels.compile.jit import inline, kernel
+from engines.kernels.compile.values import call_stage, fetch_add, lowest_bit
+from engines.kernels.lane.vector import Vec3, select3
+from engines.kernels.layout import LANES, copy_path, ray_batch, waiting_rays
 
-# places in the array of stage addresses
-DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE = range(9)
+# places in the array of stage addresses; those of the scene's BSDF models come last
+DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, FIRST_BSDF = range(10)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 EVERY_LANE = (1 << LANES) - 1
@@ -43,59 +31,58 @@ RAYS, BAD_SAMPLES = 0, 1
 
 
 @inline
-def make_idle(lanes, lane, one, sample):
+def make_idle(rays, lane, sample):
     """A lane without work still runs through the stages: give it a harmless ray that is not traced. Stages look up tables
     by sample, dimension (which follows from the depth) and light, so all of them must exist."""
-    put_int(lanes, at.ALIVE, lane, 0)
-    put_int(lanes, at.SAMPLE, lane, sample)
-    put_int(lanes, at.DIMENSION, lane, 0)
-    put_int(lanes, at.DEPTH, lane, 1)
-    put_int(lanes, at.LIGHT, lane, 0)
-    put_int(lanes, at.DONE, lane, 0)
-    put(lanes, at.T, lane, -one)
-    put(lanes, at.SHADOW_T, lane, -one)
-    put_int(lanes, at.HELD, lane, -1)
+    rays.alive[lane] = False
+    rays.sample[lane] = sample
+    rays.dimension[lane] = 0
+    rays.depth[lane] = 1
+    rays.light[lane] = 0
+    rays.done[lane] = False
+    rays.t[lane] = -1.0
+    rays.shadow_t_max[lane] = -1.0
+    rays.held_primitive[lane] = -1
 
 
 @inline
-def _settle(lanes, zero):
+def _add_direct_light(rays, zero):
     """Adds the light samples that nothing hides."""
     for lane in range(np.uint64(LANES)):
-        hidden = get_int(lanes, at.OCCLUDED, lane) != 0
-        direct = select3(hidden, Vec3(zero, zero, zero), at.get3(lanes, at.DIRECT, lane))
-        at.put3(lanes, at.RADIANCE, lane, at.get3(lanes, at.RADIANCE, lane) + direct)
+        direct = select3(rays.occluded[lane], Vec3(zero, zero, zero), rays.direct[lane])
+        rays.radiance[lane] = rays.radiance[lane] + direct
 
 
 @inline
-def _push(lanes, stacks, lane, capacity):
+def _push(rays, stacks, lane, capacity):
     """Puts the second ray of a hit on the lane's stack; returns whether there was room."""
-    waiting = get_int(lanes, at.STACK, lane)
+    waiting = rays.waiting[lane]
     if waiting >= capacity:
         return False
-    place = waiting * STACK_FIELDS
-    at.put3(stacks, place, lane, at.get3(lanes, at.SHADOW_ORIGIN, lane))
-    at.put3(stacks, place + 3, lane, at.get3(lanes, at.BRANCH_DIRECTION, lane))
-    at.put3(stacks, place + 6, lane, at.get3(lanes, at.BRANCH_THROUGHPUT, lane))
-    put_int(stacks, place + 9, lane, get_int(lanes, at.DEPTH, lane))
-    put_int(stacks, place + 10, lane, get_int(lanes, at.LEFT, lane))
-    put_int(lanes, at.STACK, lane, waiting + 1)
+    top = stacks[waiting]
+    top.origin[lane] = rays.shadow_origin[lane]
+    top.direction[lane] = rays.branch_direction[lane]
+    top.throughput[lane] = rays.branch_throughput[lane]
+    top.depth[lane] = rays.depth[lane]
+    top.origin_primitive[lane] = rays.origin_primitive[lane]
+    rays.waiting[lane] = waiting + 1
     return True
 
 
 @inline
-def _pop(lanes, stacks, lane, one, turns):
+def _pop(rays, stacks, lane, per_vertex):
     """Takes up the ray that waits on the lane's stack."""
-    waiting = get_int(lanes, at.STACK, lane) - 1
-    place = waiting * STACK_FIELDS
-    at.put3(lanes, at.ORIGIN, lane, at.get3(stacks, place, lane))
-    at.put3(lanes, at.DIRECTION, lane, at.get3(stacks, place + 3, lane))
-    at.put3(lanes, at.THROUGHPUT, lane, at.get3(stacks, place + 6, lane))
-    depth = get_int(stacks, place + 9, lane)
-    put_int(lanes, at.DEPTH, lane, depth)
-    put_int(lanes, at.LEFT, lane, get_int(stacks, place + 10, lane))
-    put_int(lanes, at.DIMENSION, lane, 2 + 8 * (depth - 1) * turns)
-    put(lanes, at.T, lane, one * math.inf)
-    put_int(lanes, at.STACK, lane, waiting)
+    waiting = rays.waiting[lane] - 1
+    top = stacks[waiting]
+    rays.origin[lane] = top.origin[lane]
+    rays.direction[lane] = top.direction[lane]
+    rays.throughput[lane] = top.throughput[lane]
+    depth = top.depth[lane]
+    rays.depth[lane] = depth
+    rays.origin_primitive[lane] = top.origin_primitive[lane]
+    rays.dimension[lane] = 2 + 8 * (depth - 1) * per_vertex
+    rays.t[lane] = math.inf
+    rays.waiting[lane] = waiting
 
 
 class Pass(NamedTuple):
@@ -110,16 +97,18 @@ class Pass(NamedTuple):
     samples: int
 
 
-class Rule(NamedTuple):
-    """What the scene and its shader ask of the driver."""
+class Plan(NamedTuple):
+    """What the scene and its integrator ask of the driver."""
 
     lit: bool
     """There are lights to sample."""
     shadows: bool
     branches: bool
     """Two rays may follow from one hit."""
-    turns: int
+    per_vertex: int
     """Light samples at a vertex."""
+    bsdfs: int
+    """Stages of BSDF models, where the scene has several."""
 
 
 class Issued(NamedTuple):
@@ -133,20 +122,20 @@ class Issued(NamedTuple):
 
 
 @inline
-def _begin(stages, spare, world, lanes, work, issued, one):
-    """Begins up to sixteen samples in the spare block."""
+def _begin(stages, spare, scene, begun, work, issued):
+    """Begins up to sixteen samples in the spare batch."""
     count, column, row, sample = issued.count, issued.column, issued.row, issued.sample
     waiting = min(np.int64(LANES), work.samples * work.columns * work.rows - count)
     for k in range(waiting, LANES):
-        make_idle(lanes, np.uint64(k), one, work.first)
+        make_idle(begun, np.uint64(k), work.first)
     for k in range(waiting):
         lane = np.uint64(k)
-        put_int(lanes, at.SLOT, lane, count + k)
-        put_int(lanes, at.PIXEL, lane, (work.y0 + row) * work.width + work.x0 + column)
-        put(lanes, at.COLUMN, lane, one * (work.x0 + column))
-        put(lanes, at.ROW, lane, one * (work.y0 + row))
-        put_int(lanes, at.SAMPLE, lane, work.first + sample)
-        put_int(lanes, at.DIMENSION, lane, 0)
+        begun.slot[lane] = count + k
+        begun.pixel[lane] = (work.y0 + row) * work.width + work.x0 + column
+        begun.pixel_x[lane] = work.x0 + column
+        begun.pixel_y[lane] = work.y0 + row
+        begun.sample[lane] = work.first + sample
+        begun.dimension[lane] = 0
         column += 1
         if column == work.columns:
             column = 0
@@ -154,87 +143,87 @@ def _begin(stages, spare, world, lanes, work, issued, one):
             if row == work.rows:
                 row = 0
                 sample += 1
-    call_stage(stages[DRAW_PIXEL], spare, world)
-    call_stage(stages[BEGIN], spare, world)
+    call_stage(stages[DRAW_PIXEL], spare, scene)
+    call_stage(stages[BEGIN], spare, scene)
     return Issued(count + waiting, column, row, sample, waiting)
 
 
 @inline
-def _lanes_with(lanes, field):
-    """A word with a bit for each lane whose integer in `field` is not 0."""
+def _lanes_with(flags):
+    """A word with a bit for each lane whose flag is set."""
     bits = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        bits |= np.int64(1 if get_int(lanes, field, lane) != 0 else 0) << np.int64(lane)
+        bits |= np.int64(1 if flags[lane] else 0) << np.int64(lane)
     return bits
 
 
 @inline
-def _refill(stages, block, spare, world, real, work, issued, free):
+def _regenerate(stages, batch, spare, scene, real, work, issued, free):
     """Gives a sample to each lane of the word `free`; returns what is issued now, and the lanes that stay without."""
-    lanes, begun, one = pointer(block, real), pointer(spare, real), real(1)
+    rays, begun = ray_batch(batch, real), ray_batch(spare, real)
     idle = np.int64(0)
     while free != 0:
         lane = np.uint64(lowest_bit(free))
         free &= free - 1
         if issued.waiting == 0 and issued.count < work.samples * work.columns * work.rows:
-            issued = _begin(stages, spare, world, begun, work, issued, one)
+            issued = _begin(stages, spare, scene, begun, work, issued)
         if issued.waiting == 0:
-            make_idle(lanes, lane, one, work.first)
+            make_idle(rays, lane, work.first)
             idle |= np.int64(1) << np.int64(lane)
             continue
         from_lane = np.uint64((issued.count - issued.waiting) % LANES)
-        for field in range(at.JOB_FIRST, at.JOB_LAST):
-            put(lanes, field, lane, get(begun, field, from_lane))
+        copy_path(batch, lane, spare, from_lane, real)
         issued = Issued(issued.count, issued.column, issued.row, issued.sample, issued.waiting - 1)
     return issued, idle
 
 
 @inline
-def _rays_of(lanes, reach, zero):
-    """How many lanes have a ray to be traced: one whose `reach` is above 0."""
-    rays = 0
+def _count_rays(t_max, zero):
+    """How many lanes have a ray to be traced: one whose `t_max` is above 0."""
+    n = 0
     for lane in range(np.uint64(LANES)):
-        rays += 1 if get(lanes, reach, lane) > zero else 0
-    return rays
+        n += 1 if t_max[lane] > zero else 0
+    return n
 
 
 @inline
-def _advance(lanes, stages, block, world, rule, zero):
+def _advance(rays, stages, batch, scene, plan, zero):
     """One segment of every path; returns the rays that were traced."""
-    rays = _rays_of(lanes, at.T, zero)
-    call_stage(stages[CLOSEST], block, world)
-    call_stage(stages[SURFACE], block, world)
-    call_stage(stages[DRAW_VERTEX], block, world)
-    if rule.lit:
-        call_stage(stages[LIGHT], block, world)
-    call_stage(stages[SHADE], block, world)
-    if rule.lit:
-        if rule.shadows:
-            rays += _rays_of(lanes, at.SHADOW_T, zero)
-            call_stage(stages[OCCLUDED], block, world)
-        _settle(lanes, zero)
-    return rays
+    traced = _count_rays(rays.t, zero)
+    call_stage(stages[CLOSEST], batch, scene)
+    call_stage(stages[SURFACE], batch, scene)
+    call_stage(stages[DRAW_VERTEX], batch, scene)
+    if plan.lit:
+        call_stage(stages[LIGHT], batch, scene)
+    for k in range(plan.bsdfs):
+        call_stage(stages[FIRST_BSDF + k], batch, scene)
+    call_stage(stages[SHADE], batch, scene)
+    if plan.lit:
+        if plan.shadows:
+            traced += _count_rays(rays.shadow_t_max, zero)
+            call_stage(stages[OCCLUDED], batch, scene)
+        _add_direct_light(rays, zero)
+    return traced
 
 
 @inline
-def _retire(lanes, stacks, capacity, rule, buffer, one):
+def _finish(rays, stacks, capacity, plan, buffer):
     """Lanes whose path has ended hand in their radiance, or take up a ray that waits; returns those that are free, and
     whether every second ray found room on its stack."""
     fits = True
-    if rule.branches:
+    if plan.branches:
         for lane in range(np.uint64(LANES)):
-            if get_int(lanes, at.BRANCH, lane) != 0:
-                fits &= _push(lanes, stacks, lane, capacity)
-    done, free = _lanes_with(lanes, at.DONE), np.int64(0)
+            if rays.branch[lane]:
+                fits &= _push(rays, stacks, lane, capacity)
+    done, free = _lanes_with(rays.done), np.int64(0)
     while done != 0:
         lane = np.uint64(lowest_bit(done))
         done &= done - 1
-        if rule.branches and get_int(lanes, at.STACK, lane) > 0:
-            _pop(lanes, stacks, lane, one, rule.turns)
+        if plan.branches and rays.waiting[lane] > 0:
+            _pop(rays, stacks, lane, plan.per_vertex)
             continue
-        slot = get_int(lanes, at.SLOT, lane)
-        for channel in range(3):
-            buffer[slot, channel] = get(lanes, at.RADIANCE + channel, lane)
+        slot, radiance = rays.slot[lane], rays.radiance[lane]
+        buffer[slot, 0], buffer[slot, 1], buffer[slot, 2] = radiance.x, radiance.y, radiance.z
         free |= np.int64(1) << np.int64(lane)
     return free, fits
 
@@ -242,13 +231,13 @@ def _retire(lanes, stacks, capacity, rule, buffer, one):
 @cache
 def driver(real: Any) -> Any:
     """The kernel that one thread runs: pulls tiles until there are none, or until it is told to stop."""
-    one, zero = real(1), real(0)
+    zero = real(0)
 
     def drive(
-        stages, block, spare, stack, capacity, world, rule, tiles, done, target, chunk, width, control,
+        stages, batch, spare, stack, capacity, scene, plan, tiles, done, target, chunk, width, control,
         sums, squares, even_sums, counts, buffer, totals,
     ):  # fmt: skip
-        lanes, stacks = pointer(block, real), pointer(stack, real)
+        rays, stacks = ray_batch(batch, real), waiting_rays(stack, real)
         next_tile = control.ctypes.data + 8 * NEXT_TILE
         while True:
             tile = fetch_add(next_tile, 1)
@@ -262,12 +251,12 @@ def driver(real: Any) -> Any:
                 while True:
                     if control[STOP] != 0 or control[STACK_FULL] != 0:
                         return  # what this pass has gathered is dropped: the film holds whole passes
-                    issued, idle_now = _refill(stages, block, spare, world, real, work, issued, free)
+                    issued, idle_now = _regenerate(stages, batch, spare, scene, real, work, issued, free)
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    totals[RAYS] += _advance(lanes, stages, block, world, rule, zero)
-                    free, fits = _retire(lanes, stacks, capacity, rule, buffer, one)
+                    totals[RAYS] += _advance(rays, stages, batch, scene, plan, zero)
+                    free, fits = _finish(rays, stacks, capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1
                 _commit(buffer, work, sums, squares, even_sums, counts, totals)

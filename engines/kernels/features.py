@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 
 class SceneFeatures(NamedTuple):
-    """Stages are compiled for the features that concern them (`only`), so that scenes which differ in others share their machine
-    code, and no stage has code for what the scene lacks. Kinds are those of `engines.kernels.flatten`."""
+    """Stages are compiled for the features that concern them (`only`), so that scenes which differ in others share
+    their machine code, and no stage has code for what the scene lacks. Kinds are those of `engines.kernels.flatten`."""
 
     triangles: bool = False
     spheres: bool = False
@@ -28,6 +28,8 @@ class SceneFeatures(NamedTuple):
     lights: tuple[int, ...] = ()
     """Kinds of listed lights."""
     many_lights: bool = False
+    mesh_lights: bool = False
+    """Some light is a mesh, of which a face is chosen."""
 
     def only(self, *names: str) -> SceneFeatures:
         """The named features, and none of the others."""

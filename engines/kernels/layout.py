@@ -1,8 +1,8 @@
 """The memory that kernels work on, as named and typed records: the ray batch, and the flattened scene.
 
-A *ray batch* is the state of sixteen paths, one a lane. The *scene* is a table of arrays; geometry is relative to `FlatScene.center`,
-in the tracing precision unless it says otherwise. Every primitive has an id: its place in the order of shapes, then of
-primitives within a shape. Among hits at equal distances the lowest id wins.
+A *ray batch* is the state of sixteen paths, one a lane. The *scene* is a table of arrays; geometry is relative to
+`FlatScene.center`, in the tracing precision unless it says otherwise. Every primitive has an id: its place in the order
+of shapes, then of primitives within a shape. Among hits at equal distances the lowest id wins.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.kernels.compile.jit import inline
 from engines.kernels.compile.records import (
     LANES,
     REAL,
@@ -17,6 +18,7 @@ from engines.kernels.compile.records import (
     Row,
     Table,
     array,
+    bits_of,
     doubles,
     flag,
     integer,
@@ -63,6 +65,7 @@ class RayBatch(LaneRecord):
     pixel_y = real()
     pixel_key = integer()  # the sampler's key of the pixel
     draw = reals(DRAWS)  # the random numbers of this vertex, in [0, 1)
+    draw_bits = bits_of(draw)
     primitive = integer()  # id of the primitive hit, -1 for none
     done = flag()  # the path has just ended
 
@@ -127,18 +130,27 @@ class RayBatch(LaneRecord):
     sample_pdf = real()
     sample_transmitted = flag()
     sample_valid = flag()
+    reflection_wi = vector()
     reflection_color = vector()
     reflection_scale = real()
+    reflection_valid = flag()
     transmission_color = vector()
     transmission_scale = real()
     transmission_wi = vector()
     transmission_through = flag()
+    transmission_valid = flag()
     diffuse_albedo = vector()
     albedo = vector()
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
 """Numbers of a lane, from the first on, that are its path."""
+
+
+class PathNumbers(LaneRecord):
+    """The same memory without names."""
+
+    numbers = reals(PATH_NUMBERS)
 
 
 class WaitingRay(LaneRecord):
@@ -216,8 +228,8 @@ class RangeRow(Row):
 
 
 class CameraRow(Row):
-    """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the half angles
-    are given."""
+    """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
+    half angles are given."""
 
     dtype = np.float64
     eye = vector()
@@ -231,8 +243,8 @@ class CameraRow(Row):
 
 
 class MarginRow(Row):
-    """How far off the surface new rays start, as a share of the largest coordinate there; the share of the way to a light that a
-    shadow ray covers."""
+    """How far off the surface new rays start, as a share of the largest coordinate there; the share of the way to a
+    light that a shadow ray covers."""
 
     dtype = np.float64
     offset = real()
@@ -289,8 +301,17 @@ ACCELERATOR = SceneTable.slots
 SLOTS = ACCELERATOR + 16
 
 ray_batch = lane_view(RayBatch)
+path_numbers = lane_view(PathNumbers)
 waiting_rays = lane_view(WaitingRay)
 scene_table = table_view(SceneTable)
+
+
+@inline
+def copy_path(to, lane, source, from_lane, scalar_type):
+    """Copies the path of a lane of the batch at address `source` into one of the batch at address `to`."""
+    target, begun = path_numbers(to, scalar_type), path_numbers(source, scalar_type)
+    for number in range(PATH_NUMBERS):
+        target.numbers[number, lane] = begun.numbers[number, from_lane]
 
 
 def batch_bytes(scalar_type: type, scratch: int) -> int:
@@ -311,8 +332,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 
 __all__ = [
-    *("ACCELERATOR", "BSDF_PARAMETERS", "DRAWS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS"),
-    *("SLOTS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow", "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch"),
-    *("SceneTable", "SphereRow", "TriangleRow", "WaitingRay", "aligned", "batch_bytes", "ray_batch", "scene_table"),
-    *("stack_bytes", "waiting_rays"),
-]
+    "ACCELERATOR", "BSDF_PARAMETERS", "DRAWS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS", "SLOTS",
+    "AnalyticRow", "CameraRow", "LightRow", "MarginRow", "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch",
+    "SceneTable", "SphereRow", "TriangleRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
+    "scene_table", "stack_bytes", "waiting_rays",
+]  # fmt: skip

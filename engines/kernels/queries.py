@@ -1,4 +1,5 @@
-"""Rays asked for from Python, `trace` and `occluded`: a block of sixteen at a time through the stages of the intersector."""
+"""Rays asked for from Python, `trace` and `occluded`: a batch of sixteen at a time through the stages of the
+intersector."""
 
 from __future__ import annotations
 
@@ -9,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engines.kernels import block as at
+from engines.kernels.compile.jit import inline, kernel
+from engines.kernels.compile.values import call_stage
+from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.driver import BARE_SURFACE, CLOSEST, OCCLUDED, make_idle
-from engines.kernels.jit import LANES, call_stage, get, get_int, inline, kernel, pointer, put, put_int
-from engines.kernels.vector import Vec3
+from engines.kernels.layout import LANES, ray_batch
 
 Reals = NDArray[np.float64]
 
@@ -27,14 +29,14 @@ def rays_of(origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> tupl
 
 
 @inline
-def _ray(origins, directions, reach, center, i):
-    """Ray i in tracing coordinates, its direction unit: (origin, direction, t_max in metres, length). t_max is -1 for a ray
-    that cannot hit: not finite, zero, or with t_max not above 0."""
+def _ray(origins, directions, t_max, center, i):
+    """Ray i in tracing coordinates, its direction unit: (origin, direction, t_max in metres, length). t_max is -1 for a
+    ray that cannot hit: not finite, zero, or with t_max not above 0."""
     x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
     big = max(abs(x), abs(y), abs(z))
     ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
     good = (
-        math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and reach[i] > 0.0
+        math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and t_max[i] > 0.0
     )
     if not good:
         return Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0), -1.0, 1.0
@@ -43,60 +45,70 @@ def _ray(origins, directions, reach, center, i):
     norm = math.sqrt(x * x + y * y + z * z)
     length = norm / scale
     origin = Vec3(ox - center[0], oy - center[1], oz - center[2])
-    return origin, Vec3(x / norm, y / norm, z / norm), reach[i] * length, length
+    return origin, Vec3(x / norm, y / norm, z / norm), t_max[i] * length, length
 
 
 @inline
-def _shape_of(rank, first_rank):
-    """(shape, index within it) of the primitive `rank`, -1 and -1 of none; by bisection, which misses no cache."""
-    if rank < 0:
+def _shape_of(primitive, first_id):
+    """(shape, index within it) of a primitive, -1 and -1 of none; by bisection, which misses no cache."""
+    if primitive < 0:
         return np.int64(-1), np.int64(-1)
-    low, high = 0, len(first_rank)
+    low, high = 0, len(first_id)
     while high - low > 1:
         middle = (low + high) // 2
-        if first_rank[middle] <= rank:
+        if first_id[middle] <= primitive:
             low = middle
         else:
             high = middle
-    return np.int64(low), rank - first_rank[low]
+    return np.int64(low), primitive - first_id[low]
+
+
+@inline
+def _load_rays(rays, origin, direction, far, lengths, origins, directions, t_max, center, start, last):
+    """Puts rays start .. start + 15, as far as `last`, into the batch's fields `origin`, `direction` and `far`; returns
+    how many of them can hit anything."""
+    traced = 0
+    for lane in range(np.uint64(LANES)):
+        i = start + np.int64(lane)
+        make_idle(rays, lane, 0)
+        rays.origin_primitive[lane] = -1
+        if i < last:
+            o, d, reach, lengths[lane] = _ray(origins, directions, t_max, center, i)
+            origin[lane] = o
+            direction[lane] = d
+            far[lane] = reach
+            traced += 1 if reach > 0.0 else 0
+    return traced
 
 
 @cache
 def tracer(real: Any) -> Any:
     """The kernel that finds closest hits of rays first .. last - 1; returns how many of them can hit anything."""
-    one = real(1)
 
     def trace(
-        stages, block, world, origins, directions, reach, center, first, last,
-        first_rank, t, shape, primitive, normal, u, v,
+        stages, batch, scene, origins, directions, t_max, center, first, last,
+        first_id, t, shape, primitive, normal, u, v,
     ):  # fmt: skip
-        lanes = pointer(block, real)
+        rays = ray_batch(batch, real)
         lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
-            for lane in range(np.uint64(LANES)):
-                i = start + np.int64(lane)
-                make_idle(lanes, lane, one, 0)
-                put_int(lanes, at.LEFT, lane, -1)
-                if i < last:
-                    o, d, far, lengths[lane] = _ray(origins, directions, reach, center, i)
-                    at.put3(lanes, at.ORIGIN, lane, Vec3(real(o.x), real(o.y), real(o.z)))
-                    at.put3(lanes, at.DIRECTION, lane, Vec3(real(d.x), real(d.y), real(d.z)))
-                    put(lanes, at.T, lane, real(far))
-                    traced += 1 if far > 0.0 else 0
-            call_stage(stages[CLOSEST], block, world)
-            call_stage(stages[BARE_SURFACE], block, world)
+            traced += _load_rays(
+                rays, rays.origin, rays.direction, rays.t, lengths, origins, directions, t_max, center, start, last
+            )
+            call_stage(stages[CLOSEST], batch, scene)
+            call_stage(stages[BARE_SURFACE], batch, scene)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:
-                    hit = get_int(lanes, at.MISS, lane) == 0
-                    shape[i], primitive[i] = _shape_of(np.int64(get_int(lanes, at.RANK, lane)), first_rank)
-                    t[i] = np.float64(get(lanes, at.T, lane)) / lengths[lane] if hit else math.inf
-                    n = at.get3(lanes, at.GEOMETRIC, lane)
-                    normal[i, 0], normal[i, 1], normal[i, 2] = (
-                        (n.x, n.y, n.z) if hit else (one - one, one - one, one - one)
-                    )
-                    u[i] = get(lanes, at.U, lane) if hit else one - one
-                    v[i] = get(lanes, at.V, lane) if hit else one - one
+                    hit = not rays.miss[lane]
+                    shape[i], primitive[i] = _shape_of(np.int64(rays.primitive[lane]), first_id)
+                    t[i] = np.float64(rays.t[lane]) / lengths[lane] if hit else math.inf
+                    n = rays.geometric_normal[lane]
+                    normal[i, 0] = n.x if hit else 0.0
+                    normal[i, 1] = n.y if hit else 0.0
+                    normal[i, 2] = n.z if hit else 0.0
+                    u[i] = rays.u[lane] if hit else 0.0
+                    v[i] = rays.v[lane] if hit else 0.0
         return traced
 
     return kernel(trace)
@@ -104,27 +116,21 @@ def tracer(real: Any) -> Any:
 
 @cache
 def shadow_tracer(real: Any) -> Any:
-    """The kernel that asks of rays first .. last - 1 whether anything is in the way; returns how many can meet anything."""
-    one = real(1)
+    """The kernel that tests rays first .. last - 1 for anything in the way; returns how many can meet anything."""
 
-    def occluded(stages, block, world, origins, directions, reach, center, first, last, answer):
-        lanes, traced = pointer(block, real), 0
+    def occluded(stages, batch, scene, origins, directions, t_max, center, first, last, answer):
+        rays = ray_batch(batch, real)
+        lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
-            for lane in range(np.uint64(LANES)):
-                i = start + np.int64(lane)
-                make_idle(lanes, lane, one, 0)
-                put_int(lanes, at.LEFT, lane, -1)
-                if i < last:
-                    o, d, far, _ = _ray(origins, directions, reach, center, i)
-                    at.put3(lanes, at.SHADOW_ORIGIN, lane, Vec3(real(o.x), real(o.y), real(o.z)))
-                    at.put3(lanes, at.TO_LIGHT, lane, Vec3(real(d.x), real(d.y), real(d.z)))
-                    put(lanes, at.SHADOW_T, lane, real(far))
-                    traced += 1 if far > 0.0 else 0
-            call_stage(stages[OCCLUDED], block, world)
+            traced += _load_rays(
+                rays, rays.shadow_origin, rays.wi, rays.shadow_t_max, lengths, origins, directions, t_max, center,
+                start, last,
+            )  # fmt: skip
+            call_stage(stages[OCCLUDED], batch, scene)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)
                 if i < last:
-                    answer[i] = get_int(lanes, at.OCCLUDED, lane) != 0
+                    answer[i] = rays.occluded[lane]
         return traced
 
     return kernel(occluded)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from itertools import chain
@@ -18,24 +18,13 @@ from engines.concurrency import CallGuard
 from engines.errors import RendererFailed
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
-from engines.kernels import camera, driver, jit, lights, queries, samplers, surface
-from engines.kernels.block import aligned, block_bytes, stack_bytes
-from engines.kernels.shaders import stage as shading
-from engines.kernels.world import (
-    CAMERA,
-    FIRST_SAMPLE,
-    MARGINS,
-    N_LIGHTS,
-    OPTIONS,
-    POINTS,
-    POINTS_STRIDE,
-    SEED_KEY,
-    WANTED,
-    Needs,
-    World,
-    flatten,
-)
-from engines.scene.model import Camera, CustomCamera, Perspective, PerspectiveArctan, Scene, Shape
+from engines.kernels import driver, queries
+from engines.kernels.compile import jit
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import FlatScene, flatten
+from engines.kernels.layout import LANES, SceneTable, aligned, batch_bytes, stack_bytes
+from engines.kernels.stages import camera, light, sampler, scattering, shade, surface
+from engines.scene.model import Camera, Perspective, PerspectiveArctan, Scene, Shape
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
@@ -53,30 +42,29 @@ Reals = NDArray[np.float64]
 
 
 class Accelerator(Protocol):
-    """What finds hits: builds its arrays into the world and gives the stages that walk them."""
+    """What finds hits: builds its arrays into the flattened scene and gives the stages that walk them."""
 
     name: str
     scratch: int
     precision: Any
-    """Scalar type in which it traces, or None for that of the block."""
+    """Scalar type in which it traces, or None for that of the batch."""
     build_seconds: float
 
     @property
     def bytes(self) -> int: ...
 
-    def build(self, world: World, threads: int) -> None: ...
+    def build(self, flat: FlatScene, threads: int) -> None: ...
 
-    def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]: ...
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]: ...
 
 
 class Renderer:
     """One scene, one set of resolved settings (every choice a `Choice`), one accelerator."""
 
-    def __init__(self, scene: Scene, settings: Settings, accelerator: Accelerator, plugins: Mapping[str, Any]) -> None:
+    def __init__(self, scene: Scene, settings: Settings, accelerator: Accelerator) -> None:
         self._wanted = settings
         self._scene = scene
         self._accelerator = accelerator
-        self._plugins = plugins
         self._real: Any = np.float64 if settings.precision == "float64" else np.float32
         self._tracing = accelerator.precision or self._real
         self._rays = 0
@@ -87,9 +75,9 @@ class Renderer:
         self._control = np.zeros(3, np.int64)
         self._resize(scene)
         self._addresses: NDArray[np.int64] | None = None
-        self._block_bytes = block_bytes(self._real, accelerator.scratch)
-        # of each thread: its block of lanes, and behind it the one in which samples begin
-        both = self._block_bytes + block_bytes(self._real, 0)
+        self._batch_bytes = batch_bytes(self._real, accelerator.scratch)
+        # of each thread: its ray batch, and behind it the one in which samples begin
+        both = self._batch_bytes + batch_bytes(self._real, 0)
         self._memory = [aligned(both) for _ in range(settings.threads)]
         self._set_stacks(STACK_CAPACITY)
         self._build(scene)
@@ -120,44 +108,44 @@ class Renderer:
     def _build(self, scene: Scene) -> None:
         """Takes `scene`; where that fails, everything is left as it was."""
         start, compiled = time.perf_counter(), jit.compile_seconds
-        world = flatten(scene, self._real, self._tracing)
-        self._accelerator.build(world, self._wanted.threads)
+        flat = flatten(scene, self._real, self._tracing)
+        self._accelerator.build(flat, self._wanted.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled
         self._compile_seconds += compiled
         if self._wanted.size(scene) != (self.film.width, self.film.height):
             self._resize(scene)
-        self._scene, self._world, self._addresses = scene, world, None
-        self._world.bind(MARGINS, surface.margins(self._tracing))
+        self._scene, self._flat, self._addresses = scene, flat, None
+        self._flat.bind(SceneTable.margins, surface.margins(self._tracing))
         self._bind_options()
         self._bind_camera()
 
     def _bind_options(self) -> None:
-        shader, sampler = self.settings.shader, self.settings.sampler
+        shader, chosen = self.settings.shader, self.settings.sampler
         numbers = np.zeros(16)
-        numbers[: shading.SHADER_OPTIONS] = shading.option_numbers(shader, self._world.bounds, self._world.center)
-        if sampler.plugin is None and sampler.name == "constant":
-            numbers[samplers.SAMPLER_OPTION] = sampler.options["value"]
-        elif sampler.plugin is None and sampler.name == "stratified":
-            numbers[samplers.SAMPLER_OPTION] = (sampler.options["strata"].bit_length() - 1) // 2
-        self._world.bind(OPTIONS, numbers)
-        self._world.bind(SEED_KEY, samplers.seed_key(self.settings.seed))
-        self._world.bind(WANTED, shading.wanted_draws(shader, self._world.needs))
+        numbers[: shade.OPTIONS] = shade.option_numbers(shader, self._flat.bounds, self._flat.center)
+        if chosen.plugin is None and chosen.name == "constant":
+            numbers[sampler.SAMPLER_OPTION] = chosen.options["value"]
+        elif chosen.plugin is None and chosen.name == "stratified":
+            numbers[sampler.SAMPLER_OPTION] = (chosen.options["strata"].bit_length() - 1) // 2
+        self._flat.bind(SceneTable.options, numbers)
+        self._flat.bind(SceneTable.seed_key, sampler.seed_key(self.settings.seed))
+        self._flat.bind(SceneTable.wanted_draws, shade.wanted_draws(shader, self._flat.features))
         self._bind_points(0, 1)
 
     def _bind_camera(self) -> None:
         width, height = self.film.width, self.film.height
-        self._world.bind(CAMERA, camera.parameters(self._scene.camera, width, height, self._world.center))
+        view = self._scene.camera
+        self._flat.bind(SceneTable.camera, camera.parameters(view, width, height, self._flat.center))
         if hasattr(self._accelerator, "look"):  # one that knows where camera rays start
-            has_eye = isinstance(self._scene.camera, (Perspective, PerspectiveArctan))
-            self._accelerator.look(self._world, has_eye)
+            self._accelerator.look(self._flat, isinstance(view, (Perspective, PerspectiveArctan)))
 
     def _bind_points(self, first: int, last: int) -> None:
-        points = samplers.points(self.settings.sampler, first, last)
-        spare = np.zeros((len(points), samplers.DRAWS), np.uint32)  # a row is read to its end and beyond
-        self._world.bind(POINTS, np.hstack([points, spare]))
-        self._world.bind(POINTS_STRIDE, points.shape[1] + samplers.DRAWS)
-        self._world.bind(FIRST_SAMPLE, first)
+        points = sampler.points(self.settings.sampler, first, last)
+        spare = np.zeros((len(points), sampler.DRAWS), np.uint32)  # a row is read to its end and beyond
+        self._flat.bind(SceneTable.sample_points, np.hstack([points, spare]))
+        self._flat.bind(SceneTable.points_stride, points.shape[1] + sampler.DRAWS)
+        self._flat.bind(SceneTable.first_sample, first)
 
     def _stages(self) -> NDArray[np.int64]:
         """Addresses of the stages, which the first call compiles or loads. `_trace` adds the one that it alone needs."""
@@ -169,39 +157,27 @@ class Renderer:
             return self._addresses
 
     def _compiled_stages(self) -> NDArray[np.int64]:
-        needs, real, shader = self._world.needs, self._real, self.settings.shader
-        closest, occluded = self._accelerator.stages(needs, real)
-        draw_pixel, draw_vertex = self._sampler_stages()
-        traits = shading.traits(shader, needs, int(self._world.table[N_LIGHTS]) > 0)
-        turns = max(int(self._world.table[N_LIGHTS]), 1) if traits.every else 1
-        self._rule = driver.Rule(traits.lit, traits.shadows, traits.branches, turns)
-        shade = shading.stage(shader.name, self._plugins.get("shader"), traits, needs, real)
-        light = lights.stage(needs, traits.every, real) if traits.lit else shade
+        features, real = self._flat.features, self._real
+        closest, occluded = self._accelerator.stages(features, real)
+        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real)
+        integrator = shade.integrator_of(self.settings.shader)
+        traits = shade.traits(integrator, features)
+        bsdfs = scattering.stages(features, shade.uses(integrator, traits), real)
+        shaded = shade.stage(integrator, traits, features, real)
+        per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if traits.every else 1
+        self._plan = driver.Plan(traits.lit, traits.shadows, traits.branches, per_vertex, len(bsdfs))
         order = [
             draw_pixel,
-            self._camera_stage(),
+            camera.stage(self._scene.camera, real),
             closest,
-            surface.stage(needs, real),
+            surface.stage(features, real),
             draw_vertex,
-            light,
-            shade,
+            light.stage(features, traits.every, real) if traits.lit else shaded,
+            shaded,
             occluded,
         ]
-        self._kept = order  # machine code lives as long as its stage
-        return np.array([*(stage.address for stage in order), 0], np.int64)
-
-    def _sampler_stages(self) -> tuple[Any, Any]:
-        sampler = self.settings.sampler
-        if sampler.plugin is not None:
-            return samplers.plugin_stages(self._plugins["sampler"], self._real)
-        return samplers.stages(sampler.name, sampler.options.get("scramble") != "none", self._real)
-
-    def _camera_stage(self) -> Any:
-        view = self._scene.camera
-        if isinstance(view, CustomCamera):
-            options = tuple(float(value) for value in view.options.values())
-            return camera.plugin_stage(view.plugin.jitted, options, self._real)
-        return camera.stage(type(view), self._real)
+        self._kept = [*order, *bsdfs]  # machine code lives as long as its stage
+        return np.array([*(stage.address for stage in order), 0, *(stage.address for stage in bsdfs)], np.int64)
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
@@ -258,15 +234,15 @@ class Renderer:
 
     def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
         self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
-        stages, kernel, rule = self._stages(), driver.driver(self._real), self._rule
+        stages, kernel, plan = self._stages(), driver.driver(self._real), self._plan
         sums = [array.reshape(-1, 3) for array in (film.sums, film.squares, film.even_sums)]
 
         def work(memory: NDArray[np.uint8], stack: NDArray[np.uint8]) -> NDArray[np.int64]:
             totals = np.zeros(2, np.int64)
             buffer = np.empty((CHUNK * TILE * TILE, 3), self._real)
             kernel(
-                stages, memory.ctypes.data, memory.ctypes.data + self._block_bytes, stack.ctypes.data,
-                self._stack_capacity, self._world.address, rule, tiles, done, target, CHUNK, film.width, self._control,
+                stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, stack.ctypes.data,
+                self._stack_capacity, self._flat.address, plan, tiles, done, target, CHUNK, film.width, self._control,
                 *sums, film.counts.reshape(-1), buffer, totals,
             )  # fmt: skip
             return totals
@@ -329,10 +305,10 @@ class Renderer:
             stages = self._stages()
             if not stages[driver.BARE_SURFACE]:
                 start = time.perf_counter()
-                self._kept.append(surface.bare_stage(self._world.needs, self._real))
+                self._kept.append(surface.bare_stage(self._flat.features, self._real))
                 stages[driver.BARE_SURFACE] = self._kept[-1].address
                 self._compile_seconds += time.perf_counter() - start
-        traced = self._share(queries.tracer(self._real), n, o, d, reach, (self._world.first_rank, *hits))
+        traced = self._share(queries.tracer(self._real), n, o, d, reach, (self._flat.first_id, *hits))
         return Hits(*hits), traced
 
     def _occluded(self, o: Reals, d: Reals, reach: Reals) -> tuple[NDArray[np.bool_], int]:
@@ -342,13 +318,13 @@ class Renderer:
     def _share(self, kernel: Any, n: int, o: Reals, d: Reals, reach: Reals, outputs: tuple[Any, ...]) -> int:
         """Runs `kernel` over n rays, a stretch a thread, in memory of this call's own, as a render may be under way;
         returns how many of the rays were traced."""
-        stages, world, center = self._stages(), self._world.address, self._world.center
+        stages, scene, center = self._stages(), self._flat.address, self._flat.center
         threads = self.settings.threads if n >= SHARED_RAYS else 1
-        edges = [n * k // threads // jit.LANES * jit.LANES for k in range(threads)] + [n]
+        edges = [n * k // threads // LANES * LANES for k in range(threads)] + [n]
 
         def work(k: int) -> int:
-            memory = aligned(self._block_bytes)
-            return kernel(stages, memory.ctypes.data, world, o, d, reach, center, edges[k], edges[k + 1], *outputs)
+            memory = aligned(self._batch_bytes)
+            return kernel(stages, memory.ctypes.data, scene, o, d, reach, center, edges[k], edges[k + 1], *outputs)
 
         return work(0) if threads == 1 else sum(self._tracing_pool.map(work, range(threads)))
 
@@ -359,7 +335,7 @@ class Renderer:
             "build_seconds": self._build_seconds,
             "compile_seconds": self._compile_seconds,
             "accelerator_bytes": self._accelerator.bytes,
-            "scene_bytes": self._world.bytes,
+            "scene_bytes": self._flat.bytes,
             "bad_samples": self.film.bad_samples,
         }
 

@@ -1,7 +1,9 @@
-"""A name for a function that is the same in every process: its code, what it closes over, and the functions that it calls.
+"""A name for a function that is the same in every process: its code, what it closes over, and the functions that it
+calls.
 
-The sources of raybench's engines are hashed as a whole (`code_cache.source_hash`), so of their functions the name, the code and the
-closure are enough. Of a user's function the globals that it refers to count too: other functions, numbers, tuples of them.
+The sources of raybench's engines are hashed as a whole (`code_cache.source_hash`), so of their functions the name, the
+code and the closure are enough. Of a user's function the globals that it refers to count too: other functions, numbers,
+tuples of them.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ class NotFingerprinted(ValueError):
 
 
 def fingerprint(function: Any) -> str:
-    """A hash of everything that the machine code of a Python function depends on, besides the sources of raybench's engines.
+    """A hash of everything that the machine code of a Python function depends on, besides the sources of raybench's
+    engines.
 
     Raises `NotFingerprinted`.
     """
@@ -59,7 +62,7 @@ def _class(value: type, within: tuple[Any, ...]) -> Any:
     name = value.__module__, value.__qualname__
     fields = getattr(value, "fields", None)
     if isinstance(fields, dict):
-        return name, [(key, vars(field) | {"dtype": str(field.dtype), "row": None}) for key, field in fields.items()]
+        return name, [(key, field.kind, field.n, field.first, str(field.dtype)) for key, field in fields.items()]
     if name[0].partition(".")[0] in _STABLE:
         return name
     if issubclass(value, tuple) and hasattr(value, "_fields"):

@@ -1,8 +1,8 @@
 """How kernels are compiled: Numba's options in one place, and stages that are called by address.
 
-A *stage* is a C function `void(batch, scene)` of two addresses. A factory makes it from plain values (a scalar type, ints,
-bools, tuples of them) and from jitted functions; both are part of the key under which its machine code is kept on disk. The driver
-calls stages by address, so compile times add up rather than multiply.
+A *stage* is a C function `void(batch, scene)` of two addresses. A factory makes it from plain values (a scalar type,
+ints, bools, tuples of them) and from jitted functions; both are part of the key under which its machine code is kept on
+disk. The driver calls stages by address, so compile times add up rather than multiply.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from engines.kernels.compile.code_cache import cached
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 
 compile_seconds = 0.0
-"""Seconds this process has spent compiling or loading kernels and stages; what two threads wait for at once counts once."""
+"""Seconds this process has spent compiling or loading kernels and stages; what two threads wait for at once counts
+once."""
 _compiling, _since, _collecting, _lock = 0, 0.0, True, threading.Lock()
 
 

@@ -1,7 +1,7 @@
 """Memory of kernels: arrays by address, and what is known of their overlap.
 
-A ray batch (written) and everything else (the scene, read; scratch) never overlap. Saying so on each access is what lets LLVM
-vectorise loops that gather from the scene while they write the batch.
+A ray batch (written) and everything else (the scene, read; scratch) never overlap. Saying so on each access is what
+lets LLVM vectorise loops that gather from the scene while they write the batch.
 """
 
 from __future__ import annotations
@@ -58,9 +58,11 @@ def index_word(context: Any, builder: Any, index: Any, kind: Any) -> Any:
 
 
 def teach_items(kind: type, item: Any, get: Any, put: Any = None) -> None:
-    """Teaches compiled code `x[i]`, and with `put` `x[i] = value`, of values of the Numba type `kind`. `item(type, index type)` is the
-    type of what lies there, None where such an index is none; `get(context, builder, type, value, index)`, the last a list of 64-bit
-    words, loads it; `put(..., item, its type)` stores it."""
+    """Teaches compiled code `x[i]`, and with `put` `x[i] = value`, of values of the Numba type `kind`.
+
+    `item(type, index type)` is the type of what lies there, None where such an index is none. `get(context, builder, type,
+    value, index)`, the last a list of 64-bit words, loads it; `put(..., item, its type)` stores it.
+    """
 
     def words(context: Any, builder: Any, index: Any, index_type: Any) -> list[Any]:
         if isinstance(index_type, types.Integer):

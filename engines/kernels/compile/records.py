@@ -2,12 +2,12 @@
 
 Three kinds of layout are declared as classes:
 
-- `LaneRecord`: the state of sixteen lanes, field by field, each field sixteen numbers in a row. `lane_view(Layout)` makes the
-  function `view(address, real)`; of a view, `view.field[lane]` loads and `view.field[lane] = value` stores, and `view[k]` is the
-  view of the k-th such record in memory that holds several.
+- `LaneRecord`: the state of sixteen lanes, field by field, each field sixteen numbers in a row. `lane_view(Layout)` makes
+  the function `view(address, real)`. Of a view, `view.field[lane]` loads and `view.field[lane] = value` stores; `view[k]`
+  is the view of the k-th such record in memory that holds several.
 - `Row`: numbers of one type side by side; `row.field` loads.
-- `Table`: 64-bit slots, each the address of an array or a whole number; `table_view(Layout)` makes `view(address, real)`, of which
-  `view.array[i]` and `view.number` load.
+- `Table`: 64-bit slots, each the address of an array or a whole number. `table_view(Layout)` makes `view(address, real)`,
+  of which `view.array[i]` and `view.number` load.
 
 A view is an address and its field a constant offset: nothing of this is left in machine code.
 """
@@ -58,8 +58,8 @@ class _Layout:
 class Field:
     """A field of a layout: `n` numbers of a `kind`, and where it lies."""
 
-    def __init__(self, kind: str, n: int = 1, dtype: Any = REAL, row: Any = None) -> None:
-        self.kind, self.n, self.dtype, self.row = kind, n, dtype, row
+    def __init__(self, kind: str, n: int = 1, dtype: Any = REAL, row: Any = None, over: Any = None) -> None:
+        self.kind, self.n, self.dtype, self.row, self.over = kind, n, dtype, row, over
         self.name, self.first = "", 0
 
 
@@ -90,6 +90,11 @@ def integer() -> Any:
 def flag() -> Any:
     """In lanes: a truth value."""
     return _declared("flag")
+
+
+def bits_of(field: Any) -> Any:
+    """In lanes: the memory of another field of n numbers, as integers: `field[k, lane]`."""
+    return Field("integers", field.n, over=field)
 
 
 def doubles(n: int) -> Any:
@@ -129,6 +134,9 @@ class LaneRecord(_Layout):
         super().__init_subclass__()
         cls.size = 0
         for field in cls.fields.values():
+            if field.over is not None:
+                field.first = field.over.first
+                continue
             field.first = cls.size
             cls.size += field.n * (2 if field.kind == "doubles" else 1)
 
@@ -172,12 +180,12 @@ def _lane_field(context: Any, builder: Any, kind: Any, value: Any, name: str) ->
 
 
 def _lane_item(kind: Any, index: Any) -> Any:
-    several = kind.field.kind in ("numbers", "doubles")
+    several = kind.field.kind in ("numbers", "integers", "doubles")
     if isinstance(index, types.BaseTuple) != several or (several and len(index) != 2):
         return None
     return {
         "number": kind.real, "numbers": kind.real, "vector": vec3_of(kind.real), "integer": _word(kind.real),
-        "flag": types.boolean, "doubles": types.float64,
+        "integers": _word(kind.real), "flag": types.boolean, "doubles": types.float64,
     }[kind.field.kind]  # fmt: skip
 
 
@@ -196,9 +204,11 @@ def _get_lane(context: Any, builder: Any, kind: Any, base: Any, index: Any) -> A
     field = kind.field
     if field.kind == "doubles":
         return load(builder, _double_place(context, builder, kind, base, index), True)
-    first = ir.Constant(WORD, field.first)
-    if field.kind == "numbers":
-        return load(builder, _lane_place(builder, base, builder.add(first, index[0]), index[1]), True)
+    if field.kind in ("numbers", "integers"):
+        number = builder.add(ir.Constant(WORD, field.first), index[0])
+        value = load(builder, _lane_place(builder, base, number, index[1]), True)
+        bits = context.get_value_type(_word(kind.real))
+        return value if field.kind == "numbers" else builder.bitcast(value, bits)
     places = [_lane_place(builder, base, ir.Constant(WORD, field.first + k), index[0]) for k in range(field.n)]
     values = [load(builder, place, True) for place in places]
     if field.kind == "vector":
@@ -215,9 +225,10 @@ def _put_lane(context: Any, builder: Any, kind: Any, base: Any, index: Any, valu
     if field.kind == "doubles":
         value = context.cast(builder, value, of, types.float64)
         store(builder, value, _double_place(context, builder, kind, base, index), True)
-    elif field.kind == "numbers":
+    elif field.kind in ("numbers", "integers"):
         number = builder.add(ir.Constant(WORD, field.first), index[0])
-        value = context.cast(builder, value, of, kind.real)
+        value = context.cast(builder, value, of, kind.real if field.kind == "numbers" else _word(kind.real))
+        value = builder.bitcast(value, context.get_value_type(kind.real))
         store(builder, value, _lane_place(builder, base, number, index[1]), True)
     elif field.kind == "vector":
         for k, (part, part_type) in enumerate(zip(cgutils.unpack_tuple(builder, value), of, strict=True)):
@@ -257,7 +268,8 @@ def lane_view(layout: type[LaneRecord]) -> Callable[..., Any]:
 
 
 class Row(_Layout):
-    """Base class of the layouts of rows: see the module. `size` numbers of `dtype`, REAL unless the class says otherwise."""
+    """Base class of the layouts of rows: see the module. `size` numbers of `dtype`, REAL unless the class says
+    otherwise."""
 
     size: ClassVar[int]
     dtype: ClassVar[Any] = REAL
@@ -396,7 +408,9 @@ def _nth_row(context: Any, builder: Any, kind: Any, base: Any, index: Any) -> An
 
 
 teach_items(Vectors, lambda kind, index: vec3_of(kind.dtype) if isinstance(index, types.Integer) else None, _get_vector)
-teach_items(Rows, lambda kind, index: RowView(kind.row, kind.dtype) if isinstance(index, types.Integer) else None, _nth_row)
+teach_items(
+    Rows, lambda kind, index: RowView(kind.row, kind.dtype) if isinstance(index, types.Integer) else None, _nth_row
+)
 
 
 def table_view(layout: type[Table]) -> Callable[..., Any]:

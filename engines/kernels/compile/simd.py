@@ -20,7 +20,7 @@ from numba.core.typing import signature as nb_signature
 from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin
 
-from engines.kernels.compile.memory import ArrayType, tag_access
+from engines.kernels.compile.memory import tag_access
 from engines.kernels.compile.simd_types import WIDTH, Mask, Simd, call_vector, constants, shuffled, spread
 
 # ---- operators -------------------------------------------------------------------------------------------------------

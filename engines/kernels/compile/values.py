@@ -1,5 +1,6 @@
-"""Operations on numbers that compiled code has and Python lacks: selection without a branch, fused multiply-add, constants of
-a given type, bits of words; and calls by address. `select`, `fma` and `const` take vectors (`simd`) as well."""
+"""Operations on numbers that compiled code has and Python lacks: selection without a branch, fused multiply-add,
+constants of a given type, bits of words; and calls by address. `select`, `fma` and `const` take vectors (`simd`) as
+well."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from engines.kernels.compile.simd_types import Mask, Simd, call_vector, spread
+from engines.kernels.compile.simd_types import Simd, call_vector, spread
 
 # ---- calls and atomics -----------------------------------------------------------------------------------------------
 
@@ -82,22 +83,21 @@ def fetch_add(typing, address, amount):
 
 @intrinsic
 def select(typing, condition, yes, no):
-    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code. Of a
-    mask (`simd`) it selects number by number, and a plain number stands for eight."""
+    """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code.
+    Of a mask (`simd`) it selects number by number, and a plain number stands for eight. The result has the type of
+    `yes`, or of the vector."""
     result = no if isinstance(no, Simd) else yes
+    scalar = result.kind if isinstance(result, Simd) else result
+
+    def operand(context, builder, value, kind):
+        value = value if isinstance(kind, Simd) else context.cast(builder, value, kind, scalar)
+        return spread(builder, value) if isinstance(result, Simd) else value
 
     def generate(context, builder, signature, arguments):
-        values = [
-            spread(builder, x if kind == result else context.cast(builder, x, kind, result.kind))
-            if isinstance(result, Simd)
-            else x
-            for x, kind in zip(arguments[1:], signature.args[1:], strict=True)
-        ]
+        values = [operand(context, builder, x, kind) for x, kind in zip(arguments[1:], signature.args[1:], strict=True)]
         return builder.select(arguments[0], *values)
 
-    if isinstance(condition, Mask):
-        return result(condition, yes, no), generate
-    return result(types.boolean, result, result), generate
+    return result(condition, yes, no), generate
 
 
 @intrinsic

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.kernels.flatten import shapes
 from engines.kernels.lane.lights import constant_environment, directional, mesh, point, sphere
 from engines.kernels.layout import LightRow
 from engines.scene.model import (
@@ -36,6 +37,10 @@ class LightModel(NamedTuple):
     """Its lane function; None for the environment's image, which is sampled by table."""
     parameters: int
     """How many of a row's parameters it reads."""
+    pdf: Any = None
+    """Of a shape that emits: the lane function with which hits of it are weighted."""
+    shape: int = -1
+    """The kind of that shape."""
 
 
 MODELS: dict[int, LightModel] = {
@@ -43,8 +48,8 @@ MODELS: dict[int, LightModel] = {
     DIRECTIONAL: LightModel(directional.sample, 3),
     CONSTANT_ENVIRONMENT: LightModel(constant_environment.sample, 0),
     IMAGE_ENVIRONMENT: LightModel(None, 0),
-    MESH: LightModel(mesh.sample, 1),
-    SPHERE: LightModel(sphere.sample, 4),
+    MESH: LightModel(mesh.sample, 1, mesh.pdf, shapes.TRIANGLE),
+    SPHERE: LightModel(sphere.sample, 4, sphere.pdf, shapes.SPHERE),
 }
 
 

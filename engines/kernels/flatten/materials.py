@@ -65,7 +65,10 @@ def material_rows(materials: Iterable[Material]) -> NDArray[np.float64]:
 def material_features(used: Iterable[Material]) -> dict[str, Any]:
     """The features that these materials bring."""
     used = list(used)
-    found: dict[str, Any] = {"bsdfs": tuple(sorted({model_of(m) for m in used})), "emission": any(m.emits for m in used)}
+    found: dict[str, Any] = {
+        "bsdfs": tuple(sorted({model_of(m) for m in used})),
+        "emission": any(m.emits for m in used),
+    }
     for material in used:
         for name, held in MODELS[model_of(material)].features(material).items():
             found[name] = found.get(name, False) or held

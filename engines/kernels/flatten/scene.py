@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.records import Field
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import environment
-from engines.kernels.flatten.lights import LightList
+from engines.kernels.flatten.lights import MESH, LightList
 from engines.kernels.flatten.materials import material_features, material_rows
 from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
 from engines.kernels.layout import SLOTS, LightRow, PrimitiveRow, SceneTable
@@ -83,6 +83,7 @@ def _features(scene: Scene, geometry: Geometry, lights: LightList) -> SceneFeatu
         smooth=any(isinstance(s, Mesh) and s.normals is not None for s in scene.shapes),
         lights=lights.kinds(),
         many_lights=len(lights.rows) > 1,
+        mesh_lights=MESH in lights.kinds(),
         **material_features(used),
     )
 

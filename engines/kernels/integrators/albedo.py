@@ -1,5 +1,5 @@
-"""The material's albedo (the first of kd, ks and kt that is not black), and emission where that is black, as MobileRT's shader of
-the diffuse material shows it."""
+"""The material's albedo (the first of kd, ks and kt that is not black), and emission where that is black, as MobileRT's
+shader of the diffuse material shows it."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
     step(si, light, bsdf, draws, path, options) -> ScatterResult
 
 of one lane, called at every vertex of a path, without branches where it can (use `select`): then sixteen lanes run as
-vector code. Vectors are `Vec3`; numbers have the tracing precision, so write constants as `const(0.5, si.t)`. `light` is a
-`LightSample`, `bsdf` a `Scattering`, `options` eight numbers.
+vector code. Vectors are `Vec3`; numbers have the tracing precision, so write constants as `const(0.5, si.t)`. `light`
+is a `LightSample`, `bsdf` a `Scattering`, `options` eight numbers.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from engines.kernels.compile.vec3 import Vec3
 
 
 class SurfaceInteraction(NamedTuple):
-    """Where the ray ended. Normals face the viewer. On a miss only `direction`, `origin`, `emission`, `light_pdf` and `miss` mean
-    anything."""
+    """Where the ray ended. Normals face the viewer. On a miss only `direction`, `origin`, `emission`, `light_pdf` and
+    `miss` mean anything."""
 
     miss: bool
     t: float
@@ -58,8 +58,8 @@ class Path(NamedTuple):
 
 
 class ScatterResult(NamedTuple):
-    """What happens at the vertex: `radiance` is added at once, `direct` if nothing stands between the point and the light
-    sample; then the path goes on along `direction`, if `alive`. Both include the path's throughput."""
+    """What happens at the vertex: `radiance` is added at once, `direct` if nothing stands between the point and the
+    light sample; then the path goes on along `direction`, if `alive`. Both include the path's throughput."""
 
     radiance: Vec3
     direct: Vec3
@@ -95,7 +95,9 @@ class Integrator(NamedTuple):
     every_light: bool = False
     """The step is called once for each light."""
     branches: bool = False
-    """Two rays may follow from one hit, where the scene has surfaces that both reflect and transmit."""
+    """Two rays may follow from one hit."""
+    branches_at_specular: bool = False
+    """The same, in a scene with both specular reflection and transmission."""
     lit: bool = True
     """It samples lights."""
     shadows: bool = True

@@ -48,7 +48,16 @@ def step(si, light, bsdf, draws, path, options):
     alive = alive & ((draws.roulette < survival) | (not plays))
     throughput = throughput * select(plays, one / select(survival > zero, survival, one), one)
     return ScatterResult(
-        radiance, select3(lit, li, none), alive, sample.wi, sample.transmitted, throughput, sample.pdf, False, none, none
+        radiance,
+        select3(lit, li, none),
+        alive,
+        sample.wi,
+        sample.transmitted,
+        throughput,
+        sample.pdf,
+        False,
+        none,
+        none,
     )
 
 

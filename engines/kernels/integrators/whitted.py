@@ -41,5 +41,5 @@ def step(si, light, bsdf, draws, path, options):
 
 
 INTEGRATOR = Integrator(
-    step, Uses(value=True, specular=True, albedos=True), every_light=True, branches=True
+    step, Uses(value=True, specular=True, albedos=True), every_light=True, branches_at_specular=True
 )

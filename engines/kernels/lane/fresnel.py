@@ -41,5 +41,7 @@ def refract(d, n, eta):
     reflectance = select(total, one, half * across * across + half * along * along)
     refracted = d * (one / eta) + n * (c1 / eta - c2)
     mirror = reflect(d, n)
-    direction = Vec3(select(total, mirror.x, refracted.x), select(total, mirror.y, refracted.y), select(total, mirror.z, refracted.z))
+    direction = Vec3(
+        select(total, mirror.x, refracted.x), select(total, mirror.y, refracted.y), select(total, mirror.z, refracted.z)
+    )
     return Refraction(reflectance, direction, total, select(total, one, one / (eta * eta)))

@@ -30,7 +30,7 @@ def cosine_pdf(n, w):
 
 @inline
 def power_heuristic(mine, other):
-    """The weight of a sample with pdf `mine` beside a strategy with pdf `other` (Veach 1997), safe for infinite pdfs: 1 where `mine`
-    is infinite."""
+    """The weight of a sample with pdf `mine` beside a strategy with pdf `other` (Veach 1997), safe for infinite pdfs: 1
+    where `mine` is infinite."""
     ratio = other / mine
     return const(1.0, mine) / (const(1.0, mine) + ratio * ratio)

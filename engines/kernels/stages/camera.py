@@ -9,121 +9,108 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, fetch, get, inline, pointer, put, put_int, select, table
-from engines.kernels.vector import Vec3, unit
-from engines.kernels.world import CAMERA
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.lane import camera as lane_camera
+from engines.kernels.lane.vector import Vec3, to_real, unit
+from engines.kernels.layout import LANES, CameraRow, ray_batch, scene_table
 from engines.scene.model import CustomCamera, Orthographic, Perspective, PerspectiveArctan
 
-KINDS: dict[type, int] = {Perspective: 0, Orthographic: 1, PerspectiveArctan: 2}
-PERSPECTIVE, ORTHOGRAPHIC, ARCTAN = KINDS.values()
-CAMERA_REALS = 20
-"""eye 3, forward 3, right 3 (scaled by the half width), up 3 (by the half height), width, height, and for the arctan map
-the angles of the half width and of the half height; right and up are then unit vectors."""
+RAYS: dict[type, Any] = {
+    Perspective: lane_camera.perspective, Orthographic: lane_camera.orthographic,
+    PerspectiveArctan: lane_camera.perspective_arctan,
+}  # fmt: skip
 
 
 def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The numbers (20,) that the camera's stage reads."""
-    row = np.zeros(CAMERA_REALS)
-    row[12:14] = width, height
+    """The row (1, n) of `SceneTable.camera`. A plugin's rays start where it says, moved by `eye`."""
+    size = {"width": width, "height": height}
     if isinstance(camera, CustomCamera):
-        row[:3] = -center
-        return row
+        return np.array([CameraRow.packed(eye=-center, **size)])
     forward = _unit(np.subtract(camera.target, camera.eye))
     right = _unit(np.cross(forward, camera.up))
-    aspect = width / height
+    aspect, angles = width / height, (0.0, 0.0)
     if isinstance(camera, Orthographic):
         half = (aspect * camera.height / 2, camera.height / 2)
     else:
         angle = math.radians(camera.fov) / 2
-        size = math.tan(angle) if isinstance(camera, Perspective) else angle
-        half = (aspect * size, size) if camera.fov_axis == "y" else (size, size / aspect)
+        extent = math.tan(angle) if isinstance(camera, Perspective) else angle
+        half = (aspect * extent, extent) if camera.fov_axis == "y" else (extent, extent / aspect)
     if isinstance(camera, PerspectiveArctan):
-        row[14:16], half = half, (1.0, 1.0)
-    row[:12] = np.concatenate(
-        [np.subtract(camera.eye, center), forward, half[0] * right, half[1] * np.cross(right, forward)]
-    )
-    return row
+        angles, half = half, (1.0, 1.0)
+    row = CameraRow.packed(
+        eye=np.subtract(camera.eye, center), forward=forward, right=half[0] * right,
+        up=half[1] * np.cross(right, forward), half_angle_x=angles[0], half_angle_y=angles[1], **size,
+    )  # fmt: skip
+    return np.array([row])
 
 
 def _unit(v: NDArray[np.float64]) -> NDArray[np.float64]:
     return v / np.linalg.norm(v)
 
 
-@inline
-def _arctan(x):
-    """The polynomial of `PerspectiveArctan`."""
-    size = abs(x)
-    near = select(size > 1.0, 1.0 / size, size)
-    value = near * (math.pi / 4 + (1.0 - near) * (0.2447 + 0.0663 * near))
-    value = select(size > 1.0, math.pi / 2 - value, value)
-    return select(x < 0.0, -value, value)
+@cache
+def _on_image(ray: Any) -> Any:
+    """The function (camera, x, y) -> (origin, direction) of pixels, from the top left, of a built-in camera."""
+
+    @inline
+    def of_pixel(camera, x, y):
+        return ray(camera, 2.0 * x / camera.width - 1.0, 1.0 - 2.0 * y / camera.height)
+
+    return of_pixel
 
 
-@inline
-def _put_path(lanes, lane, origin, direction, real):
-    """A fresh path along the camera's ray."""
-    zero, one = real(0), real(1)
-    at.put3(lanes, at.ORIGIN, lane, Vec3(real(origin.x), real(origin.y), real(origin.z)))
-    at.put3(lanes, at.DIRECTION, lane, Vec3(real(direction.x), real(direction.y), real(direction.z)))
-    at.put3(lanes, at.THROUGHPUT, lane, Vec3(one, one, one))
-    at.put3(lanes, at.RADIANCE, lane, Vec3(zero, zero, zero))
-    put(lanes, at.T, lane, real(math.inf))
-    put(lanes, at.PDF, lane, real(math.inf))
-    put(lanes, at.COS_PDF, lane, zero)
-    put_int(lanes, at.ALIVE, lane, 1)
-    put_int(lanes, at.LEFT, lane, -1)
-    put_int(lanes, at.HELD, lane, -1)
-    put_int(lanes, at.DEPTH, lane, 1)
-    put_int(lanes, at.LIGHT, lane, 0)
-    put_int(lanes, at.STACK, lane, 0)
-    put_int(lanes, at.DIMENSION, lane, 2)
+@cache
+def _of_plugin(function: Any, options: tuple[float, ...]) -> Any:
+    """The same of a plugin's function (x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)."""
+
+    @inline
+    def of_pixel(camera, x, y):
+        o = function(x, y, camera.width, camera.height, options)
+        eye = camera.eye
+        return Vec3(o[0] + eye.x, o[1] + eye.y, o[2] + eye.z), Vec3(o[3], o[4], o[5])
+
+    return of_pixel
 
 
-def _make(kind: int, real: Any) -> Any:
-    def begin(block, world):
-        lanes = pointer(block, real)
-        camera = table(world, CAMERA, np.float64)
-        eye = Vec3(fetch(camera, 0), fetch(camera, 1), fetch(camera, 2))
-        forward = Vec3(fetch(camera, 3), fetch(camera, 4), fetch(camera, 5))
-        right = Vec3(fetch(camera, 6), fetch(camera, 7), fetch(camera, 8))
-        up = Vec3(fetch(camera, 9), fetch(camera, 10), fetch(camera, 11))
-        width, height = fetch(camera, 12), fetch(camera, 13)
+def _make(ray: Any, normalised: bool, real: Any) -> Any:
+    zero, one, infinite = real(0), real(1), real(math.inf)
+
+    def begin(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        camera = scene.camera[0]
         for lane in range(np.uint64(LANES)):
-            x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
-            y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
-            across, upwards = 2.0 * x / width - 1.0, 1.0 - 2.0 * y / height
-            if kind == ARCTAN:
-                across, upwards = _arctan(across * fetch(camera, 14)), _arctan(upwards * fetch(camera, 15))
-            shift = right * across + up * upwards
-            origin, ray = (eye + shift, forward) if kind == ORTHOGRAPHIC else (eye, unit(forward + shift))
-            _put_path(lanes, lane, origin, ray, real)
+            x = np.float64(rays.pixel_x[lane]) + np.float64(rays.draw[0, lane])
+            y = np.float64(rays.pixel_y[lane]) + np.float64(rays.draw[1, lane])
+            origin, direction = ray(camera, x, y)
+            if normalised:
+                direction = unit(direction)
+            rays.origin[lane] = to_real(origin, real)
+            rays.direction[lane] = to_real(direction, real)
+            rays.throughput[lane] = Vec3(one, one, one)
+            rays.radiance[lane] = Vec3(zero, zero, zero)
+            rays.t[lane] = infinite
+            rays.pdf[lane] = infinite
+            rays.cosine_pdf[lane] = zero
+            rays.alive[lane] = True
+            rays.origin_primitive[lane] = -1
+            rays.held_primitive[lane] = -1
+            rays.depth[lane] = 1
+            rays.light[lane] = 0
+            rays.waiting[lane] = 0
+            rays.dimension[lane] = 2
 
     return begin
 
 
-@cache
-def stage(camera_type: type, real: Any) -> Any:
-    """The stage of a built-in camera."""
-    return compile_stage(_make(KINDS[camera_type], real))
-
-
-def _make_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
-    def begin(block, world):
-        lanes = pointer(block, real)
-        camera = table(world, CAMERA, np.float64)
-        width, height = fetch(camera, 12), fetch(camera, 13)
-        for lane in range(np.uint64(LANES)):
-            x = np.float64(get(lanes, at.COLUMN, lane)) + np.float64(get(lanes, at.DRAW, lane))
-            y = np.float64(get(lanes, at.ROW, lane)) + np.float64(get(lanes, at.DRAW + 1, lane))
-            o = function(x, y, width, height, options)
-            origin = Vec3(o[0] + fetch(camera, 0), o[1] + fetch(camera, 1), o[2] + fetch(camera, 2))
-            _put_path(lanes, lane, origin, unit(Vec3(o[3], o[4], o[5])), real)
-
-    return begin
+def stage(camera: Any, real: Any) -> Any:
+    """The stage of a camera of the scene's model."""
+    if isinstance(camera, CustomCamera):
+        options = tuple(float(value) for value in camera.options.values())
+        return _stage(_of_plugin(camera.plugin.jitted, options), True, real)
+    # an orthographic camera's direction is unit as it is, and must not be rounded once more
+    return _stage(_on_image(RAYS[type(camera)]), not isinstance(camera, Orthographic), real)
 
 
 @cache
-def plugin_stage(function: Any, options: tuple[float, ...], real: Any) -> Any:
-    """The stage of a camera plugin: an `@njit` function (x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)."""
-    return compile_stage(_make_plugin(function, options, real), on_disk=False)
+def _stage(ray: Any, normalised: bool, real: Any) -> Any:
+    return compile_stage(_make(ray, normalised, real))

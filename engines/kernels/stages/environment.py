@@ -36,12 +36,6 @@ def uv_to_direction(u, v):
 
 
 @inline
-def texel_row(image, width, row, column):
-    at = 3 * (row * width + column)
-    return Vec3(fetch(image, at), fetch(image, at + 1), fetch(image, at + 2))
-
-
-@inline
 def radiance(image, width, height, u, v):
     """Bilinear between texel centres; columns wrap, rows clamp. float64. NaN, of a direction that is NaN, reads some texel."""
     x, y = u * width - 0.5, v * height - 0.5
@@ -49,8 +43,8 @@ def radiance(image, width, height, u, v):
     fx, fy = x - left, y - top
     x0, x1 = int(left) % width, (int(left) + 1) % width
     y0, y1 = min(max(int(top), 0), height - 1), max(min(int(top) + 1, height - 1), 0)
-    above = texel_row(image, width, y0, x0) * (1.0 - fx) + texel_row(image, width, y0, x1) * fx
-    below = texel_row(image, width, y1, x0) * (1.0 - fx) + texel_row(image, width, y1, x1) * fx
+    above = image[y0 * width + x0] * (1.0 - fx) + image[y0 * width + x1] * fx
+    below = image[y1 * width + x0] * (1.0 - fx) + image[y1 * width + x1] * fx
     return above * (1.0 - fy) + below * fy
 
 
@@ -59,4 +53,4 @@ def pdf_solid_angle(density, width, height, u, v):
     """Of the texel that holds (u, v), per solid angle; 0 at the poles, and of NaN."""
     column, row = max(min(int(u * width), width - 1), 0), max(min(int(v * height), height - 1), 0)
     sine = math.sin(math.pi * v)
-    return fetch(density, row * width + column) / (2.0 * math.pi * math.pi * sine) if sine > 0.0 else 0.0
+    return density[row * width + column] / (2.0 * math.pi * math.pi * sine) if sine > 0.0 else 0.0

@@ -73,8 +73,8 @@ def occluded_spheres(rays, scene, real):
 
 @cache
 def analytic_distance(kinds: tuple[int, ...]) -> Any:
-    """The function (scene, i, o, d) -> distance in float64 to analytic shape i of the scene, one of these kinds; not below inf where it
-    is missed, or met from behind the origin."""
+    """The function (scene, i, o, d) -> distance in float64 to analytic shape i of the scene, one of these kinds; not
+    below inf where it is missed, or met from behind the origin."""
     kind, rest = kinds[0], kinds[1:]
     distance = analytic_shape(kind).lane.distance
 

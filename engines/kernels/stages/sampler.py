@@ -1,4 +1,4 @@
-"""Draws for the lanes: pure functions of (pixel, sample, dimension, seed), see docs/transport.md.
+"""Draws for the lanes, see docs/transport.md.
 
 Quasi-random points are looked up in a table of whole numbers, one row a sample and one column a dimension, which the
 renderer makes for the samples at hand; what differs between pixels (scrambling, rotation) is computed here.
@@ -13,17 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.choices import Choice
-from engines.kernels import block as at
-from engines.kernels.jit import LANES, compile_stage, const, count, fetch, get_int, inline, pointer, put, put_int, table
-from engines.kernels.world import FIRST_SAMPLE, OPTIONS, POINTS, POINTS_STRIDE, SEED_KEY, WANTED
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.values import const
+from engines.kernels.lane import sampler as lane_sampler
+from engines.kernels.lane.sampler import dimension_key, mix, random_bits
+from engines.kernels.layout import LANES, ray_batch, scene_table
 from engines.sobol_numbers import DIRECTIONS
 
-RANDOM, CONSTANT, SOBOL, HALTON, STRATIFIED = range(5)
-CODES = {"random": RANDOM, "constant": CONSTANT, "sobol": SOBOL, "halton": HALTON, "stratified": STRATIFIED}
+BITS = {
+    "random": (lane_sampler.random, lane_sampler.random),
+    "stratified": (lane_sampler.stratified, lane_sampler.stratified),
+    "sobol": (lane_sampler.owen_scrambled, lane_sampler.unscrambled),
+    "halton": (lane_sampler.rotated, lane_sampler.unscrambled),
+}
+"""Of each sampler the lane function, with scrambling and without."""
+TABULATED = ("sobol", "halton")
 SAMPLER_OPTION = 8
-"""Index in the world's options of the sampler's number: a constant's value, the bits of a stratified grid."""
+"""Index in the scene's options of the sampler's number: a constant's value, the bits of a stratified grid."""
 
-GOLDEN = 0x9E3779B9
 DRAWS = 7
 ALL_WANTED = (1 << DRAWS) - 1
 SOBOL_DIMENSIONS = 64
@@ -31,184 +38,117 @@ HALTON_DIMENSIONS = 32
 
 
 @inline
-def mix(x):
-    """Wellons' lowbias32, a bijection of 32-bit integers without visible structure."""
-    x = np.uint32(x ^ (x >> np.uint32(16)))
-    x = np.uint32(x * np.uint32(0x7FEB352D))
-    x = np.uint32(x ^ (x >> np.uint32(15)))
-    x = np.uint32(x * np.uint32(0x846CA68B))
-    return np.uint32(x ^ (x >> np.uint32(16)))
-
-
-@inline
-def dimension_key(pixel_key, dimension):
-    return mix(np.uint32(pixel_key + np.uint32(dimension * np.uint32(GOLDEN))))
-
-
-@inline
-def random_bits(key, sample):
-    return mix(np.uint32(key + np.uint32(sample * np.uint32(GOLDEN))))
-
-
-@inline
-def reverse_bits(x):
-    x = np.uint32(((x >> np.uint32(1)) & np.uint32(0x55555555)) | ((x & np.uint32(0x55555555)) << np.uint32(1)))
-    x = np.uint32(((x >> np.uint32(2)) & np.uint32(0x33333333)) | ((x & np.uint32(0x33333333)) << np.uint32(2)))
-    x = np.uint32(((x >> np.uint32(4)) & np.uint32(0x0F0F0F0F)) | ((x & np.uint32(0x0F0F0F0F)) << np.uint32(4)))
-    x = np.uint32(((x >> np.uint32(8)) & np.uint32(0x00FF00FF)) | ((x & np.uint32(0x00FF00FF)) << np.uint32(8)))
-    return np.uint32((x >> np.uint32(16)) | (x << np.uint32(16)))
-
-
-@inline
-def owen_scramble(reversed_x, key):
-    """Nested uniform scrambling by a hash (Laine and Karras 2011, Vegdahl's constants) of bit-reversed input."""
-    y = np.uint32(reversed_x ^ np.uint32(reversed_x * np.uint32(0x3D20ADEA)))
-    y = np.uint32(y + key)
-    y = np.uint32(y * np.uint32((key >> np.uint32(16)) | np.uint32(1)))
-    y = np.uint32(y ^ np.uint32(y * np.uint32(0x05526C56)))
-    y = np.uint32(y ^ np.uint32(y * np.uint32(0x53A22864)))
-    return reverse_bits(y)
-
-
-@inline
-def permute(i, bits, key):
-    """A keyed bijection of [0, 2^bits)."""
-    one = np.uint32(1)
-    mask = np.uint32(np.uint32(one << bits) - one)
-    half = np.uint32(bits >> one)
-    i = np.uint32((i ^ key) & mask)
-    i = np.uint32(np.uint32(i * np.uint32(0x7FEB352D)) & mask)
-    i = np.uint32(i ^ (i >> half))
-    i = np.uint32(np.uint32(i + (key >> np.uint32(8))) & mask)
-    i = np.uint32(np.uint32(i * np.uint32(0x846CA68B)) & mask)
-    i = np.uint32(i ^ (i >> half))
-    i = np.uint32((i ^ (key >> np.uint32(16))) & mask)
-    i = np.uint32(np.uint32(i * np.uint32(0x9E3779B1)) & mask)
-    return np.uint32(i ^ (i >> half))
-
-
-@inline
-def stratified_bits(pixel_key, key, sample, dimension, side_bits):
-    """A jittered place in the grid that dimensions 2p and 2p + 1 share, cells in random order."""
-    m = np.uint32(side_bits)
-    bits = np.uint32(m + m)
-    even = np.uint32(dimension & np.uint32(0xFFFFFFFE))
-    order_key = mix(
-        np.uint32(dimension_key(pixel_key, even) + np.uint32(np.uint32(sample >> bits) * np.uint32(GOLDEN)))
-    )
-    one = np.uint32(1)
-    cell = permute(np.uint32(sample & np.uint32(np.uint32(one << bits) - one)), bits, order_key)
-    odd = np.uint32(dimension & one)
-    cell = np.uint32((cell >> np.uint32(odd * m)) & np.uint32(np.uint32(one << m) - one))
-    return np.uint32(np.uint32(cell << np.uint32(np.uint32(32) - m)) | (random_bits(key, sample) >> m))
-
-
-@inline
-def _keys(lanes, seed_key):
+def _store_keys(rays, seed_key):
     """Writes each lane's pixel key; returns the largest dimension at which a lane starts."""
     last = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        key = mix(np.uint32(mix(np.uint32(get_int(lanes, at.PIXEL, lane))) + seed_key))
-        put_int(lanes, at.PIXEL_KEY, lane, np.int32(key))
-        dimension = np.int64(get_int(lanes, at.DIMENSION, lane))
+        rays.pixel_key[lane] = np.int32(mix(np.uint32(mix(np.uint32(rays.pixel[lane])) + seed_key)))
+        dimension = np.int64(rays.dimension[lane])
         last = dimension if dimension > last else last
     return last
 
 
 @inline
-def _fetch_points(lanes, points, stride, columns, first, draws):
-    """Copies the lanes' points into their draws: plain loads, for a table read inside the loop that scrambles would keep
-    it from becoming vector code where the machine has no fast gather."""
+def _load_points(rays, points, stride, columns, first, draws):
+    """Copies the lanes' points into their draws: plain loads, for a table read inside the loop that scrambles would
+    keep it from becoming vector code where the machine has no fast gather."""
     for lane in range(np.uint64(LANES)):
-        sample, dimension = np.int64(get_int(lanes, at.SAMPLE, lane)), np.int64(get_int(lanes, at.DIMENSION, lane))
+        sample, dimension = np.int64(rays.sample[lane]), np.int64(rays.dimension[lane])
         row = (sample - first) * stride + (dimension if dimension < columns else columns)
         for k in range(draws):
-            put_int(lanes, at.DRAW + k, lane, np.int32(fetch(points, row + k)))
+            rays.draw_bits[k, lane] = np.int32(points[row + k])
 
 
-def _make(kind: int, scrambled: bool, draws: int, real: Any) -> Any:
-    """A stage that fills DRAW .. DRAW + draws - 1 from dimension DIMENSION on, those that WANTED has a bit for."""
+@cache
+def _to_real(bits_of: Any, real: Any) -> Any:
+    """The function (rays, lane, k, seed_key, option) -> draw in [0, 1), from a sampler's bits."""
     shift, scale = (8, 2.0**-24) if real == np.float32 else (0, 2.0**-32)
 
-    def draw(block, world):
-        lanes = pointer(block, real)
-        wanted = count(world, WANTED) if draws == DRAWS else np.int64(ALL_WANTED)
-        option = fetch(table(world, OPTIONS, np.float64), SAMPLER_OPTION)
-        columns = count(world, POINTS_STRIDE) - DRAWS
-        last = _keys(lanes, np.uint32(count(world, SEED_KEY)))
-        if kind in (SOBOL, HALTON):
-            points = table(world, POINTS, np.uint32)
-            _fetch_points(lanes, points, columns + DRAWS, columns, count(world, FIRST_SAMPLE), draws)
+    @inline
+    def value(rays, lane, k, seed_key, option):
+        pixel_key, sample = np.uint32(rays.pixel_key[lane]), np.uint32(rays.sample[lane])
+        dimension, point = np.uint32(np.uint32(rays.dimension[lane]) + np.uint32(k)), np.uint32(rays.draw_bits[k, lane])
+        bits = bits_of(pixel_key, dimension_key(pixel_key, dimension), sample, dimension, point, option)
+        return real(bits >> np.uint32(shift)) * real(scale)
+
+    return value
+
+
+@cache
+def _constant(real: Any) -> Any:
+    @inline
+    def value(rays, lane, k, seed_key, option):
+        return real(option)
+
+    return value
+
+
+@cache
+def _of_plugin(function: Any, real: Any) -> Any:
+    """The same of a user's function (pixel, sample, dimension, seed) -> float in [0, 1)."""
+
+    @inline
+    def value(rays, lane, k, seed_key, option):
+        dimension, sample, pixel = rays.dimension[lane], rays.sample[lane], rays.pixel[lane]
+        u = function(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed_key)
+        # draws become places in tables, so one that is not in [0, 1), NaN among them, must not get through
+        u = u if u >= const(0.0, u) else const(0.0, u)
+        return real(min(u, const(1.0, u) - const(2.0**-24, u)))
+
+    return value
+
+
+def _make(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
+    """A stage that fills draw 0 .. draws - 1 from `rays.dimension` on, those that `scene.wanted_draws` has a bit
+    for."""
+    shift, scale = (8, 2.0**-24) if real == np.float32 else (0, 2.0**-32)
+
+    def draw(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        wanted = scene.wanted_draws if draws == DRAWS else np.int64(ALL_WANTED)
+        option, seed_key = scene.options[SAMPLER_OPTION], np.uint32(scene.seed_key)
+        columns = scene.points_stride - DRAWS
+        last = _store_keys(rays, seed_key)
+        if tabulated:
+            _load_points(rays, scene.sample_points, columns + DRAWS, columns, scene.first_sample, draws)
         for k in range(draws):
             if (wanted >> k) & 1 == 0:
                 continue
             # beyond the columns of the table there are random numbers; few paths get that far
-            beyond = kind in (SOBOL, HALTON) and last + k >= columns
+            beyond = tabulated and last + k >= columns
             for lane in range(np.uint64(LANES)):
-                if kind == CONSTANT:
-                    put(lanes, at.DRAW + k, lane, real(option))
-                    continue
-                pixel_key = np.uint32(get_int(lanes, at.PIXEL_KEY, lane))
-                dimension = np.uint32(np.uint32(get_int(lanes, at.DIMENSION, lane)) + np.uint32(k))
-                key = dimension_key(pixel_key, dimension)
-                if kind in (SOBOL, HALTON):
-                    bits = np.uint32(get_int(lanes, at.DRAW + k, lane))
-                    if kind == SOBOL:
-                        bits = owen_scramble(bits, key) if scrambled else bits
-                    else:
-                        bits = np.uint32(bits + key) if scrambled else bits
-                    put(lanes, at.DRAW + k, lane, real(bits >> np.uint32(shift)) * real(scale))
-                else:
-                    sample = np.uint32(get_int(lanes, at.SAMPLE, lane))
-                    if kind == STRATIFIED:
-                        bits = stratified_bits(pixel_key, key, sample, dimension, np.uint32(option))
-                    else:
-                        bits = random_bits(key, sample)
-                    put(lanes, at.DRAW + k, lane, real(bits >> np.uint32(shift)) * real(scale))
+                rays.draw[k, lane] = value(rays, lane, k, seed_key, option)
             if beyond:
-                _random_beyond(lanes, k, columns, np.uint32(shift), real(scale), real)
+                _random_beyond(rays, k, columns, np.uint32(shift), real(scale), real)
 
     return draw
 
 
 @inline
-def _random_beyond(lanes, k, columns, shift, scale, real):
+def _random_beyond(rays, k, columns, shift, scale, real):
     for lane in range(np.uint64(LANES)):
-        dimension = get_int(lanes, at.DIMENSION, lane) + k
-        key = dimension_key(np.uint32(get_int(lanes, at.PIXEL_KEY, lane)), np.uint32(dimension))
-        bits = random_bits(key, np.uint32(get_int(lanes, at.SAMPLE, lane)))
+        dimension = rays.dimension[lane] + k
+        key = dimension_key(np.uint32(rays.pixel_key[lane]), np.uint32(dimension))
+        bits = random_bits(key, np.uint32(rays.sample[lane]))
         if dimension >= columns:
-            put(lanes, at.DRAW + k, lane, real(bits >> shift) * scale)
+            rays.draw[k, lane] = real(bits >> shift) * scale
+
+
+def stages(sampler: Choice, real: Any) -> tuple[Any, Any]:
+    """(draws for the camera, draws for a vertex) of a sampler."""
+    if sampler.plugin is not None:
+        value = _of_plugin(sampler.plugin.jitted, real)
+    elif sampler.name == "constant":
+        value = _constant(real)
+    else:
+        scrambled, plain = BITS[sampler.name]
+        value = _to_real(plain if sampler.options.get("scramble") == "none" else scrambled, real)
+    return tuple(_stage(value, sampler.name in TABULATED, draws, real) for draws in (2, DRAWS))  # type: ignore[return-value]
 
 
 @cache
-def stages(name: str, scrambled: bool, real: Any) -> tuple[Any, Any]:
-    """(draws for the camera, draws for a vertex) of a built-in sampler."""
-    kind = CODES[name]
-    return compile_stage(_make(kind, scrambled, 2, real)), compile_stage(_make(kind, scrambled, DRAWS, real))
-
-
-def _make_plugin(function: Any, draws: int, real: Any) -> Any:
-    def draw(block, world):
-        lanes = pointer(block, real)
-        seed = np.uint32(count(world, SEED_KEY))
-        for lane in range(np.uint64(LANES)):
-            dimension = get_int(lanes, at.DIMENSION, lane)
-            sample = get_int(lanes, at.SAMPLE, lane)
-            pixel = get_int(lanes, at.PIXEL, lane)
-            for k in range(draws):
-                u = function(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed)
-                # draws become places in tables, so one that is not in [0, 1), NaN among them, must not get through
-                u = u if u >= const(0.0, u) else const(0.0, u)
-                put(lanes, at.DRAW + k, lane, real(min(u, const(1.0, u) - const(2.0**-24, u))))
-
-    return draw
-
-
-@cache
-def plugin_stages(function: Any, real: Any) -> tuple[Any, Any]:
-    """The same for a user's `@njit` function (pixel, sample, dimension, seed) -> float in [0, 1)."""
-    return tuple(compile_stage(_make_plugin(function, n, real), on_disk=False) for n in (2, DRAWS))  # type: ignore[return-value]
+def _stage(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
+    return compile_stage(_make(value, tabulated, draws, real))
 
 
 def seed_key(seed: int) -> int:
@@ -225,7 +165,8 @@ def _mix_int(x: int) -> int:
 
 
 def points(sampler: Choice, first: int, last: int) -> NDArray[np.uint32]:
-    """The table (samples first .. last - 1, dimensions) that the stage of `sampler` reads; empty where it reads none."""
+    """The table (samples first .. last - 1, dimensions) that the stage of `sampler` reads; empty where it reads
+    none."""
     index = np.arange(first, last, dtype=np.uint64)
     if sampler.plugin is not None:
         return np.zeros((1, 1), np.uint32)

@@ -1,369 +1,367 @@
-"""From the rank of a hit to the surface there: the stage between the intersector and the shader.
+"""From the id of the primitive hit to the surface interaction: the stage between the intersector and the lights.
 
-Distance and place are computed here, from the primitive, so they are the same whichever intersector found the hit.
+Distance and point are computed here, from the primitive, so they are the same whichever intersector found the hit.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels import block as at
-from engines.kernels import environment
-from engines.kernels.fetching import copy, fetch_corners
-from engines.kernels.jit import (
-    LANES,
-    compile_stage,
-    const,
-    count,
-    fetch,
-    get,
-    get_int,
-    inline,
-    pointer,
-    put,
-    put_int,
-    select,
-    table,
-)
-from engines.kernels.lights import cone
-from engines.kernels.shapes import edge_weights, plane_distance, ray_frame, shear, sphere_distance, triangle_normal
-from engines.kernels.vector import Vec3, dot, extent, select3, unit
-from engines.kernels.world import (
-    LIGHT_REALS,
-    LIGHTS,
-    MARGINS,
-    MATERIAL_REALS,
-    MATERIALS,
-    N_LIGHTS,
-    PLANE,
-    PLANE_REALS,
-    PLANES,
-    PRIMITIVE_INTS,
-    PRIMITIVES,
-    SKY,
-    SKY_HEIGHT,
-    SKY_PDF,
-    SKY_RADIANCE,
-    SKY_WIDTH,
-    SPHERE,
-    SPHERE_REALS,
-    SPHERES,
-    TRIANGLE,
-    TRIANGLES,
-    VERTEX_NORMALS,
-    Needs,
-    of_needs,
-)
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import lights, materials
+from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
+from engines.kernels.lane.shapes import plane, sphere, triangle
+from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
+from engines.kernels.lane.vector import Vec3, dot, extent, select3, to_float64
+from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
+from engines.kernels.stages import environment
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
 
-
-class Seen(NamedTuple):
-    """What of a scene's needs the stage is compiled for; `trace` asks for the shapes alone."""
-
-    triangles: bool
-    spheres: bool
-    planes: bool
-    smooth: bool
-    diffuse: bool
-    mirror: bool
-    refraction: bool
-    emission: bool
-    constant_sky: bool
-    image_sky: bool
-    face_lights: bool
-    sphere_lights: bool
+_SHAPES = ("triangles", "spheres", "planes", "analytic")
+_FEATURES = (
+    *_SHAPES, "smooth", "bsdfs", "diffuse", "specular_reflection", "specular_transmission", "tangents", "emission", "lights",
+)  # fmt: skip
 
 
 def margins(tracing: Any) -> NDArray[np.float64]:
-    """For `World.bind`, by the precision in which rays are traced: how far off the surface new rays start, as a share of
-    the largest coordinate there, and the share of the way to a light that a shadow ray covers."""
+    """The row (1, 2) of `SceneTable.margins`, by the precision in which rays are traced."""
     share = OFFSET_ULPS * float(np.finfo(tracing).eps)
-    return np.array([share, 1.0 - share])
+    return np.array([MarginRow.packed(offset=share, reach=1.0 - share)])
+
+
+# ---- from the scene into the batch -----------------------------------------------------------------------------------
 
 
 @inline
-def row3(values, at):
-    return Vec3(fetch(values, at), fetch(values, at + 1), fetch(values, at + 2))
+def load_vertices(rays, lane, scene, face):
+    """The corners of a triangle, by its index among the triangles."""
+    row = scene.triangles[face]
+    rays.vertex0[lane] = scene.vertices[row.a]
+    rays.vertex1[lane] = scene.vertices[row.b]
+    rays.vertex2[lane] = scene.vertices[row.c]
 
 
 @inline
-def wide(v):
-    return Vec3(np.float64(v.x), np.float64(v.y), np.float64(v.z))
-
-
-class Place(NamedTuple):
-    """Where a ray hit: distance, barycentric weights, point, unit normal of the front side, and the interpolated one.
-
-    `size` is the largest number that rounding has scaled with, besides coordinates and distance: a sphere's radius.
-    """
-
-    t: float
-    size: float
-    u: float
-    v: float
-    point: Vec3
-    stored: Vec3
-    shading: Vec3
+def _load_sphere(rays, lane, scene, index):
+    row = scene.spheres[index]
+    center = row.center
+    rays.shape_parameters[0, lane] = center.x
+    rays.shape_parameters[1, lane] = center.y
+    rays.shape_parameters[2, lane] = center.z
+    rays.shape_parameters[3, lane] = row.radius
 
 
 @inline
-def narrow(v, real):
-    return Vec3(real(v.x), real(v.y), real(v.z))
+def _load_plane(rays, lane, scene, index):
+    row = scene.planes[index]
+    point, normal = row.point, row.normal
+    rays.shape_parameters[0, lane] = point.x
+    rays.shape_parameters[1, lane] = point.y
+    rays.shape_parameters[2, lane] = point.z
+    rays.shape_parameters[3, lane] = normal.x
+    rays.shape_parameters[4, lane] = normal.y
+    rays.shape_parameters[5, lane] = normal.z
+
+
+@cache
+def _make_load_bsdf(ranges: tuple[tuple[int, int], ...]) -> Any:
+    """The function (rays, lane, row) that copies these ranges of a material's parameters."""
+
+    @inline
+    def nothing(rays, lane, row):
+        pass
+
+    if not ranges:
+        return nothing
+    (first, last), rest = ranges[0], _make_load_bsdf(ranges[1:])
+
+    @inline
+    def load(rays, lane, row):
+        for k in range(first, last):
+            rays.bsdf[k, lane] = row.bsdf[k]
+        rest(rays, lane, row)
+
+    return load
+
+
+def _columns(features: SceneFeatures) -> tuple[tuple[int, int], ...]:
+    """Ranges of the parameters that the scene's BSDF models read."""
+    wanted = sorted({column for kind in features.bsdfs for column in materials.MODELS[kind].columns(features)})
+    found: list[list[int]] = []
+    for column in wanted:
+        if found and found[-1][1] == column:
+            found[-1][1] += 1
+        else:
+            found.append([column, column + 1])
+    return tuple((first, last) for first, last in found)
+
+
+@cache
+def _make_load_shape(features: SceneFeatures) -> Any:
+    """The function (rays, lane, scene, kind, index) that copies the geometry of the primitive hit."""
+    triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
+    analytic = len(features.analytic) > 0
+
+    @inline
+    def load(rays, lane, scene, kind, index):
+        if triangles:
+            face = index if kind == TRIANGLE else np.int64(0)
+            load_vertices(rays, lane, scene, face)
+            if smooth:
+                row = scene.triangles[face]
+                rays.vertex_normal0[lane] = scene.vertex_normals[row.a]
+                rays.vertex_normal1[lane] = scene.vertex_normals[row.b]
+                rays.vertex_normal2[lane] = scene.vertex_normals[row.c]
+        if spheres and kind == SPHERE:
+            _load_sphere(rays, lane, scene, index)
+        if planes and kind == PLANE:
+            _load_plane(rays, lane, scene, index)
+        if analytic and kind > PLANE:
+            row = scene.analytic[index]
+            for k in range(SHAPE_PARAMETERS):
+                rays.shape_parameters[k, lane] = row.parameters[k]
+
+    return load
+
+
+@cache
+def _make_load_hit(features: SceneFeatures) -> Any:
+    """The function (rays, scene) that copies all that the scene knows of what the lanes hit."""
+    several_shapes = features.spheres or features.planes or len(features.analytic) > 0
+    several_bsdfs, emission = len(features.bsdfs) > 1, features.emission
+    load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
+    parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
+
+    @inline
+    def load(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            primitive, held = rays.primitive[lane], rays.held_primitive[lane]
+            primitive = held if held >= 0 else primitive
+            rays.primitive[lane] = primitive
+            index = np.int64(0) if primitive < 0 else np.int64(primitive)
+            row, kind = scene.primitives[index], np.int32(TRIANGLE)
+            if several_shapes:  # where there are triangles alone, their indices are their ids: one cache miss less
+                kind, index = row.shape, np.int64(row.index)
+            rays.shape[lane] = kind
+            load_shape(rays, lane, scene, kind, index)
+            material = scene.materials[row.material]
+            load_bsdf(rays, lane, material)
+            if several_bsdfs:
+                rays.bsdf_model[lane] = np.int64(material.model)
+            if emission:
+                rays.emission[lane] = material.emission
+                rays.two_sided[lane] = material.two_sided
+            if parameters > 0:
+                light = row.light
+                rays.primitive_light[lane] = light
+                light_row = scene.lights[light if light >= 0 else np.int32(0)]
+                for k in range(parameters):
+                    rays.light_parameters[k, lane] = light_row.parameters[k]
+
+    return load
+
+
+# ---- the interaction -------------------------------------------------------------------------------------------------
 
 
 @inline
-def _fetch_triangle(lanes, lane, world, face, smooth, real):
-    fetch_corners(lanes, lane, world, face, real)
-    if smooth:
-        faces = table(world, TRIANGLES, np.int32)
-        for corner in range(3):
-            vertex = 3 * np.int64(fetch(faces, 3 * face + corner))
-            copy(lanes, at.CORNER_NORMAL + 3 * corner, lane, table(world, VERTEX_NORMALS, real), vertex, 3)
+def _seven(rays, lane):
+    return (
+        rays.shape_parameters[0, lane], rays.shape_parameters[1, lane], rays.shape_parameters[2, lane],
+        rays.shape_parameters[3, lane], rays.shape_parameters[4, lane], rays.shape_parameters[5, lane],
+        rays.shape_parameters[6, lane],
+    )  # fmt: skip
+
+
+@cache
+def _make_analytic(kinds: tuple[int, ...], real: Any) -> Any:
+    """The function (parameters, kind, o, d, found) -> intersection with an analytic shape of these kinds, else
+    `found`."""
+
+    @inline
+    def none(parameters, kind, o, d, found):
+        return found
+
+    if not kinds:
+        return none
+    own, rest, intersection = kinds[0], _make_analytic(kinds[1:], real), analytic_shape(kinds[0]).lane.intersection
+
+    @inline
+    def chosen(parameters, kind, o, d, found):
+        found = choose(kind == own, intersection(o, d, parameters, real), found)
+        return rest(parameters, kind, o, d, found)
+
+    return chosen
+
+
+@cache
+def _make_intersection(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, lane, o, d) -> where the lane's ray meets the primitive of its kind."""
+    triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
+    has_analytic, analytic = len(features.analytic) > 0, _make_analytic(features.analytic, real)
+
+    @inline
+    def intersection(rays, lane, o, d):
+        zero, kind = real(0), rays.shape[lane]
+        found = ShapeIntersection(real(np.inf), zero, zero, zero, o, d, d, Vec3(zero, zero, zero))
+        if triangles:
+            found = triangle.intersection(
+                o, d, rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
+                rays.vertex_normal0[lane], rays.vertex_normal1[lane], rays.vertex_normal2[lane], smooth,
+            )  # fmt: skip
+        if spheres or planes:
+            x, y, z, a, b, c, _ = _seven(rays, lane)
+            point = Vec3(x, y, z)
+            if spheres:
+                found = choose(kind == SPHERE, sphere.intersection(o, d, point, a, real), found)
+            if planes:
+                found = choose(kind == PLANE, plane.intersection(o, d, point, Vec3(a, b, c), real), found)
+        if has_analytic:
+            found = analytic(_seven(rays, lane), kind, o, d, found)
+        return found
+
+    return intersection
 
 
 @inline
-def _fetch_material(lanes, lane, world, material, needs, real):
-    """What the scene needs of a material."""
-    materials, row = table(world, MATERIALS, real), material * MATERIAL_REALS
-    if needs.diffuse:
-        copy(lanes, at.KD, lane, materials, row, 3)
-    if needs.mirror:
-        copy(lanes, at.KS, lane, materials, row + 3, 3)
-    if needs.refraction:
-        copy(lanes, at.KT, lane, materials, row + 6, 3)
-    if needs.mirror or needs.refraction:
-        put(lanes, at.IOR, lane, fetch(materials, row + 9))
-        put(lanes, at.FRESNEL, lane, fetch(materials, row + 10))
-    if needs.emission:
-        copy(lanes, at.EMISSION, lane, materials, row + 11, 3)
-        put(lanes, at.TWO_SIDED, lane, fetch(materials, row + 14))
-
-
-@inline
-def _fetch_light(lanes, lane, world, light, needs, real):
-    """What the pdf of a primitive that belongs to a listed light depends on."""
-    lights, row = table(world, LIGHTS, real), (light if light >= 0 else np.int64(0)) * LIGHT_REALS
-    put_int(lanes, at.LIGHT_ROW, lane, light)
-    if needs.face_lights:
-        put(lanes, at.LIGHT_AREA, lane, fetch(lights, row + 8))
-    if needs.sphere_lights:
-        copy(lanes, at.LIGHT_PLACE, lane, lights, row + 1, 3)
-        put(lanes, at.LIGHT_SIZE, lane, fetch(lights, row + 7))
-
-
-@inline
-def _fetch_hit(lanes, wide_lanes, world, needs, real):
-    """All that the world knows of what the lanes hit."""
-    primitives = table(world, PRIMITIVES, np.int32)
-    for lane in range(np.uint64(LANES)):
-        rank, held = get_int(lanes, at.RANK, lane), get_int(lanes, at.HELD, lane)
-        rank = held if held >= 0 else rank
-        put_int(lanes, at.RANK, lane, rank)
-        rank = np.int64(0) if rank < 0 else np.int64(rank)
-        row = rank * PRIMITIVE_INTS
-        kind, index = np.int32(TRIANGLE), rank  # as it is where there are triangles alone: one cache miss less
-        if needs.spheres or needs.planes:
-            kind, index = fetch(primitives, row), np.int64(fetch(primitives, row + 1))
-        put_int(lanes, at.KIND, lane, kind)
-        if needs.triangles:
-            _fetch_triangle(lanes, lane, world, index if kind == TRIANGLE else np.int64(0), needs.smooth, real)
-        if needs.spheres and kind == SPHERE:
-            copy(wide_lanes, 0, lane, table(world, SPHERES, np.float64), index * SPHERE_REALS, SPHERE_REALS)
-        if needs.planes and kind == PLANE:
-            copy(wide_lanes, 0, lane, table(world, PLANES, np.float64), index * PLANE_REALS, PLANE_REALS)
-        _fetch_material(lanes, lane, world, np.int64(fetch(primitives, row + 2)), needs, real)
-        if needs.face_lights or needs.sphere_lights:
-            _fetch_light(lanes, lane, world, np.int64(fetch(primitives, row + 3)), needs, real)
-
-
-@inline
-def _on_triangle(lanes, lane, o, d, smooth):
-    """The point comes from the barycentric weights: it lies in the face however far the origin was."""
-    zero, one = const(0.0, d.x), const(1.0, d.x)
-    a, b, c = at.get3(lanes, at.CORNER, lane), at.get3(lanes, at.CORNER + 3, lane), at.get3(lanes, at.CORNER + 6, lane)
-    frame = ray_frame(d)
-    sa, sb, sc = shear(frame, a - o), shear(frame, b - o), shear(frame, c - o)
-    w = edge_weights(sa, sb, sc)
-    whole = w.a + w.b + w.c
-    inverse = one / whole
-    u, v = w.b * inverse, w.c * inverse
-    stored = unit(triangle_normal(a, b, c))
-    shading = stored
-    if smooth:
-        na, nb = at.get3(lanes, at.CORNER_NORMAL, lane), at.get3(lanes, at.CORNER_NORMAL + 3, lane)
-        bent = na * (w.a * inverse) + nb * u + at.get3(lanes, at.CORNER_NORMAL + 6, lane) * v
-        square = dot(bent, bent)
-        good = square > zero
-        shading = select3(good, bent * (one / np.sqrt(select(good, square, one))), stored)
-    t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
-    return Place(t, zero, u, v, a * (w.a * inverse) + b * u + c * v, stored, shading)
-
-
-@inline
-def _on_sphere(wide_lanes, lane, o, d, real):
-    """Solved in float64, and put back onto the sphere."""
-    center, radius = at.get3(wide_lanes, 0, lane), get(wide_lanes, 3, lane)
-    t = sphere_distance(wide(o), wide(d), center, radius)
-    out = unit(wide(o) + wide(d) * t - center)
-    normal = narrow(out, real)
-    return Place(real(t), real(radius), real(0), real(0), narrow(center + out * radius, real), normal, normal)
-
-
-@inline
-def _on_plane(wide_lanes, lane, o, d, real):
-    anchor, upright = at.get3(wide_lanes, 0, lane), at.get3(wide_lanes, 3, lane)
-    t = plane_distance(wide(o), wide(d), anchor, upright)
-    spot = wide(o) + wide(d) * t
-    spot = spot + upright * dot(upright, anchor - spot)
-    normal = narrow(upright, real)
-    return Place(real(t), real(0), real(0), real(0), narrow(spot, real), normal, normal)
-
-
-@inline
-def _choose(condition, yes, no):
-    return Place(
-        select(condition, yes.t, no.t),
-        select(condition, yes.size, no.size),
-        select(condition, yes.u, no.u),
-        select(condition, yes.v, no.v),
-        select3(condition, yes.point, no.point),
-        select3(condition, yes.stored, no.stored),
-        select3(condition, yes.shading, no.shading),
-    )
-
-
-@inline
-def _put_place(lanes, lane, place, o, d, miss, offset_scale):
+def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     """Writes the hit with its normals turned towards the viewer; returns whether the front was met."""
-    front = dot(d, place.stored) < const(0.0, place.t)
-    geometric = select3(front, place.stored, -place.stored)
-    normal = select3(dot(place.shading, geometric) < const(0.0, place.t), -place.shading, place.shading)
-    normal = select3(dot(d, normal) < const(0.0, place.t), normal, geometric)  # one that the viewer cannot see will not do
-    reach, start = extent(place.point), extent(o)
-    reach = select(start > reach, start, reach)
-    reach = select(place.t > reach, place.t, reach)
-    reach = select(place.size > reach, place.size, reach)
-    put_int(lanes, at.MISS, lane, np.int32(1) if miss else np.int32(0))
-    put_int(lanes, at.FRONT, lane, np.int32(1) if front else np.int32(0))
-    put(lanes, at.T, lane, select(miss, const(math.inf, place.t), place.t))
-    put(lanes, at.U, lane, place.u)
-    put(lanes, at.V, lane, place.v)
-    put(lanes, at.OFFSET, lane, reach * offset_scale)
-    at.put3(lanes, at.POINT, lane, place.point)
-    at.put3(lanes, at.GEOMETRIC, lane, geometric)
-    at.put3(lanes, at.NORMAL, lane, normal)
+    zero = const(0.0, found.t)
+    front = dot(d, found.normal) < zero
+    geometric = select3(front, found.normal, -found.normal)
+    normal = select3(dot(found.shading_normal, geometric) < zero, -found.shading_normal, found.shading_normal)
+    normal = select3(dot(d, normal) < zero, normal, geometric)  # one that the viewer cannot see will not do
+    scale, start = extent(found.point), extent(o)
+    scale = select(start > scale, start, scale)
+    scale = select(found.t > scale, found.t, scale)
+    scale = select(found.scale > scale, found.scale, scale)
+    rays.miss[lane] = miss
+    rays.front[lane] = front
+    rays.t[lane] = select(miss, const(math.inf, found.t), found.t)
+    rays.u[lane] = found.u
+    rays.v[lane] = found.v
+    rays.offset[lane] = scale * offset_scale
+    rays.point[lane] = found.point
+    rays.geometric_normal[lane] = geometric
+    rays.normal[lane] = normal
+    if tangents:
+        rays.tangent[lane] = found.tangent
     return front
 
 
-@inline
-def _darken(lanes, lane, miss, needs, none):
-    """A miss reflects nothing."""
-    if needs.diffuse:
-        at.put3(lanes, at.KD, lane, select3(miss, none, at.get3(lanes, at.KD, lane)))
-    if needs.mirror:
-        at.put3(lanes, at.KS, lane, select3(miss, none, at.get3(lanes, at.KS, lane)))
-    if needs.refraction:
-        at.put3(lanes, at.KT, lane, select3(miss, none, at.get3(lanes, at.KT, lane)))
+def _area_lights(features: SceneFeatures) -> tuple[int, ...]:
+    """The kinds of lights that are shapes."""
+    return tuple(kind for kind in features.lights if lights.MODELS[kind].pdf is not None)
+
+
+@cache
+def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
+    """The function (parameters, shape, o, t, facing, n_lights) -> pdf with which the light sample would have chosen a
+    hit of a shape that is a light of one of these kinds; 0 of others."""
+
+    @inline
+    def none(parameters, shape, o, t, facing, n_lights):
+        return const(0.0, t)
+
+    if not kinds:
+        return none
+    model, rest = lights.MODELS[kinds[0]], _make_light_pdf(kinds[1:])
+    own, pdf = model.shape, model.pdf
+
+    @inline
+    def chosen(parameters, shape, o, t, facing, n_lights):
+        others = rest(parameters, shape, o, t, facing, n_lights)
+        return select(shape == own, pdf(parameters, o, t, facing, n_lights), others)
+
+    return chosen
 
 
 @inline
-def _listed_pdf(lanes, lane, place, o, d, lit, n_lights, needs, real):
-    """The pdf with which the light sample would have chosen this hit; 0 where it is no listed light."""
-    pdf, facing, kind = real(0), abs(dot(d, place.stored)), get_int(lanes, at.KIND, lane)
-    listed = lit & (get_int(lanes, at.LIGHT_ROW, lane) >= 0)
-    if needs.face_lights:
-        area = get(lanes, at.LIGHT_AREA, lane)
-        pdf = select(listed & (kind == TRIANGLE), place.t * place.t / (facing * area * n_lights), pdf)
-    if needs.sphere_lights:
-        radius = get(lanes, at.LIGHT_SIZE, lane)
-        by_cone = cone(o, at.get3(lanes, at.LIGHT_PLACE, lane), radius).pdf
-        by_area = place.t * place.t / (facing * real(4.0 * math.pi) * radius * radius)
-        pdf = select(listed & (kind == SPHERE), select(by_cone > real(0), by_cone, by_area) / n_lights, pdf)
-    return pdf
+def light_parameters(rays, lane):
+    return (
+        rays.light_parameters[0, lane], rays.light_parameters[1, lane], rays.light_parameters[2, lane],
+        rays.light_parameters[3, lane], rays.light_parameters[4, lane], rays.light_parameters[5, lane],
+        rays.light_parameters[6, lane], rays.light_parameters[7, lane],
+    )  # fmt: skip
 
 
-@inline
-def _place(lanes, wide_lanes, lane, o, d, needs, real):
-    """Where the lane's ray met the primitive of its kind."""
+def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
-    place, kind = Place(real(np.inf), zero, zero, zero, o, d, d), get_int(lanes, at.KIND, lane)
-    if needs.triangles:
-        place = _on_triangle(lanes, lane, o, d, needs.smooth)
-    if needs.spheres:
-        place = _choose(kind == SPHERE, _on_sphere(wide_lanes, lane, o, d, real), place)
-    if needs.planes:
-        place = _choose(kind == PLANE, _on_plane(wide_lanes, lane, o, d, real), place)
-    return place
+    load, intersection = _make_load_hit(features), _make_intersection(features, real)
+    emission, tangents, area_lights = features.emission, features.tangents, _area_lights(features)
+    listed_shapes, light_pdf_of = len(area_lights) > 0, _make_light_pdf(area_lights)
+    constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
+    image_environment = lights.IMAGE_ENVIRONMENT in features.lights
 
-
-def _make(needs: Seen, real: Any) -> Any:
-    size = np.dtype(real).itemsize
-    zero = real(0)
-
-    def surface(block, world):
-        lanes, wide_lanes = pointer(block, real), pointer(block + at.WIDE * LANES * size, np.float64)
-        _fetch_hit(lanes, wide_lanes, world, needs, real)
-        sky, n_lights = table(world, SKY_RADIANCE, real), real(count(world, N_LIGHTS))
-        offset_scale = real(fetch(table(world, MARGINS, np.float64), 0))
+    def surface(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        load(rays, scene)
+        n_lights = real(scene.n_lights)
+        offset_scale = real(scene.margins[0].offset)
         none = Vec3(zero, zero, zero)
+        sky = none
+        if constant_environment:
+            sky = scene.environment_radiance[0]
         for lane in range(np.uint64(LANES)):
-            o, d = at.get3(lanes, at.ORIGIN, lane), at.get3(lanes, at.DIRECTION, lane)
-            place = _place(lanes, wide_lanes, lane, o, d, needs, real)
-            # a hit that the primitive itself does not confirm (Embree claims some on slivers) is none
-            rank = get_int(lanes, at.RANK, lane)
-            miss = (rank < 0) | (not (place.t < real(np.inf)))
-            put_int(lanes, at.RANK, lane, select(miss, rank - rank - 1, rank))
-            front = _put_place(lanes, lane, place, o, d, miss, offset_scale)
-            _darken(lanes, lane, miss, needs, none)
-            emission, light_pdf = none, zero
-            if needs.emission:
-                lit = (not miss) & (front | (get(lanes, at.TWO_SIDED, lane) > zero))
-                emission = select3(lit, at.get3(lanes, at.EMISSION, lane), none)
-                light_pdf = _listed_pdf(lanes, lane, place, o, d, lit, n_lights, needs, real)
-            if needs.constant_sky:
-                emission = select3(miss, row3(sky, 0), emission)
-                light_pdf = select(miss, get(lanes, at.COS_PDF, lane) / n_lights, light_pdf)
-            at.put3(lanes, at.EMISSION, lane, emission)
-            put(lanes, at.LIGHT_PDF, lane, light_pdf)
-        if needs.image_sky:
-            _image_sky(lanes, world, n_lights, real)
+            o, d = rays.origin[lane], rays.direction[lane]
+            found = intersection(rays, lane, o, d)
+            # a hit that the primitive itself does not confirm (Embree reports some on slivers) is none
+            primitive = rays.primitive[lane]
+            miss = (primitive < 0) | (not (found.t < real(np.inf)))
+            rays.primitive[lane] = select(miss, np.int32(-1), primitive)
+            front = _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents)
+            emitted, light_pdf = none, zero
+            if emission:
+                lit = (not miss) & (front | (rays.two_sided[lane] > zero))
+                emitted = select3(lit, rays.emission[lane], none)
+                if listed_shapes:
+                    facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
+                    parameters, shape = light_parameters(rays, lane), rays.shape[lane]
+                    light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, n_lights), zero)
+            if constant_environment:
+                emitted = select3(miss, sky, emitted)
+                light_pdf = select(miss, rays.cosine_pdf[lane] / n_lights, light_pdf)
+            rays.emission[lane] = emitted
+            rays.light_pdf[lane] = light_pdf
+        if image_environment:
+            _image_environment(rays, scene, n_lights, real)
 
     return surface
 
 
 @inline
-def _image_sky(lanes, world, n_lights, real):
-    """Emission of the rays that miss, from the environment's image: scalar code, in a loop of its own."""
-    image, density = table(world, SKY, np.float64), table(world, SKY_PDF, np.float64)
-    width, height = count(world, SKY_WIDTH), count(world, SKY_HEIGHT)
+def _image_environment(rays, scene, n_lights, real):
+    """Radiance of the rays that miss, from the environment's image: scalar code, in a loop of its own."""
+    width, height = scene.environment_width, scene.environment_height
     for lane in range(np.uint64(LANES)):
-        if get_int(lanes, at.MISS, lane) != 0:
-            d = wide(at.get3(lanes, at.DIRECTION, lane))
+        if rays.miss[lane]:
+            d = to_float64(rays.direction[lane])
             u, v = environment.direction_to_uv(d.x, d.y, d.z)
-            sky = environment.radiance(image, width, height, u, v)
-            at.put3(lanes, at.EMISSION, lane, Vec3(real(sky.x), real(sky.y), real(sky.z)))
-            pdf = environment.pdf_solid_angle(density, width, height, u, v)
-            put(lanes, at.LIGHT_PDF, lane, real(pdf) / n_lights)
+            sky = environment.radiance(scene.environment, width, height, u, v)
+            rays.emission[lane] = sky
+            pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v)
+            rays.light_pdf[lane] = real(pdf) / n_lights
 
 
-def stage(needs: Needs, real: Any) -> Any:
-    """The surface stage for a scene that holds `needs`."""
-    return _stage(of_needs(Seen, needs), real)
+def stage(features: SceneFeatures, real: Any) -> Any:
+    """The surface stage of a scene."""
+    return _stage(features.only(*_FEATURES), real)
 
 
-def bare_stage(needs: Needs, real: Any) -> Any:
+def bare_stage(features: SceneFeatures, real: Any) -> Any:
     """The same without materials and lights: where a ray met which shape, and the geometric normal there."""
-    shapes = ("triangles", "spheres", "planes")
-    return _stage(Seen(*(name in shapes and getattr(needs, name) for name in Seen._fields)), real)
+    return _stage(features.only(*_SHAPES), real)
 
 
 @cache
-def _stage(needs: Seen, real: Any) -> Any:
-    return compile_stage(_make(needs, real))
+def _stage(features: SceneFeatures, real: Any) -> Any:
+    return compile_stage(_make(features, real))

@@ -1,7 +1,7 @@
 """What a BSDF model offers to integrators.
 
-Directions are unit and point away from the surface, `wo` to the viewer and `wi` to the light; the ray's own direction is -wo. f is the
-value of the BSDF, per steradian; cos is that between `wi` and the shading normal.
+Directions are unit and point away from the surface, `wo` to the viewer and `wi` to the light; the ray's own direction
+is -wo. f is the value of the BSDF, per steradian; cos is that between `wi` and the shading normal.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class BSDFSample(NamedTuple):
 
 
 class Scattering(NamedTuple):
-    """All that an integrator is told of the BSDF at a vertex. A light's direction is that of the vertex's light sample."""
+    """All that an integrator is told of the BSDF at a vertex. A light's direction is that of the vertex's light
+    sample."""
 
     value: Spectrum
     """f cos of the light's direction, 0 where specular lobes alone would reach it."""

@@ -1,6 +1,7 @@
 """The dissertation's material: a Lambertian part kd, a mirror ks and a refraction kt, with exact Fresnel where wanted.
 
-One lobe is chosen in proportion to the sum of its colour's channels. Parameters: kd, ks, kt (3 each), ior, 1 with Fresnel.
+One lobe is chosen in proportion to the sum of its colour's channels. Parameters: kd, ks, kt (3 each), ior, 1 with
+Fresnel.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ _KD, _KS, _KT, _INTERFACE = range(3), range(3, 6), range(6, 9), range(9, 11)
 
 
 class Lobes(NamedTuple):
-    """The three lobes as `si` meets them. `ks` and `kt` are weighted by Fresnel, `scale` is the factor of refraction on radiance."""
+    """The three lobes as `si` meets them. `ks` and `kt` are weighted by Fresnel, `scale` is the factor of refraction on
+    radiance."""
 
     kd: Vec3
     ks: Vec3

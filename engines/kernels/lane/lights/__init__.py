@@ -2,6 +2,6 @@
 
     sample(light, p, normal, u0, u1) -> LightSample
 
-of a `Light`, the point, the shading normal there and two random numbers. The radiance is that of the light alone: whoever chose it among
-several divides by the probability of the choice.
+of a `Light`, the point, the shading normal there and two random numbers. The radiance is that of the light alone:
+whoever chose it among several divides by the probability of the choice.
 """

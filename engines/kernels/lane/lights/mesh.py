@@ -25,3 +25,9 @@ def sample(light, p, normal, u0, u1):
     lit = (facing > zero) | (light.two_sided > zero)
     weight = abs(facing) * light.parameters[0] / (distance * distance)
     return LightSample(wi, distance, light.color * select(lit, weight, zero), one / weight)
+
+
+@inline
+def pdf(parameters, o, t, facing, n_lights):
+    """Per solid angle, of a hit at distance t from o under the cosine `facing`, when one of `n_lights` lights is chosen."""
+    return t * t / (facing * parameters[0] * n_lights)

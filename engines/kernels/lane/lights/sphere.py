@@ -43,3 +43,12 @@ def sample(light, p, normal, u0, u1):
     lit = by_cone | (facing > zero) | (light.two_sided > zero)
     radiance = select3(lit, light.color * (one / pdf), Vec3(zero, zero, zero))
     return LightSample(select3(by_cone, wi, wa), select(by_cone, near, far), radiance, pdf)
+
+
+@inline
+def pdf(parameters, o, t, facing, n_lights):
+    """Per solid angle, of a hit at distance t from o under the cosine `facing`, when one of `n_lights` lights is chosen."""
+    x, y, z, radius = parameters[:4]
+    by_cone = cone(o, Vec3(x, y, z), radius).pdf
+    by_area = t * t / (facing * const(4.0 * math.pi, t) * radius * radius)
+    return select(by_cone > const(0.0, t), by_cone, by_area) / n_lights

@@ -22,7 +22,8 @@ class Frame(NamedTuple):
 
 @inline
 def ray_frame(d):
-    """The shear of Woop, Benthin and Wald (2013) along the largest component of d, without their permutation of axes."""
+    """The shear of Woop, Benthin and Wald (2013) along the largest component of d, without their permutation of
+    axes."""
     zero, one = const(0.0, d.x), const(1.0, d.x)
     ax, ay, az = abs(d.x), abs(d.y), abs(d.z)
     along_x = (ax >= ay) & (ax >= az)
@@ -54,7 +55,8 @@ class Weights(NamedTuple):
 
 @inline
 def difference_of_products(a, b, c, d):
-    """a b - c d to 1.5 ulp (Kahan; Jeannerod et al. 2013): its sign is exact, and it is 0 only where the true value is."""
+    """a b - c d to 1.5 ulp (Kahan; Jeannerod et al. 2013): its sign is exact, and it is 0 only where the true value
+    is."""
     product = c * d
     return fma(a, b, -product) + fma(-c, d, product)
 
@@ -91,8 +93,8 @@ def triangle_normal(a, b, c):
 
 @inline
 def intersection(o, d, a, b, c, na, nb, nc, smooth):
-    """Where a ray meets the triangle a, b, c; with `smooth` the shading normal is interpolated between na, nb, nc. The point comes
-    from the barycentric weights: it lies in the face however far the origin was."""
+    """Where a ray meets the triangle a, b, c; with `smooth` the shading normal is interpolated between na, nb, nc. The
+    point comes from the barycentric weights: it lies in the face however far the origin was."""
     zero, one = const(0.0, d.x), const(1.0, d.x)
     frame = ray_frame(d)
     sa, sb, sc = shear(frame, a - o), shear(frame, b - o), shear(frame, c - o)
