@@ -25,7 +25,7 @@ MADE = {
     "area_hierarchy": area_hierarchy.Accelerator,
 }  # fmt: skip
 LIST_LIMIT = 96
-"""Up to so many triangles and spheres `auto` takes no tree."""
+"""Up to so many primitives `auto` takes no tree."""
 
 
 class Engine:

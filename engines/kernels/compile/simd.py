@@ -2,9 +2,8 @@
 
 Loops over lanes are left to LLVM; where one ray meets many things there is no such loop, and these types say what is meant.
 They take the operators of plain numbers (a plain number beside one stands for eight copies), so a formula written once, such as
-`shapes.triangle_distance`, serves both and gives the same bits. Nothing here depends on the processor: LLVM splits or
-joins the vectors as it has registers. Functions and operators for scalars are in `jit`, whose `select`, `fma` and `const`
-take these as well.
+`triangle_distance`, serves both and gives the same bits. Nothing here depends on the processor: LLVM splits or
+joins the vectors as it has registers. `select`, `fma` and `const` of `values` take these as well as scalars.
 """
 
 from __future__ import annotations
@@ -266,34 +265,34 @@ def descending(typing, a):
 # ---- memory ----------------------------------------------------------------------------------------------------------
 
 
-def _place(context: Any, builder: Any, table: Any, arguments: Any) -> Any:
+def _place(context: Any, builder: Any, array: Any, arguments: Any) -> Any:
     address = builder.gep(arguments[0], [arguments[1]])
-    return builder.bitcast(address, context.get_value_type(Simd(table.dtype)).as_pointer())
+    return builder.bitcast(address, context.get_value_type(Simd(array.dtype)).as_pointer())
 
 
 @intrinsic
-def fetch8(typing, table, index):
-    """`table[index : index + 8]` of the world or of scratch memory; no alignment is asked for."""
+def load8(typing, array, index):
+    """`array[index : index + 8]` of an array that is not a ray batch; no alignment is asked for."""
 
     def generate(context, builder, signature, arguments):
-        place = _place(context, builder, table, arguments)
-        value = builder.load(place, align=table.dtype.bitwidth // 8)
+        place = _place(context, builder, array, arguments)
+        value = builder.load(place, align=array.dtype.bitwidth // 8)
         tag_access(builder.module, value, False)
         return value
 
-    return Simd(table.dtype)(table, types.int64), generate
+    return Simd(array.dtype)(array, types.int64), generate
 
 
 @intrinsic
-def keep8(typing, table, index, value):
-    """Writes `table[index : index + 8]` of scratch memory."""
+def store8(typing, array, index, value):
+    """Writes `array[index : index + 8]`."""
 
     def generate(context, builder, signature, arguments):
-        place = _place(context, builder, table, arguments)
-        tag_access(builder.module, builder.store(arguments[2], place, align=table.dtype.bitwidth // 8), False)
+        place = _place(context, builder, array, arguments)
+        tag_access(builder.module, builder.store(arguments[2], place, align=array.dtype.bitwidth // 8), False)
         return context.get_dummy_value()
 
-    return types.void(table, types.int64, Simd(table.dtype)), generate
+    return types.void(array, types.int64, Simd(array.dtype)), generate
 
 
 @intrinsic

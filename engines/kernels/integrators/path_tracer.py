@@ -27,7 +27,7 @@ def step(si, light, bsdf, draws, path, options):
     radiance = path.throughput * si.emission * w
 
     sample = bsdf.sample
-    goes_on = (path.depth < max_depth) & sample.valid & (not si.miss)
+    goes_on = (path.depth < max_depth) & (not si.miss)
 
     # direct light
     w = power_heuristic(light.pdf, bsdf.pdf)
@@ -38,7 +38,7 @@ def step(si, light, bsdf, draws, path, options):
 
     # one lobe carries the path on
     side = dot(si.geometric_normal, sample.wi)
-    alive = goes_on & (select(sample.transmitted, -side, side) > zero)
+    alive = goes_on & sample.valid & (select(sample.transmitted, -side, side) > zero)
     throughput = path.throughput * (sample.weight.color * sample.weight.scale)
 
     # roulette

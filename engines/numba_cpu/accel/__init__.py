@@ -1,1 +1,1 @@
-"""Accelerators of the numba engine: each builds its arrays into the world and makes the two stages that walk them."""
+"""Accelerators of the numba engine: each binds its arrays to the scene and makes the two stages that walk them."""

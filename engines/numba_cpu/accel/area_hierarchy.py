@@ -1,9 +1,9 @@
 """Boxes on the screen for rays from the eye, the plain list for all others: what N. Dahlquist's ray tracer of 2012 does,
 with boxes that are right.
 
-A box bounds a primitive's projection from the eye onto the plane at distance 1. A block of sixteen camera rays is tested
-against the primitives whose boxes meet the block's own; a block that holds any other ray goes through the whole list. For
-few primitives: the boxes are a list, too.
+A box bounds a primitive's projection from the eye onto the plane at distance 1. A batch of sixteen camera rays is tested
+against the primitives whose boxes meet the batch's own; a batch that holds any secondary ray goes through the whole list. For
+few primitives: the boxes are a list, too. Analytic shapes have no boxes: all are tested.
 """
 
 from __future__ import annotations
@@ -15,43 +15,45 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels import block as at
-from engines.kernels.jit import (
-    LANES,
-    call_stage,
-    compile_stage,
-    count,
-    fetch,
-    get,
-    get_int,
-    inline,
-    pointer,
-    put,
-    put_int,
-    select,
-    table,
-)
-from engines.kernels.linear import closest_planes, nearer
-from engines.kernels.shapes import sphere_distance
-from engines.kernels.surface import row3, wide
-from engines.kernels.vector import dot
-from engines.kernels.world import (
-    ACCELERATOR,
-    CAMERA,
-    N_TRIANGLES,
-    SPHERE_RANK,
-    SPHERE_REALS,
-    SPHERES,
-    TRIANGLE_RANK,
-    TRIANGLES,
-    Needs,
-    World,
-)
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.records import Row, Table, real, rows, scalar, table_view, vector
+from engines.kernels.compile.values import call_stage, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import FlatScene
+from engines.kernels.lane.shapes.sphere import sphere_distance
+from engines.kernels.lane.vector import Vec3, dot, to_float64
+from engines.kernels.layout import LANES, CameraRow, SceneTable, ray_batch, scene_table
+from engines.kernels.stages.linear import closest_planes, keep_nearer, make_closest_analytic
 from engines.numba_cpu.accel import none
-from engines.numba_cpu.accel.primitives import corner_distance, corners, ray_of
+from engines.numba_cpu.accel.primitives import CornersRow, corners, distance_to_triangle, make_ray
 
-# the first slots are the list's
-PLAIN, BOXES, FRAME, CORNERS, N_BOXES = (ACCELERATOR + k for k in range(8, 13))
+
+class EyeRow(Row):
+    """Where camera rays start, and the camera's axes, unit."""
+
+    position = vector()
+    right = vector()
+    up = vector()
+    forward = vector()
+
+
+class BoxRow(Row):
+    low_x = real()
+    high_x = real()
+    low_y = real()
+    high_y = real()
+
+
+class AreaTable(Table, first=none.ListTable.slots):
+    list_stage = scalar()  # address of the stage that tests every primitive
+    n_boxes = scalar()  # -1 where there is no eye
+    boxes = rows(BoxRow)  # of triangles, then of spheres
+    eye = rows(EyeRow)
+    corners = rows(CornersRow)
+
+
+area_table = table_view(AreaTable)
+
 STEEPEST = 1e3
 """Tangent of the angle from the axis beyond which projections are not bounded: such rays and primitives use the list."""
 PAD_ULPS = 256.0
@@ -69,60 +71,63 @@ class Accelerator:
         self._list = none.Accelerator(options)
         self._bytes = 0
 
-    def build(self, world: World, threads: int) -> None:
+    def build(self, scene: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        self._world = world
-        self._list.build(world, threads)
-        world.bind(CORNERS, corners(world))
-        self.look(world, has_eye=False)
+        self._scene = scene
+        self._list.build(scene, threads)
+        scene.bind(AreaTable.corners, corners(scene))
+        self.look(scene, has_eye=False)
         self.build_seconds = time.perf_counter() - start
 
-    def look(self, world: World, has_eye: bool) -> None:
-        """Computes the boxes anew for the world's camera. Without an eye (parallel rays, plugins) all rays use the list."""
-        n = len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES]) if has_eye else 0
-        frame = np.zeros((4, 3), world.real)
-        boxes = np.zeros((n, 4), world.real)
+    def look(self, scene: FlatScene, has_eye: bool) -> None:
+        """Computes the boxes anew for the scene's camera. Without an eye (parallel rays, plugins) all rays use the list."""
+        n = len(scene.arrays[SceneTable.triangles]) + len(scene.arrays[SceneTable.spheres]) if has_eye else 0
+        eye = np.zeros((4, 3), scene.real)
+        boxes = np.zeros((n, 4), scene.real)
         if has_eye:
-            camera = world.arrays[CAMERA]
-            axes = [camera[3 * k : 3 * k + 3] for k in (2, 3, 1)]
-            frame[0] = camera[:3]
-            frame[1:] = [axis / np.linalg.norm(axis) for axis in axes]
-            boxes = _boxes(world, frame.astype(np.float64)).astype(world.real)
-        world.bind(FRAME, frame)
-        world.bind(BOXES, boxes)
-        world.bind(N_BOXES, n if has_eye else -1)
-        self._bytes = boxes.nbytes + world.arrays[CORNERS].nbytes
+            camera = scene.arrays[SceneTable.camera].ravel()
+            position, *axes = (
+                camera[field.first : field.first + 3]
+                for field in (CameraRow.eye, CameraRow.right, CameraRow.up, CameraRow.forward)
+            )
+            eye[0] = position
+            eye[1:] = [axis / np.linalg.norm(axis) for axis in axes]
+            boxes = _boxes(scene, eye.astype(np.float64)).astype(scene.real)
+        scene.bind(AreaTable.eye, eye)
+        scene.bind(AreaTable.boxes, boxes)
+        scene.bind(AreaTable.n_boxes, n if has_eye else -1)
+        self._bytes = boxes.nbytes + scene.arrays[AreaTable.corners].nbytes
 
     @property
     def bytes(self) -> int:
         return self._list.bytes + self._bytes
 
-    def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
-        plain, occluded = self._list.stages(needs, real)
-        self._world.bind(PLAIN, plain.address)
-        return stage(needs.triangles, needs.spheres, needs.planes, real), occluded
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
+        closest, occluded = self._list.stages(features, real)
+        self._scene.bind(AreaTable.list_stage, closest.address)
+        return stage(features.triangles, features.spheres, features.planes, features.analytic, real), occluded
 
 
-def _boxes(world: World, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+def _boxes(scene: FlatScene, eye: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n, 4) lowest and highest x, lowest and highest y on the plane at distance 1: of triangles, then of spheres. They are
     wider than the projections by what rounding may do to a ray, and infinite where a primitive is not well ahead of the eye."""
-    points = (world.arrays[CORNERS].reshape(-1, 3).astype(np.float64) - frame[0]) @ frame[1:].T
+    points = (scene.arrays[AreaTable.corners].reshape(-1, 3).astype(np.float64) - eye[0]) @ eye[1:].T
     with np.errstate(divide="ignore", invalid="ignore"):
         seen = points[:, :2] / points[:, 2:]
         seen[~(np.abs(points[:, :2]).max(axis=1, initial=0) < STEEPEST * points[:, 2])] = np.nan
     triangles = seen.reshape(-1, 3, 2)
     low, high = [triangles.min(axis=1)], [triangles.max(axis=1)]
-    spheres = world.arrays[SPHERES]
-    centers, radii = (spheres[:, :3] - frame[0]) @ frame[1:].T, spheres[:, 3]
+    spheres = scene.arrays[SceneTable.spheres]
+    centers, radii = (spheres[:, :3] - eye[0]) @ eye[1:].T, spheres[:, 3]
     sides = [_tangents(centers[:, axis], centers[:, 2], radii) for axis in (0, 1)]
     low.append(np.stack([side[0] for side in sides], axis=1))
     high.append(np.stack([side[1] for side in sides], axis=1))
     lowest, highest = np.concatenate(low), np.concatenate(high)
     unbounded = ~np.isfinite(lowest + highest).all(axis=1)
     lowest[unbounded], highest[unbounded] = -np.inf, np.inf
-    slack = PAD_ULPS * np.finfo(world.real).eps
-    lowest = lowest - slack * (1 + np.abs(lowest)) ** 2
-    highest = highest + slack * (1 + np.abs(highest)) ** 2
+    error_bound = PAD_ULPS * np.finfo(scene.real).eps
+    lowest = lowest - error_bound * (1 + np.abs(lowest)) ** 2
+    highest = highest + error_bound * (1 + np.abs(highest)) ** 2
     return np.stack([lowest[:, 0], highest[:, 0], lowest[:, 1], highest[:, 1]], axis=1)
 
 
@@ -139,65 +144,67 @@ def _tangents(
 
 
 @inline
-def _seen(lanes, lane, frame, real):
+def _project(rays, lane, eye, real):
     """(whether it comes from the eye, whether there is one, x, y) of a lane's ray on the plane at distance 1."""
-    origin, direction = at.get3(lanes, at.ORIGIN, lane), at.get3(lanes, at.DIRECTION, lane)
-    eye, right, up, forward = row3(frame, 0), row3(frame, 3), row3(frame, 6), row3(frame, 9)
+    origin, direction = rays.origin[lane], rays.direction[lane]
+    position, right, up, forward = eye[0].position, eye[0].right, eye[0].up, eye[0].forward
     ahead = dot(direction, forward)
-    from_eye = (origin.x == eye.x) & (origin.y == eye.y) & (origin.z == eye.z) & (ahead > real(1 / STEEPEST))
-    alive = get(lanes, at.T, lane) > real(0)
+    from_eye = (
+        (origin.x == position.x) & (origin.y == position.y) & (origin.z == position.z) & (ahead > real(1 / STEEPEST))
+    )
+    alive = rays.t[lane] > real(0)
     inverse = real(1) / select(from_eye, ahead, real(1))
     return from_eye, alive, dot(direction, right) * inverse, dot(direction, up) * inverse
 
 
-def _make(triangles: bool, spheres: bool, planes: bool, real: Any) -> Any:
+def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> Any:
     eps = float(np.finfo(real).eps)
+    closest_analytic = make_closest_analytic(analytic)
 
-    def closest(block, world):
-        lanes, n = pointer(block, real), count(world, N_BOXES)
-        frame = table(world, FRAME, real)
-        strangers = np.int64(0)
+    def closest(batch, scene_address):
+        rays, scene, own = ray_batch(batch, real), scene_table(scene_address, real), area_table(scene_address, real)
+        n, eye, boxes = own.n_boxes, own.eye, own.boxes
+        secondary_rays = np.int64(0)
         low_x, high_x, low_y, high_y = real(np.inf), real(-np.inf), real(np.inf), real(-np.inf)
         for lane in range(np.uint64(LANES)):
-            from_eye, alive, x, y = _seen(lanes, lane, frame, real)
-            put(lanes, at.FRAME, lane, x)
-            put(lanes, at.FRAME + 1, lane, y)
-            put(lanes, at.FRAME + 2, lane, select(alive, real(1), real(-1)))
-            strangers += select(alive & (~from_eye), np.int64(1), np.int64(0))
-        if n < 0 or strangers > 0:
-            call_stage(count(world, PLAIN), block, world)
+            from_eye, alive, x, y = _project(rays, lane, eye, real)
+            rays.frame_x[lane] = Vec3(x, y, select(alive, real(1), real(-1)))
+            secondary_rays += select(alive & (~from_eye), np.int64(1), np.int64(0))
+        if n < 0 or secondary_rays > 0:
+            call_stage(own.list_stage, batch, scene_address)
             return
         for lane in range(np.uint64(LANES)):
-            put_int(lanes, at.RANK, lane, -1)
-            if get(lanes, at.FRAME + 2, lane) > real(0):
-                x, y = get(lanes, at.FRAME, lane), get(lanes, at.FRAME + 1, lane)
-                low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
-        boxes = table(world, BOXES, real)
+            rays.primitive[lane] = -1
+            seen = rays.frame_x[lane]
+            if seen.z > real(0):
+                low_x, high_x = min(low_x, seen.x), max(high_x, seen.x)
+                low_y, high_y = min(low_y, seen.y), max(high_y, seen.y)
         for i in range(n):
-            if not (fetch(boxes, 4 * i) <= high_x and fetch(boxes, 4 * i + 1) >= low_x):
+            if not (boxes[i].low_x <= high_x and boxes[i].high_x >= low_x):
                 continue
-            if not (fetch(boxes, 4 * i + 2) <= high_y and fetch(boxes, 4 * i + 3) >= low_y):
+            if not (boxes[i].low_y <= high_y and boxes[i].high_y >= low_y):
                 continue
-            if triangles and (not spheres or i < count(world, N_TRIANGLES)):
-                rank, points = fetch(table(world, TRIANGLE_RANK, np.int32), i), table(world, CORNERS, real)
+            if triangles and (not spheres or i < scene.n_triangles):
+                primitive, points = scene.triangle_primitives[i], own.corners
                 for lane in range(np.uint64(LANES)):
-                    t = corner_distance(ray_of(lanes, lane, at.ORIGIN, at.DIRECTION, eps, real), points, i)
-                    nearer(lanes, lane, t, rank, (t > real(0)) & (rank != get_int(lanes, at.LEFT, lane)))
-            if spheres and (not triangles or i >= count(world, N_TRIANGLES)):
-                k = i - count(world, N_TRIANGLES)
-                rows, rank = table(world, SPHERES, np.float64), fetch(table(world, SPHERE_RANK, np.int32), k)
-                center, radius = row3(rows, k * SPHERE_REALS), fetch(rows, k * SPHERE_REALS + 3)
+                    ray = make_ray(rays.origin[lane], rays.direction[lane], eps, real)
+                    t = distance_to_triangle(ray, points, i)
+                    keep_nearer(rays, lane, t, primitive, (t > real(0)) & (primitive != rays.origin_primitive[lane]))
+            if spheres and (not triangles or i >= scene.n_triangles):
+                k = i - scene.n_triangles
+                center, radius, primitive = scene.spheres[k].center, scene.spheres[k].radius, scene.sphere_primitives[k]
                 for lane in range(np.uint64(LANES)):
-                    o, d = wide(at.get3(lanes, at.ORIGIN, lane)), wide(at.get3(lanes, at.DIRECTION, lane))
+                    o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
                     t = real(sphere_distance(o, d, center, radius))
-                    nearer(lanes, lane, t, rank, t < real(np.inf))
+                    keep_nearer(rays, lane, t, primitive, t < real(np.inf))
         if planes:
-            closest_planes(lanes, world, real)
+            closest_planes(rays, scene, real)
+        closest_analytic(rays, scene, real)
 
     return closest
 
 
 @cache
-def stage(triangles: bool, spheres: bool, planes: bool, real: Any) -> Any:
+def stage(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> Any:
     """Closest hits in a scene with these kinds of shapes."""
-    return compile_stage(_make(triangles, spheres, planes, real))
+    return compile_stage(_make(triangles, spheres, planes, analytic, real))

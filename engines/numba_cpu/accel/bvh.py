@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.errors import Unsupported
-from engines.kernels.world import TRIANGLES, Needs, World
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import FlatScene
 from engines.numba_cpu.accel import bvh_walk
 from engines.numba_cpu.accel.bvh_build import LEAF, Growth, grow_tree
 from engines.numba_cpu.accel.bvh_collapse import MOST_PRIMITIVES, NODE_WORDS, Choices, weigh, widen
 from engines.numba_cpu.accel.bvh_leaves import empty_leaves, fill_leaves
-from engines.numba_cpu.accel.primitives import fill_records, primitive_count
+from engines.numba_cpu.accel.primitives import fill_records, primitive_counts
 
 SMALL, FEWEST = 2**14, 2
 """Trees of up to SMALL primitives are grown down to FEWEST a leaf, larger ones to LEAF, which costs 0.1 % of the expected time
@@ -34,21 +35,21 @@ class Accelerator:
         self.build_seconds = 0.0
         self._bytes = 0
 
-    def build(self, world: World, threads: int) -> None:
+    def build(self, scene: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        n = primitive_count(world)
+        n = sum(primitive_counts(scene))
         if n > MOST_PRIMITIVES:
             raise Unsupported(f"bvh: {n} primitives, of at most {MOST_PRIMITIVES}")
         if n > 0:
-            reach = float(np.abs(world.bounds - world.center).max())
-            if not reach < FARTHEST:
+            extent = float(np.abs(scene.bounds - scene.center).max())
+            if not extent < FARTHEST:
                 raise Unsupported(
-                    f"bvh: the scene reaches {reach:.3g} m, of at most {FARTHEST:g}; take accelerator none"
+                    f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none"
                 )
             with ThreadPoolExecutor(threads) as pool:
-                nodes, leaves = _build(world, 2.0 ** float(np.frexp(reach)[1]), threads, pool)  # no area overflows
-            world.bind(bvh_walk.NODES, nodes)
-            world.bind(bvh_walk.LEAVES, leaves)
+                nodes, leaves = _build(scene, 2.0 ** float(np.frexp(extent)[1]), threads, pool)  # no area overflows
+            scene.bind(bvh_walk.BvhTable.nodes, nodes)
+            scene.bind(bvh_walk.BvhTable.leaves, leaves)
             self._bytes = nodes.nbytes + leaves.nbytes
         self.build_seconds = time.perf_counter() - start
 
@@ -56,8 +57,8 @@ class Accelerator:
     def bytes(self) -> int:
         return self._bytes
 
-    def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
-        return bvh_walk.stages(needs.triangles, needs.spheres, needs.planes, real)
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
+        return bvh_walk.stages(features.triangles, features.spheres, features.planes, features.analytic, real)
 
 
 class Grown(NamedTuple):
@@ -71,41 +72,47 @@ class Grown(NamedTuple):
     above: list[int]
 
 
-def _build(world: World, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
+def _build(scene: FlatScene, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
     """Wide nodes, and leaves. What a step no longer needs is gone before the next asks for memory: 200 bytes a triangle."""
-    grown = _grown(world, unit, threads, pool)
-    nodes, leaves = _widened(grown, len(world.arrays[TRIANGLES]), pool)
+    grown = _grown(scene, unit, threads, pool)
+    nodes, leaves = _widened(grown, _first_of_kinds(scene), pool)
     order = grown.order
     del grown
-    data = empty_leaves(len(order), world.real)
-    _share(pool, threads, len(leaves), lambda first, last: fill_leaves(leaves[first:last], order, world, data))
+    data = empty_leaves(len(order), scene.real)
+    _share(pool, threads, len(leaves), lambda first, last: fill_leaves(leaves[first:last], order, scene, data))
     return nodes, data
 
 
-def _grown(world: World, unit: float, threads: int, pool: Executor) -> Grown:
-    n = primitive_count(world)
+def _first_of_kinds(scene: FlatScene) -> tuple[int, int]:
+    """The numbers of the first sphere and of the first analytic shape."""
+    triangles, spheres, _ = primitive_counts(scene)
+    return triangles, triangles + spheres
+
+
+def _grown(scene: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
+    n = sum(primitive_counts(scene))
     growth = Growth(
         np.empty((2, n, 8), np.float32), np.empty((2, n), np.int32),
         np.empty((2 * n, 8), np.float32), np.empty((2 * n, 3), np.int32),
-        len(world.arrays[TRIANGLES]), FEWEST if n <= SMALL else LEAF,
+        *_first_of_kinds(scene), FEWEST if n <= SMALL else LEAF,
     )  # fmt: skip
     records, order = growth.records[0], growth.order[0]
-    _share(pool, threads, n, lambda first, last: fill_records(world, unit, first, last, records, order))
+    _share(pool, threads, n, lambda first, last: fill_records(scene, unit, first, last, records, order))
     filled, above = grow_tree(growth, pool)
     return Grown(unit, order.copy(), growth.boxes, growth.links, filled, above)
 
 
-def _widened(grown: Grown, triangles: int, pool: Executor) -> tuple[Any, Any]:
+def _widened(grown: Grown, first_of_kinds: tuple[int, int], pool: Executor) -> tuple[Any, Any]:
     """The eight-wide tree: nodes, and which primitives are in its leaves."""
     unit, order, boxes, links = grown.unit, grown.order, grown.boxes, grown.links
     choices = Choices(np.empty((len(boxes), 7), np.float32), np.empty((len(boxes), 7), np.int8))
-    list(pool.map(lambda part: weigh(boxes, links, choices, *part, order, triangles), grown.filled))
+    list(pool.map(lambda part: weigh(boxes, links, choices, *part, order, *first_of_kinds), grown.filled))
     for node in grown.above:
-        weigh(boxes, links, choices, node, node + 1, order, triangles)
-    nodes, leaves = np.empty((0, NODE_WORDS), np.float32), np.empty((0, 3), np.int32)
-    counts = widen(boxes, unit, links, choices.ways, order, triangles, False, nodes, leaves)
+        weigh(boxes, links, choices, node, node + 1, order, *first_of_kinds)
+    tree = boxes, unit, links, choices.ways, order, *first_of_kinds
+    counts = widen(*tree, False, np.empty((0, NODE_WORDS), np.float32), np.empty((0, 3), np.int32))
     nodes, leaves = np.empty((counts[0], NODE_WORDS), np.float32), np.empty((counts[1], 3), np.int32)
-    widen(boxes, unit, links, choices.ways, order, triangles, True, nodes, leaves)
+    widen(*tree, True, nodes, leaves)
     return nodes, leaves
 
 

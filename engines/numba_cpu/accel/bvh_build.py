@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels.jit import fetch, inline, keep, kernel, pointer, select
-from engines.kernels.simd import convert, fetch8, keep8, lane, lesser, splat, swapped
+from engines.kernels.compile.jit import inline, kernel
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.simd import convert, lane, lesser, load8, splat, store8, swapped
+from engines.kernels.compile.values import select
 
 BINS = 16
 LEAF = 8
@@ -26,19 +28,27 @@ DEEPEST = 48
 TASK = 4096
 """Up to so many primitives are one task; what holds more is divided by a task of its own, up to 64 of them."""
 SCRATCH = 10 * 3 * BINS + 16
+TRIANGLES, SPHERES, ANALYTIC = range(3)
+"""Kinds of primitives, in the order in which they are numbered."""
 
 
 class Growth(NamedTuple):
     """`records` (2, n, 8) float32 boxes and `order` (2, n) int32: each division moves primitives from one copy to the other.
-    `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. The first `triangles` primitives are triangles, the others
-    spheres; up to `fewest` of a kind are not divided."""
+    `boxes` (2n, 8) float32 and `links` (2n, 3) int32: the tree. Up to `fewest` of a kind are not divided."""
 
     records: NDArray[np.float32]
     order: NDArray[np.int32]
     boxes: NDArray[np.float32]
     links: NDArray[np.int32]
-    triangles: int
+    first_sphere: int
+    first_analytic: int
     fewest: int
+
+
+@inline
+def kind_of(i, first_sphere, first_analytic):
+    """TRIANGLES, SPHERES or ANALYTIC: the kind of primitive number i."""
+    return np.int64(i >= first_sphere) + np.int64(i >= first_analytic)
 
 
 @inline
@@ -59,7 +69,7 @@ def _survey(records, first, last):
     """(box, box of the doubled centres) of some primitives."""
     box = centers = splat(np.float32(np.inf))
     for k in range(first, last):
-        this = fetch8(records, 8 * k)
+        this = load8(records, 8 * k)
         box, centers = lesser(box, this), lesser(centers, _doubled_center(this))
     return box, centers
 
@@ -75,15 +85,15 @@ def _bins_per_unit(centers, axis, bins):
 def _fill_bins(records, first, last, centers, scale, boxes, counts, bins):
     for axis in range(3):
         for b in range(axis * BINS, axis * BINS + bins):
-            keep8(boxes, 8 * b, splat(np.float32(np.inf)))
-            keep(counts, b, np.int32(0))
+            store8(boxes, 8 * b, splat(np.float32(np.inf)))
+            counts[b] = 0
     for k in range(first, last):
-        box = fetch8(records, 8 * k)
+        box = load8(records, 8 * k)
         place = convert((_doubled_center(box) - centers) * scale, np.int32)
         for axis in range(3):
             b = axis * BINS + np.int64(lane(place, axis))
-            keep8(boxes, 8 * b, lesser(fetch8(boxes, 8 * b), box))
-            keep(counts, b, fetch(counts, b) + np.int32(1))
+            store8(boxes, 8 * b, lesser(load8(boxes, 8 * b), box))
+            counts[b] += 1
 
 
 @inline
@@ -93,14 +103,14 @@ def _best_plane(boxes, counts, behind, n, bins):
     for axis in range(3):
         box, held = splat(np.float32(np.inf)), 0
         for b in range(axis * BINS + bins - 1, axis * BINS, -1):
-            box = lesser(box, fetch8(boxes, 8 * b))
-            held += np.int64(fetch(counts, b))
-            keep(behind, b, np.float32(held) * half_area(box))
+            box = lesser(box, load8(boxes, 8 * b))
+            held += np.int64(counts[b])
+            behind[b] = np.float32(held) * half_area(box)
         box, held = splat(np.float32(np.inf)), 0
         for b in range(axis * BINS, axis * BINS + bins - 1):
-            box = lesser(box, fetch8(boxes, 8 * b))
-            held += np.int64(fetch(counts, b))
-            cost = np.float32(held) * half_area(box) + fetch(behind, b + 1)
+            box = lesser(box, load8(boxes, 8 * b))
+            held += np.int64(counts[b])
+            cost = np.float32(held) * half_area(box) + behind[b + 1]
             if cost < least and held > 0 and held < n:  # an empty side costs NaN or inf
                 least, best_axis, best_bin = cost, axis, b - axis * BINS
     return best_axis, best_bin
@@ -111,32 +121,32 @@ def _divide_by_plane(source, target, first, last, centers, scratch):
     """Moves primitives to the other copy, those before the best plane to the front; returns how many those are, or 0 and moves
     nothing where there is no plane."""
     n = last - first
-    boxes, behind = pointer(scratch, np.float32), pointer(scratch + 32 * 3 * BINS, np.float32)
-    counts, few = pointer(scratch + 36 * 3 * BINS, np.int32), pointer(scratch + 40 * 3 * BINS, np.float32)
+    boxes, behind = array_at(scratch, np.float32), array_at(scratch + 32 * 3 * BINS, np.float32)
+    counts, few = array_at(scratch + 36 * 3 * BINS, np.int32), array_at(scratch + 40 * 3 * BINS, np.float32)
     bins = min(BINS, 4 + n // 2)
-    keep8(few, 8, centers)
-    keep8(few, 0, splat(np.float32(0)))
+    store8(few, 8, centers)
+    store8(few, 0, splat(np.float32(0)))
     for axis in range(3):
-        keep(few, axis, _bins_per_unit(centers, axis, bins))
-    _fill_bins(source.boxes, first, last, centers, fetch8(few, 0), boxes, counts, bins)
+        few[axis] = _bins_per_unit(centers, axis, bins)
+    _fill_bins(source.boxes, first, last, centers, load8(few, 0), boxes, counts, bins)
     axis, plane = _best_plane(boxes, counts, behind, n, bins)
     if axis < 0:
         return 0
-    low, scale = fetch(few, 8 + axis), fetch(few, axis)
+    low, scale = few[8 + axis], few[axis]
     front, back = first, last - 1
     for k in range(first, last):
-        center = fetch(source.boxes, 8 * k + axis) - fetch(source.boxes, 8 * k + 4 + axis)
+        center = source.boxes[8 * k + axis] - source.boxes[8 * k + 4 + axis]
         before = np.int64(np.int32((center - low) * scale) <= plane)
         place = back + before * (front - back)  # no branch: it would be missed half of the time
-        keep8(target.boxes, 8 * place, fetch8(source.boxes, 8 * k))
-        keep(target.order, place, fetch(source.order, k))
+        store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
+        target.order[place] = source.order[k]
         front += before
         back -= 1 - before
     return front - first
 
 
 class Copy(NamedTuple):
-    """Pointers to one of the two copies of the primitives."""
+    """Arrays of one of the two copies of the primitives."""
 
     boxes: Any
     order: Any
@@ -145,35 +155,36 @@ class Copy(NamedTuple):
 @inline
 def _copy(growth, k):
     return Copy(
-        pointer(growth.records.ctypes.data + k * growth.records.strides[0], np.float32),
-        pointer(growth.order.ctypes.data + k * growth.order.strides[0], np.int32),
+        array_at(growth.records.ctypes.data + k * growth.records.strides[0], np.float32),
+        array_at(growth.order.ctypes.data + k * growth.order.strides[0], np.int32),
     )
 
 
 @inline
 def _move(source, target, first, last):
     for k in range(first, last):
-        keep8(target.boxes, 8 * k, fetch8(source.boxes, 8 * k))
-        keep(target.order, k, fetch(source.order, k))
+        store8(target.boxes, 8 * k, load8(source.boxes, 8 * k))
+        target.order[k] = source.order[k]
 
 
 @inline
-def _count_spheres(order, first, last, triangles):
-    spheres = 0
+def _count_below(order, first, last, bound):
+    """How many of order[first:last] are below a bound."""
+    below = 0
     for k in range(first, last):
-        spheres += np.int64(np.int64(fetch(order, k)) >= triangles)
-    return spheres
+        below += np.int64(np.int64(order[k]) < bound)
+    return below
 
 
 @inline
-def _divide_by_kind(source, target, first, last, triangles):
-    """Moves primitives to the other copy, triangles to the front; returns how many those are."""
+def _divide_by_number(source, target, first, last, bound):
+    """Moves primitives to the other copy, those numbered below a bound to the front; returns how many those are."""
     front, back = first, last - 1
     for k in range(first, last):
-        before = np.int64(np.int64(fetch(source.order, k)) < triangles)
+        before = np.int64(np.int64(source.order[k]) < bound)
         place = back + before * (front - back)
-        keep8(target.boxes, 8 * place, fetch8(source.boxes, 8 * k))
-        keep(target.order, place, fetch(source.order, k))
+        store8(target.boxes, 8 * place, load8(source.boxes, 8 * k))
+        target.order[place] = source.order[k]
         front += before
         back -= 1 - before
     return front - first
@@ -185,12 +196,16 @@ def _divide(growth, node, copy, first, last, depth, scratch):
     leaf."""
     n, source, target = last - first, _copy(growth, copy), _copy(growth, 1 - copy)
     box, centers = _survey(source.boxes, first, last)
-    keep8(pointer(growth.boxes.ctypes.data, np.float32), 8 * node, box)
+    store8(array_at(growth.boxes.ctypes.data, np.float32), 8 * node, box)
     growth.links[node, 0], growth.links[node, 1], growth.links[node, 2] = first, n, 0
     if n <= LEAF:
-        spheres = _count_spheres(source.order, first, last, growth.triangles)
-        if 0 < spheres < n:
-            return first + _divide_by_kind(source, target, first, last, growth.triangles)
+        bound = growth.first_sphere
+        below = _count_below(source.order, first, last, bound)
+        if growth.first_analytic < growth.order.shape[1] and not 0 < below < n:
+            bound = growth.first_analytic
+            below = _count_below(source.order, first, last, bound)
+        if 0 < below < n:
+            return first + _divide_by_number(source, target, first, last, bound)
         if n <= growth.fewest:
             return -1
     size = 0

@@ -11,17 +11,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels.jit import inline, keep, kernel, pointer
-from engines.kernels.simd import fetch8
-from engines.numba_cpu.accel.bvh_build import LEAF, half_area
+from engines.kernels.compile.jit import inline, kernel
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.simd import load8
+from engines.numba_cpu.accel.bvh_build import LEAF, half_area, kind_of
 
 WIDTH = 8
 NODE_COST, LEAF_COST = 1.0, 1.0
 """The step of a ray through a wide node, and through a leaf, in the same unit of time."""
 NODE_WORDS = 64
 """A wide node: x, y, z of its children's lower corners and then of the upper ones, eight float32 each; the children, eight
-int32; and eight times NOTHING. A child is a wide node, or a leaf -1 - (32 first + 16 sphere + count); it holds count
-primitives from place `first`."""
+int32; and eight times NOTHING. A child is a wide node, or a leaf -1 - (32 first + 8 kind + count - 1); it holds count
+primitives of a kind from place `first`."""
 CHILDREN, NOTHINGS = 48, 56
 NOTHING = -(2**31)
 MOST_PRIMITIVES = 2**26 - 1
@@ -49,12 +50,13 @@ def _best_way(costs, left, i):
 
 
 @inline
-def _weigh(boxes, links, choices, n, order, triangles):
+def _weigh(boxes, links, choices, n, order, first_sphere, first_analytic):
     costs, ways = choices.costs, choices.ways
     first, count, left = links[n, 0], links[n, 1], links[n, 2]
-    area = half_area(fetch8(boxes, 8 * n))
-    mixed = (order[first] < triangles) != (order[first + count - 1] < triangles)  # small nodes are sorted by kind
-    may_end = count <= LEAF and not mixed
+    area = half_area(load8(boxes, 8 * n))
+    lowest = kind_of(order[first], first_sphere, first_analytic)
+    highest = kind_of(order[first + count - 1], first_sphere, first_analytic)
+    may_end = count <= LEAF and lowest == highest  # small nodes are sorted by kind
     leaf = area * np.float32(LEAF_COST) if may_end else np.float32(np.inf)
     if left == 0:
         costs[n] = leaf
@@ -70,10 +72,10 @@ def _weigh(boxes, links, choices, n, order, triangles):
 
 
 @kernel
-def weigh(boxes, links, choices, first, last, order, triangles):
+def weigh(boxes, links, choices, first, last, order, first_sphere, first_analytic):
     """Fills `choices` for the nodes last - 1 .. first, of which none may lie below an earlier one."""
     for n in range(last - 1, first - 1, -1):
-        _weigh(pointer(boxes.ctypes.data, np.float32), links, choices, n, order, triangles)
+        _weigh(array_at(boxes.ctypes.data, np.float32), links, choices, n, order, first_sphere, first_analytic)
 
 
 @inline
@@ -103,15 +105,15 @@ def _children(links, ways, n, found, todo):
 @inline
 def _put_child(boxes, unit, nodes, place, m):
     for axis in range(3):
-        keep(nodes, place + 8 * axis, np.float32(boxes[m, axis] * unit - TINY if m >= 0 else np.inf))
-        keep(nodes, place + 24 + 8 * axis, np.float32(TINY - boxes[m, 4 + axis] * unit if m >= 0 else -np.inf))
+        nodes[place + 8 * axis] = np.float32(boxes[m, axis] * unit - TINY if m >= 0 else np.inf)
+        nodes[place + 24 + 8 * axis] = np.float32(TINY - boxes[m, 4 + axis] * unit if m >= 0 else -np.inf)
 
 
 @kernel
-def widen(boxes, unit, links, ways, order, triangles, write, nodes, leaves):
-    """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 3) int32: first, count, 1 for spheres. Returns
-    (k, l), and with `write` False only those. `boxes` are in multiples of `unit`."""
-    numbers, words = pointer(nodes.ctypes.data, np.float32), pointer(nodes.ctypes.data, np.int32)
+def widen(boxes, unit, links, ways, order, first_sphere, first_analytic, write, nodes, leaves):
+    """Fills wide `nodes` (k, 64) float32, depth first, and `leaves` (l, 3) int32: first, count, kind. Returns (k, l), and
+    with `write` False only those. `boxes` are in multiples of `unit`."""
+    numbers, words = array_at(nodes.ctypes.data, np.float32), array_at(nodes.ctypes.data, np.int32)
     found, work = np.empty(WIDTH, np.int64), np.empty((2 * WIDTH, 2), np.int64)
     todo = np.empty((1024, 2), np.int64)
     todo[0, 0], todo[0, 1] = 0, 0
@@ -125,10 +127,10 @@ def widen(boxes, unit, links, ways, order, triangles, write, nodes, leaves):
             if slot < size:
                 m = found[slot]
                 if ways[m, 0] == 0:
-                    sphere = np.int64(order[links[m, 0]] >= triangles)
+                    kind = kind_of(order[links[m, 0]], first_sphere, first_analytic)
                     if write:
-                        leaves[ended, 0], leaves[ended, 1], leaves[ended, 2] = links[m, 0], links[m, 1], sphere
-                    child = -1 - (32 * links[m, 0] + 16 * sphere + links[m, 1])
+                        leaves[ended, 0], leaves[ended, 1], leaves[ended, 2] = links[m, 0], links[m, 1], kind
+                    child = -1 - (32 * links[m, 0] + 8 * kind + links[m, 1] - 1)
                     ended += 1
                 else:
                     todo[top, 0], todo[top, 1] = m, used
@@ -137,6 +139,6 @@ def widen(boxes, unit, links, ways, order, triangles, write, nodes, leaves):
                     top += 1
             if write:
                 _put_child(boxes, unit, numbers, base + slot, m)
-                keep(words, base + CHILDREN + slot, np.int32(child))
-                keep(words, base + NOTHINGS + slot, np.int32(NOTHING))
+                words[base + CHILDREN + slot] = child
+                words[base + NOTHINGS + slot] = NOTHING
     return used, ended

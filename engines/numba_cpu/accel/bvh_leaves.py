@@ -1,7 +1,8 @@
 """The leaves of the eight-wide tree: primitives of one kind, field by field, so that a vector holds one field of all.
 
 The n primitives of a leaf lie at `stride` times the place of the first: nine rows of n reals for triangles (the corners), or
-four of n float64 for spheres, and then their ranks. Rows are read eight wide whatever n is; what lies behind is masked.
+four of n float64 for spheres, and then their ids; for analytic shapes ids, and then indices among the scene's. Rows are read
+eight wide whatever n is; what lies behind is masked.
 """
 
 from __future__ import annotations
@@ -11,8 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels.jit import keep, kernel, pointer
-from engines.kernels.world import SPHERE_RANK, SPHERES, TRIANGLE_RANK, TRIANGLES, VERTICES, World
+from engines.kernels.compile.jit import kernel
+from engines.kernels.compile.memory import array_at
+from engines.kernels.flatten import FlatScene
+from engines.kernels.layout import SceneTable
+from engines.numba_cpu.accel.bvh_build import ANALYTIC, SPHERES
 
 SPILL = 64
 """Bytes behind the last leaf that its rows may read."""
@@ -27,34 +31,43 @@ def empty_leaves(n: int, real: Any) -> NDArray[np.uint8]:
     return np.zeros(n * stride(real) + SPILL, np.uint8)
 
 
-def fill_leaves(leaves: NDArray[np.int32], order: NDArray[np.int32], world: World, data: NDArray[np.uint8]) -> None:
-    """Writes the given `leaves` (k, 3): first, count, 1 for spheres."""
-    a = world.arrays
-    shapes = a[VERTICES], a[TRIANGLES], a[TRIANGLE_RANK], a[SPHERES], a[SPHERE_RANK]
-    (_fill32 if world.real == np.float32 else _fill64)(leaves, order, *shapes, data)
+def fill_leaves(leaves: NDArray[np.int32], order: NDArray[np.int32], scene: FlatScene, data: NDArray[np.uint8]) -> None:
+    """Writes the given `leaves` (k, 3): first, count, kind."""
+    fields = (
+        *(SceneTable.vertices, SceneTable.triangles, SceneTable.triangle_primitives, SceneTable.spheres),
+        *(SceneTable.sphere_primitives, SceneTable.analytic_primitives),
+    )
+    (_fill32 if scene.real == np.float32 else _fill64)(leaves, order, *(scene.arrays[field] for field in fields), data)
 
 
 def _make_fill(real: Any) -> Any:
     bytes_each, row_bytes = stride(real), 9 * np.dtype(real).itemsize
 
-    def fill(leaves, order, vertices, faces, face_ranks, spheres, sphere_ranks, data):
+    def fill(leaves, order, vertices, faces, face_ids, spheres, sphere_ids, analytic_ids, data):
         for leaf in range(len(leaves)):
-            first, n, sphere = np.int64(leaves[leaf, 0]), np.int64(leaves[leaf, 1]), leaves[leaf, 2] == 1
+            first, n, kind = np.int64(leaves[leaf, 0]), np.int64(leaves[leaf, 1]), leaves[leaf, 2]
             base = data.ctypes.data + first * bytes_each
-            reals, doubles = pointer(base, real), pointer(base, np.float64)
-            ranks = pointer(base + n * (32 if sphere else row_bytes), np.int32)
+            if kind == ANALYTIC:
+                words = array_at(base, np.int32)
+                for k in range(n):
+                    i = np.int64(order[first + k]) - len(faces) - len(spheres)
+                    words[k], words[n + k] = analytic_ids[i], i
+                continue
+            sphere = kind == SPHERES
+            reals, doubles = array_at(base, real), array_at(base, np.float64)
+            ids = array_at(base + n * (32 if sphere else row_bytes), np.int32)
             for k in range(n):
                 i = np.int64(order[first + k])
                 if sphere:
                     i -= len(faces)
                     for field in range(4):
-                        keep(doubles, field * n + k, spheres[i, field])
-                    keep(ranks, k, sphere_ranks[i])
+                        doubles[field * n + k] = spheres[i, field]
+                    ids[k] = sphere_ids[i]
                     continue
                 for corner in range(3):
                     for axis in range(3):
-                        keep(reals, (3 * corner + axis) * n + k, vertices[faces[i, corner], axis])
-                keep(ranks, k, face_ranks[i])
+                        reals[(3 * corner + axis) * n + k] = vertices[faces[i, corner], axis]
+                ids[k] = face_ids[i]
 
     return kernel(fill)
 

@@ -1,4 +1,4 @@
-"""A uniform grid over triangles and spheres, walked cell by cell (Amanatides and Woo 1987).
+"""A uniform grid over triangles, spheres and analytic shapes, walked cell by cell (Amanatides and Woo 1987).
 
 A primitive is listed in every cell that its padded box touches. The walk ends when the nearest hit lies before the end of
 the cell: a hit farther away may belong to another cell and is kept, but not yet believed.
@@ -12,27 +12,39 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.kernels import block as at
-from engines.kernels.jit import (
-    LANES,
-    compile_stage,
-    const,
-    count,
-    fetch,
-    get,
-    get_int,
-    inline,
-    kernel,
-    pointer,
-    put,
-    put_int,
-    table,
+from engines.kernels.compile.jit import compile_stage, inline, kernel
+from engines.kernels.compile.records import REAL, Table, array, rows, scalar, table_view
+from engines.kernels.compile.values import const
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import FlatScene
+from engines.kernels.lane.vector import to_float64
+from engines.kernels.layout import ACCELERATOR, LANES, ray_batch, scene_table
+from engines.kernels.stages.linear import analytic_distance, closest_planes, occluded_planes
+from engines.numba_cpu.accel.primitives import (
+    CornersRow,
+    boxes,
+    corners,
+    distance_to_sphere,
+    distance_to_triangle,
+    make_ray,
+    padding,
+    primitive_ids,
 )
-from engines.kernels.linear import closest_planes, occluded_planes
-from engines.kernels.world import ACCELERATOR, N_TRIANGLES, SPHERE_RANK, SPHERES, TRIANGLE_RANK, Needs, World
-from engines.numba_cpu.accel.primitives import ball_distance, boxes, corner_distance, corners, padding, ray_of
 
-BOX, CELLS, MEMBERS, CORNERS, RANKS, SIZE_X, SIZE_Y, SIZE_Z = (ACCELERATOR + k for k in range(8))
+
+class GridTable(Table, first=ACCELERATOR):
+    box = array(REAL)  # lower and upper corner, and by how much boxes are padded
+    cells = array(np.int64)  # where each cell's list starts, and the last one ends
+    members = array(np.int32)  # numbers of primitives
+    corners = rows(CornersRow)
+    primitives = array(np.int32)  # ids
+    size_x = scalar()
+    size_y = scalar()
+    size_z = scalar()
+
+
+grid_table = table_view(GridTable)
+
 DENSITY = 4.0
 """Cells a primitive."""
 MOST_CELLS = 32
@@ -53,13 +65,13 @@ class Accelerator:
         self.build_seconds = 0.0
         self._bytes = 0
 
-    def build(self, world: World, threads: int) -> None:
+    def build(self, scene: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        box = boxes(world)
-        bounds = np.zeros(7, world.real)
+        box = boxes(scene)
+        bounds = np.zeros(7, scene.real)
         if len(box):
             bounds[:3], bounds[3:6] = box[:, :3].min(axis=0), box[:, 3:].max(axis=0)
-            bounds[6] = padding(world)
+            bounds[6] = padding(scene)
         size = _resolution(bounds[:6].astype(np.float64), len(box), self._density)
         while size.max() > 1 and _memberships(box, bounds, size) > MOST_CELLS * len(box):
             size = np.maximum(size // 2, 1)
@@ -68,21 +80,24 @@ class Accelerator:
         np.cumsum(starts, out=starts)
         members = np.empty(int(starts[-1]), np.int32)
         _list_members(box, bounds, size, starts, members)
-        ranks = np.concatenate([world.arrays[TRIANGLE_RANK], world.arrays[SPHERE_RANK]])
-        arrays = {BOX: bounds, CELLS: starts, MEMBERS: members, CORNERS: corners(world), RANKS: ranks}
-        for slot, array in arrays.items():
-            world.bind(slot, array)
-        for slot, cells in zip((SIZE_X, SIZE_Y, SIZE_Z), size, strict=True):
-            world.bind(slot, int(cells))
-        self._bytes = sum(array.nbytes for array in arrays.values())
+        table = GridTable
+        arrays = {
+            table.box: bounds, table.cells: starts, table.members: members, table.corners: corners(scene),
+            table.primitives: primitive_ids(scene),
+        }  # fmt: skip
+        for field, values in arrays.items():
+            scene.bind(field, values)
+        for field, cells in zip((table.size_x, table.size_y, table.size_z), size, strict=True):
+            scene.bind(field, int(cells))
+        self._bytes = sum(values.nbytes for values in arrays.values())
         self.build_seconds = time.perf_counter() - start
 
     @property
     def bytes(self) -> int:
         return self._bytes
 
-    def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
-        return stages(needs.triangles, needs.spheres, needs.planes, real)
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
+        return stages(features.triangles, features.spheres, features.planes, features.analytic, real)
 
 
 def _resolution(bounds: Any, n: int, density: float) -> Any:
@@ -150,18 +165,28 @@ def _list_members(box, bounds, size, starts, members):
 
 
 class Grid(NamedTuple):
-    """Pointers to the accelerator's arrays."""
+    """The accelerator's arrays; the numbers of the first sphere and of the first analytic shape; the cells on each axis."""
 
     box: Any
     cells: Any
     members: Any
     corners: Any
-    ranks: Any
+    primitives: Any
     spheres: Any
-    triangles: int
+    first_sphere: int
+    first_analytic: int
     nx: int
     ny: int
     nz: int
+
+
+class Rule(NamedTuple):
+    """What the grid holds, and whether any hit will do."""
+
+    triangles: bool
+    spheres: bool
+    analytic: bool
+    any_hit: bool
 
 
 @inline
@@ -172,11 +197,31 @@ def _wall(low, high, cells, cell, forward, o, inverse):
 
 
 @inline
-def _walk(ray, t, left, grid, triangles, spheres, any_hit, widen, real):
-    """(distance, rank) of the closest hit nearer than t, or with `any_hit` of any such; rank -1 for none."""
-    rank = np.int64(-1)
-    lx, ly, lz = fetch(grid.box, 0), fetch(grid.box, 1), fetch(grid.box, 2)
-    hx, hy, hz = fetch(grid.box, 3), fetch(grid.box, 4), fetch(grid.box, 5)
+def _test(ray, scene, grid, rule, i, this, origin_primitive, distance_to_analytic, t, real):
+    """(distance, whether it counts) of primitive number i, whose id is `this`; t where it has none."""
+    distance, valid = t, False
+    if rule.triangles and (not (rule.spheres or rule.analytic) or i < grid.first_sphere):
+        distance = distance_to_triangle(ray, grid.corners, i)
+        valid = distance > real(0) and this != origin_primitive
+    if (
+        rule.spheres
+        and (not rule.triangles or i >= grid.first_sphere)
+        and (not rule.analytic or i < grid.first_analytic)
+    ):
+        distance = distance_to_sphere(ray, grid.spheres, i - grid.first_sphere, real)
+        valid = True
+    if rule.analytic and (not (rule.triangles or rule.spheres) or i >= grid.first_analytic):
+        distance = real(distance_to_analytic(scene, i - grid.first_analytic, to_float64(ray.o), to_float64(ray.d)))
+        valid = distance < real(np.inf) and this != origin_primitive
+    return distance, valid
+
+
+@inline
+def _walk(ray, t, origin_primitive, scene, grid, rule, distance_to_analytic, widen, real):
+    """(distance, id) of the closest hit nearer than t, or with `any_hit` of any such; id -1 for none."""
+    primitive = np.int64(-1)
+    lx, ly, lz = grid.box[0], grid.box[1], grid.box[2]
+    hx, hy, hz = grid.box[3], grid.box[4], grid.box[5]
     px, py, pz = ray.inverse.x > real(0), ray.inverse.y > real(0), ray.inverse.z > real(0)
     enter = max(real(0), ((lx if px else hx) - ray.o.x) * ray.inverse.x)
     enter = max(enter, ((ly if py else hy) - ray.o.y) * ray.inverse.y)
@@ -184,85 +229,88 @@ def _walk(ray, t, left, grid, triangles, spheres, any_hit, widen, real):
     leave = min(t, ((hx if px else lx) - ray.o.x) * ray.inverse.x)
     leave = min(leave, ((hy if py else ly) - ray.o.y) * ray.inverse.y)
     leave = min(leave, ((hz if pz else lz) - ray.o.z) * ray.inverse.z)
-    if not enter <= leave * widen + ray.slack:
-        return t, rank
+    if not enter <= leave * widen + ray.error_bound:
+        return t, primitive
     x = _cell(ray.o.x + ray.d.x * enter, lx, hx, grid.nx)
     y = _cell(ray.o.y + ray.d.y * enter, ly, hy, grid.ny)
     z = _cell(ray.o.z + ray.d.z * enter, lz, hz, grid.nz)
     for _ in range(grid.nx + grid.ny + grid.nz + 3):
         cell = (z * grid.ny + y) * grid.nx + x
-        for k in range(fetch(grid.cells, cell), fetch(grid.cells, cell + 1)):
-            i = np.int64(fetch(grid.members, k))
-            this = np.int64(fetch(grid.ranks, i))
-            distance, valid = t, False
-            if triangles and (not spheres or i < grid.triangles):
-                distance = corner_distance(ray, grid.corners, i)
-                valid = distance > real(0) and this != left
-            if spheres and (not triangles or i >= grid.triangles):
-                distance = ball_distance(ray, grid.spheres, i - grid.triangles, real)
-                valid = True
-            if valid and (distance < t or (distance == t and this < rank)):
-                t, rank = distance, this
-                if any_hit:
-                    return t, rank
+        for k in range(grid.cells[cell], grid.cells[cell + 1]):
+            i = np.int64(grid.members[k])
+            this = np.int64(grid.primitives[i])
+            distance, valid = _test(ray, scene, grid, rule, i, this, origin_primitive, distance_to_analytic, t, real)
+            if valid and (distance < t or (distance == t and this < primitive)):
+                t, primitive = distance, this
+                if rule.any_hit:
+                    return t, primitive
         tx = _wall(lx, hx, grid.nx, x, px, ray.o.x, ray.inverse.x)
         ty = _wall(ly, hy, grid.ny, y, py, ray.o.y, ray.inverse.y)
         tz = _wall(lz, hz, grid.nz, z, pz, ray.o.z, ray.inverse.z)
         exit_ = min(tx, ty, tz)
-        if t * widen + ray.slack + fetch(grid.box, 6) < exit_:
-            return t, rank
+        if t * widen + ray.error_bound + grid.box[6] < exit_:
+            return t, primitive
         if tx <= ty and tx <= tz:
             x += 1 if px else -1
             if x < 0 or x >= grid.nx:
-                return t, rank
+                return t, primitive
         elif ty <= tz:
             y += 1 if py else -1
             if y < 0 or y >= grid.ny:
-                return t, rank
+                return t, primitive
         else:
             z += 1 if pz else -1
             if z < 0 or z >= grid.nz:
-                return t, rank
-    return t, rank
+                return t, primitive
+    return t, primitive
 
 
-def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any) -> Any:
+@inline
+def _no_distance(scene, i, o, d):
+    """Where there are no analytic shapes."""
+    return np.inf
+
+
+def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
     eps = float(np.finfo(real).eps)
     widen = real(1 + 16 * eps)
-    origin, direction, reach = (
-        (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T) if shadow else (at.ORIGIN, at.DIRECTION, at.T)
-    )
+    has_analytic, bounded = bool(analytic), bool(triangles or spheres or analytic)
+    distance_to_analytic = analytic_distance(analytic) if analytic else _no_distance
 
-    def stage(block, world):
-        lanes = pointer(block, real)
+    def stage(batch, scene_address):
+        rays, scene, own = ray_batch(batch, real), scene_table(scene_address, real), grid_table(scene_address, real)
+        if shadow:
+            origin, direction, t_max = rays.shadow_origin, rays.wi, rays.shadow_t_max
+        else:
+            origin, direction, t_max = rays.origin, rays.direction, rays.t
         grid = Grid(
-            table(world, BOX, real), table(world, CELLS, np.int64), table(world, MEMBERS, np.int32),
-            table(world, CORNERS, real), table(world, RANKS, np.int32), table(world, SPHERES, np.float64),
-            count(world, N_TRIANGLES), count(world, SIZE_X), count(world, SIZE_Y), count(world, SIZE_Z),
+            own.box, own.cells, own.members, own.corners, own.primitives, scene.spheres, scene.n_triangles,
+            scene.n_triangles + scene.n_spheres, own.size_x, own.size_y, own.size_z,
         )  # fmt: skip
+        rule = Rule(triangles, spheres, has_analytic, shadow)
         for lane in range(np.uint64(LANES)):
-            t = get(lanes, reach, lane)
-            rank = np.int64(-1)
-            if (triangles or spheres) and t > real(0):
-                ray = ray_of(lanes, lane, origin, direction, eps, real)
-                left = np.int64(get_int(lanes, at.LEFT, lane))
-                t, rank = _walk(ray, t, left, grid, triangles, spheres, shadow, widen, real)
+            t = t_max[lane]
+            primitive = np.int64(-1)
+            if bounded and t > real(0):
+                ray = make_ray(origin[lane], direction[lane], eps, real)
+                left = np.int64(rays.origin_primitive[lane])
+                t, primitive = _walk(ray, t, left, scene, grid, rule, distance_to_analytic, widen, real)
             if shadow:
-                put_int(lanes, at.OCCLUDED, lane, 1 if rank >= 0 else 0)
+                rays.occluded[lane] = primitive >= 0
             else:
-                put(lanes, at.T, lane, t)
-                put_int(lanes, at.RANK, lane, rank)
+                rays.t[lane] = t
+                rays.primitive[lane] = primitive
         if planes:
             if shadow:
-                occluded_planes(lanes, world, real)
+                occluded_planes(rays, scene, real)
             else:
-                closest_planes(lanes, world, real)
+                closest_planes(rays, scene, real)
 
     return stage
 
 
 @cache
-def stages(triangles: bool, spheres: bool, planes: bool, real: Any) -> tuple[Any, Any]:
+def stages(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> tuple[Any, Any]:
     """(closest, occluded) for a scene with these kinds of shapes."""
-    shapes = (triangles, spheres, planes)
+    shapes = (triangles, spheres, planes, analytic)
     return compile_stage(_make(*shapes, False, real)), compile_stage(_make(*shapes, True, real))

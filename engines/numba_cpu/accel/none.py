@@ -12,31 +12,47 @@ from typing import Any
 
 import numpy as np
 
-from engines.kernels import block as at
-from engines.kernels.jit import (
-    LANES,
-    compile_stage,
-    count,
-    fetch,
-    get,
-    get_int,
-    inline,
-    keep,
-    pointer,
-    put,
-    put_int,
-    select,
-    table,
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.records import REAL, Row, Table, real, rows, scalar, table_view, vectors
+from engines.kernels.compile.values import select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import FlatScene
+from engines.kernels.lane.shapes.triangle import Frame, ray_frame, shear, triangle_distance
+from engines.kernels.lane.vector import Vec3
+from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, SceneTable, TriangleRow, ray_batch, scene_table
+from engines.kernels.stages.linear import (
+    block_shadow,
+    closest_planes,
+    closest_spheres,
+    make_closest_analytic,
+    make_occluded_analytic,
+    occluded_planes,
+    occluded_spheres,
 )
-from engines.kernels.linear import block_shadow, closest_planes, closest_spheres, occluded_planes, occluded_spheres
-from engines.kernels.shapes import Frame, ray_frame, shear, triangle_distance
-from engines.kernels.vector import Vec3
-from engines.kernels.world import ACCELERATOR, TRIANGLE_RANK, TRIANGLES, VERTICES, Needs, World
+from engines.numba_cpu.accel.primitives import clear_hits
 
-CHUNKS, RANGES, CORNERS, FACES = (ACCELERATOR + k for k in range(4))
 CHUNK = 64
 """Triangles a chunk: at most 192 vertices of 3 x 16 numbers, 36 KiB in float32."""
 SCRATCH = 3 * CHUNK * 3 * LANES
+
+
+class ChunkRow(Row):
+    """Where a chunk's vertices and faces begin; they end where the next chunk's do."""
+
+    dtype = np.int64
+    vertex = real()
+    face = real()
+
+
+class ListTable(Table, first=ACCELERATOR):
+    n_chunks = scalar()
+    chunks = rows(ChunkRow)  # one more than there are
+    vertices = vectors(REAL)  # of each chunk by itself
+    faces = rows(TriangleRow)  # indices of vertices in the chunk
+
+
+list_table = table_view(ListTable)
 
 
 class Accelerator:
@@ -49,116 +65,118 @@ class Accelerator:
     def __init__(self, options: Any) -> None:
         self.build_seconds = 0.0
 
-    def build(self, world: World, threads: int) -> None:
+    def build(self, scene: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        faces, vertices = world.arrays[TRIANGLES], world.arrays[VERTICES]
-        ranges, corners, local = [(0, 0)], [np.zeros((0, 3), world.real)], [np.zeros((0, 3), np.int32)]
+        faces, vertices = scene.arrays[SceneTable.triangles], scene.arrays[SceneTable.vertices]
+        chunks, corners, local = [(0, 0)], [np.zeros((0, 3), scene.real)], [np.zeros((0, 3), np.int32)]
         for first in range(0, len(faces), CHUNK):
             own, index = np.unique(vertices[faces[first : first + CHUNK]].reshape(-1, 3), axis=0, return_inverse=True)
             corners.append(own)
             local.append(index.reshape(-1, 3).astype(np.int32))
-            ranges.append((ranges[-1][0] + len(own), ranges[-1][1] + len(local[-1])))
-        world.bind(CHUNKS, len(ranges) - 1)
-        world.bind(RANGES, np.array(ranges, np.int64))
-        world.bind(CORNERS, np.concatenate(corners))
-        world.bind(FACES, np.concatenate(local))
+            chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1])))
+        scene.bind(ListTable.n_chunks, len(chunks) - 1)
+        scene.bind(ListTable.chunks, np.array(chunks, np.int64))
+        scene.bind(ListTable.vertices, np.concatenate(corners))
+        scene.bind(ListTable.faces, np.concatenate(local))
         self.build_seconds = time.perf_counter() - start
 
     @property
     def bytes(self) -> int:
         return 0
 
-    def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
-        return stages(needs.triangles, needs.spheres, needs.planes, real)
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
+        return stages(features.triangles, features.spheres, features.planes, features.analytic, real)
 
 
 @inline
-def _read_frame(lanes, lane):
-    return Frame(at.get3(lanes, at.FRAME, lane), at.get3(lanes, at.FRAME + 3, lane), at.get3(lanes, at.FRAME + 6, lane))
-
-
-@inline
-def _make_frames(lanes, direction):
+def _make_frames(rays, direction):
     for lane in range(np.uint64(LANES)):
-        frame = ray_frame(at.get3(lanes, direction, lane))
-        at.put3(lanes, at.FRAME, lane, frame.x)
-        at.put3(lanes, at.FRAME + 3, lane, frame.y)
-        at.put3(lanes, at.FRAME + 6, lane, frame.z)
+        frame = ray_frame(direction[lane])
+        rays.frame_x[lane] = frame.x
+        rays.frame_y[lane] = frame.y
+        rays.frame_z[lane] = frame.z
 
 
 @inline
-def _shear_corners(lanes, scratch, corners, first, last, origin):
+def _shear_vertices(rays, sheared, vertices, first, last, origin):
     for k in range(first, last):
-        corner = Vec3(fetch(corners, 3 * k), fetch(corners, 3 * k + 1), fetch(corners, 3 * k + 2))
+        vertex = vertices[k]
         place = (k - first) * (3 * LANES)
         for lane in range(np.uint64(LANES)):
-            p = shear(_read_frame(lanes, lane), corner - at.get3(lanes, origin, lane))
-            keep(scratch, place + np.int64(lane), p.x)
-            keep(scratch, place + LANES + np.int64(lane), p.y)
-            keep(scratch, place + 2 * LANES + np.int64(lane), p.z)
+            frame = Frame(rays.frame_x[lane], rays.frame_y[lane], rays.frame_z[lane])
+            p = shear(frame, vertex - origin[lane])
+            sheared[place + np.int64(lane)] = p.x
+            sheared[place + LANES + np.int64(lane)] = p.y
+            sheared[place + 2 * LANES + np.int64(lane)] = p.z
 
 
 @inline
-def _sheared(scratch, place, lane):
+def _sheared_vertex(sheared, place, lane):
     i = place + np.int64(lane)
-    return Vec3(fetch(scratch, i), fetch(scratch, i + LANES), fetch(scratch, i + 2 * LANES))
+    return Vec3(sheared[i], sheared[i + LANES], sheared[i + 2 * LANES])
 
 
 @inline
-def _test(lanes, lane, t, rank, shadow, zero):
-    """Takes a distance of the triangle `rank`, inf or NaN where it was missed. Ranks ascend, so of equals the first stays."""
+def _take(rays, lane, t, primitive, shadow, zero):
+    """Takes a distance of a triangle, inf or NaN where it was missed. Ids ascend, so of equals the first stays."""
     if shadow:
-        block_shadow(lanes, lane, t, (t > zero) & (rank != get_int(lanes, at.LEFT, lane)))
+        block_shadow(rays, lane, t, (t > zero) & (primitive != rays.origin_primitive[lane]))
     else:
-        best, held = get(lanes, at.T, lane), get_int(lanes, at.RANK, lane)
-        better = (t > zero) & (t < best) & (rank != get_int(lanes, at.LEFT, lane))
-        put(lanes, at.T, lane, select(better, t, best))
-        put_int(lanes, at.RANK, lane, select(better, held - held + rank, held))
+        nearest, found = rays.t[lane], rays.primitive[lane]
+        better = (t > zero) & (t < nearest) & (primitive != rays.origin_primitive[lane])
+        rays.t[lane] = select(better, t, nearest)
+        rays.primitive[lane] = select(better, np.int64(primitive), found)
 
 
-def _make(triangles: bool, spheres: bool, planes: bool, shadow: bool, real: Any) -> Any:
-    size = np.dtype(real).itemsize
-    origin, direction = (at.SHADOW_ORIGIN, at.TO_LIGHT) if shadow else (at.ORIGIN, at.DIRECTION)
+def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
+    scratch = RayBatch.bytes(real)
+    occluded_analytic, closest_analytic = make_occluded_analytic(analytic), make_closest_analytic(analytic)
 
-    def stage(block, world):
-        lanes = pointer(block, real)
-        for lane in range(np.uint64(LANES)):
-            put_int(lanes, at.OCCLUDED if shadow else at.RANK, lane, 0 if shadow else -1)
+    def stage(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        if shadow:
+            origin, direction = rays.shadow_origin, rays.wi
+        else:
+            origin, direction = rays.origin, rays.direction
+        clear_hits(rays, shadow)
         if triangles:
-            scratch = pointer(block + at.SCRATCH_FIRST * LANES * size, real)
-            ranges, corners = table(world, RANGES, np.int64), table(world, CORNERS, real)
-            faces, ranks = table(world, FACES, np.int32), table(world, TRIANGLE_RANK, np.int32)
-            _make_frames(lanes, direction)
-            for chunk in range(count(world, CHUNKS)):
-                _shear_corners(lanes, scratch, corners, fetch(ranges, 2 * chunk), fetch(ranges, 2 * chunk + 2), origin)
-                for f in range(fetch(ranges, 2 * chunk + 1), fetch(ranges, 2 * chunk + 3)):
+            sheared, own = array_at(batch + scratch, real), list_table(scene_address, real)
+            chunks, vertices, faces, primitives = own.chunks, own.vertices, own.faces, scene.triangle_primitives
+            _make_frames(rays, direction)
+            for k in range(own.n_chunks):
+                _shear_vertices(rays, sheared, vertices, chunks[k].vertex, chunks[k + 1].vertex, origin)
+                for f in range(chunks[k].face, chunks[k + 1].face):
                     a, b, c = (
-                        3 * LANES * np.int64(fetch(faces, 3 * f)),
-                        3 * LANES * np.int64(fetch(faces, 3 * f + 1)),
-                        3 * LANES * np.int64(fetch(faces, 3 * f + 2)),
+                        3 * LANES * np.int64(faces[f].a),
+                        3 * LANES * np.int64(faces[f].b),
+                        3 * LANES * np.int64(faces[f].c),
                     )
-                    rank = fetch(ranks, f)
+                    primitive = primitives[f]
                     for lane in range(np.uint64(LANES)):
                         t = triangle_distance(
-                            _sheared(scratch, a, lane), _sheared(scratch, b, lane), _sheared(scratch, c, lane)
+                            _sheared_vertex(sheared, a, lane),
+                            _sheared_vertex(sheared, b, lane),
+                            _sheared_vertex(sheared, c, lane),
                         )
-                        _test(lanes, lane, t, rank, shadow, real(0))
+                        _take(rays, lane, t, primitive, shadow, real(0))
         if shadow:
             if spheres:
-                occluded_spheres(lanes, world, real)
+                occluded_spheres(rays, scene, real)
             if planes:
-                occluded_planes(lanes, world, real)
+                occluded_planes(rays, scene, real)
+            occluded_analytic(rays, scene, real)
         else:
             if spheres:
-                closest_spheres(lanes, world, real)
+                closest_spheres(rays, scene, real)
             if planes:
-                closest_planes(lanes, world, real)
+                closest_planes(rays, scene, real)
+            closest_analytic(rays, scene, real)
 
     return stage
 
 
 @cache
-def stages(triangles: bool, spheres: bool, planes: bool, real: Any) -> tuple[Any, Any]:
+def stages(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> tuple[Any, Any]:
     """(closest, occluded) for a scene with these kinds of shapes."""
-    shapes = (triangles, spheres, planes)
+    shapes = (triangles, spheres, planes, analytic)
     return compile_stage(_make(*shapes, False, real)), compile_stage(_make(*shapes, True, real))

@@ -1,7 +1,7 @@
 """What grid and tree share: boxes of the primitives, the ray of one lane, and the test of one primitive.
 
-Primitives are numbered triangles first, then spheres. Boxes are padded by a few ulps of the scene's extent, so a ray in a
-box face, or along a cell wall, is inside by a margin and needs no special case.
+Primitives are numbered triangles first, then spheres, then analytic shapes. Boxes are padded by a few ulps of the scene's
+extent, so a ray in a box face, or along a cell wall, is inside by a margin and needs no special case.
 """
 
 from __future__ import annotations
@@ -11,25 +11,45 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels import block as at
-from engines.kernels.jit import const, fetch, inline, kernel, select
-from engines.kernels.shapes import Frame, ray_frame, shear, sphere_distance, triangle_distance
-from engines.kernels.surface import row3, wide
-from engines.kernels.vector import Vec3, extent
-from engines.kernels.world import SPHERE_REALS, SPHERES, TRIANGLES, VERTICES, World
+from engines.kernels.compile.jit import inline, kernel
+from engines.kernels.compile.records import Row, vector
+from engines.kernels.compile.values import const, select
+from engines.kernels.flatten import FlatScene
+from engines.kernels.lane.shapes.sphere import sphere_distance
+from engines.kernels.lane.shapes.triangle import Frame, ray_frame, shear, triangle_distance
+from engines.kernels.lane.vector import Vec3, extent, to_float64
+from engines.kernels.layout import LANES, SceneTable
 
 PAD_ULPS = 16.0
 
 
+class CornersRow(Row):
+    """The vertices of a triangle."""
+
+    a = vector()
+    b = vector()
+    c = vector()
+
+
 class Ray(NamedTuple):
-    """One lane's ray: origin, unit direction, 1/direction (finite), its shear frame, and `slack`: how far rounding may shift
-    what is seen from this origin, in metres."""
+    """One lane's ray: origin, unit direction, 1/direction (finite), its shear frame, and `error_bound`: how far rounding may
+    shift what is seen from this origin, in metres."""
 
     o: Vec3
     d: Vec3
     inverse: Vec3
     frame: Frame
-    slack: float
+    error_bound: float
+
+
+@inline
+def clear_hits(rays, shadow):
+    """No ray has hit anything yet."""
+    for lane in range(np.uint64(LANES)):
+        if shadow:
+            rays.occluded[lane] = False
+        else:
+            rays.primitive[lane] = -1
 
 
 @inline
@@ -39,52 +59,68 @@ def finite_inverse(x, tiny):
 
 
 @inline
-def ray_of(lanes, lane, origin, direction, eps, real):
-    o, d = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane)
+def make_ray(o, d, eps, real):
+    """The ray from o along d, in arithmetic of relative precision `eps`."""
     tiny = real(1e-18)
     inverse = Vec3(finite_inverse(d.x, tiny), finite_inverse(d.y, tiny), finite_inverse(d.z, tiny))
     return Ray(o, d, inverse, ray_frame(d), extent(o) * real(PAD_ULPS * eps))
 
 
 @inline
-def corner_distance(ray, corners, i):
-    """Distance to triangle i of an array of nine numbers a triangle."""
-    a = shear(ray.frame, row3(corners, 9 * i) - ray.o)
-    b = shear(ray.frame, row3(corners, 9 * i + 3) - ray.o)
-    c = shear(ray.frame, row3(corners, 9 * i + 6) - ray.o)
+def distance_to_triangle(ray, corners, i):
+    """Distance to triangle i of an array of `CornersRow`."""
+    a = shear(ray.frame, corners[i].a - ray.o)
+    b = shear(ray.frame, corners[i].b - ray.o)
+    c = shear(ray.frame, corners[i].c - ray.o)
     return triangle_distance(a, b, c)
 
 
 @inline
-def ball_distance(ray, spheres, i, real):
-    center, radius = row3(spheres, i * SPHERE_REALS), fetch(spheres, i * SPHERE_REALS + 3)
-    return real(sphere_distance(wide(ray.o), wide(ray.d), center, radius))
+def distance_to_sphere(ray, spheres, i, real):
+    """Distance to sphere i of the scene's."""
+    return real(sphere_distance(to_float64(ray.o), to_float64(ray.d), spheres[i].center, spheres[i].radius))
 
 
-def corners(world: World) -> NDArray[Any]:
+def corners(scene: FlatScene) -> NDArray[Any]:
     """(triangles, 9) vertices of each triangle."""
-    return world.arrays[VERTICES][world.arrays[TRIANGLES]].reshape(-1, 9)
+    return scene.arrays[SceneTable.vertices][scene.arrays[SceneTable.triangles]].reshape(-1, 9)
 
 
-def boxes(world: World) -> NDArray[Any]:
-    """(n, 6) lower and upper corners of triangles, then spheres, padded, in the tracing precision."""
-    real = world.real
-    result = np.empty((len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES]), 6), real)
-    _fill_boxes(
-        world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES], real(padding(world)), result
-    )  # fmt: skip
+def primitive_ids(scene: FlatScene) -> NDArray[np.int32]:
+    """(n,) ids of triangles, then spheres, then analytic shapes."""
+    kinds = SceneTable.triangle_primitives, SceneTable.sphere_primitives, SceneTable.analytic_primitives
+    return np.concatenate([scene.arrays[kind] for kind in kinds])
+
+
+def primitive_counts(scene: FlatScene) -> tuple[int, int, int]:
+    """How many triangles, spheres and analytic shapes there are."""
+    _, triangles, spheres, analytic = _shapes(scene)
+    return len(triangles), len(spheres), len(analytic)
+
+
+def boxes(scene: FlatScene) -> NDArray[Any]:
+    """(n, 6) lower and upper corners of triangles, then spheres, then analytic shapes, padded, in the tracing precision."""
+    result = np.empty((sum(primitive_counts(scene)), 6), scene.real)
+    _fill_boxes(*_shapes(scene), scene.real(padding(scene)), result)
     return result
 
 
-def padding(world: World) -> float:
+def padding(scene: FlatScene) -> float:
     """Metres by which boxes are padded."""
-    size = float(np.abs(world.bounds - world.center).max()) + float(np.ptp(world.bounds, axis=0).max())
-    return size * PAD_ULPS * float(np.finfo(world.real).eps)
+    size = float(np.abs(scene.bounds - scene.center).max()) + float(np.ptp(scene.bounds, axis=0).max())
+    return size * PAD_ULPS * float(np.finfo(scene.real).eps)
+
+
+def _shapes(scene: FlatScene) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Vertices, triangles, spheres, and the bounds of analytic shapes."""
+    fields = SceneTable.vertices, SceneTable.triangles, SceneTable.spheres, SceneTable.analytic_bounds
+    vertices, triangles, spheres, bounds = (scene.arrays[field] for field in fields)
+    return vertices, triangles, spheres, bounds
 
 
 @kernel
-def _fill_boxes(vertices, triangles, spheres, pad, result):
-    n = len(triangles)
+def _fill_boxes(vertices, triangles, spheres, analytic, pad, result):
+    n, end = len(triangles), len(triangles) + len(spheres)
     for i in range(n):
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
         for axis in range(3):
@@ -95,25 +131,24 @@ def _fill_boxes(vertices, triangles, spheres, pad, result):
         for axis in range(3):
             result[n + i, axis] = spheres[i, axis] - spheres[i, 3] - pad
             result[n + i, 3 + axis] = spheres[i, axis] + spheres[i, 3] + pad
-
-
-def primitive_count(world: World) -> int:
-    return len(world.arrays[TRIANGLES]) + len(world.arrays[SPHERES])
+    for i in range(len(analytic)):
+        for axis in range(3):
+            result[end + i, axis] = analytic[i, axis] - pad
+            result[end + i, 3 + axis] = analytic[i, 3 + axis] + pad
 
 
 def fill_records(
-    world: World, unit: float, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]
+    scene: FlatScene, unit: float, first: int, last: int, records: NDArray[np.float32], order: NDArray[np.int32]
 ) -> None:
     """Boxes (n, 8) of primitives first .. last - 1 in multiples of `unit`, a power of two: lower and negated upper corner,
     padded, rounded outwards."""
-    shapes = world.arrays[VERTICES], world.arrays[TRIANGLES], world.arrays[SPHERES]
-    rounding = 0.0 if world.real == np.float32 else 2.0**-23
-    _fill_records(*shapes, padding(world), rounding, unit, first, last, records, order)
+    rounding = 0.0 if scene.real == np.float32 else 2.0**-23
+    _fill_records(*_shapes(scene), padding(scene), rounding, unit, first, last, records, order)
 
 
 @kernel
-def _fill_records(vertices, triangles, spheres, pad, rounding, unit, first, last, records, order):
-    n = len(triangles)
+def _fill_records(vertices, triangles, spheres, analytic, pad, rounding, unit, first, last, records, order):
+    n, end = len(triangles), len(triangles) + len(spheres)
     for i in range(first, last):
         order[i] = i
         records[i, 3] = records[i, 7] = 0
@@ -125,9 +160,11 @@ def _fill_records(vertices, triangles, spheres, pad, rounding, unit, first, last
                     vertices[triangles[i, 2], axis],
                 )
                 low, high = np.float64(min(x, y, z)), np.float64(max(x, y, z))
-            else:
+            elif i < end:
                 center, radius = spheres[i - n, axis], spheres[i - n, 3]
                 low, high = center - radius, center + radius
+            else:
+                low, high = analytic[i - end, axis], analytic[i - end, 3 + axis]
             low, high = (low - pad) / unit, (high + pad) / unit
             records[i, axis] = low - abs(low) * rounding
             records[i, 4 + axis] = -(high + abs(high) * rounding)

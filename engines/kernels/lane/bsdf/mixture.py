@@ -89,7 +89,7 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> BSDF:
         zero = const(0.0, si.t)
         kd = Vec3(parameters[0], parameters[1], parameters[2]) if diffuse else Vec3(zero, zero, zero)
         cos = dot(si.normal, wi)
-        return Spectrum(kd, select(cos > zero, cos, zero) * const(1.0 / math.pi, cos))
+        return Spectrum(kd, select((cos > zero) & (total(kd) > zero), cos, zero) * const(1.0 / math.pi, cos))
 
     @inline
     def pdf(parameters, si, wi):
