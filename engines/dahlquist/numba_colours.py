@@ -65,7 +65,8 @@ def reflect(rays, balls):
 
 @inline
 def finish(rays, level, table, environment):
-    """`color` becomes the word of a pixel that has met its last ball: what mirrors show adds up from the last to the first."""
+    """`color` becomes the word of a pixel that has met its last ball: what mirrors show adds up from the last to the
+    first."""
     probe, width, height = table.probe, table.probe_width, table.probe_height
     for lane in range(np.uint64(LANES)):
         seen = Vec3(ZERO, ZERO, ZERO)

@@ -1,7 +1,7 @@
 """The frame in compiled code, for `threads` threads.
 
-A thread takes strips of rows. Primary rays run in blocks of sixteen; those that meet a ball wait in a queue, so that the
-blocks of the next stage are full again, and so on for each mirror.
+A thread takes strips of rows. Primary rays run in blocks of sixteen; those that meet a ball wait in a queue, so that
+the blocks of the next stage are full again, and so on for each mirror.
 """
 
 from __future__ import annotations
@@ -78,7 +78,8 @@ def _pull(rays, level, waiting):
 
 @inline
 def _mirror(rays, level, queue, waiting, further, table, flags, pixels):
-    """Shades the rays of a queue; those whose mirrors show a ball go into the queue `further`. Returns how many these are."""
+    """Shades the rays of a queue; those whose mirrors show a ball go into the queue `further`. Returns how many these
+    are."""
     balls = table.balls
     environment, reflections = flags
     n = 0
@@ -107,8 +108,8 @@ def _mirror(rays, level, queue, waiting, further, table, flags, pixels):
 
 @inline
 def _row(rays, row, size, spans, queue, waiting, table, stretched, environment, pixels_at):
-    """Primary rays of a row: those that meet a ball join the queue, the others' pixels show the background. Returns how many
-    wait now."""
+    """Primary rays of a row: those that meet a ball join the queue, the others' pixels show the background. Returns how
+    many wait now."""
     balls, boxes, width = table.balls, table.boxes, size[0]
     for k in range(BALLS):
         spans[k] = column_span(boxes[k], row, width)

@@ -143,7 +143,8 @@ def in_box(rays, box):
 def _passes_near(rays, ball):
     """How many of the sixteen lines pass near the ball ahead of their origins, or through it: those are candidates.
 
-    The squares are formed in float32, which is off by less than `RADIUS_MARGIN` in the last bits: `intersect` decides."""
+    The squares are formed in float32, which is off by less than `RADIUS_MARGIN` in the last bits: `intersect`
+    decides."""
     center, radius = ball.center, ball.radius
     largest = radius * radius * RADIUS_MARGIN
     found = np.int32(0)

@@ -1,9 +1,10 @@
 """Embree as an intersector of ray batches: packets of rays from compiled code, planes tested apart.
 
-Embree works in float32. With `refine` every candidate hit on a triangle is solved anew in float64, from the batch's ray and the
-scene's vertices. Where the face does not confirm it (or is the one that the ray has just left) the lane is queried once more, in a
-second RTCScene of the same shapes whose triangles are solved in float64 by callback: Embree then only walks the tree, so
-what the false hit had hidden is found, and nothing slips between faces. That tree is queried rarely, and built coarsely.
+Embree works in float32. With `refine` every candidate hit on a triangle is solved anew in float64, from the batch's ray
+and the scene's vertices. Where the face does not confirm it (or is the one that the ray has just left) the lane is
+queried once more, in a second RTCScene of the same shapes whose triangles are solved in float64 by callback: Embree
+then only walks the tree, so what the false hit had hidden is found, and nothing slips between faces. That tree is
+queried rarely, and built coarsely.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ from engines.kernels.stages.linear import closest_planes, occluded_planes
 WIDENING = 1 + 2.0**-22
 """With `refine` Embree looks this much beyond t_max, so that float64 decides what lies before it."""
 FEW, MANY = 4096, 65536
-"""Up to FEW primitives a tree is built by one thread, as another takes long to wake; up to MANY all rays go in packets."""
+"""Up to FEW primitives a tree is built by one thread, as another takes long to wake; up to MANY all rays go in
+packets."""
 BOX_PADDING = 1e-6
 """Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
 
@@ -151,8 +153,8 @@ def _note_origin_faces(rays, scene, memory, variant):
 
 @inline
 def _select_lanes(rays_of, rays, scene, embree, memory, lanes, widening, variant, real):
-    """Leaves only the lanes of the word `lanes` valid, for a second query: where triangles are solved in float64, or, without
-    `refine`, past the face that the ray has left."""
+    """Leaves only the lanes of the word `lanes` valid, for a second query: where triangles are solved in float64, or,
+    without `refine`, past the face that the ray has left."""
     numbers, words, t_max = array_at(memory, np.float32), array_at(memory, np.int32), rays_of(rays).t_max
     scale = real(embree.scaling[0].scale)
     for k in range(LANES):
@@ -277,7 +279,8 @@ def _make_closest(variant: Variant, real: Any) -> Any:
 
 @inline
 def _store_shadows(rays, scene, memory, variant):
-    """Whether each lane's light is hidden; returns a word of the lanes where the face that hides it is not confirmed."""
+    """Whether each lane's light is hidden; returns a word of the lanes where the face that hides it is not
+    confirmed."""
     numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
     for lane in range(np.uint64(LANES)):
         # Embree marks an occluded ray by tfar = -inf; a lane without a ray kept its own, not above 0

@@ -91,7 +91,8 @@ def _make_bounds(bounds_of: Any, real: Any) -> Any:
 
 @inline
 def _wins_tie(numbers, words, n, i, t, geometry, primitive):
-    """Whether a hit is as near as the one found, of the same kind and of lower index: Embree calls back in any order."""
+    """Whether a hit is as near as the one found, of the same kind and of lower index: Embree calls back in any
+    order."""
     same = words[GEOM_ID * n + i] == geometry and primitive < np.int64(words[PRIM_ID * n + i])
     return same and t == numbers[T_FAR * n + i]
 
@@ -157,8 +158,8 @@ class Callbacks(NamedTuple):
 
 @cache
 def callbacks(geometry: int, analytic: tuple[int, ...], real: Any) -> Callbacks:
-    """Of a geometry (`geometries.bounds_and_distance`), in a batch of `real` numbers; user data is the address of the scene's
-    table."""
+    """Of a geometry (`geometries.bounds_and_distance`), in a batch of `real` numbers; user data is the address of the
+    scene's table."""
     bounds, distance = bounds_and_distance(geometry, analytic)
     parts = _make_bounds(bounds, real), _make_query(distance, False, real), _make_query(distance, True, real)
     return Callbacks(*map(compile_callback, parts))

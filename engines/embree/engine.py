@@ -10,7 +10,7 @@ from engines.embree.library import QUALITIES, library
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import plugins, resolved, why_not
+from engines.kernels.resolve import resolved, why_not
 from engines.scene.model import Scene
 
 _OPTIONS = {
@@ -35,8 +35,8 @@ NOT_PROMISED = {
 
 
 class Engine:
-    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are confirmed
-    and solved anew, which `refine` switches off."""
+    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are
+    confirmed and solved anew, which `refine` switches off."""
 
     name = "embree"
     version = "2"
@@ -60,4 +60,4 @@ class Engine:
         chosen = resolved(settings, ACCELERATORS, "float32")
         options = chosen.accelerator.options
         refine = chosen.precision == "float64" if options["refine"] == "auto" else options["refine"]
-        return Renderer(scene, chosen, Accelerator(options, refine), plugins(chosen))
+        return Renderer(scene, chosen, Accelerator(options, refine))

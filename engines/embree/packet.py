@@ -1,7 +1,8 @@
 """Embree's ray packets, kept in a batch's scratch memory: their layout, how a batch's rays get there, and the queries.
 
 Rays enter Embree in float32, scaled so that the scene is about as large as 1: coordinates of 1e-20 or 1e18 leave its
-range. The scale is a power of two, so it rounds nothing. `memory` is the address of the scratch memory, `width` the rays of a packet.
+range. The scale is a power of two, so it rounds nothing. `memory` is the address of the scratch memory, `width` the
+rays of a packet.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS =
 NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
 VALID, PACKET_FIELDS = 21, 24  # two more than there are: a single ray's record stays aligned to 16 bytes
 
-# behind the packets, in 32-bit words: RTCIntersectArguments (flags, features, context, filter, callback, minimal width), then a
-# RTCRayQueryContext that ends with the batch's address, and what the filter reads and writes
+# behind the packets, in 32-bit words: RTCIntersectArguments (flags, features, context, filter, callback, minimal width),
+# then a RTCRayQueryContext that ends with the batch's address, and what the filter reads and writes
 ARGUMENTS = PACKET_FIELDS * LANES
 CONTEXT = ARGUMENTS + 16
 BATCH_OF_CONTEXT = 1  # in 64-bit words from the context's start: instance ids, batch
@@ -95,8 +96,8 @@ def first_word(lane, width):
 
 @inline
 def are_coherent(memory, width):
-    """Whether the valid rays of all packets go much the same way from much the same place, as a camera's do. Most batches
-    fail at the second ray, so the test costs little where it does not help."""
+    """Whether the valid rays of all packets go much the same way from much the same place, as a camera's do. Most
+    batches fail at the second ray, so the test costs little where it does not help."""
     numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
     first = np.int64(-1)
     for k in range(LANES):
@@ -143,10 +144,10 @@ def query_occluded(embree, tree, memory, batch, width, filtered):
 
 @inline
 def query_closest(scene, embree, tree, memory, batch, width, filtered, coherent, prefetching):
-    """Finds the closest hits of the valid rays of all packets in an RTCScene. `coherent` rays let Embree walk its tree once for
-    all of a packet, 1.7 times as fast for camera rays in cornell_box, and half as fast for rays that go all ways. In a large tree the
-    others are taken out of their packets and traced one by one; with `prefetching` the memory that the surface stage will want of
-    what one has hit is fetched while the next is traced."""
+    """Finds the closest hits of the valid rays of all packets in an RTCScene. `coherent` rays let Embree walk its tree
+    once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and half as fast for rays that go all
+    ways. In a large tree the others are taken out of their packets and traced one by one; with `prefetching` the memory
+    that the surface stage will want of what one has hit is fetched while the next is traced."""
     _write_arguments(embree, memory, batch, filtered, coherent)
     if not coherent and embree.one_by_one != 0:
         words, before = array_at(memory, np.int32), np.int64(-1)
@@ -173,8 +174,8 @@ def _query_one(embree, tree, memory, i, width):
 
 
 class Prefetching(NamedTuple):
-    """Bytes of a vertex, 0 for no prefetching; and whether the scene holds other shapes than triangles: without them, a face's
-    number is its id."""
+    """Bytes of a vertex, 0 for no prefetching; and whether the scene holds other shapes than triangles: without them, a
+    face's number is its id."""
 
     vertex_bytes: int
     mixed: bool
@@ -182,8 +183,8 @@ class Prefetching(NamedTuple):
 
 @inline
 def _prefetch(scene, words, i, width, before, prefetching):
-    """Prefetches the indices and the id of the triangle hit (returned, -1 for none), and what those of the one `before` lead
-    to, which have arrived by now."""
+    """Prefetches the indices and the id of the triangle hit (returned, -1 for none), and what those of the one `before`
+    lead to, which have arrived by now."""
     face = np.int64(words[i + PRIM_ID * width]) if words[i + GEOM_ID * width] == 0 else np.int64(-1)
     if face >= 0:
         prefetch(address_of(scene.triangles[face]))
@@ -200,8 +201,8 @@ def _prefetch(scene, words, i, width, before, prefetching):
 
 @inline
 def write_rays(rays, embree, memory, width, widening, real):
-    """Copies the lanes' rays into packets; a lane without a ray is not valid. `widening` is at least 1 and widens t_max, where what
-    lies beyond is sorted out afterwards."""
+    """Copies the lanes' rays into packets; a lane without a ray is not valid. `widening` is at least 1 and widens
+    t_max, where what lies beyond is sorted out afterwards."""
     numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
     scale = real(embree.scaling[0].scale)
     for first in range(0, LANES, width):
