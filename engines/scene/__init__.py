@@ -1,5 +1,6 @@
 """Scenes: what they hold (`model`), read from YAML files (`load_scene`) or Python mappings (`scene_from`)."""
 
+from engines.scene.formats.raybench.scene import scene_schema
 from engines.scene.load import load_scene, scene_from
 from engines.scene.model import (
     BLACK,
@@ -25,7 +26,6 @@ from engines.scene.model import (
     Triangle,
     Triple,
 )  # fmt: skip
-from engines.scene.schema import scene_schema
 
 __all__ = [
     "BLACK", "Camera", "Conductor", "CustomCamera", "DirectionalLight", "Disk", "EnvironmentLight", "Light", "Material", "Mesh",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Disk, Plane, Shape, Sphere, SphereSet, Triangle
+from engines.scene.model import Disk, Mesh, Plane, Shape, Sphere, SphereSet, Triangle
 
 CHUNK = 1 << 18
 """Faces handled at a time, so that temporaries stay small beside the mesh."""
@@ -59,6 +61,15 @@ def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> N
         for axis in range(3):
             sums[:, axis] += np.bincount(faces[:, corner], areas[:, axis], len(vertices))
     return unit_rows(sums)
+
+
+def read_only_mesh(vertices: Any, faces: Any, materials: Any, normals: NDArray[np.float64] | None, name: str) -> Mesh:
+    """The mesh of these arrays, or of copies in the types of `Mesh`; nobody may write to them any more."""
+    vertices = np.ascontiguousarray(vertices, np.float64)
+    faces, materials = np.ascontiguousarray(faces, np.int32), np.ascontiguousarray(materials, np.int32)
+    for array in (vertices, faces, materials, *([] if normals is None else [normals])):
+        array.flags.writeable = False
+    return Mesh(vertices, faces, materials, normals, name)
 
 
 def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:

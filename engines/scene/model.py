@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 Triple = tuple[float, float, float]
 BLACK: Triple = (0.0, 0.0, 0.0)
 WHITE: Triple = (1.0, 1.0, 1.0)
+ENERGY_TOLERANCE = 1e-9
+"""By how much kd + ks + kt may pass 1, so that sums such as 0.6 + 0.3 + 0.1 are not refused for rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,14 @@ class Material:
     emission: Triple = BLACK
     two_sided: bool = False
     bsdf: Bsdf | None = None
+
+    @property
+    def energy(self) -> Triple:
+        """The share of light that kd, ks and kt return at most, a channel."""
+        r, g, b = (
+            d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True)
+        )
+        return r, g, b
 
     @property
     def emits(self) -> bool:

@@ -45,6 +45,8 @@ def objects():
     yield "scene", SCHEMA["properties"], {**SCENE, "zzz": 1}
     material = SCHEMA["properties"]["materials"]["additionalProperties"]["properties"]
     yield "material", material, {**SCENE, "materials": {"grey": {"zzz": 1}}}
+    conductor = material["conductor"]["properties"]
+    yield "conductor", conductor, {**SCENE, "materials": {"grey": {"conductor": {"zzz": 1}}}}
     for camera in SCHEMA["properties"]["camera"]["anyOf"]:
         if "const" in camera["properties"]["type"]:
             kind = camera["properties"]["type"]["const"]

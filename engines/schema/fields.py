@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import suggestion
-from engines.scene.model import Triple
-from engines.scene.yaml_file import Located
+from engines.memory import lacking_memory
+from engines.schema.yaml_file import Located
+
+Triple = tuple[float, float, float]
 
 
 def mapping(node: Located, known: Iterable[str], required: Iterable[str] = ()) -> dict[str, Located]:
@@ -167,6 +169,12 @@ def _array_rows(node: Located, value: NDArray[Any], dtype: type, low: float, hig
         wanted = "must be finite" if math.isinf(high) else f"must be an integer in [{low:g}, {high:g}]"
         raise node.origin.error(f"{node.where}[{row}][{column}] = {value[row, column]}: {wanted}")
     return np.array(value, dtype)
+
+
+def refuse_above_memory(node: Located, needed: float, what: str) -> None:
+    """Raises when `needed` bytes are more than the memory of this machine, or than this process may use."""
+    if lacks := lacking_memory(needed):
+        raise node.refuse(f"{what} {lacks}")
 
 
 def _three(node: Located, wanted: str = "must be three numbers") -> list[Located]:
