@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines import memory
-from engines.image import FilmLayers, Image, png_bytes, write_film_layers, write_image
 from engines.tonemap import ToneMapper, to_bitmap
+
+Image = NDArray[np.float64]
 
 BYTES_A_PIXEL = 3 * 3 * 8 + 8
 """Of a film. An EXR of it takes four images in float64 and in float32 besides, while it is written."""
@@ -95,6 +96,8 @@ class Film:
 
         Raises `ConfigError` for other suffixes and for files that cannot be written.
         """
+        from engines.image import FilmLayers, write_film_layers, write_image
+
         if Path(path).suffix.lower() == ".exr":
             layers = FilmLayers(self.mean(), self.variance_of_mean(), self.half(0), self.half(1))
             write_film_layers(path, layers, provenance)
@@ -107,6 +110,8 @@ class Film:
         return self.mean() if dtype is None else self.mean().astype(dtype)
 
     def _repr_png_(self) -> bytes:
+        from engines.image import png_bytes
+
         return png_bytes(self.to_bitmap())
 
     def __repr__(self) -> str:

@@ -16,9 +16,8 @@ from engines.schema.yaml_file import Located
 Triple = tuple[float, float, float]
 
 
-def mapping(node: Located, known: Iterable[str], required: Iterable[str] = ()) -> dict[str, Located]:
+def mapping(node: Located, known: Collection[str], required: Iterable[str] = ()) -> dict[str, Located]:
     """The children of a mapping that has the required keys and none but the known ones."""
-    known = list(known)
     if not isinstance(node.value, dict):
         raise node.refuse(f"must be a mapping with keys of {', '.join(known)}")
     for key in node.value:

@@ -91,6 +91,7 @@ class Record:
     make: Callable[[Given, Any], Any] = lambda given, context: given
     either: Sequence[Sequence[str]] = ()
     _defaults: dict[str, Any] = field(init=False, repr=False, compare=False)
+    _required: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         defaults = {
@@ -99,11 +100,12 @@ class Record:
             if key.default is not REQUIRED
         }
         object.__setattr__(self, "_defaults", defaults)
+        object.__setattr__(self, "_required", tuple(name for name in self.keys if name not in defaults))
 
     def read(self, node: Located, context: Any = None, tag: str = "") -> Any:
         """The value of the mapping at `node`, in which the key `tag` has been read already."""
-        known = [tag, *self.keys] if tag else self.keys
-        written = fields.mapping(node, known, [name for name in self.keys if name not in self._defaults])
+        known = (tag, *self.keys) if tag else self.keys
+        written = fields.mapping(node, known, self._required)
         if self.either:
             self._choose(node)
         values = {
@@ -127,7 +129,7 @@ class Record:
     def schema(self, tag: Mapping[str, Schema] | None = None) -> Schema:
         """A closed object of these keys and of `tag`, a property of the caller's."""
         properties = {**(tag or {}), **{name: key.schema() for name, key in self.keys.items()}}
-        required = [*(tag or {}), *(name for name in self.keys if name not in self._defaults)]
+        required = [*(tag or {}), *self._required]
         found = {"type": "object", "additionalProperties": False, "properties": properties, "description": self.meaning}
         if required:
             found["required"] = required

@@ -61,9 +61,9 @@ def generator(
 
 
 ORIGIN = (0.0, 0.0, 0.0)
-CENTER = Key(POINT, "Its middle.", ORIGIN, unit="metres")
+CENTER = Key(POINT, "Center of the shape.", ORIGIN, unit="metres")
 FOOT = Key(POINT, "The middle of its lowest level.", ORIGIN, unit="metres")
-RADIUS = Key(POSITIVE, "Its radius.", 1.0, unit="metres")
+RADIUS = Key(POSITIVE, "Radius of the sphere around the shape.", 1.0, unit="metres")
 ROTATE_Y = Key(NUMBER, "Angle by which it is turned about +y, right-handed.", 0.0, unit="degrees")
 
 

@@ -56,22 +56,24 @@ _RESOLUTION = Key(
     "Width and height of the image.", DEFAULT_RESOLUTION, unit="pixels",
 )  # fmt: skip
 _FRAME = {
-    "eye": Key(POINT, "Where it stands.", unit="metres"),
-    "target": Key(POINT, "What it looks at.", unit="metres"),
-    "up": Key(POINT, "What is up in the image.", [0, 1, 0]),
+    "eye": Key(POINT, "Position of the camera.", unit="metres"),
+    "target": Key(POINT, "Point in the middle of the image.", unit="metres"),
+    "up": Key(POINT, "Direction that is up in the image.", [0, 1, 0]),
     "resolution": _RESOLUTION,
 }
 _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
-    "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Whether the angle is that of the width or of the height.", "y"),
+    "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
 }
 RECORDS = {
-    "perspective": _camera(Perspective, "A pinhole.", **_LENS),
-    "perspective_arctan": _camera(PerspectiveArctan, "MobileRT's camera, which bends lines a little.", **_LENS),
-    "orthographic": _camera(
-        Orthographic, "Parallel rays.", height=Key(POSITIVE, "Of the window that it looks through.", unit="metres"),
+    "perspective": _camera(Perspective, "A pinhole camera.", **_LENS),
+    "perspective_arctan": _camera(
+        PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
     ),
-}  # fmt: skip
+    "orthographic": _camera(
+        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres")
+    ),
+}
 
 
 def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera:

@@ -48,30 +48,30 @@ def _image(given: Given, context: SceneReader) -> Any:
 
 
 _FALLOFF = one_of(("inverse_square", "none"), "falloff")
-_POSITION = Key(POINT, "Where it is.", unit="metres")
+_POSITION = Key(POINT, "Position of the light.", unit="metres")
 LIGHTS = Variants("light", {
-    "point": Record("A point that shines in all directions.", {
+    "point": Record("A point light that is equal in all directions.", {
         "position": _POSITION,
-        "intensity": Key(color(), "What it sends into each direction.", unit="W/sr"),
-        "falloff": Key(_FALLOFF, "With none it acts everywhere as at a distance of 1 m.", "inverse_square"),
+        "intensity": Key(color(), "Radiant intensity.", unit="W/sr"),
+        "falloff": Key(_FALLOFF, "Dependence on distance; with none it is everywhere that at 1 m.", "inverse_square"),
     }, _point),
-    "spot": Record("A point that shines into a cone about its axis.", {
+    "spot": Record("A point light that is limited to a cone about an axis.", {
         "position": _POSITION,
-        "target": Key(POINT, "A point on the axis; or a direction.", None, unit="metres"),
-        "direction": Key(DIRECTION, "That of the axis, of any length; or a target.", None),
-        "intensity": Key(color(), "What it sends into each direction within beam_width of the axis.", unit="W/sr"),
-        "cutoff": Key(ANGLE, "Angle from the axis beyond which it is dark.", 20, unit="degrees"),
+        "target": Key(POINT, "A point on the axis.", None, unit="metres"),
+        "direction": Key(DIRECTION, "Direction of the axis, of any length.", None),
+        "intensity": Key(color(), "Radiant intensity within beam_width of the axis.", unit="W/sr"),
+        "cutoff": Key(ANGLE, "Angle from the axis beyond which there is no light.", 20, unit="degrees"),
         "beam_width": Key(
-            ANGLE, "Angle from the axis at which it begins to fall linearly to 0 at cutoff; by default 3/4 of that.", None,
-            unit="degrees",
+            ANGLE, "Angle from the axis beyond which intensity falls linearly, to 0 at cutoff; by default 3/4 of that.",
+            None, unit="degrees",
         ),
     }, _spot, either=(("target",), ("direction",))),
-    "directional": Record("Parallel light, as from the sun.", {
-        "direction": Key(DIRECTION, "The direction in which its light travels; of any length."),
-        "irradiance": Key(color(), "What reaches a surface that faces it.", unit="W/m²"),
+    "directional": Record("Parallel light from infinity, as from the sun.", {
+        "direction": Key(DIRECTION, "Direction in which light travels, of any length."),
+        "irradiance": Key(color(), "Irradiance of a surface that faces the light.", unit="W/m²"),
     }, lambda given, context: DirectionalLight(**given.values)),
-    "environment": Record("Light from infinity, all around. Needs radiance, image, or both.", {
-        "radiance": Key(color(), "With an image, a factor.", 1, unit="W/(sr m²)"),
-        "image": Key(TEXT, "A latitude-longitude image, .exr or 8-bit, +y up, relative to the scene's folder.", None),
+    "environment": Record("Light from infinity, all around. At least one of the keys is required.", {
+        "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
+        "image": Key(TEXT, "File of a latitude-longitude image, +y up, .exr or 8-bit, relative to the scene's folder.", None),
     }, _environment),
 })  # fmt: skip

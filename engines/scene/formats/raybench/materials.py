@@ -51,32 +51,32 @@ def _material(given: Given, context: Any) -> Material:
     return material
 
 
-_ROUGHNESS = within(0.0, 1.0).json
-_SHARE = color(1.0)
+_ROUGHNESS = within(0, 1).json
+_SHARE = color(1)
 LOBES = {
     "kd": Key(_SHARE, "Diffuse (Lambertian) albedo.", 0),
-    "ks": Key(_SHARE, "What a mirror reflects.", 0),
-    "kt": Key(_SHARE, "What is refracted into the shape.", 0),
-    "ior": Key(POSITIVE, "Index of refraction, relative to the outside.", 1.0),
-    "fresnel": Key(BOOLEAN, "Whether angles decide between mirror (ks) and refraction (kt), as in glass.", False),
+    "ks": Key(_SHARE, "Weight of perfect mirror reflection.", 0),
+    "kt": Key(_SHARE, "Weight of perfect refraction.", 0),
+    "ior": Key(POSITIVE, "Index of refraction of the inside, relative to the outside.", 1.0),
+    "fresnel": Key(BOOLEAN, "Whether ks is weighted by Fresnel's reflectance F and kt by 1 - F, as in glass.", False),
 }
 EMISSION = {
-    "emission": Key(color(), "Radiance of the front side.", 0, unit="W/(sr m²)"),
-    "two_sided": Key(BOOLEAN, "Whether it emits from both sides.", False),
+    "emission": Key(color(), "Radiance that leaves the front side.", 0, unit="W/(sr m²)"),
+    "two_sided": Key(BOOLEAN, "Whether the back side emits, too.", False),
 }
 MODELS = {
-    "conductor": Record("A metal of GGX microfacets: by its name, by eta and k, or by reflectance.", {
-        "metal": Key(one_of(METALS, "metal"), "Which one.", None),
-        "eta": Key(color(), "Real part of the index of refraction.", None),
-        "k": Key(color(), "Imaginary part of the index of refraction: extinction.", None),
-        "reflectance": Key(_SHARE, "That of a mirror which reflects the same at all angles.", None),
+    "conductor": Record("A metal with GGX microfacets: its name, or eta and k, or its reflectance alone.", {
+        "metal": Key(one_of(METALS, "metal"), "Chemical symbol of the metal, for its eta and k.", None),
+        "eta": Key(color(), "Real part of the complex index of refraction.", None),
+        "k": Key(color(), "Imaginary part of the complex index of refraction.", None),
+        "reflectance": Key(_SHARE, "Reflectance at every angle, instead of Fresnel's equations.", None),
         "alpha": Key(
             Kind(_alpha, {"anyOf": [_ROUGHNESS, {"type": "array", "items": _ROUGHNESS, "minItems": 2, "maxItems": 2}]}),
-            f"Roughness, or two along the tangents dp/du and dp/dv; 0 is smooth, else at least {SMOOTHEST:g}.", 0,
+            f"GGX roughness, or two along the tangents; 0 is smooth, else at least {SMOOTHEST:g}.", 0,
         ),
-        "distribution": Key(one_of(("ggx",), "distribution"), "That of the microfacets' normals.", "ggx"),
-        "specular_reflectance": Key(_SHARE, "A factor, with metal or eta and k.", 1),
+        "distribution": Key(one_of(("ggx",), "distribution"), "Distribution of the microfacets' normals.", "ggx"),
+        "specular_reflectance": Key(_SHARE, "Factor of the reflectance that follows from metal, or from eta and k.", 1),
     }, _conductor, either=(("metal",), ("eta", "k"), ("reflectance",))),
 }  # fmt: skip
-_CHOICE = {name: Key(model, f"Instead of the keys above: {model.meaning}", None) for name, model in MODELS.items()}
+_CHOICE = {name: Key(model, f"Instead of the keys above. {model.meaning}", None) for name, model in MODELS.items()}
 MATERIAL = Record("A surface.", {**LOBES, **_CHOICE, **EMISSION}, _material)

@@ -61,11 +61,11 @@ def _emits(materials: list[Material], shape: Shape) -> bool:
 MATERIALS = by_name(MATERIAL, "materials")
 SCENE = Record("A scene.", {
     "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
-    "name": Key(TEXT, "A title. Default: the file's name.", None),
-    "camera": Key(CAMERA, "Where the scene is seen from."),
-    "materials": Key(MaterialsKind(), "By names of your own.", None),
-    "shapes": Key(list_of(ShapeKind(), "shapes"), "What is there. One whose material emits is a light.", None),
-    "lights": Key(list_of(LIGHTS, "lights"), "Lights that are no shapes.", None),
+    "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
+    "camera": Key(CAMERA, "The camera."),
+    "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
+    "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
+    "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),
 }, _scene)  # fmt: skip
 
 

@@ -94,28 +94,28 @@ def _placed(given: Given, data: MeshData) -> tuple[NDArray[Any], NDArray[Any] | 
     return vertices, normals
 
 
-_CENTER = Key(POINT, "Its middle.", unit="metres")
-_NORMAL = Key(DIRECTION, "The direction to the front; of any length.")
-_RADIUS = Key(POSITIVE, "Its radius.", unit="metres")
-_CORNER = Key(POINT, "A corner; counter-clockwise from the front.", unit="metres")
+_CENTER = Key(POINT, "Center of the shape.", unit="metres")
+_NORMAL = Key(DIRECTION, "Direction towards the front, of any length.")
+_RADIUS = Key(POSITIVE, "Radius of the shape.", unit="metres")
+_CORNER = Key(POINT, "A corner; a, b, c run counter-clockwise seen from the front.", unit="metres")
 SHAPES = Variants("shape", {
-    "sphere": Record("A ball; its outside is the front.", {"center": _CENTER, "radius": _RADIUS}, _of(Sphere)),
-    "disk": Record("Flat and round.", {"center": _CENTER, "normal": _NORMAL, "radius": _RADIUS}, _of(Disk)),
+    "sphere": Record("A sphere. Its outside is the front.", {"center": _CENTER, "radius": _RADIUS}, _of(Sphere)),
+    "disk": Record("A flat disk.", {"center": _CENTER, "normal": _NORMAL, "radius": _RADIUS}, _of(Disk)),
     "plane": Record(
-        "Infinite. One that emits is no sampled light.",
-        {"point": Key(POINT, "Any point on it.", unit="metres"), "normal": _NORMAL}, _of(Plane),
+        "An infinite plane. One that emits is found by scattered rays alone.",
+        {"point": Key(POINT, "Any point of the plane.", unit="metres"), "normal": _NORMAL}, _of(Plane),
     ),
-    "triangle": Record("One triangle.", dict.fromkeys("abc", _CORNER), _of(Triangle)),
-    "mesh": Record("Many triangles.", {
+    "triangle": Record("A triangle.", dict.fromkeys("abc", _CORNER), _of(Triangle)),
+    "mesh": Record("Triangles from a file, or listed.", {
         "file": Key(TEXT, "An .obj, .ply or .stl file, relative to the scene's folder.", None),
-        "vertices": Key(ROWS, "Instead of a file: points.", None, unit="metres"),
-        "faces": Key(ROWS, "Instead of a file: three indices of vertices each, counter-clockwise from the front.", None),
-        "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "A factor, or one an axis.", 1),
-        "translate": Key(POINT, "Added after scaling.", [0, 0, 0], unit="metres"),
-        "smooth": Key(BOOLEAN, "Whether normals are interpolated: the file's, or else means of the faces'.", False),
+        "vertices": Key(ROWS, "Vertices of the triangles.", None, unit="metres"),
+        "faces": Key(ROWS, "Three indices of vertices for each triangle, counter-clockwise seen from the front.", None),
+        "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),
+        "translate": Key(POINT, "Vector that is added after scaling.", [0, 0, 0], unit="metres"),
+        "smooth": Key(BOOLEAN, "Whether normals are interpolated: those of the file, else means of adjacent faces.", False),
     }, _mesh, either=(("file",), ("vertices", "faces"))),
     "procedural": PROCEDURAL,
-}, {"material": Key(TEXT, "One of `materials`; a mesh from an OBJ file may leave it to the file.")})  # fmt: skip
+}, {"material": Key(TEXT, "Name of one of the materials; a mesh from an OBJ file may leave it to the file.")})  # fmt: skip
 
 
 class ShapeKind:
