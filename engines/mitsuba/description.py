@@ -238,10 +238,12 @@ def _round_or_flat(scene: Scene, index: int, shape: Plane | Disk | Sphere | Sphe
 def facing(point: Any, normal: Any, scale: float) -> Array:
     """(4, 4) the transform of the plane z = 0 to the one through `point`, `scale` times as large and +z to `normal`.
 
-    x becomes the first tangent of a plane (`Conductor`).
+    x becomes the first tangent of a plane: t1 of the frame of Duff et al. (2017) in docs/transport.md.
     """
-    tangent = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
-    tangent /= np.linalg.norm(tangent)
+    x, y, z = (float(part) for part in normal)
+    sign = -1.0 if z < -0.7 else 1.0
+    a = -1.0 / (sign + z)
+    tangent = np.array([1.0 + sign * x * x * a, sign * x * y * a, -sign * x])
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1] = tangent * scale, np.cross(normal, tangent) * scale
     matrix[:3, 2], matrix[:3, 3] = normal, point

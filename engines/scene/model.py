@@ -29,8 +29,8 @@ class Conductor:
     a mirror, else both in [1e-4, 1]. `reflectance` in [0, 1] scales the reflection. Both sides of the surface reflect.
 
     The first tangent is dp/du, made perpendicular to the shading normal: of a sphere along phi, counter-clockwise about +z;
-    of a disk away from its center; of a triangle from its first corner to its second; of a plane the cross product of the
-    coordinate axis on which its normal is shortest (x before y before z) and the normal. The second is normal x first.
+    of a disk away from its center; of a triangle from its first corner to its second; of a plane t1 of the local frame of its
+    normal (docs/transport.md). The second is normal x first.
     """
 
     eta: Triple
