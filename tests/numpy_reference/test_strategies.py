@@ -66,15 +66,15 @@ def test_every_sample_has_the_pdf_of_its_direction(name):
     found = context.lights.sample(light, point, normal, *RNG.random((3, n)))
     assert np.allclose(np.linalg.norm(found.wi, axis=0), 1.0, rtol=1e-12)
     if name.endswith("sky"):
-        again = context.lights.environments[0][1].pdf(found.wi, normal)
+        again = context.lights.infinite[0].pdf(found.wi, normal)
         assert np.allclose(again, found.pdf, rtol=1e-6)
         return
     hits = context.closest(point, found.wi)
-    met = np.flatnonzero((hits.rank >= 0) & np.isclose(hits.t, found.distance, rtol=1e-6))  # nothing else in between
+    met = np.flatnonzero((hits.primitive_id >= 0) & np.isclose(hits.t, found.distance, rtol=1e-6))  # nothing else in between
     assert met.size > 0.4 * n
     hits = hits.take(met)
     surface = context.surface(point[:, met], found.wi[:, met], hits)
-    again = context.lights.pdf(surface, point[:, met], found.wi[:, met], hits.t)
+    again = context.lights.pdf(surface, point[:, met], hits.t)
     assert np.allclose(again, found.pdf[met], rtol=1e-6)
 
 
@@ -89,13 +89,13 @@ def test_pdfs_integrate_to_one(name):
     origin, normal = np.repeat([[0.3], [0.0], [0.1]], n, axis=1), np.repeat([[0.0], [1.0], [0.0]], n, axis=1)
     pdf = np.zeros(n)
     if lights:
-        pdf = context.lights.environments[0][1].pdf(direction, normal)
+        pdf = context.lights.infinite[0].pdf(direction, normal)
     else:
         hits = context.closest(origin, direction)
-        met = np.flatnonzero(hits.rank >= 0)
+        met = np.flatnonzero(hits.primitive_id >= 0)
         hits = hits.take(met)
         surface = context.surface(origin[:, met], direction[:, met], hits)
-        pdf[met] = context.lights.pdf(surface, origin[:, met], direction[:, met], hits.t)
+        pdf[met] = context.lights.pdf(surface, origin[:, met], hits.t)
     values = 4 * np.pi * pdf
     assert abs(values.mean() - 1.0) < 4.5 * values.std() / np.sqrt(n)
 
