@@ -47,11 +47,7 @@ def _perspective_arctan(node: Located) -> PerspectiveArctan:
 def _pinhole(node: Located) -> tuple[Triple, Triple, Triple, float, str, tuple[int, int]]:
     known = ("type", "eye", "target", "up", "fov", "fov_axis", "resolution")
     given = fields.mapping(node, known, ("eye", "target"))
-    fov = 40.0
-    if "fov" in given:
-        fov = fields.number(given["fov"])
-        if not 0.0 < fov < 180.0:
-            raise given["fov"].refuse("must lie in (0, 180) degrees")
+    fov = fields.angle(given["fov"]) if "fov" in given else 40.0
     axis = fields.one_of(given["fov_axis"], ("x", "y"), "fov_axis") if "fov_axis" in given else "y"
     eye, target, up = _frame(given)
     return eye, target, up, fov, axis, _resolution(given)
@@ -88,11 +84,7 @@ def _load_attribute(kind: Located) -> Any:
 def _frame(given: dict[str, Located]) -> tuple[Triple, Triple, Triple]:
     eye, target = fields.triple(given["eye"]), fields.triple(given["target"])
     up = fields.direction(given["up"]) if "up" in given else (0.0, 1.0, 0.0)
-    view = fields.unit((target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]))
-    if view is None:
-        raise given["target"].refuse("must differ from eye")
-    if not all(map(math.isfinite, view)):
-        raise given["target"].refuse("too far from eye")
+    view = fields.towards(given["target"], eye, "eye")
     side = (view[1] * up[2] - view[2] * up[1], view[2] * up[0] - view[0] * up[2], view[0] * up[1] - view[1] * up[0])
     if math.hypot(*side) < PARALLEL:
         at = given.get("up", given["target"])

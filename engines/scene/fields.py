@@ -84,6 +84,14 @@ def positive(node: Located) -> float:
     return value
 
 
+def angle(node: Located) -> float:
+    """Degrees in (0, 180)."""
+    value = number(node)
+    if not 0.0 < value < 180.0:
+        raise node.refuse("must lie in (0, 180) degrees")
+    return value
+
+
 def within(node: Located, low: float, high: float) -> float:
     """A number in [low, high]."""
     value = number(node)
@@ -112,6 +120,17 @@ def direction(node: Located) -> Triple:
     found = unit(triple(node))
     if found is None:
         raise node.refuse("must not be the zero vector")
+    return found
+
+
+def towards(node: Located, start: Triple, name: str) -> Triple:
+    """The unit vector from `start`, which messages call `name`, to the point at `node`."""
+    target = triple(node)
+    found = unit((target[0] - start[0], target[1] - start[1], target[2] - start[2]))
+    if found is None:
+        raise node.refuse(f"must differ from {name}")
+    if not all(map(math.isfinite, found)):
+        raise node.refuse(f"too far from {name}")
     return found
 
 

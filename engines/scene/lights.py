@@ -8,7 +8,7 @@ from typing import Any
 from engines.errors import SceneError, suggestion
 from engines.scene import fields
 from engines.scene.files import Place
-from engines.scene.model import DirectionalLight, EnvironmentLight, Light, PointLight
+from engines.scene.model import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.yaml_file import Located
 
 
@@ -31,6 +31,25 @@ def _point(node: Located, place: Place) -> PointLight:
 def _directional(node: Located, place: Place) -> DirectionalLight:
     given = fields.mapping(node, ("direction", "irradiance"), ("direction", "irradiance"))
     return DirectionalLight(fields.direction(given["direction"]), fields.color(given["irradiance"]))
+
+
+def _spot(node: Located, place: Place) -> SpotLight:
+    known = ("position", "target", "direction", "intensity", "cutoff", "beam_width")
+    given = fields.mapping(node, known, ("position", "intensity"))
+    if ("target" in given) == ("direction" in given):
+        raise node.refuse("needs target or direction, one of them")
+    position = fields.triple(given["position"])
+    if "direction" in given:
+        direction = fields.direction(given["direction"])
+    else:
+        direction = fields.towards(given["target"], position, "position")
+    cutoff = fields.angle(given["cutoff"]) if "cutoff" in given else 20.0
+    beam_width = 0.75 * cutoff
+    if "beam_width" in given:
+        beam_width = fields.angle(given["beam_width"])
+        if beam_width > cutoff:
+            raise given["beam_width"].refuse(f"must not exceed cutoff, which is {cutoff:g}")
+    return SpotLight(position, direction, fields.color(given["intensity"]), cutoff, beam_width)
 
 
 def _environment(node: Located, place: Place) -> EnvironmentLight:
@@ -57,5 +76,5 @@ def _image(node: Located, place: Place) -> Any:
 
 
 _KINDS: dict[str, Callable[[Located, Place], Light]] = {
-    "point": _point, "directional": _directional, "environment": _environment,
+    "point": _point, "spot": _spot, "directional": _directional, "environment": _environment,
 }  # fmt: skip

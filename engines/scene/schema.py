@@ -7,6 +7,7 @@ from typing import Any
 
 from engines.scene.cameras import DEFAULT_RESOLUTION, LARGEST_SIDE
 from engines.scene.materials import KEYS as MATERIAL_KEYS
+from engines.scene.metals import METALS
 from engines.scene.model import BLACK, Material
 from engines.scene.procedural import GENERATORS
 
@@ -85,13 +86,27 @@ def _material() -> dict[str, Any]:
         "kt": (share, "What is refracted into the shape."),
         "ior": (_POSITIVE, "Index of refraction, relative to the outside."),
         "fresnel": (_SWITCH, "Whether angles decide between mirror (ks) and refraction (kt), as in glass."),
+        "conductor": (_conductor(), "A metal, instead of the keys above."),
         "emission": (_colour(), "Radiance of the front side, W/(sr m²)."),
         "two_sided": (_SWITCH, "Whether it emits from both sides."),
     }
     assert set(keys) == set(MATERIAL_KEYS)
     defaults = {field.name: field.default for field in fields(Material) if field.default is not MISSING}
-    plain = {name: 0 if defaults[name] == BLACK else defaults[name] for name in keys}
-    return _object({name: (*told, plain[name]) for name, told in keys.items()})
+    plain = {name: [0 if defaults[name] == BLACK else defaults[name]] if name in defaults else [] for name in keys}
+    return _object({name: (*told, *plain[name]) for name, told in keys.items()})
+
+
+def _conductor() -> dict[str, Any]:
+    alpha = {"type": "number", "minimum": 0, "maximum": 1}
+    return _object({
+        "metal": ({"enum": [*METALS]}, "A metal by name; or eta and k; or reflectance."),
+        "eta": (_colour(), "Index of refraction."),
+        "k": (_colour(), "Extinction coefficient."),
+        "reflectance": (_colour(1), "Of a perfect mirror."),
+        "alpha": ({"anyOf": [alpha, {"type": "array", "items": alpha, "minItems": 2, "maxItems": 2}]}, "Roughness.", 0),
+        "distribution": ({"enum": ["ggx"]}, "Of the microfacets.", "ggx"),
+        "specular_reflectance": (_colour(1), "A factor.", 1),
+    })
 
 
 def _shape() -> dict[str, Any]:
@@ -106,12 +121,19 @@ def _shape() -> dict[str, Any]:
     }
     kinds = {
         "sphere": _whole({"center": (_POINT, "In metres."), "radius": (_POSITIVE, "In metres.")}),
+        "disk": _whole({
+            "center": (_POINT, "In metres."), "normal": (_POINT, "To the front; of any length."),
+            "radius": (_POSITIVE, "In metres."),
+        }),
         "plane": _whole({"point": (_POINT, "Any point on it."), "normal": (_POINT, "To the front; of any length.")}),
         "triangle": _whole({key: (_POINT, "A corner; counter-clockwise from the front.") for key in "abc"}),
         "mesh": _object(mesh),
         "procedural": {"anyOf": [_procedural(name) for name in GENERATORS]},
     }
-    told = ("A ball.", "Infinite. One that emits is no sampled light.", "One triangle.", "Many triangles.", "By name.")
+    told = (
+        "A ball.", "A flat disk.",
+        "Infinite. One that emits is no sampled light.", "One triangle.", "Many triangles.", "By name.",
+    )  # fmt: skip
     bodies = {kind: (body, meaning) for (kind, body), meaning in zip(kinds.items(), told, strict=True)}
     return {"anyOf": [_object({kind: bodies[kind], "material": named}, (kind,)) for kind in kinds]}
 
@@ -131,11 +153,18 @@ def _procedural(name: str) -> dict[str, Any]:
 
 def _light() -> dict[str, Any]:
     falloff = {"enum": ["inverse_square", "none"]}
+    angle = {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 180}
     kinds = {
         "point": (_object({
             "position": (_POINT, "In metres."), "intensity": (_colour(), "W/sr."),
             "falloff": (falloff, "none acts everywhere as at a distance of 1 m.", "inverse_square"),
         }, ("position", "intensity")), "A point."),
+        "spot": (_object({
+            "position": (_POINT, "In metres."), "target": (_POINT, "A point on its axis."),
+            "direction": (_POINT, "Instead of a target: of its axis, of any length."),
+            "intensity": (_colour(), "W/sr, within beam_width of the axis."), "cutoff": (angle, "Half angle.", 20),
+            "beam_width": (angle, "Half angle; default 3/4 of cutoff."),
+        }, ("position", "intensity")), "A cone."),
         "directional": (_object({
             "direction": (_POINT, "In which its light travels; of any length."),
             "irradiance": (_colour(), "On a surface that faces it, W/m²."),

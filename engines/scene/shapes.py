@@ -1,4 +1,4 @@
-"""Shapes of a scene file: sphere, plane, triangle, mesh (from a file or inline) and procedural."""
+"""Shapes of a scene file: sphere, disk, plane, triangle, mesh (from a file or inline) and procedural."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from engines.scene.files import Place
 from engines.scene.geometry import has_area, unit_rows, vertex_normals
 from engines.scene.materials import MaterialTable
 from engines.scene.mesh import MeshData, read_mesh
-from engines.scene.model import Mesh, Plane, Shape, Sphere, SphereSet, Triangle
+from engines.scene.model import Disk, Mesh, Plane, Shape, Sphere, SphereSet, Triangle
 from engines.scene.procedural import Spheres, generate
 from engines.scene.yaml_file import Located
 
@@ -67,6 +67,12 @@ class ShapeReader:
 def _sphere(reader: ShapeReader, node: Located, material: Any) -> Sphere:
     given = fields.mapping(node, ("center", "radius"), ("center", "radius"))
     return Sphere(fields.triple(given["center"]), fields.positive(given["radius"]), material)
+
+
+def _disk(reader: ShapeReader, node: Located, material: Any) -> Disk:
+    given = fields.mapping(node, ("center", "normal", "radius"), ("center", "normal", "radius"))
+    normal = fields.direction(given["normal"])
+    return Disk(fields.triple(given["center"]), normal, fields.positive(given["radius"]), material)
 
 
 def _plane(reader: ShapeReader, node: Located, material: Any) -> Plane:
@@ -158,5 +164,5 @@ def _frozen_mesh(vertices: Any, faces: Any, materials: Any, normals: Any, name: 
 
 
 _KINDS: dict[str, Callable[[ShapeReader, Located, Any], Shape]] = {
-    "sphere": _sphere, "plane": _plane, "triangle": _triangle, "mesh": _mesh, "procedural": _procedural,
+    "sphere": _sphere, "disk": _disk, "plane": _plane, "triangle": _triangle, "mesh": _mesh, "procedural": _procedural,
 }  # fmt: skip
