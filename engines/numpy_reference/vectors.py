@@ -61,7 +61,7 @@ class Frame(NamedTuple):
 
     @classmethod
     def along(cls, n: Array, u: Array) -> Frame:
-        """z along unit `n`, x along what is left of `u` (of any length) across `n`; where that is next to nothing, as `frame`."""
+        """z along unit `n`, x along the part of `u` (of any length) across it; where that is next to nothing, as in `frame`."""
         across = u - n * dot(n, u)
         aligned = dot(across, across) <= 1e-8 * dot(u, u)
         x = np.where(aligned, frame(n)[0], unit(across))

@@ -30,7 +30,7 @@ class ConductorBSDF:
         self._alpha = np.array([model.alpha for model in models], np.float64).reshape(-1, 2).T.copy()
         self._smooth: Mask = (self._alpha == 0.0).all(axis=0)
         self.lobes = np.where(self._smooth, Lobes.SPECULAR_REFLECTION.value, Lobes.GLOSSY_REFLECTION.value)
-        self.albedo = self._reflected(np.arange(len(models)), np.ones(len(models)))
+        self.albedo = np.array([model.albedo for model in models], np.float64).reshape(-1, 3).T.copy()
 
     def sample(
         self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL

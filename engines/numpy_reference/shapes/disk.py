@@ -48,8 +48,8 @@ class Disks:
 
     def bounds(self) -> tuple[Array, Array]:
         """Tight: along an axis a disk reaches as far as the sine of the angle between the axis and its normal."""
-        reach = self._radius * np.sqrt(np.maximum(1.0 - self._normal * self._normal, 0.0))
-        return self._center - reach, self._center + reach
+        extent = self._radius * np.sqrt(np.maximum(1.0 - self._normal * self._normal, 0.0))
+        return self._center - extent, self._center + extent
 
     def corners(self) -> Array:
         return np.concatenate(self.bounds(), axis=1)
