@@ -1,32 +1,12 @@
-"""Light from infinity: one radiance for all directions, or an image on the sphere that is sampled by its brightness."""
+"""An image on the sphere at infinity, sampled by its brightness."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from engines.numpy_reference.distribution import first_above, rest, shares
-from engines.numpy_reference.vectors import Array, Indices, cosine_hemisphere, dot
+from engines.numpy_reference.vectors import Array, Indices
 from engines.scene.model import EnvironmentLight
-
-
-class ConstantEnvironment:
-    """The same `radiance` (3,) from everywhere; sampled by the cosine around the normal of the surface."""
-
-    def __init__(self, light: EnvironmentLight) -> None:
-        self._radiance = np.array(light.radiance)[:, None]
-
-    def radiance(self, direction: Array) -> Array:
-        """(3, n) from unit directions."""
-        return np.repeat(self._radiance, direction.shape[1], axis=1)
-
-    def pdf(self, direction: Array, normal: Array) -> Array:
-        """(n,) per solid angle, of sampling the directions at points with these normals."""
-        return np.maximum(dot(normal, direction), 0.0) / np.pi
-
-    def sample(self, normal: Array, u0: Array, u1: Array) -> tuple[Array, Array]:
-        """Unit directions (3, n) and their pdf per solid angle (n,)."""
-        wi = cosine_hemisphere(normal, u0, u1)
-        return wi, self.pdf(wi, normal)
 
 
 class ImageEnvironment:
@@ -45,7 +25,7 @@ class ImageEnvironment:
         self._columns = shares(weight).reshape(-1)
         self._rows = shares(weight.sum(axis=1))
 
-    def radiance(self, direction: Array) -> Array:
+    def Li(self, direction: Array) -> Array:
         """(3, n) from unit directions, bilinear between the centres of texels; columns wrap, rows clamp."""
         return self._bilinear(*_place(direction))
 
@@ -86,14 +66,6 @@ class ImageEnvironment:
         return upper * (1.0 - fy) + lower * fy
 
 
-Environment = ConstantEnvironment | ImageEnvironment
-
-
-def environment(light: EnvironmentLight) -> Environment:
-    """The environment of a scene's light."""
-    return ConstantEnvironment(light) if light.image is None else ImageEnvironment(light)
-
-
 def _place(direction: Array) -> tuple[Array, Array]:
     """(u, v) in [0, 1] of unit directions."""
     x, y, z = direction
@@ -106,4 +78,3 @@ def _neighbourhood_mean(grey: Array) -> Array:
     above, below = np.concatenate([grey[:1], grey[:-1]]), np.concatenate([grey[1:], grey[-1:]])
     tall = above + grey + below
     return (np.roll(tall, 1, axis=1) + tall + np.roll(tall, -1, axis=1)) / 9.0
-

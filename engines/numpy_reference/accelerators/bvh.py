@@ -11,8 +11,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from engines.numpy_reference.bvh_build import WIDTH, build
-from engines.numpy_reference.nearest import Nearest, Primitives
+from engines.numpy_reference.accelerators.bvh_build import WIDTH, build
+from engines.numpy_reference.accelerators.nearest import Nearest
+from engines.numpy_reference.shapes import Primitives
 from engines.numpy_reference.vectors import EPSILON, Array, Indices
 
 LANES = 8192
@@ -27,23 +28,23 @@ SORTING_NETWORK = (
 
 
 class Bvh:
-    """The tree over one kind of primitive, which must have `boxes()`."""
+    """The tree over one kind of primitive, which must be bounded."""
 
     def __init__(self, primitives: Primitives, leaf_size: int) -> None:
         self._primitives = primitives
-        low, high = primitives.boxes()
+        low, high = primitives.bounds()
         tree = build(low, high, leaf_size)
         self._nodes, self._leaf_count = tree.child.shape[1], tree.leaves.shape[1]
         # A row for each node and leaf, so that it comes from memory in one piece.
         self._bounds = np.ascontiguousarray(tree.bounds.reshape(-1, self._nodes).T)
         self._child, self._leaves = np.ascontiguousarray(tree.child.T), np.ascontiguousarray(tree.leaves.T)
         self._stack_size = (WIDTH - 1) * tree.depth + 1
-        self._reach = max(np.abs(low).max(), np.abs(high).max())
+        self._extent = max(np.abs(low).max(), np.abs(high).max())
         # A primitive that is never hit fills incomplete leaves.
         copies, fields, count = primitives.data.shape
         data = np.concatenate([primitives.data, np.full((copies, fields, 1), np.nan)], axis=2)
         self._data = data.take(tree.leaves.T, axis=2).transpose(0, 2, 1, 3).reshape(copies * self._leaf_count, -1)
-        self._rank = np.append(primitives.rank, np.iinfo(np.int64).max)
+        self._primitive_id = np.append(primitives.primitive_id, np.iinfo(np.int64).max)
         if self._nodes + self._leaf_count > CHILD:
             raise MemoryError(f"bvh: {count} primitives need more than {CHILD} nodes")
 
@@ -53,13 +54,13 @@ class Bvh:
         return self._bounds.nbytes + self._child.nbytes + self._leaves.nbytes + self._data.nbytes
 
     def closest(self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]) -> None:
-        """Takes over into `nearest` what lies closer, or as close with a lower rank."""
+        """Takes over into `nearest` what lies closer, or as close with a lower id."""
         _Walk(self, origin, direction, nearest, any_hit=False).run(check)
 
     def occluded(self, origin: Array, direction: Array, before: Nearest, check: Callable[[], None]) -> np.ndarray:
         """(n,) whether anything lies in (0, before.t); overwrites `before`."""
         _Walk(self, origin, direction, before, any_hit=True).run(check)
-        return before.rank >= 0
+        return before.primitive_id >= 0
 
 
 class _Walk:
@@ -72,10 +73,10 @@ class _Walk:
 
     def __init__(self, tree: Bvh, origin: Array, direction: Array, nearest: Nearest, any_hit: bool) -> None:
         self.tree, self.nearest, self.any_hit = tree, nearest, any_hit
-        self.left = nearest.left_among(tree._primitives)
+        self.left = nearest.origins_among(tree._primitives)
         # A zero component becomes tiny: the padded slab then answers -huge and +huge, or twice the same, never NaN.
         safe = np.where(np.abs(direction) < 1e-300, 1e-300, direction)
-        pad = 32.0 * EPSILON * (np.abs(origin).max(axis=0) + tree._reach) + 1e-300
+        pad = 32.0 * EPSILON * (np.abs(origin).max(axis=0) + tree._extent) + 1e-300
         self.slabs = np.ascontiguousarray(np.concatenate([origin + pad, origin - pad, 1.0 / safe]))
         self.copies, self.rays = tree._primitives.rays(origin, direction)
         self.rays = np.ascontiguousarray(self.rays)  # `take` copies the whole of an array that is not
@@ -159,12 +160,12 @@ class _Walk:
             t[held == self.left[ray]] = np.inf
         first = t.min(axis=0)
         hit = np.flatnonzero((first <= self.nearest.t[ray]) & (first < np.inf))
-        # Leaves hold their primitives in ascending order, so the first of equals has the lowest rank.
+        # Leaves hold their primitives in ascending order, so the first of equals has the lowest id.
         winner = held[t[:, hit].argmin(axis=0), hit]
-        self.nearest.offer(ray[hit], first[hit], tree._rank[winner])
+        self.nearest.offer(ray[hit], first[hit], tree._primitive_id[winner])
         self.place[lanes] = -1
         if self.any_hit:
-            self.height[lanes[self.nearest.rank[ray] >= 0]] = 0
+            self.height[lanes[self.nearest.primitive_id[ray] >= 0]] = 0
 
 
 def _columns(table: np.ndarray, rows: Indices) -> np.ndarray:

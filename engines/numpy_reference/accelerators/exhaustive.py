@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.numpy_reference.nearest import Nearest, Primitives
+from engines.numpy_reference.accelerators.nearest import Nearest
+from engines.numpy_reference.shapes import Primitives
 from engines.numpy_reference.vectors import Array, Indices
 
 TILE = 32_768
@@ -23,15 +24,15 @@ class Exhaustive:
         self._primitives = primitives
 
     def closest(self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]) -> None:
-        """Takes over into `nearest` what lies closer, or as close with a lower rank."""
+        """Takes over into `nearest` what lies closer, or as close with a lower id."""
         for tile, t in self._distances(origin, direction, nearest, check):
             first = t.min(axis=0)
             better = np.flatnonzero((first <= nearest.t[tile.lanes]) & (first < np.inf))
             if better.size:
                 lanes = tile.lanes[better]
-                # argmin gives the first of equals: the lowest rank of the tile
+                # argmin gives the first of equals: the lowest id of the tile
                 found = tile.first_primitive + t[:, better].argmin(axis=0)
-                nearest.offer(lanes, first[better], self._primitives.rank[found])
+                nearest.offer(lanes, first[better], self._primitives.primitive_id[found])
 
     def occluded(self, origin: Array, direction: Array, before: Nearest, check: Callable[[], None]) -> np.ndarray:
         """(n,) whether anything lies in (0, before.t)."""
@@ -44,7 +45,7 @@ class Exhaustive:
         self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]
     ) -> Iterator[tuple[_Tile, Array]]:
         """Tiles with the distances (primitives, rays) in them, inf for what a ray has just left."""
-        left = nearest.left_among(self._primitives)
+        left = nearest.origins_among(self._primitives)
         for tile in self._tiles(origin, direction):
             check()
             t = self._primitives.distance(tile.primitives, tile.rays)
@@ -56,7 +57,7 @@ class Exhaustive:
 
     def _tiles(self, origin: Array, direction: Array) -> Iterator[_Tile]:
         primitives = self._primitives
-        count = primitives.rank.size
+        count = primitives.primitive_id.size
         if not count:
             return
         height = min(count, 64)

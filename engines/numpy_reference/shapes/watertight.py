@@ -1,4 +1,4 @@
-"""Watertight triangles (Woop, Benthin and Wald 2013), in float64.
+"""Watertight intersection of rays and triangles (Woop, Benthin and Wald 2013), in float64.
 
 Seen along the ray, a triangle becomes a flat one around the origin, and the signs of three edge functions say whether
 it holds the origin. The two products of an edge function are rounded monotonically, so its sign is right or zero; where
@@ -13,55 +13,38 @@ import numpy as np
 from engines.numpy_reference.vectors import EPSILON, Array, Indices
 
 
-class Triangles:
-    """All triangles of a scene that have an area. `a`, `b`, `c`, `normal` (3, m), the normal unit and on the front;
-    `area` (m,); `vertex_normals` (3, 3, m) by vertex and axis, NaN where flat; `rank` (m,) ascending.
+def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
+    """The axis that each ray mainly follows (n,); its origin with that axis last, and its shear (6, n)."""
+    axis = np.abs(direction).argmax(axis=0)
+    order = np.stack([(axis + 1) % 3, (axis + 2) % 3, axis])
+    x, y, z = np.take_along_axis(direction, order, axis=0)
+    return axis, np.concatenate([np.take_along_axis(origin, order, axis=0), np.stack([x / z, y / z, 1.0 / z])])
 
-    `data` (3, 9, m) holds the vertices once for each axis a ray may mainly follow, that axis last.
-    """
 
-    flat = True
+def copies_by_axis(corners: Array) -> Array:
+    """(3, 9, m): the vertices (3, 3, m), by vertex and axis, once for each axis a ray may mainly follow, that axis last."""
+    return np.stack([corners[:, _turned(axis)].reshape(9, -1) for axis in range(3)])
 
-    def __init__(self, corners: Array, normal: Array, area: Array, vertex_normals: Array | None, rank: Indices) -> None:
-        self.a, self.b, self.c = corners
-        self.normal, self.area, self.vertex_normals, self.rank = normal, area, vertex_normals, rank
-        self.data = np.stack([corners[:, _turned(axis)].reshape(9, -1) for axis in range(3)])
 
-    def boxes(self) -> tuple[Array, Array]:
-        """Lower and upper corners, (3, m) each."""
-        return (
-            np.minimum(np.minimum(self.a, self.b), self.c),
-            np.maximum(np.maximum(self.a, self.b), self.c),
-        )
+def distance(triangle: Array, ray: Array) -> Array:
+    """t > 0 inside the triangle, inf elsewhere; the arguments broadcast after their first axis."""
+    x, y, z = _seen_along(triangle, ray)
+    u, v, w = edges = _edge_functions(x, y)
+    inside = np.minimum(np.minimum(u, v), w) >= 0.0
+    inside |= np.maximum(np.maximum(u, v), w) <= 0.0
+    t = np.full(inside.shape, np.inf)
+    hit = np.nonzero(inside)
+    if hit[0].size:
+        t[hit] = _depth(*(tuple(values[hit] for values in group) for group in (x, y, z, edges)))
+    return t
 
-    @staticmethod
-    def rays(origin: Array, direction: Array) -> tuple[Indices, Array]:
-        """The axis that each ray mainly follows (n,); its origin with that axis last, and its shear (6, n)."""
-        axis = np.abs(direction).argmax(axis=0)
-        order = np.stack([(axis + 1) % 3, (axis + 2) % 3, axis])
-        x, y, z = np.take_along_axis(direction, order, axis=0)
-        return axis, np.concatenate([np.take_along_axis(origin, order, axis=0), np.stack([x / z, y / z, 1.0 / z])])
 
-    @staticmethod
-    def distance(triangle: Array, ray: Array) -> Array:
-        """t > 0 inside the triangle, inf elsewhere; the arguments broadcast after their first axis."""
-        x, y, z = _seen_along(triangle, ray)
-        u, v, w = edges = _edge_functions(x, y)
-        inside = np.minimum(np.minimum(u, v), w) >= 0.0
-        inside |= np.maximum(np.maximum(u, v), w) <= 0.0
-        t = np.full(inside.shape, np.inf)
-        hit = np.nonzero(inside)
-        if hit[0].size:
-            t[hit] = _depth(*(tuple(values[hit] for values in group) for group in (x, y, z, edges)))
-        return t
-
-    @staticmethod
-    def barycentric(triangle: Array, ray: Array) -> tuple[Array, Array]:
-        """Weights of the second and third vertex at the hit, for rays that hit."""
-        x, y, _ = _seen_along(triangle, ray)
-        u, v, w = _exact_where_zero(x, y, _edge_functions(x, y))
-        total = u + v + w
-        return v / total, w / total
+def barycentric(triangle: Array, ray: Array) -> tuple[Array, Array]:
+    """Weights of the second and third vertex at the hit, for rays that hit."""
+    x, y, _ = _seen_along(triangle, ray)
+    u, v, w = _exact_where_zero(x, y, _edge_functions(x, y))
+    total = u + v + w
+    return v / total, w / total
 
 
 Corners = tuple[Array, Array, Array]

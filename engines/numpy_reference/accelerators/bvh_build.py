@@ -66,9 +66,7 @@ def _binary(low: Array, high: Array, leaf_size: int) -> Binary:
     return Binary(*boxes, np.concatenate(lefts), start, end, order)
 
 
-def _split(
-    low: Array, high: Array, center: Array, order: Indices, start: Indices, end: Indices, level: int
-) -> Indices:
+def _split(low: Array, high: Array, center: Array, order: Indices, start: Indices, end: Indices, level: int) -> Indices:
     """Sorts the part of `order` in each node [start, end) into two and returns where the second one begins."""
     if not start.size:
         return start

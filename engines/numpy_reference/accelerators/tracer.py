@@ -1,4 +1,4 @@
-"""Finds the closest hit among all kinds of primitives, each through an accelerator of its own; planes are a list."""
+"""Finds the closest hit among all kinds of primitives, each through an accelerator of its own; what has no bounds is a list."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from engines.choices import Choice
-from engines.numpy_reference.bvh import Bvh
-from engines.numpy_reference.exhaustive import Exhaustive
+from engines.numpy_reference.accelerators.bvh import Bvh
+from engines.numpy_reference.accelerators.exhaustive import Exhaustive
+from engines.numpy_reference.accelerators.nearest import Nearest, Part
 from engines.numpy_reference.geometry import Geometry
-from engines.numpy_reference.nearest import Nearest, Part
 from engines.numpy_reference.vectors import EPSILON, Array, Indices
 
 OFFSET_ULPS = 256.0
 AUTO_LIMIT = 48
-"""Spheres and triangles up to which `auto` takes `none`: about where both were measured to be equally fast."""
+"""Bounded primitives up to which `auto` takes `none`: about where both were measured to be equally fast."""
 
 
 class Tracer:
@@ -34,22 +34,32 @@ class Tracer:
         self.nbytes = sum(part.nbytes for part in self._parts)
 
     def closest(
-        self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None], left: Indices | None = None
+        self,
+        origin: Array,
+        direction: Array,
+        t_max: Array,
+        check: Callable[[], None],
+        origin_primitive: Indices | None = None,
     ) -> Nearest:
-        """Closest hits in (0, t_max) of rays (3, n) with unit directions, that have left primitives of rank `left`.
-        `check` is called every few milliseconds."""
-        nearest = Nearest.before(t_max, left)
+        """Closest hits in (0, t_max) of rays (3, n) with unit directions. `check` is called every few milliseconds;
+        `origin_primitive` (n,) are the ids of what the rays have left, -1 for none."""
+        nearest = Nearest.before(t_max, origin_primitive)
         with np.errstate(all="ignore"):
             for part in self._parts:
                 part.closest(origin, direction, nearest, check)
-        nearest.t[nearest.rank < 0] = np.inf
+        nearest.t[nearest.primitive_id < 0] = np.inf
         return nearest
 
     def occluded(
-        self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None], left: Indices | None = None
+        self,
+        origin: Array,
+        direction: Array,
+        t_max: Array,
+        check: Callable[[], None],
+        origin_primitive: Indices | None = None,
     ) -> np.ndarray:
         """(n,) whether anything lies in (0, t_max) but what was left."""
-        dark, before = np.zeros(t_max.size, bool), Nearest.before(t_max, left)
+        dark, before = np.zeros(t_max.size, bool), Nearest.before(t_max, origin_primitive)
         with np.errstate(all="ignore"):
             for part in self._parts:
                 lit = np.flatnonzero(~dark)
@@ -60,12 +70,10 @@ class Tracer:
 
 def _parts(geometry: Geometry, accelerator: Choice) -> list[Part]:
     found: list[Part] = []
-    for primitives in (geometry.planes, geometry.triangles, geometry.spheres):
-        if not primitives.rank.size:
-            continue
-        bounded = primitives is not geometry.planes
-        tree = accelerator.name == "bvh" and bounded
-        found.append(Bvh(primitives, accelerator.options["leaf_size"]) if tree else Exhaustive(primitives))
+    for primitives in geometry.sets:
+        if primitives.primitive_id.size:
+            tree = accelerator.name == "bvh" and primitives.bounded
+            found.append(Bvh(primitives, accelerator.options["leaf_size"]) if tree else Exhaustive(primitives))
     return found
 
 
@@ -73,5 +81,5 @@ def resolved_accelerator(choice: Choice, geometry: Geometry) -> Choice:
     """What `auto` stands for in this scene; any other choice as it is."""
     if choice.name != "auto":
         return choice
-    finite = geometry.triangles.rank.size + geometry.spheres.rank.size
-    return Choice("none") if finite <= AUTO_LIMIT else Choice("bvh", {"leaf_size": 4})
+    bounded = sum(primitives.primitive_id.size for primitives in geometry.sets if primitives.bounded)
+    return Choice("none") if bounded <= AUTO_LIMIT else Choice("bvh", {"leaf_size": 4})
