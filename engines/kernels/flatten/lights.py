@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.flatten import shapes
-from engines.kernels.lane.lights import constant_environment, directional, mesh, point, sphere
+from engines.kernels.lane.lights import constant_environment, directional, disk, mesh, point, sphere
 from engines.kernels.layout import LightRow
 from engines.scene.model import (
     DirectionalLight,
+    Disk,
     EnvironmentLight,
     Material,
     Mesh,
@@ -25,7 +26,7 @@ from engines.scene.model import (
     Triangle,
 )
 
-POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE = range(6)
+POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK = range(7)
 
 Reals = NDArray[np.float64]
 
@@ -50,6 +51,7 @@ MODELS: dict[int, LightModel] = {
     IMAGE_ENVIRONMENT: LightModel(None, 0),
     MESH: LightModel(mesh.sample, 1, mesh.pdf, shapes.TRIANGLE),
     SPHERE: LightModel(sphere.sample, 4, sphere.pdf, shapes.SPHERE),
+    DISK: LightModel(disk.sample, 7, disk.pdf, shapes.DISK),
 }
 
 
@@ -136,5 +138,13 @@ def _spheres(shape: Any, center: Reals) -> list[tuple[int, list[float]]]:
     return [(SPHERE, [*(place - center), radius]) for place, radius in zip(shape.centers, shape.radii, strict=True)]
 
 
-SHAPES: dict[type, Callable[[Any, Reals], list[tuple[int, list[float]]]]] = {Sphere: _spheres, SphereSet: _spheres}
+def _disk(shape: Disk, center: Reals) -> list[tuple[int, list[float]]]:
+    return [(DISK, [*np.subtract(shape.center, center), *shape.normal, shape.radius])]
+
+
+SHAPES: dict[type, Callable[[Any, Reals], list[tuple[int, list[float]]]]] = {
+    Sphere: _spheres,
+    SphereSet: _spheres,
+    Disk: _disk,
+}
 """How an emitting shape becomes lights, one a primitive: (shape, center) -> (kind, parameters) of each."""

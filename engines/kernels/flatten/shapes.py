@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import kernel
+from engines.kernels.lane.shapes import disk
 from engines.kernels.layout import SHAPE_PARAMETERS
-from engines.scene.model import Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.scene.model import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
 
-TRIANGLE, SPHERE, PLANE = range(3)
+TRIANGLE, SPHERE, PLANE, DISK = range(4)
 
 Reals = NDArray[np.float64]
 
@@ -33,7 +34,13 @@ class AnalyticShape(NamedTuple):
     """Its module of `engines.kernels.lane.shapes`: `distance` and `interaction`."""
 
 
-ANALYTIC: dict[type, AnalyticShape] = {}
+def _disk(shape: Disk, center: Reals) -> list[float]:
+    return [*np.subtract(shape.center, center), *shape.normal, shape.radius]
+
+
+ANALYTIC: dict[type, AnalyticShape] = {
+    Disk: AnalyticShape(DISK, _disk, disk.bounds, disk),
+}
 
 
 def analytic_shape(kind: int) -> AnalyticShape:
