@@ -8,10 +8,10 @@ from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
-from engines.scene.model import Conductor, CustomCamera, EnvironmentLight, Scene, SpotLight
+from engines.scene.model import Conductor, CustomCamera, EnvironmentLight, Scene
 from engines.scene.support import first_lacking
 
-LACKS = (Conductor, SpotLight)
+LACKS = (Conductor,)
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
