@@ -16,8 +16,11 @@ from functools import cache
 from typing import Any
 
 import numba
+from llvmlite import binding as llvm
 from numba import types
 from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
 
 from engines.kernels.compile.code_cache import cached
 
@@ -50,6 +53,26 @@ def _timed_compilation() -> Iterator[None]:
                     gc.enable()
 
 
+@contextmanager
+def _without_early_unrolling() -> Iterator[None]:
+    """Numba optimises each function before what it calls is inlined. A loop over lanes that does little but call is then
+    unrolled at once, and never becomes vector code; LLVM unrolls loops again after inlining, when it knows what is in them."""
+    codegen: Any = cpu_target.target_context.codegen()
+
+    def function_passes() -> tuple[Any, Any]:
+        options = llvm.create_pipeline_tuning_options(speed_level=3)
+        options.loop_unrolling = False
+        builder = llvm.create_pass_builder(codegen._tm, options)
+        return builder.getFunctionPassManager(), builder
+
+    with global_compiler_lock:  # other code is compiled as ever
+        codegen._function_pass_manager = function_passes
+        try:
+            yield
+        finally:
+            del codegen._function_pass_manager
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """A jitted function that Python calls: releases the GIL, kept on disk."""
     dispatcher = numba.njit(nogil=True, **OPTIONS)(function)
@@ -57,7 +80,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     compile_for = dispatcher._compile_for_args
 
     def timed(*arguments: Any, **named: Any) -> Any:
-        with _timed_compilation():
+        with _timed_compilation(), _without_early_unrolling():
             return compile_for(*arguments, **named)
 
     dispatcher._compile_for_args = timed
@@ -98,6 +121,6 @@ def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool
     compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))
     if on_disk:
         compiled._cache = cached(function)
-    with _timed_compilation():
+    with _timed_compilation(), _without_early_unrolling():
         compiled.compile()
     return compiled

@@ -27,6 +27,18 @@ def call_stage(typing, stage, batch, scene):
 
 
 @intrinsic
+def keep_scalar(typing):
+    """Keeps LLVM from making vector code of the loop around it: gathers of a few numbers a lane cost more than they save."""
+
+    def generate(context, builder, signature, arguments):
+        nothing = ir.FunctionType(ir.VoidType(), [])
+        builder.call(ir.InlineAsm(nothing, "", "", side_effect=True), [])
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@intrinsic
 def lowest_bit(typing, word):
     """The index of the lowest bit that is set in a word that is not 0."""
 

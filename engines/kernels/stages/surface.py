@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import const, keep_scalar, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
@@ -144,6 +144,7 @@ def _make_load_hit(features: SceneFeatures) -> Any:
     @inline
     def load(rays, scene):
         for lane in range(np.uint64(LANES)):
+            keep_scalar()
             primitive, held = rays.primitive[lane], rays.held_primitive[lane]
             primitive = held if held >= 0 else primitive
             rays.primitive[lane] = primitive

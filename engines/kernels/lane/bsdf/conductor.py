@@ -12,8 +12,8 @@ from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, BSDF, SPECULAR_REFLECTION, BSDFSample, Spectrum
-from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.frame import frame_of_normal, frame_of_tangent, to_local, to_world
+from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
 from engines.kernels.lane.vector import Vec3, dot, select3
 
