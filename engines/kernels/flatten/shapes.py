@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import kernel
+from engines.kernels.lane.shapes import disk
 from engines.kernels.layout import SHAPE_PARAMETERS
-from engines.scene.model import Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.scene.model import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
 
-TRIANGLE, SPHERE, PLANE = range(3)
+TRIANGLE, SPHERE, PLANE, DISK = range(4)
 
 Reals = NDArray[np.float64]
 
@@ -30,10 +31,14 @@ class AnalyticShape(NamedTuple):
     bounds: Callable[[Reals], tuple[Reals, Reals]]
     """Parameters (n, SHAPE_PARAMETERS) -> lowest and highest coordinates (n, 3)."""
     lane: Any
-    """Its module of `engines.kernels.lane.shapes`: `distance` and `interaction`."""
+    """Its module of `engines.kernels.lane.shapes`: `distance` and `intersection`."""
 
 
-ANALYTIC: dict[type, AnalyticShape] = {}
+def _disk(shape: Disk, center: Reals) -> list[float]:
+    return [*np.subtract(shape.center, center), *shape.normal, shape.radius]
+
+
+ANALYTIC: dict[type, AnalyticShape] = {Disk: AnalyticShape(DISK, _disk, disk.bounds, disk)}
 
 
 def analytic_shape(kind: int) -> AnalyticShape:
