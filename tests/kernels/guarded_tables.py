@@ -10,11 +10,12 @@ import sys
 import numpy as np
 
 import engines
-from engines.kernels.world import POINTS, World
+from engines.kernels.flatten import FlatScene
+from engines.kernels.layout import SceneTable
 
 GUARD = 16 << 20
 kept: list = []
-bind = World.bind
+bind = FlatScene.bind
 
 
 def guarded(values: np.ndarray) -> np.ndarray:
@@ -31,11 +32,11 @@ def guarded(values: np.ndarray) -> np.ndarray:
     return copy
 
 
-def bind_guarded(world: World, slot: int, value) -> None:
-    bind(world, slot, guarded(np.ascontiguousarray(value)) if slot == POINTS else value)
+def bind_guarded(flat: FlatScene, field, value) -> None:
+    bind(flat, field, guarded(np.ascontiguousarray(value)) if field is SceneTable.sample_points else value)
 
 
-World.bind = bind_guarded
+FlatScene.bind = bind_guarded
 engine, scene = engines.engine(sys.argv[1]), engines.load_scene("two_spheres")
 for sampler in ("halton", "sobol"):
     settings = engines.Settings(1, 1, shader={"name": "path_tracer", "max_depth": 3}, sampler=sampler)

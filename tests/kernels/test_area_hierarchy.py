@@ -7,10 +7,10 @@ import pytest
 
 import engines
 from engines import Settings
-from engines.kernels.camera import parameters
-from engines.kernels.world import CAMERA as CAMERA_SLOT
-from engines.kernels.world import flatten
-from engines.numba_cpu.accel.area_hierarchy import BOXES, Accelerator
+from engines.kernels.flatten import flatten
+from engines.kernels.layout import SceneTable
+from engines.kernels.stages.camera import parameters
+from engines.numba_cpu.accel.area_hierarchy import Accelerator, AreaTable
 
 EYE = np.array([0.3, -0.2, 5.0])
 CAMERA = {"eye": EYE.tolist(), "target": [0, 0.1, 0], "up": [0.1, 1, 0], "resolution": [48, 40]}
@@ -108,9 +108,9 @@ def test_images_are_the_lists_whatever_the_camera_and_after_it_moved(camera):
 
 def test_the_box_of_a_sphere_is_its_outline():
     scene = scene_of([sphere((0, 0, -3), 1.5)], eye=[0, 0, 0], target=[0, 0, -1], up=[0, 1, 0])
-    world = flatten(scene, np.float64, np.float64)
-    world.bind(CAMERA_SLOT, parameters(scene.camera, 8, 8, world.center))
+    flat = flatten(scene, np.float64, np.float64)
+    flat.bind(SceneTable.camera, parameters(scene.camera, 8, 8, flat.center))
     accelerator = Accelerator({})
-    accelerator.build(world, 1)
-    accelerator.look(world, has_eye=True)
-    assert world.arrays[BOXES] == pytest.approx(np.tan(np.arcsin(0.5)) * np.array([[-1, 1, -1, 1]]), rel=1e-9)
+    accelerator.build(flat, 1)
+    accelerator.look(flat, has_eye=True)
+    assert flat.arrays[AreaTable.boxes] == pytest.approx(np.tan(np.arcsin(0.5)) * np.array([[-1, 1, -1, 1]]), rel=1e-9)

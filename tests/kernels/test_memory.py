@@ -175,10 +175,10 @@ def test_a_renderer_and_its_tree_are_freed_without_the_cyclic_collector(engine):
         renderer.warm_up()
         renderer.render(1)
         renderer.trace(np.zeros((5000, 3)), np.ones((5000, 3)))
-        worlds = [weakref.ref(owned) for owned in renderer._world.owned]
+        owned = [weakref.ref(thing) for thing in renderer._flat.owned]
         gone = weakref.ref(renderer)
         renderer.update(shapes=engines.load_scene("two_spheres").shapes[:1])
-        assert [world() for world in worlds] == [None] * len(worlds)
+        assert [thing() for thing in owned] == [None] * len(owned)
         del renderer
         patience = time.monotonic() + 60  # a thread may still be putting its last piece of work away
         while gone() is not None and time.monotonic() < patience:
@@ -192,7 +192,7 @@ def test_a_renderer_and_its_tree_are_freed_without_the_cyclic_collector(engine):
 def test_an_update_that_fails_leaves_the_renderer_as_it_was(engine, monkeypatch):
     renderer, scene = prepared(engine, "cornell_box"), engines.load_scene("two_spheres")
     before = renderer.render(2).mean()
-    monkeypatch.setattr(renderer._accelerator, "build", lambda world, threads: 1 / 0)
+    monkeypatch.setattr(renderer._accelerator, "build", lambda flat, threads: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         renderer.update(camera=scene.camera, shapes=scene.shapes[:1])
     assert np.array_equal(renderer.film.mean(), before)

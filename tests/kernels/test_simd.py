@@ -4,23 +4,38 @@ import numba
 import numpy as np
 import pytest
 
-from engines.kernels.jit import OPTIONS, keep, pointer, select
-from engines.kernels.shapes import sphere_distance, triangle_distance
-from engines.kernels.simd import bits, convert, descending, fetch8, iota, keep8, lane, lesser, lowest, splat, swapped
-from engines.kernels.vector import Vec3
+from engines.kernels.compile.jit import OPTIONS
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.simd import (
+    bits,
+    convert,
+    descending,
+    iota,
+    lane,
+    lesser,
+    load8,
+    lowest,
+    splat,
+    store8,
+    swapped,
+)
+from engines.kernels.compile.values import select
+from engines.kernels.lane.shapes.sphere import sphere_distance
+from engines.kernels.lane.shapes.triangle import triangle_distance
+from engines.kernels.lane.vector import Vec3
 
 RNG = np.random.default_rng(11)
 
 
 @numba.njit(**OPTIONS)
 def reduced(values, result):
-    table, out = pointer(values.ctypes.data, np.int32), pointer(result.ctypes.data, np.int32)
-    eight = fetch8(table, 0)
-    keep8(out, 0, descending(eight))
-    keep8(out, 8, swapped(eight))
-    keep8(out, 16, select(eight > np.int32(3), eight, np.int32(-7)))
-    keep(out, 24, lowest(eight))
-    keep(out, 25, lane(eight, 5))
+    table, out = array_at(values.ctypes.data, np.int32), array_at(result.ctypes.data, np.int32)
+    eight = load8(table, 0)
+    store8(out, 0, descending(eight))
+    store8(out, 8, swapped(eight))
+    store8(out, 16, select(eight > np.int32(3), eight, np.int32(-7)))
+    out[24] = lowest(eight)
+    out[25] = lane(eight, 5)
     return bits((eight > np.int32(3)) | (iota() == np.int32(0))), bits(iota() < np.int32(5))
 
 
@@ -37,17 +52,17 @@ def test_eight_integers_are_sorted_reduced_and_selected():
 
 @numba.njit(**OPTIONS)
 def distances(corners, result, least, real):
-    table, out = pointer(corners.ctypes.data, real), pointer(result.ctypes.data, real)
+    table, out = array_at(corners.ctypes.data, real), array_at(result.ctypes.data, real)
     a, b, c = (
-        Vec3(fetch8(table, 0), fetch8(table, 8), fetch8(table, 16)),
-        Vec3(fetch8(table, 24), fetch8(table, 32), fetch8(table, 40)),
-        Vec3(fetch8(table, 48), fetch8(table, 56), fetch8(table, 64)),
+        Vec3(load8(table, 0), load8(table, 8), load8(table, 16)),
+        Vec3(load8(table, 24), load8(table, 32), load8(table, 40)),
+        Vec3(load8(table, 48), load8(table, 56), load8(table, 64)),
     )
-    keep8(out, 0, triangle_distance(a, b, c))
-    keep8(pointer(least.ctypes.data, real), 0, lesser(a.x, -b.x))
+    store8(out, 0, triangle_distance(a, b, c))
+    store8(array_at(least.ctypes.data, real), 0, lesser(a.x, -b.x))
     for k in range(8):
         p, q, r = corners[0:3, k], corners[3:6, k], corners[6:9, k]
-        keep(out, 8 + k, triangle_distance(Vec3(p[0], p[1], p[2]), Vec3(q[0], q[1], q[2]), Vec3(r[0], r[1], r[2])))
+        out[8 + k] = triangle_distance(Vec3(p[0], p[1], p[2]), Vec3(q[0], q[1], q[2]), Vec3(r[0], r[1], r[2]))
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
@@ -63,20 +78,22 @@ def test_a_triangle_of_eight_is_as_far_as_one_alone_bit_for_bit(real):
 
 
 @numba.njit(**OPTIONS)
-def sphere_hits(balls, result):
-    table, out = pointer(balls.ctypes.data, np.float64), pointer(result.ctypes.data, np.float32)
+def sphere_hits(spheres, result):
+    table, out = array_at(spheres.ctypes.data, np.float64), array_at(result.ctypes.data, np.float32)
     o, d = Vec3(0.1, 0.2, -3.0), Vec3(0.0, 0.6, 0.8)
-    t = sphere_distance(o, d, Vec3(fetch8(table, 0), fetch8(table, 8), fetch8(table, 16)), fetch8(table, 24))
-    keep8(out, 0, convert(t, np.float32))
-    keep8(out, 8, convert(splat(2.75), np.float32))
+    t = sphere_distance(o, d, Vec3(load8(table, 0), load8(table, 8), load8(table, 16)), load8(table, 24))
+    store8(out, 0, convert(t, np.float32))
+    store8(out, 8, convert(splat(2.75), np.float32))
     for k in range(8):
-        keep(out, 16 + k, np.float32(sphere_distance(o, d, Vec3(balls[0, k], balls[1, k], balls[2, k]), balls[3, k])))
+        out[16 + k] = np.float32(
+            sphere_distance(o, d, Vec3(spheres[0, k], spheres[1, k], spheres[2, k]), spheres[3, k])
+        )
 
 
 def test_a_sphere_of_eight_is_as_far_as_one_alone_bit_for_bit():
     for _ in range(50):
-        balls, out = RNG.normal(size=(4, 8)), np.zeros((3, 8), np.float32)
-        balls[3] = abs(balls[3]) + 1
-        sphere_hits(balls, out)
+        spheres, out = RNG.normal(size=(4, 8)), np.zeros((3, 8), np.float32)
+        spheres[3] = abs(spheres[3]) + 1
+        sphere_hits(spheres, out)
         assert np.array_equal(out[0], out[2])
         assert (out[1] == 2.75).all()

@@ -1,0 +1,154 @@
+"""Shapes that have a formula are found by every accelerator, those that a test registers too, as the plain list finds them."""
+
+import ctypes
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import select
+from engines.kernels.flatten import flatten
+from engines.kernels.flatten.shapes import ANALYTIC, AnalyticShape
+from engines.kernels.lane.shapes import disk
+from engines.kernels.lane.vector import Vec3, dot
+from engines.kernels.layout import LANES, RayBatch, aligned, batch_bytes
+from engines.numba_cpu.engine import MADE
+from engines.scene.model import Disk, Mesh, Plane, Sphere
+
+CAMERA = {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [16, 16]}
+EMPTY = {
+    "raybench_scene": 1,
+    "camera": CAMERA,
+    "materials": {"white": {"kd": 0.7}},
+    "lights": [{"point": {"position": [0, 3, 4], "intensity": 40}}],
+    "shapes": [],
+}
+ACCELERATORS = sorted(set(MADE) - {"none"})
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A disk with a hole of half its radius, which no engine knows."""
+
+    center: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    radius: float
+    material: int
+
+
+@inline
+def ring_distance(o, d, p):
+    t = disk.distance(o, d, p)
+    out = o + d * select(t < np.inf, t, 0.0) - Vec3(p[0], p[1], p[2])
+    return select(dot(out, out) >= 0.25 * p[6] * p[6], t, np.inf)
+
+
+@pytest.fixture
+def rings(monkeypatch):
+    """Registers `Ring`."""
+    lane = SimpleNamespace(distance=ring_distance, intersection=disk.intersection)
+    monkeypatch.setitem(ANALYTIC, Ring, AnalyticShape(99, ANALYTIC[Disk].parameters, disk.bounds, lane))
+
+
+def triple(values):
+    return tuple(float(x) for x in values)
+
+
+def flat_shapes(kind, n, seed):
+    """Shapes at random; every third lies across an axis."""
+    random = np.random.default_rng(seed)
+    normals = random.normal(size=(n, 3))
+    normals[::3] = np.eye(3)[np.arange(len(normals[::3])) % 3]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return [
+        kind(triple(random.uniform(-1, 1, 3)), triple(normal), float(random.uniform(0.05, 0.4)), 0)
+        for normal in normals
+    ]
+
+
+def others(seed):
+    random = np.random.default_rng(seed)
+    corners = (random.uniform(-1, 1, (60, 1, 3)) + 0.1 * random.normal(size=(60, 3, 3))).reshape(-1, 3)
+    mesh = Mesh(corners, np.arange(180, dtype=np.int32).reshape(-1, 3), np.zeros(60, np.int32))
+    spheres = [Sphere(triple(random.uniform(-1, 1, 3)), float(random.uniform(0.02, 0.2)), 0) for _ in range(30)]
+    return [mesh, *spheres, Plane((0.0, -1.2, 0.0), (0.0, 1.0, 0.0), 0)]
+
+
+def scene_of(shapes):
+    return replace(engines.scene_from(EMPTY), shapes=tuple(shapes))
+
+
+def answers(scene, accelerator, precision):
+    """All that a renderer finds: by rays from anywhere, by rays from the eye, and in an image with shadows."""
+    random = np.random.default_rng(2)
+    settings = Settings(16, 16, shader="whitted", accelerator=accelerator, precision=precision)
+    renderer = engines.engine("numba").prepare(scene, settings)
+    origins, directions = random.uniform(-1.5, 1.5, (1500, 3)), random.normal(size=(1500, 3))
+    eye = np.tile([0.0, 0.0, 4.0], (1500, 1)), 0.2 * directions - [0, 0, 1]
+    found = [getattr(hits, field) for hits in (renderer.trace(origins, directions), renderer.trace(*eye))
+             for field in ("t", "shape", "primitive", "normal")]  # fmt: skip
+    return [*found, renderer.occluded(origins, directions, 0.8), renderer.render(1).sums]
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("accelerator", ACCELERATORS)
+@pytest.mark.parametrize("mixed", [False, True], ids=["alone", "among others"])
+def test_every_accelerator_finds_the_lists_hits_bit_for_bit(mixed, accelerator, precision, rings):
+    shapes = [*flat_shapes(Disk, 40, 5), *flat_shapes(Ring, 40, 6)]
+    shapes = [*shapes, *shapes[38:42]]  # the same once more: of two hits at one place the first counts
+    if mixed:
+        shapes = [*shapes[:20], *others(7), *shapes[20:]]
+    scene = scene_of(shapes)
+    plain, ours = answers(scene, "none", precision), answers(scene, accelerator, precision)
+    met = np.unique(plain[1][np.isfinite(plain[0])])
+    assert {type(shapes[k]) for k in met} == {type(shape) for shape in shapes}
+    for a, b in zip(plain, ours, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_a_disk_and_a_ring_are_where_they_are_said_to_be(rings):
+    shapes = [Disk((-2.0, 0, 0), (0, 0, 1.0), 1.0, 0), Ring((2.0, 0, 0), (0, 0, -1.0), 1.0, 0)]
+    radii = np.array([0.0, 0.49, 0.51, 0.99, 1.01])
+    for accelerator in ("none", *ACCELERATORS):
+        renderer = engines.engine("numba").prepare(scene_of(shapes), Settings(4, 4, accelerator=accelerator))
+        for x, hit in ((-2.0, radii < 1), (2.0, (radii < 1) & (radii > 0.5))):
+            origins = np.stack([x + radii, 0 * radii, 0 * radii + 3], axis=1)
+            assert renderer.trace(origins, [[0, 0, -1]] * 5).t.tolist() == np.where(hit, 3.0, np.inf).tolist()
+            assert not np.isfinite(renderer.trace(origins, [[0, 0, 1]] * 5).t).any()
+
+
+def run_batch(accelerator, shapes, fields):
+    """(closest ids, occluded) of sixteen rays, straight from the accelerator's stages."""
+    flat = flatten(scene_of(shapes), np.float64, np.float64)
+    made = MADE[accelerator]({"density": 4.0})
+    made.build(flat, 1)
+    stages = made.stages(flat.features, np.float64)
+    memory = aligned(batch_bytes(np.float64, made.scratch))
+    numbers = memory[: RayBatch.bytes(np.float64)].view(np.float64).reshape(-1, LANES)
+    words, first = numbers.view(np.int64), {name: field.first for name, field in RayBatch.fields.items()}
+    for name, values in fields.items():
+        target = words if name == "origin_primitive" else numbers
+        target[first[name] : first[name] + len(values)] = values
+    for stage in stages:
+        ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64)(stage.address)(memory.ctypes.data, flat.address)
+    return words[first["primitive"]].copy(), words[first["occluded"]].copy()
+
+
+@pytest.mark.parametrize("accelerator", ["none", *ACCELERATORS])
+def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(accelerator):
+    here = Disk((0, 0, 0), (0, 0, 1.0), 1.0, 0)
+    left = np.array([-1, 0, 1, -1] * 4)
+    t_max = np.array([np.inf, np.inf, np.inf, 1e-3] * 4)
+    origin, down = np.outer([0.1, 0.2, 1e-3], np.ones(16)), np.outer([0, 0, -1.0], np.ones(16))
+    ray = {"origin": origin, "direction": down, "t": [t_max], "origin_primitive": [left]}
+    shadow = {"shadow_origin": origin, "wi": down, "shadow_t_max": [t_max]}
+    closest, occluded = run_batch(accelerator, [here, here], {**ray, **shadow})
+    assert closest.tolist() == [0, 1, 0, -1] * 4
+    assert occluded.tolist() == [1, 1, 1, 0] * 4
+    closest, occluded = run_batch(accelerator, [here], {**ray, **shadow})
+    assert closest.tolist() == [0, -1, 0, -1] * 4
+    assert occluded.tolist() == [1, 0, 1, 0] * 4
