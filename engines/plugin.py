@@ -1,7 +1,7 @@
 """What a plugin for the jitted engines is written with: one lane's vectors and selections, and the objects that carry it.
 
-A shader is a function `step(hit, material, light, draws, path, options, needs) -> Step` (see `engines.kernels.shaders.step`),
-decorated with `inline`, in a `Shader`; a sampler is `draw(pixel, sample, dimension, seed_key) -> float in [0, 1)`. Sixteen
+A shader is a function `step(si, light, bsdf, draws, path, options) -> ScatterResult` (see
+`engines.kernels.integrators.interface`), decorated with `inline`, in a `Shader`; a sampler is `draw(pixel, sample, dimension, seed_key) -> float in [0, 1)`. Sixteen
 lanes run as vector code when the function has no branches: use `select`. With branches it stays right and is slower.
 """
 
@@ -11,10 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from engines.kernels.jit import const, inline, select
-from engines.kernels.materials import cosine_direction, cosine_pdf, mirrored, refracted
-from engines.kernels.shaders.step import Draws, Hit, Light, Material, Path, Step, finish
-from engines.kernels.vector import Vec3, cross, dot, largest, length, select3, tangents, total, unit
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.integrators.interface import Draws, Path, ScatterResult, SurfaceInteraction, finish
+from engines.kernels.lane.bsdf.interface import BSDFSample, Scattering, Spectrum
+from engines.kernels.lane.fresnel import reflect, refract
+from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.sampling import cosine_direction, cosine_pdf, power_heuristic
+from engines.kernels.lane.vector import Vec3, cross, dot, largest, length, select3, tangents, total, unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,7 @@ class Camera:
 
 
 __all__ = [
-    "Camera", "Draws", "Hit", "Light", "Material", "Path", "Sampler", "Shader", "Step", "Vec3", "const", "cosine_direction",
-    "cosine_pdf", "cross", "dot", "finish", "inline", "largest", "length", "mirrored", "refracted", "select", "select3",
-    "tangents", "total", "unit",
+    "BSDFSample", "Camera", "Draws", "LightSample", "Path", "Sampler", "ScatterResult", "Scattering", "Shader", "Spectrum",
+    "SurfaceInteraction", "Vec3", "const", "cosine_direction", "cosine_pdf", "cross", "dot", "finish", "inline", "largest",
+    "length", "power_heuristic", "reflect", "refract", "select", "select3", "tangents", "total", "unit",
 ]  # fmt: skip

@@ -15,7 +15,7 @@ import engines
 from engines import Settings
 from engines.choices import SAMPLERS, resolve
 from engines.numpy_reference.sampler import Sampler, sobol_point
-from engines.plugin import Shader, Step, Vec3, const, inline, select3
+from engines.plugin import ScatterResult, Shader, Vec3, const, inline, select3
 from engines.scene import Material, Perspective, Scene, Sphere
 from harness.verify.sampling import slope_of
 
@@ -26,12 +26,12 @@ PIXELS = 256
 
 
 @inline
-def _draws(hit, material, light, draws, path, options, needs):
+def _draws(si, light, bsdf, draws, path, options):
     """The last vertex shows its draws; before it the path goes to and fro in a sphere."""
-    zero, one = const(0.0, hit.t), const(1.0, hit.t)
+    zero, one = const(0.0, si.t), const(1.0, si.t)
     none, last = Vec3(zero, zero, zero), path.depth >= options[0]
     shown = Vec3(draws.lobe, draws.u0, draws.u1)
-    return Step(select3(last, shown, none), none, path.depth < options[0], hit.normal, False, Vec3(one, one, one), zero,
+    return ScatterResult(select3(last, shown, none), none, path.depth < options[0], si.normal, False, Vec3(one, one, one), zero,
                 False, none, none)  # fmt: skip
 
 

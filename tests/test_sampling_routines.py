@@ -22,16 +22,16 @@ IMAGE = np.random.default_rng(0).random((6, 12, 3)) ** 4
 
 
 @inline
-def _direction(hit, material, light, draws, path, options, needs):
-    zero = const(0.0, hit.t)
-    return finish(hit.t, light.wi, Vec3(zero, zero, zero))
+def _direction(si, light, bsdf, draws, path, options):
+    zero = const(0.0, si.t)
+    return finish(si.t, light.wi, Vec3(zero, zero, zero))
 
 
 @inline
-def _density(hit, material, light, draws, path, options, needs):
-    zero, far = const(0.0, hit.t), const(1e30, hit.t)
+def _density(si, light, bsdf, draws, path, options):
+    zero, far = const(0.0, si.t), const(1e30, si.t)
     distance = select(light.distance < far, light.distance, zero)
-    return finish(hit.t, Vec3(light.pdf, distance, zero), Vec3(zero, zero, zero))
+    return finish(si.t, Vec3(light.pdf, distance, zero), Vec3(zero, zero, zero))
 
 
 def _numpy(show):

@@ -5,10 +5,10 @@ import pytest
 from numba import njit
 
 from engines.choices import Choice
-from engines.kernels import samplers
-from engines.kernels.jit import inline
-from engines.kernels.materials import refracted
-from engines.kernels.vector import Vec3, dot, sin_cos_turn, tangents
+from engines.kernels.compile.jit import inline
+from engines.kernels.lane.fresnel import refract
+from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, tangents
+from engines.kernels.stages import sampler
 
 TYPES = [np.float32, np.float64]
 
@@ -52,7 +52,7 @@ def test_the_local_frame_is_orthonormal_for_every_normal():
 
 @njit
 def _reflectance(cos, eta):
-    return refracted(Vec3(np.sqrt(1.0 - cos * cos), 0.0, -cos), Vec3(0.0, 0.0, 1.0), eta).reflectance
+    return refract(Vec3(np.sqrt(1.0 - cos * cos), 0.0, -cos), Vec3(0.0, 0.0, 1.0), eta).reflectance
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_total_reflection_begins_at_the_critical_angle_and_is_never_nan():
 
 
 def test_tabulated_halton_points_start_as_they_must():
-    table = samplers.points(Choice("halton", {"scramble": "none"}), 0, 5) / 2.0**32
+    table = sampler.points(Choice("halton", {"scramble": "none"}), 0, 5) / 2.0**32
     expected = [(0, 0), (1 / 2, 1 / 3), (1 / 4, 2 / 3), (3 / 4, 1 / 9), (1 / 8, 4 / 9)]
     assert np.allclose(table[:, :2], expected, atol=2.0**-31)
 
@@ -80,7 +80,7 @@ def test_tabulated_halton_points_start_as_they_must():
 def test_tabulated_sobol_points_equal_scipys():
     qmc = pytest.importorskip("scipy.stats").qmc
     theirs = qmc.Sobol(8, scramble=False, bits=32).random(64)
-    ours = samplers.points(Choice("sobol", {"scramble": "none"}), 0, 64)[:, :8] / 2.0**32
+    ours = sampler.points(Choice("sobol", {"scramble": "none"}), 0, 64)[:, :8] / 2.0**32
     assert sorted(map(tuple, ours)) == sorted(map(tuple, theirs))
 
 

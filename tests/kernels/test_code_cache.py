@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from engines.kernels import code_cache
-from engines.kernels.code_cache import KeyedFiles, hash_of_sources
+from engines.kernels.compile import code_cache
+from engines.kernels.compile.code_cache import KeyedFiles, hash_of_sources
 
-ENGINES = Path(code_cache.__file__).parent.parent
+ENGINES = Path(code_cache.__file__).parents[2]
 KEY, OTHER = ("void(int64, int64)", "cpu", "stage 4"), ("void(int64, int64)", "cpu", "stage 14")
 
 
@@ -33,7 +33,9 @@ def test_code_of_another_key_is_not_believed(tmp_path):
     assert files.load(KEY) == b"4"
 
 
-@pytest.mark.parametrize("damage", ["empty", "truncated", "a bit", "another format", "a folder", "nothing but a pickle"])
+@pytest.mark.parametrize(
+    "damage", ["empty", "truncated", "a bit", "another format", "a folder", "nothing but a pickle"]
+)
 def test_a_damaged_file_is_a_miss(tmp_path, damage):
     files = KeyedFiles(tmp_path, "stage")
     files.save(KEY, b"machine code" * 100)
@@ -69,11 +71,12 @@ def test_every_source_of_the_engines_counts(tmp_path):
 
 STAGES = """
 import random, sys
-from engines.kernels.jit import compile_stage, pointer
+from engines.kernels.compile.jit import compile_stage
+from engines.kernels.compile.memory import array_at
 import numpy as np
 def make(k):
-    def stage(block, world):
-        pointer(block, np.int64)[0] = k
+    def stage(batch, scene):
+        array_at(batch, np.int64)[0] = k
     return stage
 wanted = list(range(12))
 random.Random(int(sys.argv[1])).shuffle(wanted)

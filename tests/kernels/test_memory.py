@@ -13,7 +13,7 @@ import pytest
 import engines
 from engines import Settings
 from engines.kernels import renderer as kernel_renderer
-from engines.plugin import Camera, Sampler, Shader, Step, Vec3, const, inline, select, select3
+from engines.plugin import Camera, Sampler, ScatterResult, Shader, Vec3, const, inline, select, select3
 
 JITTED = ["numba", "embree"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,22 +35,22 @@ def test_no_lane_reads_outside_of_the_table_of_samples(engine):
 # ---- shaders that follow two rays from one hit -----------------------------------------------------------------------
 
 
-def _tree(hit, path, depth, second):
+def _tree(si, path, depth, second):
     """A step that adds 1 at every vertex and goes on from it until `depth`, in one direction or two, missing nothing."""
-    one, zero = const(1.0, hit.t), const(0.0, hit.t)
+    one, zero = const(1.0, si.t), const(0.0, si.t)
     none, ones = Vec3(zero, zero, zero), Vec3(one, one, one)
-    goes_on = (path.depth < depth) & (not hit.miss)
-    shown = select3(hit.miss, none, ones)
-    infinite = const(np.inf, hit.t)
-    return Step(shown, none, goes_on, hit.normal, False, ones, infinite, goes_on & second, hit.normal, ones)
+    goes_on = (path.depth < depth) & (not si.miss)
+    shown = select3(si.miss, none, ones)
+    infinite = const(np.inf, si.t)
+    return ScatterResult(shown, none, goes_on, si.normal, False, ones, infinite, goes_on & second, si.normal, ones)
 
 
 _tree = inline(_tree)
 
 
 @inline
-def _binary(hit, material, light, draws, path, options, needs):
-    return _tree(hit, path, options[0], True)
+def _binary(si, light, bsdf, draws, path, options):
+    return _tree(si, path, options[0], True)
 
 
 def _inside_a_sphere(*more):
@@ -72,14 +72,23 @@ def test_a_plugin_that_branches_follows_every_branch_whatever_the_scene_holds(mo
 
 
 @inline
-def _comb(hit, material, light, draws, path, options, needs):
+def _comb(si, light, bsdf, draws, path, options):
     """Goes on to depth options[0] and leaves one ray waiting at every vertex, each of which ends at once."""
-    one, zero = const(1.0, hit.t), const(0.0, hit.t)
+    one, zero = const(1.0, si.t), const(0.0, si.t)
     none, ones = Vec3(zero, zero, zero), Vec3(one, one, one)
-    first = path.throughput.x > const(0.5, hit.t)
+    first = path.throughput.x > const(0.5, si.t)
     goes_on = first & (path.depth < options[0])
-    return Step(
-        ones, none, goes_on, hit.normal, False, ones, const(np.inf, hit.t), goes_on, hit.normal, ones * const(0.25, hit.t)
+    return ScatterResult(
+        ones,
+        none,
+        goes_on,
+        si.normal,
+        False,
+        ones,
+        const(np.inf, si.t),
+        goes_on,
+        si.normal,
+        ones * const(0.25, si.t),
     )
 
 
@@ -102,11 +111,11 @@ def test_a_shader_that_never_ends_its_branches_is_an_error_in_one_line(monkeypat
 
 
 @inline
-def _light_alone(hit, material, light, draws, path, options, needs):
-    zero = const(0.0, hit.t)
+def _light_alone(si, light, bsdf, draws, path, options):
+    zero = const(0.0, si.t)
     none = Vec3(zero, zero, zero)
-    shown = select3(hit.miss, none, light.radiance)
-    return Step(shown, none, False, hit.direction, False, none, const(np.inf, hit.t), False, none, none)
+    shown = select3(si.miss, none, light.radiance)
+    return ScatterResult(shown, none, False, si.direction, False, none, const(np.inf, si.t), False, none, none)
 
 
 @pytest.mark.parametrize("name", ["albedo", "depth_map", "no_shadows", "whitted", "path_tracer"])

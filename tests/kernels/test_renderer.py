@@ -11,7 +11,7 @@ import pytest
 
 import engines
 from engines import Settings, Unsupported
-from engines.kernels.code_cache import cache_folder
+from engines.kernels.compile.code_cache import cache_folder
 from engines.plugin import Camera, Sampler, Shader, Vec3, const, finish, inline, select3
 
 JITTED = ["numba", "embree"]
@@ -23,11 +23,11 @@ def _renderer(engine="numba", scene="cornell_box", **settings):
 
 
 @inline
-def _normals(hit, material, light, draws, path, options, needs):
-    zero, half = const(0.0, hit.t), const(0.5, hit.t)
+def _normals(si, light, bsdf, draws, path, options):
+    zero, half = const(0.0, si.t), const(0.5, si.t)
     none = Vec3(zero, zero, zero)
-    colour = (hit.normal + Vec3(const(1.0, half), const(1.0, half), const(1.0, half))) * half * options[0]
-    return finish(hit.t, select3(hit.miss, none, colour), none)
+    colour = (si.normal + Vec3(const(1.0, half), const(1.0, half), const(1.0, half))) * half * options[0]
+    return finish(si.t, select3(si.miss, none, colour), none)
 
 
 @pytest.mark.parametrize("engine", JITTED)
@@ -162,9 +162,9 @@ def test_machine_code_of_versions_that_nobody_has_used_for_a_month_is_removed(tm
 
 def test_samples_that_are_not_finite_are_black_and_counted():
     @inline
-    def broken(hit, material, light, draws, path, options, needs):
-        nan = const(np.nan, hit.t)
-        return finish(hit.t, Vec3(nan, nan, nan), Vec3(nan - nan, nan - nan, nan - nan))
+    def broken(si, light, bsdf, draws, path, options):
+        nan = const(np.nan, si.t)
+        return finish(si.t, Vec3(nan, nan, nan), Vec3(nan - nan, nan - nan, nan - nan))
 
     renderer = _renderer(shader=Shader("broken", jitted=broken))
     film = renderer.render(2)
@@ -175,7 +175,12 @@ def test_samples_that_are_not_finite_are_black_and_counted():
 def test_a_scene_without_shapes_or_lights_is_black():
     camera = {"type": "perspective", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0]}
     empty = engines.scene_from({"raybench_scene": 1, "name": "empty", "camera": camera, "shapes": []})
-    for engine, shader in (("numba", "path_tracer"), ("numba", "whitted"), ("numba", "depth_map"), ("embree", "path_tracer")):
+    for engine, shader in (
+        ("numba", "path_tracer"),
+        ("numba", "whitted"),
+        ("numba", "depth_map"),
+        ("embree", "path_tracer"),
+    ):
         renderer = engines.engine(engine).prepare(empty, Settings(8, 8, shader=shader, precision="float64"))
         assert not renderer.render(2).mean().any()
         assert np.isinf(renderer.trace([[0, 0, 1.0]], [[0, 0, -1.0]]).t).all()

@@ -65,6 +65,4 @@ def _conductor_channel(c, eta, k):
 @inline
 def fresnel_conductor(c, eta, k):
     """Exact, unpolarised reflectance of the complex index eta + ik at the cosine c in (0, 1], per channel."""
-    return Vec3(
-        _conductor_channel(c, eta.x, k.x), _conductor_channel(c, eta.y, k.y), _conductor_channel(c, eta.z, k.z)
-    )
+    return Vec3(_conductor_channel(c, eta.x, k.x), _conductor_channel(c, eta.y, k.y), _conductor_channel(c, eta.z, k.z))

@@ -1,4 +1,7 @@
-"""The GGX distribution of microfacet normals, in the local frame: z along the shading normal (Walter et al. 2007; Heitz 2014)."""
+"""The GGX distribution of microfacet normals, in the local frame: z along the shading normal.
+
+Walter et al. 2007; Heitz 2014, 2018.
+"""
 
 from __future__ import annotations
 

@@ -143,7 +143,8 @@ def stages(sampler: Choice, real: Any) -> tuple[Any, Any]:
     else:
         scrambled, plain = BITS[sampler.name]
         value = _to_real(plain if sampler.options.get("scramble") == "none" else scrambled, real)
-    return tuple(_stage(value, sampler.name in TABULATED, draws, real) for draws in (2, DRAWS))  # type: ignore[return-value]
+    tabulated = sampler.plugin is None and sampler.name in TABULATED
+    return tuple(_stage(value, tabulated, draws, real) for draws in (2, DRAWS))  # type: ignore[return-value]
 
 
 @cache

@@ -95,32 +95,10 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> BSDF:
     def pdf(parameters, si, wi):
         zero, one = const(0.0, si.t), const(1.0, si.t)
         lobes = lobes_of(parameters, si)
-        q = lobes.d + lobes.r + lobes.t
-        return lobes.d / select(q > zero, q, one) * dot(si.normal, wi) * const(1.0 / math.pi, one)
+        q, cos = lobes.d + lobes.r + lobes.t, dot(si.normal, wi)
+        return lobes.d / select(q > zero, q, one) * select(cos > zero, cos, zero) * const(1.0 / math.pi, one)
 
-    @inline
-    def sample_any(parameters, si, u_lobe, u0, u1):
-        zero, one = const(0.0, si.t), const(1.0, si.t)
-        lobes = lobes_of(parameters, si)
-        d, r, t = lobes.d, lobes.r, lobes.t
-        q = d + r + t
-        share = d / select(q > zero, q, one)
-        wi = cosine_direction(si.normal, u0, u1)
-        pdf = share * cosine_pdf(si.normal, wi)
-        weight = Spectrum(lobes.kd, q / select(d > zero, d, one))
-        transmitted = False
-        if specular:
-            u = u_lobe * q
-            is_diffuse, is_reflection = u < d, (u >= d) & (u < d + r)
-            transmitted = (u >= d + r) & lobes.through
-            ks, kt = lobes.ks * lobes.fresnel_ks, lobes.kt * lobes.fresnel_kt
-            refraction = kt * (q / select(t > zero, t, one))
-            color = select3(is_diffuse, lobes.kd, select3(is_reflection, ks, refraction))
-            scale = select(is_reflection, q / select(r > zero, r, one), lobes.scale)
-            weight = Spectrum(color, select(is_diffuse, weight.scale, scale))
-            wi = select3(is_diffuse, wi, select3(is_reflection, lobes.reflected, lobes.refracted))
-            pdf = select(is_diffuse, pdf, const(math.inf, pdf))
-        return BSDFSample(wi, weight, pdf, transmitted, q > zero)
+    sample_any = _make_sample_any(lobes_of, specular)
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
@@ -148,4 +126,31 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> BSDF:
     return BSDF(evaluate, pdf, sample, albedos)
 
 
-__all__: list[Any] = ["columns", "make"]
+def _make_sample_any(lobes_of: Any, specular: bool) -> Any:
+    """The function `sample` that chooses among all lobes."""
+
+    @inline
+    def sample_any(parameters, si, u_lobe, u0, u1):
+        zero, one = const(0.0, si.t), const(1.0, si.t)
+        lobes = lobes_of(parameters, si)
+        d, r, t = lobes.d, lobes.r, lobes.t
+        q = d + r + t
+        share = d / select(q > zero, q, one)
+        wi = cosine_direction(si.normal, u0, u1)
+        pdf = share * cosine_pdf(si.normal, wi)
+        weight = Spectrum(lobes.kd, q / select(d > zero, d, one))
+        transmitted = False
+        if specular:
+            u = u_lobe * q
+            is_diffuse, is_reflection = u < d, (u >= d) & (u < d + r)
+            transmitted = (u >= d + r) & lobes.through
+            ks, kt = lobes.ks * lobes.fresnel_ks, lobes.kt * lobes.fresnel_kt
+            refraction = kt * (q / select(t > zero, t, one))
+            color = select3(is_diffuse, lobes.kd, select3(is_reflection, ks, refraction))
+            scale = select(is_reflection, q / select(r > zero, r, one), lobes.scale)
+            weight = Spectrum(color, select(is_diffuse, weight.scale, scale))
+            wi = select3(is_diffuse, wi, select3(is_reflection, lobes.reflected, lobes.refracted))
+            pdf = select(is_diffuse, pdf, const(math.inf, pdf))
+        return BSDFSample(wi, weight, pdf, transmitted, q > zero)
+
+    return sample_any

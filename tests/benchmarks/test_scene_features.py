@@ -4,7 +4,9 @@
 import pytest
 
 import engines
-from engines.kernels import world
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten import lights, materials
+from engines.kernels.flatten import scene as flatten_scene
 
 SCENES = ["cornell_box", "two_spheres", "furnace"]
 pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
@@ -14,8 +16,10 @@ pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
 @pytest.mark.parametrize("scene", SCENES)
 def test_paths(benchmark, monkeypatch, scene, kernels):
     if kernels == "made_for_any_scene":
-        every = world.Needs(**{name: name != "image_sky" for name in world.Needs._fields})
-        monkeypatch.setattr(world, "_needs", lambda *_: every)
+        kinds = tuple(kind for kind in lights.MODELS if kind != lights.IMAGE_ENVIRONMENT)
+        own = {"lights": kinds, "bsdfs": (materials.MIXTURE,), "analytic": ()}
+        every = SceneFeatures(**{name: own.get(name, True) for name in SceneFeatures._fields})
+        monkeypatch.setattr(flatten_scene, "_features", lambda *_: every)
     shader = {"name": "path_tracer", "max_depth": 6, "rr_depth": 1000}
     settings = engines.Settings(width=128, height=128, shader=shader, sampler="sobol", precision="float32")
     renderer = engines.engine("numba").prepare(engines.load_scene(scene), settings)
