@@ -8,7 +8,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from engines.scene.yaml_file import Located
+from engines.schema.yaml_file import Located
 from harness import catalog, fields
 from harness.identity import canonical_json
 from harness.rules import Rule, rule

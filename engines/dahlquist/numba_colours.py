@@ -2,89 +2,87 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from engines.dahlquist.animation import REAL
 from engines.dahlquist.frame import SPHERE
-from engines.dahlquist.numba_rays import (
-    BALL,
-    BALL_REALS,
-    COLOUR,
-    DIFFUSE,
-    DIRECTION,
-    DISTANCE,
-    FIRST,
-    HALF,
-    ORIGIN,
-    SECOND,
-    ZERO,
-    centre_of,
-    unit,
-)  # fmt: skip
+from engines.dahlquist.numba_rays import HALF, ZERO, BallRow, BoxRow, unit
 from engines.dahlquist.numpy_frame import TO_LIGHT
-from engines.kernels.block import get3, put3
-from engines.kernels.jit import LANES, fetch, get, get_int, inline, pointer, put_int, select
-from engines.kernels.vector import Vec3, dot
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.records import LANES, Row, Table, array, real, rows, scalar, table_view
+from engines.kernels.compile.values import select
+from engines.kernels.lane.vector import Vec3, dot
 
 TWO, FOUR, MOST = (REAL(x) for x in (2, 4, 255))
 TO_LIGHT_X, TO_LIGHT_Y, TO_LIGHT_Z = (REAL(x) for x in TO_LIGHT[:, 0])
 LOW_BYTE = np.uint32(255)
 
 
-class Tables(NamedTuple):
-    """Addresses of what all threads read, and sizes."""
+class StretchRow(Row):
+    """Texels left and right of a column of pixels, and the right one's weight."""
 
-    balls: int
-    boxes: int
-    probe: int
-    probe_width: int
-    probe_height: int
-    background: int
-    background_width: int
-    background_height: int
-    stretch: int
+    dtype = REAL
+    left = real()
+    right = real()
+    share = real()
+
+
+class FrameTable(Table):
+    """What all threads read."""
+
+    balls = rows(BallRow)
+    boxes = rows(BoxRow)
+    probe = array(np.uint32)
+    probe_width = scalar()
+    probe_height = scalar()
+    background = array(REAL)
+    background_width = scalar()
+    background_height = scalar()
+    stretch = rows(StretchRow)
+
+
+frame_table = table_view(FrameTable)
 
 
 @inline
-def reflect(lanes, balls):
+def reflect(rays, balls):
     """Shades the ball that each lane has met, and turns the lane's ray into the mirrored one."""
     for lane in range(np.uint64(LANES)):
-        origin, distance = get3(lanes, ORIGIN, lane), get(lanes, DISTANCE, lane)
-        ball = np.int64(get_int(lanes, BALL, lane))
-        centre = centre_of(balls, ball)
-        towards = unit(get3(lanes, DIRECTION, lane))
-        normal = unit(origin + towards * distance - centre)
+        origin, distance = rays.origin[lane], rays.distance[lane]
+        ball = balls[rays.ball[lane]]
+        center = ball.center
+        towards = unit(rays.direction[lane])
+        normal = unit(origin + towards * distance - center)
         cosine = TO_LIGHT_X * normal.x + TO_LIGHT_Y * normal.y + TO_LIGHT_Z * normal.z
         cosine = select(cosine > ZERO, cosine, ZERO)
-        k = ball * BALL_REALS + 4
-        put3(lanes, DIFFUSE, lane, Vec3(fetch(balls, k), fetch(balls, k + 1), fetch(balls, k + 2)) * cosine)
+        rays.diffuse[lane] = ball.color * cosine
         # The mirror's point is found with a direction normalised once more, which may differ in its last bit.
         point = origin + unit(towards) * distance
-        normal = unit(point - centre)
-        put3(lanes, ORIGIN, lane, point)
-        put3(lanes, DIRECTION, lane, normal * (TWO * dot(-towards, normal)) + towards)
+        normal = unit(point - center)
+        rays.origin[lane] = point
+        rays.direction[lane] = normal * (TWO * dot(-towards, normal)) + towards
 
 
 @inline
-def finish(lanes, level, tables, environment):
-    """COLOUR becomes the word of a pixel that has met its last ball: what mirrors show adds up from the last to the first."""
-    probe = pointer(tables.probe, np.uint32)
+def finish(rays, level, table, environment):
+    """`color` becomes the word of a pixel that has met its last ball: what mirrors show adds up from the last to the
+    first."""
+    probe, width, height = table.probe, table.probe_width, table.probe_height
     for lane in range(np.uint64(LANES)):
         seen = Vec3(ZERO, ZERO, ZERO)
         if environment:
-            column = np.int32(REAL(tables.probe_width) * (get(lanes, DIRECTION + 1, lane) / FOUR + HALF))
-            row = np.int32(REAL(tables.probe_height) * (get(lanes, DIRECTION + 2, lane) / FOUR + HALF))
-            texel = np.int64(row) * tables.probe_width + np.int64(column)
-            inside = (texel >= 0) & (texel < tables.probe_width * tables.probe_height)  # stale lanes hold anything
-            seen = _texel(fetch(probe, select(inside, texel, np.int64(0))))
-        colour = get3(lanes, DIFFUSE, lane) + seen
+            direction = rays.direction[lane]
+            column = np.int32(REAL(width) * (direction.y / FOUR + HALF))
+            row = np.int32(REAL(height) * (direction.z / FOUR + HALF))
+            texel = np.int64(row) * width + np.int64(column)
+            inside = (texel >= 0) & (texel < width * height)  # stale lanes hold anything
+            seen = _texel(probe[select(inside, texel, np.int64(0))])
+        color = rays.diffuse[lane] + seen
         if level == 2:
-            colour = get3(lanes, SECOND, lane) + colour
+            color = rays.second[lane] + color
         if level >= 1:
-            colour = get3(lanes, FIRST, lane) + colour
-        put_int(lanes, COLOUR, lane, np.int32(word(colour, SPHERE)))
+            color = rays.first[lane] + color
+        rays.color[lane] = np.int32(word(color, SPHERE))
 
 
 @inline
@@ -102,7 +100,7 @@ def _byte(x):
 
 
 @inline
-def word(colour, flag):
+def word(color, flag):
     """A pixel as it lies in memory: red in the lowest byte, the flag in the highest."""
-    rgb = _byte(colour.x) | _byte(colour.y) << np.uint32(8) | _byte(colour.z) << np.uint32(16)
+    rgb = _byte(color.x) | _byte(color.y) << np.uint32(8) | _byte(color.z) << np.uint32(16)
     return rgb | np.uint32(flag) << np.uint32(24)

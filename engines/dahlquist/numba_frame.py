@@ -1,7 +1,7 @@
 """The frame in compiled code, for `threads` threads.
 
-A thread takes strips of rows. Primary rays run in blocks of sixteen; those that meet a ball wait in a queue, so that the
-blocks of the next stage are full again, and so on for each mirror.
+A thread takes strips of rows. Primary rays run in blocks of sixteen; those that meet a ball wait in a queue, so that
+the blocks of the next stage are full again, and so on for each mirror.
 """
 
 from __future__ import annotations
@@ -15,137 +15,134 @@ from numpy.typing import NDArray
 
 from engines.dahlquist.animation import COLOURS, RADII, REAL
 from engines.dahlquist.frame import Frame, Pictures, View
-from engines.dahlquist.numba_background import ALPHA, CHANNELS, Scratch, beside, draw_background
-from engines.dahlquist.numba_colours import Tables, finish, reflect
+from engines.dahlquist.numba_background import ALPHA, CHANNELS, StretchedRows, beside, draw_background
+from engines.dahlquist.numba_colours import FrameTable, finish, frame_table, reflect
 from engines.dahlquist.numba_rays import (
-    BALL,
-    BALL_REALS,
     BALLS,
-    COLOUR,
-    DIFFUSE,
-    DIRECTION,
-    DISTANCE,
-    FIELDS,
-    FIRST,
-    ORIGIN,
-    PIXEL,
-    SECOND,
-    WAITING,
     ZERO,
+    BallRow,
+    RayBatch,
+    WaitingRays,
     begin_search,
+    column_span,
     in_box,
-    meet,
+    intersect,
     primary_rays,
+    ray_batch,
     search,
-    span,
-)  # fmt: skip
+    waiting_rays,
+)
 from engines.dahlquist.numpy_frame import HITS
-from engines.kernels.block import get3, put3
-from engines.kernels.jit import LANES, fetch, fetch_add, get, get_int, inline, keep, kernel, pointer, put, put_int
-from engines.kernels.vector import Vec3
+from engines.kernels.compile.jit import inline, kernel
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.records import LANES
+from engines.kernels.compile.values import fetch_add
+from engines.kernels.lane.vector import Vec3
 
 STRIP = 4
 """Rows that a thread takes at once."""
-HELD_FIELDS = (ORIGIN, SECOND, WAITING)
-"""How many fields rays of each level have in a queue."""
+RAYS_BYTES, WAITING_BYTES = RayBatch.bytes(REAL), WaitingRays.bytes(REAL)
 
 
 @inline
-def _push(lanes, lane, level, queue, capacity, n):
+def _push(rays, lane, level, queue, n):
     """Puts a ray that has met a ball into place n of a queue, with what rays of its level have."""
-    _keep3(queue, DIRECTION * capacity + n, capacity, get3(lanes, DIRECTION, lane))
-    keep(queue, DISTANCE * capacity + n, get(lanes, DISTANCE, lane))
-    keep(queue, BALL * capacity + n, get(lanes, BALL, lane))
-    keep(queue, PIXEL * capacity + n, get(lanes, PIXEL, lane))
+    waiting, place = queue[n // LANES], n % LANES
+    waiting.direction[place] = rays.direction[lane]
+    waiting.distance[place] = rays.distance[lane]
+    waiting.ball[place] = rays.ball[lane]
+    waiting.pixel[place] = rays.pixel[lane]
     if level > 0:
-        _keep3(queue, ORIGIN * capacity + n, capacity, get3(lanes, ORIGIN, lane))
-        _keep3(queue, FIRST * capacity + n, capacity, get3(lanes, FIRST, lane))
+        waiting.origin[place] = rays.origin[lane]
+        waiting.first[place] = rays.first[lane]
     if level > 1:
-        _keep3(queue, SECOND * capacity + n, capacity, get3(lanes, SECOND, lane))
+        waiting.second[place] = rays.second[lane]
 
 
 @inline
-def _pull(lanes, level, queue, capacity, first):
+def _pull(rays, level, waiting):
     """Takes sixteen rays that wait; beyond the last there are stale ones, which are harmless and never drawn."""
-    for field in range(HELD_FIELDS[level]):
+    for lane in range(np.uint64(LANES)):
+        rays.direction[lane] = waiting.direction[lane]
+        rays.distance[lane] = waiting.distance[lane]
+        rays.ball[lane] = waiting.ball[lane]
+        rays.pixel[lane] = waiting.pixel[lane]
+        rays.origin[lane] = waiting.origin[lane] if level > 0 else Vec3(ZERO, ZERO, ZERO)
+    if level > 0:
         for lane in range(np.uint64(LANES)):
-            put(lanes, field, lane, fetch(queue, field * capacity + first + np.int64(lane)))
-    if level == 0:
+            rays.first[lane] = waiting.first[lane]
+    if level > 1:
         for lane in range(np.uint64(LANES)):
-            put3(lanes, ORIGIN, lane, Vec3(ZERO, ZERO, ZERO))
+            rays.second[lane] = waiting.second[lane]
 
 
 @inline
-def _keep3(queue, place, stride, value):
-    keep(queue, place, value.x)
-    keep(queue, place + stride, value.y)
-    keep(queue, place + 2 * stride, value.z)
-
-
-@inline
-def _mirror(lanes, level, queue, waiting, further, capacity, tables, flags, pixels):
-    """Shades the rays of a queue; those whose mirrors show a ball go into the queue `further`. Returns how many these are."""
-    balls = pointer(tables.balls, REAL)
+def _mirror(rays, level, queue, waiting, further, table, flags, pixels):
+    """Shades the rays of a queue; those whose mirrors show a ball go into the queue `further`. Returns how many these
+    are."""
+    balls = table.balls
     environment, reflections = flags
     n = 0
     for first in range(0, waiting, LANES):
-        _pull(lanes, level, queue, capacity, first)
-        reflect(lanes, balls)
+        _pull(rays, level, queue[first // LANES])
+        reflect(rays, balls)
         for lane in range(np.uint64(LANES)):
-            put_int(lanes, BALL, lane, np.int32(-1))
+            rays.ball[lane] = np.int32(-1)
         if reflections and level < HITS - 1:
-            search(lanes, balls)
-        finish(lanes, level, tables, environment)
+            search(rays, balls)
+        finish(rays, level, table, environment)
         for lane in range(np.uint64(LANES)):
-            diffuse = get3(lanes, DIFFUSE, lane)
+            diffuse = rays.diffuse[lane]
             if level == 0:
-                put3(lanes, FIRST, lane, diffuse)
+                rays.first[lane] = diffuse
             if level == 1:
-                put3(lanes, SECOND, lane, diffuse)
+                rays.second[lane] = diffuse
         for lane in range(np.uint64(min(LANES, waiting - first))):
-            if get_int(lanes, BALL, lane) >= 0:
-                _push(lanes, lane, level + 1, further, capacity, n)
+            if rays.ball[lane] >= 0:
+                _push(rays, lane, level + 1, further, n)
                 n += 1
             else:
-                keep(pixels, np.int64(get_int(lanes, PIXEL, lane)), np.uint32(get_int(lanes, COLOUR, lane)))
+                pixels[rays.pixel[lane]] = np.uint32(rays.color[lane])
     return n
 
 
 @inline
-def _row(lanes, row, size, spans, boxes, queue, waiting, capacity, tables, scratch, environment, pixels_at):
-    """Primary rays of a row: those that meet a ball join the queue, the others' pixels show the background. Returns how many
-    wait now."""
-    balls, width = pointer(tables.balls, REAL), size[0]
+def _row(rays, row, size, spans, queue, waiting, table, stretched, environment, pixels_at):
+    """Primary rays of a row: those that meet a ball join the queue, the others' pixels show the background. Returns how
+    many wait now."""
+    balls, boxes, width = table.balls, table.boxes, size[0]
     for k in range(BALLS):
-        spans[k] = span(boxes, k, row, width)
-    texel_rows = beside(row, size[1], tables)
+        spans[k] = column_span(boxes[k], row, width)
+    texel_rows = beside(row, size[1], table)
     for column in range(0, width, LANES):
         begun = False
         for k in range(BALLS):
             if spans[k][0] < column + LANES and spans[k][1] >= column:
                 if not begun:
-                    primary_rays(lanes, column, row, width)
-                    begin_search(lanes)
+                    primary_rays(rays, column, row, width)
+                    begin_search(rays)
                     begun = True
-                if in_box(lanes, boxes, k) > 0:
-                    meet(lanes, balls, k)
+                if in_box(rays, boxes[k]) > 0:
+                    intersect(rays, balls[k], k)
         if begun:
             for lane in range(np.uint64(min(LANES, width - column))):
-                if get_int(lanes, BALL, lane) >= 0:
-                    put_int(lanes, PIXEL, lane, np.int32(row * width + column) + np.int32(lane))
-                    _push(lanes, lane, 0, queue, capacity, waiting)
+                if rays.ball[lane] >= 0:
+                    rays.pixel[lane] = np.int32(row * width + column) + np.int32(lane)
+                    _push(rays, lane, 0, queue, waiting)
                     waiting += 1
-        draw_background(lanes, begun, column, row, size, texel_rows, tables, scratch, environment, pixels_at)
+        draw_background(rays, begun, column, row, size, texel_rows, table, stretched, environment, pixels_at)
     return waiting
 
 
-def _draw(memory, capacity, tables, scratch, size, rows, flags, next_strip, pixels_at):
-    """What one thread does: strips of rows, until there are none."""
+def _draw(memory, queue_bytes, table_at, texels_at, index_at, size, rows, flags, next_strip, pixels_at):
+    """What one thread does: strips of rows, until there are none. `memory` holds a batch of rays and two queues."""
     height = size[1]
     first_row, row_step = rows
-    lanes, one_queue = pointer(memory, REAL), pointer(memory + 4 * FIELDS * LANES, REAL)
-    other_queue = pointer(memory + 4 * (FIELDS * LANES + WAITING * capacity), REAL)
-    pixels, boxes = pointer(pixels_at, np.uint32), pointer(tables.boxes, REAL)
+    rays, table = ray_batch(memory, REAL), frame_table(table_at, REAL)
+    one_queue = waiting_rays(memory + RAYS_BYTES, REAL)
+    other_queue = waiting_rays(memory + RAYS_BYTES + queue_bytes, REAL)
+    stretched = StretchedRows(array_at(texels_at, REAL), array_at(index_at, np.int64))
+    pixels = array_at(pixels_at, np.uint32)
     spans = [(np.int64(0), np.int64(0)) for _ in range(BALLS)]
     while True:
         start = first_row + fetch_add(next_strip, 1) * STRIP * row_step
@@ -153,12 +150,10 @@ def _draw(memory, capacity, tables, scratch, size, rows, flags, next_strip, pixe
             return
         waiting = 0
         for row in range(start, min(start + STRIP * row_step, height), row_step):
-            waiting = _row(
-                lanes, row, size, spans, boxes, one_queue, waiting, capacity, tables, scratch, flags[0], pixels_at
-            )  # fmt: skip
+            waiting = _row(rays, row, size, spans, one_queue, waiting, table, stretched, flags[0], pixels_at)
         here, there = one_queue, other_queue
         for level in range(HITS):
-            waiting = _mirror(lanes, level, here, waiting, there, capacity, tables, flags, pixels)
+            waiting = _mirror(rays, level, here, waiting, there, table, flags, pixels)
             here, there = there, here
 
 
@@ -174,34 +169,37 @@ class Painter:
         self._size = width, height
         self._probe, self._background = _words(pictures.probe), _flagged(pictures.background)
         self._stretch = _stretch(width, self._background.shape[1])
-        # A line more than a strip needs: fields a power of two apart would fall into the same sets of the cache.
-        self._capacity = -(-STRIP * width // LANES) * LANES + LANES
-        memory = FIELDS * LANES + 2 * WAITING * self._capacity
-        self._memory = [np.zeros(memory, REAL) for _ in range(threads)]
-        self._rows = [np.zeros((2, CHANNELS * width), REAL) for _ in range(threads)]
-        self._held = np.zeros((threads, 2), np.int64)
+        self._queue_bytes = -(-STRIP * width // LANES) * WAITING_BYTES
+        self._memory = [np.zeros(RAYS_BYTES + 2 * self._queue_bytes, np.uint8) for _ in range(threads)]
+        self._texels = [np.zeros((2, CHANNELS * width), REAL) for _ in range(threads)]
+        self._texel_rows = np.zeros((threads, 2), np.int64)
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="dahlquist")
         self._draw = _compiled()
 
+    def _table(self, **arrays: Any) -> NDArray[np.int64]:
+        """The slots of a `FrameTable`; these arrays must outlive its use."""
+        (probe_height, probe_width), (height, width, _) = self._probe.shape, self._background.shape
+        arrays |= {"probe": self._probe, "background": self._background, "stretch": self._stretch}
+        values = {
+            "probe_width": probe_width, "probe_height": probe_height, "background_width": width, "background_height": height,
+            **{name: array.ctypes.data for name, array in arrays.items()},
+        }  # fmt: skip
+        return np.array([values[name] for name in FrameTable.fields], np.int64)
+
     def draw(self, frame: Frame, view: View) -> None:
         """Draws the rows of a call into `frame`."""
-        balls = np.zeros((BALLS, BALL_REALS), REAL)
+        balls = np.zeros((BALLS, BallRow.size), REAL)
         balls[:, :3], balls[:, 3], balls[:, 4:7] = view.centres, RADII, COLOURS
         boxes = np.ascontiguousarray(view.boxes, REAL)
-        (probe_height, probe_width), (height, width, _) = self._probe.shape, self._background.shape
-        tables = Tables(
-            balls.ctypes.data, boxes.ctypes.data, self._probe.ctypes.data, probe_width, probe_height,
-            self._background.ctypes.data, width, height, self._stretch.ctypes.data,
-        )  # fmt: skip
+        table = self._table(balls=balls, boxes=boxes)
         next_strip = np.zeros(1, np.int64)
-        self._held[:] = -1
+        self._texel_rows[:] = -1
         rows, flags = (view.first_row, view.row_step), (view.environment, view.reflections)
 
         def work(k: int) -> None:
-            scratch = Scratch(self._rows[k].ctypes.data, self._held[k].ctypes.data)
             self._draw(
-                self._memory[k].ctypes.data, self._capacity, tables, scratch, self._size, rows, flags,
-                next_strip.ctypes.data, frame.ctypes.data,
+                self._memory[k].ctypes.data, self._queue_bytes, table.ctypes.data, self._texels[k].ctypes.data,
+                self._texel_rows[k].ctypes.data, self._size, rows, flags, next_strip.ctypes.data, frame.ctypes.data,
             )  # fmt: skip
 
         others = [self._pool.submit(work, k) for k in range(1, len(self._memory))]

@@ -10,24 +10,67 @@ import math
 import numpy as np
 
 from engines.dahlquist.animation import FOCAL, RADII, REAL
-from engines.kernels.block import get3, put3
-from engines.kernels.jit import LANES, fetch, get, get_int, inline, put, put_int, select
-from engines.kernels.vector import Vec3, dot
-
-# fields of a block, sixteen numbers each; the first WAITING of them are a queue's too
-DIRECTION, DISTANCE, BALL, PIXEL, ORIGIN, FIRST, SECOND = 0, 3, 4, 5, 6, 9, 12
-WAITING = 15
-TOWARDS, DIFFUSE, TRIED, COLOUR = 15, 18, 21, 22
-FIELDS = 23
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.records import LANES, LaneRecord, Row, integer, lane_view, real, vector
+from engines.kernels.compile.values import select
+from engines.kernels.lane.vector import Vec3, dot
 
 BALLS = len(RADII)
-BALL_REALS = 8  # centre 3, radius, colour 3, spare
-BOX_REALS = 4
 ZERO, HALF, ONE, FAR = (REAL(x) for x in (0, 0.5, 1, np.inf))
-SLACK, STEEP = REAL(1e-5), REAL(0.999)
+SPAN_MARGIN, MAX_Y = REAL(1e-5), REAL(0.999)
 """What widens the spans of rows, and the largest y that they distinguish."""
-RIM = REAL(1.00001)
+RADIUS_MARGIN = REAL(1.00001)
 """What widens squared radii where squares are formed in float32."""
+
+
+class RayBatch(LaneRecord):
+    """Sixteen rays."""
+
+    direction = vector()
+    distance = real()
+    ball = integer()  # the nearest so far, -1 for none
+    pixel = integer()
+    origin = vector()
+    first = vector()  # diffuse colours of the balls met before
+    second = vector()
+    unit_direction = vector()  # the direction normalised once more
+    diffuse = vector()  # of the ball met
+    candidate = real()  # above 0 where the ball at hand may be met
+    color = integer()  # the pixel as it lies in memory
+
+
+class WaitingRays(LaneRecord):
+    """Rays in a queue, each having met a ball: as in `RayBatch`."""
+
+    direction = vector()
+    distance = real()
+    ball = integer()
+    pixel = integer()
+    origin = vector()
+    first = vector()
+    second = vector()
+
+
+class BallRow(Row):
+    dtype = REAL
+    center = vector()
+    radius = real()
+    color = vector()
+    spare = real()
+
+
+class BoxRow(Row):
+    """Of directions, in their y and z."""
+
+    dtype = REAL
+    y_low = real()
+    y_high = real()
+    z_low = real()
+    z_high = real()
+
+
+ray_batch = lane_view(RayBatch)
+waiting_rays = lane_view(WaitingRays)
 
 
 @inline
@@ -44,39 +87,33 @@ def unit(a):
 
 
 @inline
-def centre_of(balls, k):
-    return Vec3(fetch(balls, k * BALL_REALS), fetch(balls, k * BALL_REALS + 1), fetch(balls, k * BALL_REALS + 2))
-
-
-@inline
-def primary_rays(lanes, column, row, width):
+def primary_rays(rays, column, row, width):
     """Directions of sixteen pixels of a row, from `column` on."""
     z = REAL(row) / REAL(width) - HALF
     for lane in range(np.uint64(LANES)):
         y = REAL(np.int32(column) + np.int32(lane)) / REAL(width) - HALF
-        put3(lanes, DIRECTION, lane, unit(Vec3(FOCAL, y, z)))
-        put3(lanes, ORIGIN, lane, Vec3(ZERO, ZERO, ZERO))
+        rays.direction[lane] = unit(Vec3(FOCAL, y, z))
+        rays.origin[lane] = Vec3(ZERO, ZERO, ZERO)
 
 
 @inline
-def begin_search(lanes):
+def begin_search(rays):
     for lane in range(np.uint64(LANES)):
-        put3(lanes, TOWARDS, lane, unit(get3(lanes, DIRECTION, lane)))
-        put(lanes, DISTANCE, lane, FAR)
-        put_int(lanes, BALL, lane, np.int32(-1))
+        rays.unit_direction[lane] = unit(rays.direction[lane])
+        rays.distance[lane] = FAR
+        rays.ball[lane] = np.int32(-1)
 
 
 @inline
-def span(boxes, k, row, width):
-    """(first, last) column of a row between which directions may lie in the box of ball k, a pixel wider than needed."""
+def column_span(box, row, width):
+    """(first, last) column of a row between which directions may lie in the box, a pixel wider than needed."""
     z = REAL(row) / REAL(width) - HALF
     plane = FOCAL * FOCAL + z * z
-    low, high = fetch(boxes, k * BOX_REALS), fetch(boxes, k * BOX_REALS + 1)
-    first = np.int64(_column(low, plane, width)) - 1
-    last = np.int64(_column(high, plane, width)) + 2
+    first = np.int64(_column(box.y_low, plane, width)) - 1
+    last = np.int64(_column(box.y_high, plane, width)) + 2
     nearest, farthest = z / np.sqrt(plane), z / np.sqrt(plane + HALF)
-    z0, z1 = fetch(boxes, k * BOX_REALS + 2) - SLACK, fetch(boxes, k * BOX_REALS + 3) + SLACK
-    if max(nearest, farthest) < z0 or min(nearest, farthest) > z1:
+    z_low, z_high = box.z_low - SPAN_MARGIN, box.z_high + SPAN_MARGIN
+    if max(nearest, farthest) < z_low or min(nearest, farthest) > z_high:
         last = first - 1
     return first, last
 
@@ -84,64 +121,64 @@ def span(boxes, k, row, width):
 @inline
 def _column(y, plane, width):
     """The column, inside the image or just outside, where unit directions have this y."""
-    y = max(min(y, STEEP), -STEEP)
+    y = max(min(y, MAX_Y), -MAX_Y)
     column = (y * np.sqrt(plane / (ONE - y * y)) + HALF) * REAL(width)
     return max(min(column, REAL(width)), -ONE)
 
 
 @inline
-def in_box(lanes, boxes, k):
-    """How many of the sixteen directions lie inside the box of ball k; their TRIED is 1."""
-    y0, y1 = fetch(boxes, k * BOX_REALS), fetch(boxes, k * BOX_REALS + 1)
-    z0, z1 = fetch(boxes, k * BOX_REALS + 2), fetch(boxes, k * BOX_REALS + 3)
+def in_box(rays, box):
+    """How many of the sixteen directions lie inside the box: those are candidates."""
+    y_low, y_high, z_low, z_high = box.y_low, box.y_high, box.z_low, box.z_high
     inside = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        y, z = get(lanes, DIRECTION + 1, lane), get(lanes, DIRECTION + 2, lane)
-        within = (y >= y0) & (y <= y1) & (z >= z0) & (z <= z1)
-        put(lanes, TRIED, lane, select(within, ONE, -ONE))
+        y, z = rays.direction[lane].y, rays.direction[lane].z
+        within = (y >= y_low) & (y <= y_high) & (z >= z_low) & (z <= z_high)
+        rays.candidate[lane] = select(within, ONE, -ONE)
         inside += select(within, np.int32(1), np.int32(0))
     return inside
 
 
 @inline
-def _near(lanes, balls, k):
-    """How many of the sixteen lines pass near ball k ahead of their origins, or through it; their TRIED is 1.
+def _passes_near(rays, ball):
+    """How many of the sixteen lines pass near the ball ahead of their origins, or through it: those are candidates.
 
-    The squares are formed in float32, which is off by less than `RIM` in the last bits: `meet` decides."""
-    centre, radius = centre_of(balls, k), fetch(balls, k * BALL_REALS + 3)
-    reach = radius * radius * RIM
+    The squares are formed in float32, which is off by less than `RADIUS_MARGIN` in the last bits: `intersect`
+    decides."""
+    center, radius = ball.center, ball.radius
+    largest = radius * radius * RADIUS_MARGIN
     found = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        origin, towards = get3(lanes, ORIGIN, lane), get3(lanes, TOWARDS, lane)
-        t = dot(get3(lanes, DIRECTION, lane), centre - origin)
-        off = origin + towards * t - centre
-        within = (t > ZERO) & (dot(off, off) <= reach)
-        put(lanes, TRIED, lane, select(within, ONE, -ONE))
+        origin, unit_direction = rays.origin[lane], rays.unit_direction[lane]
+        t = dot(rays.direction[lane], center - origin)
+        off = origin + unit_direction * t - center
+        within = (t > ZERO) & (dot(off, off) <= largest)
+        rays.candidate[lane] = select(within, ONE, -ONE)
         found += select(within, np.int32(1), np.int32(0))
     return found
 
 
 @inline
-def meet(lanes, balls, k):
-    """Takes the entry into ball k where TRIED is positive and it is the nearest so far."""
-    centre, radius = centre_of(balls, k), np.float64(fetch(balls, k * BALL_REALS + 3))
+def intersect(rays, ball, k):
+    """Takes the entry into ball k for candidates whose nearest it is so far."""
+    center, radius = ball.center, np.float64(ball.radius)
     for lane in range(np.uint64(LANES)):
-        origin, direction, towards = get3(lanes, ORIGIN, lane), get3(lanes, DIRECTION, lane), get3(lanes, TOWARDS, lane)
-        t = dot(direction, centre - origin)
-        near = origin + towards * t
-        left = radius * radius - np.float64(_squared_length(near - centre))
+        origin, direction, unit_direction = rays.origin[lane], rays.direction[lane], rays.unit_direction[lane]
+        t = dot(direction, center - origin)
+        near = origin + unit_direction * t
+        left = radius * radius - np.float64(_squared_length(near - center))
         along = np.float64(np.sqrt(_squared_length(near - origin)))
         entry = REAL(along - math.sqrt(select(left > 0.0, left, 0.0)))
-        best, ball = get(lanes, DISTANCE, lane), get_int(lanes, BALL, lane)
-        closer = (t > ZERO) & (left >= 0.0) & (entry >= ZERO) & (entry < best) & (get(lanes, TRIED, lane) > ZERO)
-        put(lanes, DISTANCE, lane, select(closer, entry, best))
-        put_int(lanes, BALL, lane, select(closer, np.int32(k), ball))
+        nearest, found = rays.distance[lane], rays.ball[lane]
+        closer = (t > ZERO) & (left >= 0.0) & (entry >= ZERO) & (entry < nearest) & (rays.candidate[lane] > ZERO)
+        rays.distance[lane] = select(closer, entry, nearest)
+        rays.ball[lane] = select(closer, np.int32(k), found)
 
 
 @inline
-def search(lanes, balls):
+def search(rays, balls):
     """The nearest ball of each lane's ray, by the plain list."""
-    begin_search(lanes)
+    begin_search(rays)
     for k in range(BALLS):
-        if _near(lanes, balls, k) > 0:
-            meet(lanes, balls, k)
+        if _passes_near(rays, balls[k]) > 0:
+            intersect(rays, balls[k], k)

@@ -1,9 +1,10 @@
-"""Embree as an intersector of blocks: packets of rays from compiled code, planes tested apart.
+"""Embree as an intersector of ray batches: packets of rays from compiled code, planes tested apart.
 
-Embree works in float32. With `refine` every hit it claims is solved anew in float64, from the block's ray and the world's
-vertices. Where the face does not confirm it (or is the one that the ray has just left) the lane is asked once more, in a
-second scene of the same shapes whose triangles are solved in float64 by callback: Embree then only walks the tree, so
-what the false hit had hidden is found, and nothing slips between faces. That scene is asked rarely, and built coarsely.
+Embree works in float32. With `refine` every candidate hit on a triangle is solved anew in float64, from the batch's ray
+and the scene's vertices. Where the face does not confirm it (or is the one that the ray has just left) the lane is
+queried once more, in a second RTCScene of the same shapes whose triangles are solved in float64 by callback: Embree
+then only walks the tree, so what the false hit had hidden is found, and nothing slips between faces. That tree is
+queried rarely, and built coarsely.
 """
 
 from __future__ import annotations
@@ -13,68 +14,47 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from engines.embree.callbacks import exact_distance, hit_filter, sphere_callbacks, triangle_callbacks
-from engines.embree.library import SPHERE_GEOMETRY, TRIANGLE_GEOMETRY, Device, address
+from engines.embree.callbacks import callbacks, hit_filter
+from engines.embree.geometries import ANALYTIC, SPHERES, TRIANGLES, exact_distance
+from engines.embree.library import Device, address
 from engines.embree.packet import (
-    EXACT_SCENE,
-    FILTER,
+    CANDIDATE,
     GEOM_ID,
-    INTERSECT,
-    INTERSECT_ONE,
-    LARGE,
-    LEFT_FACE,
-    OCCLUDE,
+    ORIGIN_FACE,
     PRIM_ID,
-    RECORD,
-    SCALE,
-    SCENE,
     SCRATCH_WORDS,
     T_FAR,
     VALID,
-    ask,
-    fill,
-    place_of,
-    scratch,
-    together,
-    width,
+    EmbreeTable,
+    Prefetching,
+    are_coherent,
+    embree_table,
+    first_word,
+    packet_width,
+    path_rays,
+    query_closest,
+    query_occluded,
+    shadow_rays,
+    write_rays,
 )
-from engines.kernels import block as at
-from engines.kernels.jit import (
-    LANES,
-    compile_stage,
-    fetch,
-    get,
-    get_int,
-    inline,
-    keep,
-    lowest_bit,
-    pointer,
-    put,
-    put_int,
-    select,
-    table,
-)
-from engines.kernels.linear import closest_planes, occluded_planes
-from engines.kernels.world import (
-    PRIMITIVE_INTS,
-    PRIMITIVES,
-    SPHERE_RANK,
-    SPHERES,
-    TRIANGLE,
-    TRIANGLE_RANK,
-    TRIANGLES,
-    VERTICES,
-    Needs,
-    World,
-)
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.records import LANES
+from engines.kernels.compile.values import lowest_bit, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.scene import FlatScene
+from engines.kernels.flatten.shapes import TRIANGLE
+from engines.kernels.layout import RayBatch, SceneTable, ray_batch, scene_table
+from engines.kernels.stages.linear import closest_planes, occluded_planes
 
-RAY, SHADOW_RAY = (at.ORIGIN, at.DIRECTION, at.T), (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T)
-UPWARDS = 1 + 2.0**-22
+WIDENING = 1 + 2.0**-22
 """With `refine` Embree looks this much beyond t_max, so that float64 decides what lies before it."""
 FEW, MANY = 4096, 65536
-"""Up to FEW primitives a tree is built by one thread, as another takes long to wake; up to MANY all rays go in packets."""
-BOX_PAD = 1e-6
+"""Up to FEW primitives a tree is built by one thread, as another takes long to wake; up to MANY all rays go in
+packets."""
+BOX_PADDING = 1e-6
 """Boxes of what is solved in float64 are padded by this share of the scene: so far a ray may be off in float32."""
 
 
@@ -90,28 +70,28 @@ class Accelerator:
         self.build_seconds = 0.0
         self._bytes = 0
 
-    def build(self, world: World, threads: int) -> None:
+    def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
-        rays = width()
-        world.bind(INTERSECT, address(f"rtcIntersect{rays}"))
-        world.bind(INTERSECT_ONE, address("rtcIntersect1"))
-        world.bind(OCCLUDE, address(f"rtcOccluded{rays}"))
-        world.bind(SCALE, _scales(world))
-        faces = len(world.arrays[TRIANGLES])
-        primitives = faces + len(world.arrays[SPHERES])
-        world.bind(LARGE, int(primitives > MANY))
+        rays = packet_width()
+        flat.bind(EmbreeTable.intersect, address(f"rtcIntersect{rays}"))
+        flat.bind(EmbreeTable.intersect_one, address("rtcIntersect1"))
+        flat.bind(EmbreeTable.occluded, address(f"rtcOccluded{rays}"))
+        scaling = _scaling(flat)
+        flat.bind(EmbreeTable.scaling, scaling)
+        vertices, faces = flat.arrays[SceneTable.vertices], flat.arrays[SceneTable.triangles]
+        primitives = len(faces) + len(flat.arrays[SceneTable.spheres]) + len(flat.arrays[SceneTable.analytic])
+        flat.bind(EmbreeTable.one_by_one, int(primitives > MANY))
         device = Device(threads if primitives > FEW else 1)
-        world.owned.append(device)
-        parts = _spheres(device, world)
-        if faces:
-            world.bind(FILTER, hit_filter(world.real).address)
-            scaled = world.arrays[VERTICES] * world.real(world.arrays[SCALE][0])
-            parts[TRIANGLE_GEOMETRY] = device.triangles(scaled, world.arrays[TRIANGLES])
-        world.bind(SCENE, device.scene(parts, world.address, self._quality, self._robust))
-        if faces and self._refine:
-            parts, made = _spheres(device, world), triangle_callbacks(world.real)
-            parts[TRIANGLE_GEOMETRY] = device.by_callback(faces, *(code.address for code in made))
-            world.bind(EXACT_SCENE, device.scene(parts, world.address, "low", True))
+        flat.owned.append(device)
+        parts = _user_geometries(device, flat)
+        if len(faces):
+            flat.bind(EmbreeTable.filter, hit_filter(flat.real).address)
+            parts[TRIANGLES] = device.triangles(vertices * flat.real(scaling[0]), faces)
+        flat.bind(EmbreeTable.tree, device.scene(parts, flat.address, self._quality, self._robust))
+        if len(faces) and self._refine:
+            parts = _user_geometries(device, flat)
+            parts[TRIANGLES] = _user_geometry(device, flat, TRIANGLES, len(faces))
+            flat.bind(EmbreeTable.exact_tree, device.scene(parts, flat.address, "low", True))
         self._bytes = device.bytes
         self.build_seconds = time.perf_counter() - start
 
@@ -119,210 +99,242 @@ class Accelerator:
     def bytes(self) -> int:
         return self._bytes
 
-    def stages(self, needs: Needs, real: Any) -> tuple[Any, Any]:
-        return stages(Kinds(needs.triangles, needs.spheres, needs.planes, self._refine, width()), real)
+    def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
+        return stages(Variant(*_shapes(features), self._refine, packet_width()), real)
 
 
-def _spheres(device: Device, world: World) -> dict[int, int]:
-    count = len(world.arrays[SPHERES])
-    if not count:
-        return {}
-    made = sphere_callbacks(world.real)
-    return {SPHERE_GEOMETRY: device.by_callback(count, *(code.address for code in made))}
+def _user_geometry(device: Device, flat: FlatScene, geometry: int, count: int) -> int:
+    analytic = flat.features.analytic if geometry == ANALYTIC else ()
+    made = callbacks(geometry, analytic, flat.real)
+    return device.by_callback(count, *(code.address for code in made))
 
 
-def _scales(world: World) -> Any:
-    """(3,): the power of two that makes the scene about as large as 1, its inverse, and the pad of boxes in metres."""
-    size = float(np.abs(world.bounds - world.center).max(initial=0.0, where=np.isfinite(world.bounds)))
+def _user_geometries(device: Device, flat: FlatScene) -> dict[int, int]:
+    """Those that are in every tree, by number."""
+    counts = {SPHERES: len(flat.arrays[SceneTable.spheres]), ANALYTIC: len(flat.arrays[SceneTable.analytic])}
+    return {number: _user_geometry(device, flat, number, count) for number, count in counts.items() if count}
+
+
+def _scaling(flat: FlatScene) -> NDArray[np.float64]:
+    """(3,): see `ScaleRow`."""
+    size = float(np.abs(flat.bounds - flat.center).max(initial=0.0, where=np.isfinite(flat.bounds)))
     scale = 2.0 ** -np.clip(np.round(np.log2(size)), -100, 100) if size > 0 else 1.0
-    return np.array([scale, 1.0 / scale, size * BOX_PAD])
+    return np.array([scale, 1.0 / scale, size * BOX_PADDING])
 
 
-class Kinds(NamedTuple):
+class Variant(NamedTuple):
     """What a stage is compiled for: the kinds of shapes, whether hits are confirmed in float64, and rays a packet."""
 
     triangles: bool
     spheres: bool
     planes: bool
+    analytic: bool
     refine: bool
-    wide: int
+    width: int
+
+
+def _shapes(features: SceneFeatures) -> tuple[bool, bool, bool, bool]:
+    return features.triangles, features.spheres, features.planes, bool(features.analytic)
 
 
 @inline
-def _note_left(lanes, world, place, kinds):
+def _note_origin_faces(rays, scene, memory, variant):
     """Writes down the triangle that each lane's ray has left, for the filter; returns whether there is any."""
-    words, primitives, some = pointer(place, np.int32), table(world, PRIMITIVES, np.int32), False
+    words, some = array_at(memory, np.int32), False
     for k in range(LANES):
         lane, face = np.uint64(k), np.int32(-1)
-        left = np.int64(get_int(lanes, at.LEFT, lane))
-        traced = left >= 0 and fetch(words, place_of(lane, kinds.wide) + VALID * kinds.wide) != 0
-        if traced and fetch(primitives, PRIMITIVE_INTS * left) == TRIANGLE:
-            face, some = fetch(primitives, PRIMITIVE_INTS * left + 1), True
-        keep(words, LEFT_FACE + k, face)
+        primitive = np.int64(rays.origin_primitive[lane])
+        traced = primitive >= 0 and words[first_word(lane, variant.width) + VALID * variant.width] != 0
+        if traced and scene.primitives[primitive].shape == TRIANGLE:
+            face, some = scene.primitives[primitive].index, True
+        words[ORIGIN_FACE + k] = face
     return some
 
 
 @inline
-def _ask_again(lanes, world, query, place, block, reach, doubtful, upwards, kinds, real):
-    """Traces the lanes of the word `doubtful` once more, and no others: where triangles are solved in float64, or, without
-    `refine`, past the face that the ray has left."""
-    packet, words = pointer(place, np.float32), pointer(place, np.int32)
-    scale = real(fetch(table(world, SCALE, np.float64), 0))
+def _select_lanes(rays_of, rays, scene, embree, memory, lanes, widening, variant, real):
+    """Leaves only the lanes of the word `lanes` valid, for a second query: where triangles are solved in float64, or,
+    without `refine`, past the face that the ray has left."""
+    numbers, words, t_max = array_at(memory, np.float32), array_at(memory, np.int32), rays_of(rays).t_max
+    scale = real(embree.scaling[0].scale)
     for k in range(LANES):
-        lane, again = np.uint64(k), (doubtful >> np.int64(k)) & 1 != 0
-        i = place_of(lane, kinds.wide)
-        keep(words, i + VALID * kinds.wide, np.int32(-1 if again else 0))
+        lane, again = np.uint64(k), (lanes >> np.int64(k)) & 1 != 0
+        i = first_word(lane, variant.width)
+        words[i + VALID * variant.width] = np.int32(-1 if again else 0)
         if again:
-            keep(words, i + GEOM_ID * kinds.wide, np.int32(-1))
-            keep(packet, i + T_FAR * kinds.wide, np.float32(get(lanes, reach, lane) * scale) * upwards)
-    if not kinds.refine:
-        _note_left(lanes, world, place, kinds)
-    ask(world, query, EXACT_SCENE if kinds.refine else SCENE, place, block, kinds.wide, not kinds.refine, False)
+            words[i + GEOM_ID * variant.width] = np.int32(-1)
+            numbers[i + T_FAR * variant.width] = np.float32(t_max[lane] * scale) * widening
+    if not variant.refine:
+        _note_origin_faces(rays, scene, memory, variant)
 
 
 @inline
-def _claimed(world, place, lane, kinds):
-    """(face, rank) of what Embree claims for a lane; -1 where it is no triangle, or nothing."""
-    words, i = pointer(place, np.int32), place_of(lane, kinds.wide)
-    geometry, primitive = fetch(words, i + GEOM_ID * kinds.wide), np.int64(fetch(words, i + PRIM_ID * kinds.wide))
-    face, rank = np.int64(-1), np.int32(-1)
-    if kinds.triangles:
-        hit = geometry == TRIANGLE_GEOMETRY
-        face = select(hit, primitive, face)
-        if kinds.spheres or kinds.planes:
-            rank = select(hit, fetch(table(world, TRIANGLE_RANK, np.int32), primitive if hit else np.int64(0)), rank)
-        else:  # where there are triangles alone, their numbers are their ranks: one cache miss less
-            rank = select(hit, np.int32(primitive), rank)
-    if kinds.spheres:
-        hit = geometry == SPHERE_GEOMETRY
-        rank = select(hit, fetch(table(world, SPHERE_RANK, np.int32), primitive if hit else np.int64(0)), rank)
-    return face, rank
+def _candidate(scene, memory, lane, variant):
+    """(face, primitive) of Embree's hit of a lane; -1 where it is no triangle, or nothing."""
+    words, i = array_at(memory, np.int32), first_word(lane, variant.width)
+    geometry, index = words[i + GEOM_ID * variant.width], np.int64(words[i + PRIM_ID * variant.width])
+    face, primitive = np.int64(-1), np.int32(-1)
+    if variant.triangles:
+        hit = geometry == TRIANGLES
+        face = select(hit, index, face)
+        if variant.spheres or variant.planes or variant.analytic:
+            primitive = select(hit, scene.triangle_primitives[index if hit else np.int64(0)], primitive)
+        else:  # where there are triangles alone, their numbers are their ids: one cache miss less
+            primitive = select(hit, np.int32(index), primitive)
+    if variant.spheres:
+        hit = geometry == SPHERES
+        primitive = select(hit, scene.sphere_primitives[index if hit else np.int64(0)], primitive)
+    if variant.analytic:
+        hit = geometry == ANALYTIC
+        primitive = select(hit, scene.analytic_primitives[index if hit else np.int64(0)], primitive)
+    return face, primitive
 
 
 @inline
-def _claimed_distance(world, place, lane, kinds):
-    packet, unscale = pointer(place, np.float32), fetch(table(world, SCALE, np.float64), 1)
-    return np.float64(fetch(packet, place_of(lane, kinds.wide) + T_FAR * kinds.wide)) * unscale
+def _candidate_distance(embree, memory, lane, variant):
+    numbers, unscale = array_at(memory, np.float32), embree.scaling[0].inverse
+    return np.float64(numbers[first_word(lane, variant.width) + T_FAR * variant.width]) * unscale
 
 
 @inline
-def _confirmed(lanes, world, lane, face, rank, fields, kinds, real):
-    """(whether the lane did hit the face that is claimed for it, distance): `fields` are those of the ray."""
-    confirmed, t = rank != get_int(lanes, at.LEFT, lane), 0.0
-    if kinds.refine:
-        o, d = at.get3(lanes, fields[0], lane), at.get3(lanes, fields[1], lane)
-        t = exact_distance(o, d, world, face if face >= 0 else np.int64(0), real)
-        confirmed = confirmed & (t > 0.0) & (t < np.float64(get(lanes, fields[2], lane)))
+def _confirmed(rays, origin_primitive, scene, lane, face, primitive, variant):
+    """(whether the lane did hit its candidate face, distance)."""
+    confirmed, t = primitive != origin_primitive[lane], 0.0
+    if variant.refine:
+        t = exact_distance(rays.origin[lane], rays.direction[lane], scene, face if face >= 0 else np.int64(0))
+        confirmed = confirmed & (t > 0.0) & (t < np.float64(rays.t_max[lane]))
     return confirmed, t
 
 
 @inline
-def _put_hit(lanes, lane, rank, t, real):
-    put_int(lanes, at.RANK, lane, rank)
-    put(lanes, at.T, lane, select(rank >= 0, real(t), get(lanes, at.T, lane)))
+def _store_hit(rays, lane, primitive, t, real):
+    rays.primitive[lane] = primitive
+    rays.t[lane] = select(primitive >= 0, real(t), rays.t[lane])
 
 
 @inline
-def _put_claims(lanes, world, place, kinds, real):
+def _store_hits(rays, scene, embree, memory, variant, real):
     """The hits of all lanes, as far as they are confirmed; returns a word of the lanes where they are not."""
-    words = pointer(place, np.int32)
+    words = array_at(memory, np.int32)
     for lane in range(np.uint64(LANES)):
-        face, rank = _claimed(world, place, lane, kinds)
-        t, wrong = _claimed_distance(world, place, lane, kinds), False
-        if kinds.triangles:
-            confirmed, exact = _confirmed(lanes, world, lane, face, rank, RAY, kinds, real)
-            wrong = (face >= 0) & (not confirmed)
-            if kinds.refine:
+        face, primitive = _candidate(scene, memory, lane, variant)
+        t, unconfirmed = _candidate_distance(embree, memory, lane, variant), False
+        if variant.triangles:
+            confirmed, exact = _confirmed(
+                path_rays(rays), rays.origin_primitive, scene, lane, face, primitive, variant
+            )  # fmt: skip
+            unconfirmed = (face >= 0) & (not confirmed)
+            if variant.refine:
                 t = select(face >= 0, exact, t)
-        _put_hit(lanes, lane, select(wrong, np.int32(-1), rank), t, real)
-        keep(words, RECORD + np.int64(lane), np.int32(1 if wrong else 0))
-    return _word(words)
+        _store_hit(rays, lane, select(unconfirmed, np.int32(-1), primitive), t, real)
+        words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
+    return _marked_lanes(words)
 
 
 @inline
-def _word(words):
-    """The lanes whose record is not 0, as bits."""
+def _marked_lanes(words):
+    """The lanes that are marked, as bits."""
     bits = np.int64(0)
     for lane in range(LANES):
-        bits |= np.int64(1 if fetch(words, RECORD + lane) != 0 else 0) << np.int64(lane)
+        bits |= np.int64(1 if words[CANDIDATE + lane] != 0 else 0) << np.int64(lane)
     return bits
 
 
-def _make_closest(kinds: Kinds, real: Any) -> Any:
-    size, upwards = np.dtype(real).itemsize, np.float32(UPWARDS if kinds.refine else 1)
+def _make_closest(variant: Variant, real: Any) -> Any:
+    scratch, refine, width = RayBatch.bytes(real), variant.refine, variant.width
+    widening = np.float32(WIDENING if refine else 1)
+    traced, planes = variant.triangles or variant.spheres or variant.analytic, variant.planes
+    no_prefetching = Prefetching(0, False)
+    prefetching = Prefetching(3 * np.dtype(real).itemsize, variant.spheres or variant.planes or variant.analytic)
 
-    def closest(block, world):
-        lanes = pointer(block, real)
-        if kinds.triangles or kinds.spheres:
-            place = scratch(block, size)
-            fill(lanes, world, place, RAY, kinds.wide, upwards, real)
-            coherent = together(place, kinds.wide)
-            mixed = kinds.spheres or kinds.planes
-            ask(world, INTERSECT, SCENE, place, block, kinds.wide, False, coherent, mixed, 3 * size)
-            doubtful = _put_claims(lanes, world, place, kinds, real)
-            if doubtful != 0:
-                _ask_again(lanes, world, INTERSECT, place, block, at.T, doubtful, upwards, kinds, real)
-                while doubtful != 0:
-                    lane = np.uint64(lowest_bit(doubtful))
-                    doubtful &= doubtful - 1
-                    _, rank = _claimed(world, place, lane, kinds)
-                    _put_hit(lanes, lane, rank, _claimed_distance(world, place, lane, kinds), real)
+    def closest(batch, scene_address):
+        rays, scene, embree = (
+            ray_batch(batch, real),
+            scene_table(scene_address, real),
+            embree_table(scene_address, real),
+        )
+        if traced:
+            memory = batch + scratch
+            write_rays(path_rays(rays), embree, memory, width, widening, real)
+            coherent = are_coherent(memory, width)
+            query_closest(scene, embree, embree.tree, memory, batch, width, False, coherent, prefetching)
+            unconfirmed = _store_hits(rays, scene, embree, memory, variant, real)
+            if unconfirmed != 0:
+                _select_lanes(path_rays, rays, scene, embree, memory, unconfirmed, widening, variant, real)
+                tree = embree.exact_tree if refine else embree.tree
+                query_closest(scene, embree, tree, memory, batch, width, not refine, False, no_prefetching)
+                while unconfirmed != 0:
+                    lane = np.uint64(lowest_bit(unconfirmed))
+                    unconfirmed &= unconfirmed - 1
+                    _, primitive = _candidate(scene, memory, lane, variant)
+                    _store_hit(rays, lane, primitive, _candidate_distance(embree, memory, lane, variant), real)
         else:
             for lane in range(np.uint64(LANES)):
-                put_int(lanes, at.RANK, lane, -1)
-        if kinds.planes:
-            closest_planes(lanes, world, real)
+                rays.primitive[lane] = -1
+        if planes:
+            closest_planes(rays, scene, real)
 
     return closest
 
 
 @inline
-def _put_shadows(lanes, world, place, kinds, real):
-    """Whether each lane's light is hidden; returns a word of the lanes where the face that hides it is not confirmed."""
-    packet, words = pointer(place, np.float32), pointer(place, np.int32)
+def _store_shadows(rays, scene, memory, variant):
+    """Whether each lane's light is hidden; returns a word of the lanes where the face that hides it is not
+    confirmed."""
+    numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
     for lane in range(np.uint64(LANES)):
         # Embree marks an occluded ray by tfar = -inf; a lane without a ray kept its own, not above 0
-        hidden = fetch(packet, place_of(lane, kinds.wide) + T_FAR * kinds.wide) == np.float32(-np.inf)
-        wrong = False
-        if kinds.refine and kinds.triangles:
-            face = np.int64(fetch(words, RECORD + np.int64(lane)))
-            confirmed, _ = _confirmed(lanes, world, lane, face, np.int32(-2), SHADOW_RAY, kinds, real)
-            wrong = hidden & (face >= 0) & (not confirmed)
-        put_int(lanes, at.OCCLUDED, lane, 1 if hidden else 0)
-        keep(words, RECORD + np.int64(lane), np.int32(1 if wrong else 0))
-    return _word(words)
+        hidden = numbers[first_word(lane, variant.width) + T_FAR * variant.width] == np.float32(-np.inf)
+        unconfirmed = False
+        if variant.refine and variant.triangles:
+            face = np.int64(words[CANDIDATE + np.int64(lane)])
+            confirmed, _ = _confirmed(
+                shadow_rays(rays), rays.origin_primitive, scene, lane, face, np.int32(-2), variant
+            )  # fmt: skip
+            unconfirmed = hidden & (face >= 0) & (not confirmed)
+        rays.occluded[lane] = hidden
+        words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
+    return _marked_lanes(words)
 
 
-def _make_occluded(kinds: Kinds, real: Any) -> Any:
-    size, upwards = np.dtype(real).itemsize, np.float32(UPWARDS if kinds.refine else 1)
+def _make_occluded(variant: Variant, real: Any) -> Any:
+    scratch, refine, width = RayBatch.bytes(real), variant.refine, variant.width
+    widening = np.float32(WIDENING if refine else 1)
+    traced, planes = variant.triangles or variant.spheres or variant.analytic, variant.planes
+    triangles = variant.triangles
 
-    def occluded(block, world):
-        lanes = pointer(block, real)
-        if kinds.triangles or kinds.spheres:
-            place = scratch(block, size)
-            fill(lanes, world, place, SHADOW_RAY, kinds.wide, upwards, real)
+    def occluded(batch, scene_address):
+        rays, scene, embree = (
+            ray_batch(batch, real),
+            scene_table(scene_address, real),
+            embree_table(scene_address, real),
+        )
+        if traced:
+            memory = batch + scratch
+            write_rays(shadow_rays(rays), embree, memory, width, widening, real)
             # the filter is called once an occluded ray, so only where there is something to leave out, or to write down
-            filtered = kinds.triangles and (_note_left(lanes, world, place, kinds) or kinds.refine)
-            ask(world, OCCLUDE, SCENE, place, block, kinds.wide, filtered, False)
-            doubtful = _put_shadows(lanes, world, place, kinds, real)
-            if kinds.refine and doubtful != 0:
-                _ask_again(lanes, world, OCCLUDE, place, block, at.SHADOW_T, doubtful, upwards, kinds, real)
-                packet = pointer(place, np.float32)
-                while doubtful != 0:
-                    lane = np.uint64(lowest_bit(doubtful))
-                    doubtful &= doubtful - 1
-                    far = fetch(packet, place_of(lane, kinds.wide) + T_FAR * kinds.wide)
-                    put_int(lanes, at.OCCLUDED, lane, 1 if far == np.float32(-np.inf) else 0)
+            filtered = triangles and (_note_origin_faces(rays, scene, memory, variant) or refine)
+            query_occluded(embree, embree.tree, memory, batch, width, filtered)
+            unconfirmed = _store_shadows(rays, scene, memory, variant)
+            if refine and unconfirmed != 0:
+                _select_lanes(shadow_rays, rays, scene, embree, memory, unconfirmed, widening, variant, real)
+                query_occluded(embree, embree.exact_tree, memory, batch, width, False)
+                numbers = array_at(memory, np.float32)
+                while unconfirmed != 0:
+                    lane = np.uint64(lowest_bit(unconfirmed))
+                    unconfirmed &= unconfirmed - 1
+                    t_far = numbers[first_word(lane, width) + T_FAR * width]
+                    rays.occluded[lane] = t_far == np.float32(-np.inf)
         else:
             for lane in range(np.uint64(LANES)):
-                put_int(lanes, at.OCCLUDED, lane, 0)
-        if kinds.planes:
-            occluded_planes(lanes, world, real)
+                rays.occluded[lane] = False
+        if planes:
+            occluded_planes(rays, scene, real)
 
     return occluded
 
 
 @cache
-def stages(kinds: Kinds, real: Any) -> tuple[Any, Any]:
+def stages(variant: Variant, real: Any) -> tuple[Any, Any]:
     """(closest, occluded) for these kinds of shapes."""
-    return compile_stage(_make_closest(kinds, real)), compile_stage(_make_occluded(kinds, real))
+    return compile_stage(_make_closest(variant, real)), compile_stage(_make_occluded(variant, real))

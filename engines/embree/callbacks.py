@@ -1,6 +1,6 @@
-"""What Embree calls back: bounds and hits of primitives that are solved in float64, and a filter of its own hits.
+"""What Embree calls back: bounds and hits of the shapes in `geometries`, and a filter of its own hits.
 
-Callbacks read a lane's ray from the block, not from Embree's packet, where it has been rounded to float32 and scaled.
+Callbacks read a lane's ray from the batch, not from Embree's packet, where it has been rounded to float32 and scaled.
 """
 
 from __future__ import annotations
@@ -9,144 +9,143 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 
-from engines.embree.packet import BLOCK_OF_CONTEXT, GEOM_ID, ID, LEFT_FACE, NG_X, PRIM_ID, RECORD, SCALE, T_FAR, scratch
-from engines.kernels import block as at
-from engines.kernels import jit
-from engines.kernels.jit import fetch, get, get_int, inline, keep, pointer, table
-from engines.kernels.shapes import ray_frame, shear, sphere_distance, triangle_distance
-from engines.kernels.surface import row3, wide
-from engines.kernels.vector import Vec3
-from engines.kernels.world import SPHERE_REALS, SPHERES, TRIANGLE_RANK, TRIANGLES, VERTICES
+from engines.embree.geometries import bounds_and_distance
+from engines.embree.packet import (
+    BATCH_OF_CONTEXT,
+    CANDIDATE,
+    GEOM_ID,
+    ID,
+    NG_X,
+    ORIGIN_FACE,
+    PRIM_ID,
+    T_FAR,
+    embree_table,
+    path_rays,
+    shadow_rays,
+)
+from engines.kernels.compile.jit import compile_callback, inline
+from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.records import Table, array, scalar, table_view
+from engines.kernels.layout import RayBatch, ray_batch, scene_table
 
 _PRIM_ID_OF_HIT = PRIM_ID - NG_X
 """Where a hit alone holds it: RTCHitN is the end of RTCRayHitN."""
 
 
-@inline
-def exact_distance(o, d, world, face, real):
-    """Distance in float64 to a face of the world, inf where it is missed; edges count, as in every engine."""
-    vertices, faces = table(world, VERTICES, real), table(world, TRIANGLES, np.int32)
-    o, frame = wide(o), ray_frame(wide(d))
-    a = shear(frame, wide(row3(vertices, 3 * np.int64(fetch(faces, 3 * face)))) - o)
-    b = shear(frame, wide(row3(vertices, 3 * np.int64(fetch(faces, 3 * face + 1)))) - o)
-    c = shear(frame, wide(row3(vertices, 3 * np.int64(fetch(faces, 3 * face + 2)))) - o)
-    return triangle_distance(a, b, c)
+class BoundsArguments(Table):
+    """RTCBoundsFunctionArguments."""
+
+    scene = scalar()  # user data: address of the scene's table
+    primitive = scalar()  # primID in the lower half, timeStep above
+    box = array(np.float32)  # lowest coordinates 3, padding, highest 3, padding
+
+
+class IntersectArguments(Table):
+    """RTCIntersectFunctionNArguments, RTCOccludedFunctionNArguments."""
+
+    valid = array(np.int32)
+    scene = scalar()
+    primitive = scalar()  # primID in the lower half
+    context = array(np.int64)
+    packet = scalar()
+    rays_and_geometry = scalar()  # N in the lower half, geomID above
+
+
+class FilterArguments(Table):
+    """RTCFilterFunctionNArguments."""
+
+    valid = array(np.int32)
+    user_data = scalar()
+    context = array(np.int64)
+    rays = array(np.int32)
+    hits = array(np.int32)
+    n_rays = scalar()  # in the lower half
+
+
+bounds_arguments = table_view(BoundsArguments)
+intersect_arguments = table_view(IntersectArguments)
+filter_arguments = table_view(FilterArguments)
 
 
 @inline
-def _keep_bounds(arguments, world, low, high):
-    """Into RTCBoundsFunctionArguments: user data, primID, timeStep, bounds (lower 3, pad, upper 3, pad; float32)."""
-    box, scales = pointer(fetch(pointer(arguments, np.int64), 2), np.float32), table(world, SCALE, np.float64)
-    scale, pad = fetch(scales, 0), fetch(scales, 2)
-    keep(box, 0, np.float32((low.x - pad) * scale))
-    keep(box, 1, np.float32((low.y - pad) * scale))
-    keep(box, 2, np.float32((low.z - pad) * scale))
-    keep(box, 4, np.float32((high.x + pad) * scale))
-    keep(box, 5, np.float32((high.y + pad) * scale))
-    keep(box, 6, np.float32((high.z + pad) * scale))
+def _lower_half(word):
+    return word & 0xFFFFFFFF
 
 
-@inline
-def _primitive(arguments, offset):
-    return np.int64(fetch(pointer(arguments + offset, np.uint32), 0))
-
-
-def _sphere_bounds(arguments):
-    world, row = fetch(pointer(arguments, np.int64), 0), _primitive(arguments, 8) * SPHERE_REALS
-    spheres = table(world, SPHERES, np.float64)
-    center, radius = row3(spheres, row), fetch(spheres, row + 3)
-    reach = Vec3(radius, radius, radius)
-    _keep_bounds(arguments, world, center - reach, center + reach)
-
-
-def _make_triangle_bounds(real: Any) -> Any:
-    def bounds(arguments):
-        world, face = fetch(pointer(arguments, np.int64), 0), _primitive(arguments, 8)
-        vertices, faces = table(world, VERTICES, real), table(world, TRIANGLES, np.int32)
-        low = high = wide(row3(vertices, 3 * np.int64(fetch(faces, 3 * face))))
-        for k in range(1, 3):
-            p = wide(row3(vertices, 3 * np.int64(fetch(faces, 3 * face + k))))
-            low = Vec3(min(low.x, p.x), min(low.y, p.y), min(low.z, p.z))
-            high = Vec3(max(high.x, p.x), max(high.y, p.y), max(high.z, p.z))
-        _keep_bounds(arguments, world, low, high)
+def _make_bounds(bounds_of: Any, real: Any) -> Any:
+    def bounds(address):
+        arguments = bounds_arguments(address, real)
+        low, high = bounds_of(scene_table(arguments.scene, real), _lower_half(arguments.primitive))
+        scaling, box = embree_table(arguments.scene, real).scaling[0], arguments.box
+        scale, padding = scaling.scale, scaling.padding
+        box[0] = np.float32((low.x - padding) * scale)
+        box[1] = np.float32((low.y - padding) * scale)
+        box[2] = np.float32((low.z - padding) * scale)
+        box[4] = np.float32((high.x + padding) * scale)
+        box[5] = np.float32((high.y + padding) * scale)
+        box[6] = np.float32((high.z + padding) * scale)
 
     return bounds
 
 
 @inline
-def _ties(packet, ids, n, i, near, geometry, primitive):
-    """Whether a hit is as near as the one held, of the same kind and of lower index: Embree calls back in any order."""
-    held = fetch(ids, GEOM_ID * n + i) == geometry and primitive < np.int64(fetch(ids, PRIM_ID * n + i))
-    return held and near == fetch(packet, T_FAR * n + i)
+def _wins_tie(numbers, words, n, i, t, geometry, primitive):
+    """Whether a hit is as near as the one found, of the same kind and of lower index: Embree calls back in any
+    order."""
+    same = words[GEOM_ID * n + i] == geometry and primitive < np.int64(words[PRIM_ID * n + i])
+    return same and t == numbers[T_FAR * n + i]
 
 
-def _make_query(spheres: bool, any_hit: bool, real: Any) -> Any:
-    origin, direction, reach = (
-        (at.SHADOW_ORIGIN, at.TO_LIGHT, at.SHADOW_T) if any_hit else (at.ORIGIN, at.DIRECTION, at.T)
-    )
+def _make_query(distance_of: Any, any_hit: bool, real: Any) -> Any:
+    rays_of = shadow_rays if any_hit else path_rays
 
-    def query(arguments):
-        """RTCIntersectFunctionNArguments: valid, user data, primID, context, ray(hit), N, geomID."""
-        longs, primitive = pointer(arguments, np.int64), _primitive(arguments, 16)
-        valid, world = pointer(fetch(longs, 0), np.int32), fetch(longs, 1)
-        lanes = pointer(fetch(pointer(fetch(longs, 3), np.int64), BLOCK_OF_CONTEXT), real)
-        packet, ids = pointer(fetch(longs, 4), np.float32), pointer(fetch(longs, 4), np.int32)
-        n, geometry = (
-            np.int64(fetch(pointer(arguments + 40, np.uint32), 0)),
-            fetch(pointer(arguments + 44, np.int32), 0),
-        )
-        scale = fetch(table(world, SCALE, np.float64), 0)
+    def query(address):
+        arguments = intersect_arguments(address, real)
+        valid, primitive = arguments.valid, _lower_half(arguments.primitive)
+        scene = scene_table(arguments.scene, real)
+        batch = ray_batch(arguments.context[BATCH_OF_CONTEXT], real)
+        rays = rays_of(batch)
+        numbers, words = array_at(arguments.packet, np.float32), array_at(arguments.packet, np.int32)
+        n, geometry = _lower_half(arguments.rays_and_geometry), np.int32(arguments.rays_and_geometry >> 32)
+        scale = embree_table(arguments.scene, real).scaling[0].scale
         for i in range(n):
-            if fetch(valid, i) == 0:
+            if valid[i] == 0:
                 continue
-            lane = np.uint64(fetch(ids, ID * n + i))
-            o, d = at.get3(lanes, origin, lane), at.get3(lanes, direction, lane)
-            if spheres:
-                row = primitive * SPHERE_REALS
-                data = table(world, SPHERES, np.float64)
-                t = sphere_distance(wide(o), wide(d), row3(data, row), fetch(data, row + 3))
-            else:
-                t = exact_distance(o, d, world, primitive, real)
-                if np.int64(fetch(table(world, TRIANGLE_RANK, np.int32), primitive)) == get_int(lanes, at.LEFT, lane):
-                    t = np.inf
-            if t > 0.0 and t < np.float64(get(lanes, reach, lane)):
+            lane = np.uint64(words[ID * n + i])
+            o, d, origin_primitive = rays.origin[lane], rays.direction[lane], batch.origin_primitive[lane]
+            t = distance_of(scene, primitive, o, d, origin_primitive)
+            if t > 0.0 and t < np.float64(rays.t_max[lane]):
                 near = np.float32(t * scale)
                 if any_hit:
-                    keep(packet, T_FAR * n + i, np.float32(-np.inf))
-                elif near < fetch(packet, T_FAR * n + i) or _ties(packet, ids, n, i, near, geometry, primitive):
-                    keep(packet, T_FAR * n + i, near)
-                    keep(ids, PRIM_ID * n + i, np.int32(primitive))
-                    keep(ids, GEOM_ID * n + i, geometry)
+                    numbers[T_FAR * n + i] = np.float32(-np.inf)
+                elif near < numbers[T_FAR * n + i] or _wins_tie(numbers, words, n, i, near, geometry, primitive):
+                    numbers[T_FAR * n + i] = near
+                    words[PRIM_ID * n + i] = np.int32(primitive)
+                    words[GEOM_ID * n + i] = geometry
 
     return query
 
 
 def _make_filter(real: Any) -> Any:
-    size = np.dtype(real).itemsize
+    scratch = RayBatch.bytes(real)
 
-    def filter_hits(arguments):
-        """RTCFilterFunctionNArguments: valid, user data, context, ray, hit, N. Drops the face that a ray has just left,
-        and writes down which face is claimed for each lane."""
-        longs = pointer(arguments, np.int64)
-        valid, block = pointer(fetch(longs, 0), np.int32), fetch(pointer(fetch(longs, 2), np.int64), BLOCK_OF_CONTEXT)
-        record = pointer(scratch(block, size), np.int32)
-        ids, hits = pointer(fetch(longs, 3), np.int32), pointer(fetch(longs, 4), np.int32)
-        n = np.int64(fetch(pointer(arguments + 40, np.uint32), 0))
+    def filter_hits(address):
+        """Drops the face that a ray has just left, and notes the candidate of each lane."""
+        arguments = filter_arguments(address, real)
+        valid, rays, hits = arguments.valid, arguments.rays, arguments.hits
+        record = array_at(arguments.context[BATCH_OF_CONTEXT] + scratch, np.int32)
+        n = _lower_half(arguments.n_rays)
         for i in range(n):
-            if fetch(valid, i) == 0:
+            if valid[i] == 0:
                 continue
-            lane, primitive = np.int64(fetch(ids, ID * n + i)), fetch(hits, _PRIM_ID_OF_HIT * n + i)
-            if primitive == fetch(record, LEFT_FACE + lane):
-                keep(valid, i, np.int32(0))
+            lane, face = np.int64(rays[ID * n + i]), hits[_PRIM_ID_OF_HIT * n + i]
+            if face == record[ORIGIN_FACE + lane]:
+                valid[i] = np.int32(0)
             else:
-                keep(record, RECORD + lane, primitive)
+                record[CANDIDATE + lane] = face
 
     return filter_hits
-
-
-_CALLBACK = types.void(types.int64)
 
 
 class Callbacks(NamedTuple):
@@ -158,20 +157,15 @@ class Callbacks(NamedTuple):
 
 
 @cache
-def sphere_callbacks(real: Any) -> Callbacks:
-    """For spheres in a block of `real` numbers; user data is the world's address."""
-    parts = _sphere_bounds, _make_query(True, False, real), _make_query(True, True, real)
-    return Callbacks(*(jit.compile_function(part, _CALLBACK) for part in parts))
-
-
-@cache
-def triangle_callbacks(real: Any) -> Callbacks:
-    """For triangles solved in float64; user data is the world's address."""
-    parts = _make_triangle_bounds(real), _make_query(False, False, real), _make_query(False, True, real)
-    return Callbacks(*(jit.compile_function(part, _CALLBACK) for part in parts))
+def callbacks(geometry: int, analytic: tuple[int, ...], real: Any) -> Callbacks:
+    """Of a geometry (`geometries.bounds_and_distance`), in a batch of `real` numbers; user data is the address of the
+    scene's table."""
+    bounds, distance = bounds_and_distance(geometry, analytic)
+    parts = _make_bounds(bounds, real), _make_query(distance, False, real), _make_query(distance, True, real)
+    return Callbacks(*map(compile_callback, parts))
 
 
 @cache
 def hit_filter(real: Any) -> Any:
     """The filter of Embree's own triangles."""
-    return jit.compile_function(_make_filter(real), _CALLBACK)
+    return compile_callback(_make_filter(real))

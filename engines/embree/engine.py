@@ -35,8 +35,8 @@ NOT_PROMISED = {
 
 
 class Engine:
-    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are confirmed
-    and solved anew, which `refine` switches off."""
+    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are
+    confirmed and solved anew, which `refine` switches off."""
 
     name = "embree"
     version = "2"

@@ -21,7 +21,6 @@ _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
 _UINT3, _FLOAT3 = 0x5003, 0x9003
 _TRIANGLES, _USER = 0, 120
 _ROBUST, _FILTER_IN_ARGUMENTS = 1 << 2, 1 << 3
-TRIANGLE_GEOMETRY, SPHERE_GEOMETRY = 0, 1
 QUALITIES = {"low": 0, "medium": 1, "high": 2}
 _VERSION_MAJOR, _VERSION_MINOR = 1, 2
 VERSION = (4, 4)
@@ -107,7 +106,7 @@ def address(name: str) -> int:
 
 
 class Device:
-    """A device and its scenes, each of triangles (geometry 0) and spheres (geometry 1)."""
+    """A device and its scenes: trees over geometries."""
 
     def __init__(self, threads: int) -> None:
         self._embree, self._threads = library(), threads
@@ -119,7 +118,9 @@ class Device:
         self._scenes: list[int] = []
         used = self._used = Counter()
 
-        def count(_: Any, amount: int, __: bool) -> bool:  # not a method: Embree's memory would wait for the cyclic collector
+        def count(
+            _: Any, amount: int, __: bool
+        ) -> bool:  # not a method: Embree's memory would wait for the cyclic collector
             used["bytes"] += amount
             return True
 

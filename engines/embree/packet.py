@@ -1,199 +1,231 @@
-"""Embree's ray packets, kept in a block's scratch memory: their layout, how a block's rays get there, and the call.
+"""Embree's ray packets, kept in a batch's scratch memory: their layout, how a batch's rays get there, and the queries.
 
 Rays enter Embree in float32, scaled so that the scene is about as large as 1: coordinates of 1e-20 or 1e18 leave its
-range. The scale is a power of two, so it rounds nothing.
+range. The scale is a power of two, so it rounds nothing. `memory` is the address of the scratch memory, `width` the
+rays of a packet.
 """
 
 from __future__ import annotations
 
-import llvmlite.binding
+from typing import Any, NamedTuple
+
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-from engines.kernels import block as at
-from engines.kernels.jit import LANES, count, fetch, get, inline, keep, pointer, table
-from engines.kernels.simd import prefetch
-from engines.kernels.world import ACCELERATOR, PRIMITIVE_INTS, PRIMITIVES, TRIANGLE_RANK, TRIANGLES, VERTICES
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.memory import address_of, array_at
+from engines.kernels.compile.processor import has_feature
+from engines.kernels.compile.records import LANES, Row, Table, real, rows, scalar, table_view
+from engines.kernels.compile.simd import prefetch
+from engines.kernels.compile.values import call_function
+from engines.kernels.layout import ACCELERATOR
 
-INTERSECT, INTERSECT_ONE, OCCLUDE, SCENE, EXACT_SCENE, FILTER, SCALE, LARGE = (ACCELERATOR + k for k in range(8))
-"""Slots of the world: addresses of the query for closest hits, of packets and of one ray, and of that for shadows; the
-scenes; the address of the filter; (scale, 1/scale, pad); and 1 where closest hits of rays that do not go together are to be
-asked for one by one."""
+
+class ScaleRow(Row):
+    dtype = np.float64
+    scale = real()  # the power of two that makes the scene about as large as 1
+    inverse = real()
+    padding = real()  # of bounding boxes, in the scene's unit
+
+
+class EmbreeTable(Table, first=ACCELERATOR):
+    """The accelerator's part of the scene's table."""
+
+    intersect = scalar()  # addresses of rtcIntersect8 or rtcIntersect16, and so on
+    intersect_one = scalar()
+    occluded = scalar()
+    tree = scalar()  # an RTCScene, as is the next
+    exact_tree = scalar()  # whose triangles are solved in float64
+    filter = scalar()  # address of `callbacks.hit_filter`
+    scaling = rows(ScaleRow)  # one
+    one_by_one = scalar()  # 1 where closest hits of incoherent rays are found ray by ray
+
+
+embree_table = table_view(EmbreeTable)
 
 # RTCRayHitN: arrays of N 32-bit numbers, in this order (rtcore_ray.h), and behind them the mask of valid rays
 ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, ID, FLAGS = range(12)
 NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = range(12, 21)
 VALID, PACKET_FIELDS = 21, 24  # two more than there are: a single ray's record stays aligned to 16 bytes
 
-# behind the packets: RTCIntersectArguments, then a RTCRayQueryContext that ends with the block's address and a record
-ARGUMENTS = PACKET_FIELDS * LANES  # in 32-bit words: flags, features, context, filter, callback, minimal width
+# behind the packets, in 32-bit words: RTCIntersectArguments (flags, features, context, filter, callback, minimal width),
+# then a RTCRayQueryContext that ends with the batch's address, and what the filter reads and writes
+ARGUMENTS = PACKET_FIELDS * LANES
 CONTEXT = ARGUMENTS + 16
-BLOCK_OF_CONTEXT = 1  # in 64-bit words from the context's start: instance ids, block
-RECORD = CONTEXT + 4  # sixteen ints: the face that the filter has let pass for each lane, -1 for none
-LEFT_FACE = RECORD + LANES  # sixteen ints: the triangle that each lane's ray starts from, -1 for none
-SINGLE = -(-(LEFT_FACE + LANES) // 16) * 16  # one RTCRayHit, for rays that go alone
+BATCH_OF_CONTEXT = 1  # in 64-bit words from the context's start: instance ids, batch
+CANDIDATE = (
+    CONTEXT + 4
+)  # sixteen ints: the face that the filter has let pass for each lane, -1 for none; then a mark of each lane
+ORIGIN_FACE = CANDIDATE + LANES  # sixteen ints: the triangle that each lane's ray starts from, -1 for none
+SINGLE = -(-(ORIGIN_FACE + LANES) // 16) * 16  # one RTCRayHit, for rays that are traced alone
 SCRATCH_WORDS = SINGLE + PACKET_FIELDS
 _INVOKE_FILTER, _COHERENT, _ALL_FEATURES = 1 << 1, 1 << 16, -1
 
-SAME_WAY, SAME_PLACE = 0.98, 0.02
-"""Rays go together within 11 degrees of the first, from within a hundredth of the scene's size."""
+MIN_COSINE, MAX_DISTANCE = 0.98, 0.02
+"""Rays are coherent within 11 degrees of the first, from within a hundredth of the scene's size."""
 
 
-def width() -> int:
+class Rays(NamedTuple):
+    """Fields of a batch that make its rays, each indexed by lane."""
+
+    origin: Any
+    direction: Any
+    t_max: Any
+
+
+@inline
+def path_rays(batch):
+    return Rays(batch.origin, batch.direction, batch.t)
+
+
+@inline
+def shadow_rays(batch):
+    return Rays(batch.shadow_origin, batch.wi, batch.shadow_t_max)
+
+
+def packet_width() -> int:
     """Rays a packet: sixteen need AVX-512; without it Embree would take a packet of sixteen apart into single rays."""
-    return 16 if llvmlite.binding.get_host_cpu_features().get("avx512f") else 8
-
-
-@intrinsic
-def _call(typing, function, valid, scene, packet, arguments):
-    """rtcIntersectN or rtcOccludedN at address `function`."""
-
-    def generate(context, builder, signature, values):
-        word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word] * 4)
-        builder.call(builder.inttoptr(values[0], kind.as_pointer()), values[1:])
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 5), generate
-
-
-@intrinsic
-def _call_single(typing, function, scene, ray, arguments):
-    """rtcIntersect1 at address `function`."""
-
-    def generate(context, builder, signature, values):
-        word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word] * 3)
-        builder.call(builder.inttoptr(values[0], kind.as_pointer()), values[1:])
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 4), generate
+    return 16 if has_feature("avx512f") else 8
 
 
 @inline
-def scratch(block, size):
-    """The address of a block's scratch memory; `size` is that of its numbers in bytes."""
-    return block + at.SCRATCH_FIRST * LANES * size
-
-
-@inline
-def place_of(lane, wide):
-    """Where the first field of a lane lies, in words, with packets of `wide` rays; field f is `wide` f words further."""
+def first_word(lane, width):
+    """Where the first field of a lane lies, in words; field f is `width` f words further."""
     i = np.int64(lane)
-    return i // wide * (PACKET_FIELDS * wide) + i % wide
+    return i // width * (PACKET_FIELDS * width) + i % width
 
 
 @inline
-def together(place, wide):
-    """Whether the valid rays of all packets go much the same way from much the same place, as a camera's do. Most blocks
-    fail at the second ray, so the test costs little where it does not help."""
-    packet, words = pointer(place, np.float32), pointer(place, np.int32)
+def are_coherent(memory, width):
+    """Whether the valid rays of all packets go much the same way from much the same place, as a camera's do. Most
+    batches fail at the second ray, so the test costs little where it does not help."""
+    numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
     first = np.int64(-1)
     for k in range(LANES):
-        i = place_of(np.uint64(k), wide)
-        if fetch(words, i + VALID * wide) == 0:
+        i = first_word(np.uint64(k), width)
+        if words[i + VALID * width] == 0:
             continue
         if first < 0:
             first = i
-        along, apart = np.float32(0), np.float32(0)
+        cosine, distance = np.float32(0), np.float32(0)
         for axis in range(3):
-            along += fetch(packet, i + (DIR_X + axis) * wide) * fetch(packet, first + (DIR_X + axis) * wide)
-            apart += abs(fetch(packet, i + (ORG_X + axis) * wide) - fetch(packet, first + (ORG_X + axis) * wide))
-        if along < np.float32(SAME_WAY) or apart > np.float32(SAME_PLACE):
+            cosine += numbers[i + (DIR_X + axis) * width] * numbers[first + (DIR_X + axis) * width]
+            distance += abs(numbers[i + (ORG_X + axis) * width] - numbers[first + (ORG_X + axis) * width])
+        if cosine < np.float32(MIN_COSINE) or distance > np.float32(MAX_DISTANCE):
             return False
     return True
 
 
 @inline
-def ask(world, query, scene, place, block, wide, filtered, coherent, mixed=True, vertex_bytes=0):
-    """Traces the valid rays of all packets at address `place` in the scene of slot `scene`. `coherent` says that they go
-    together: then Embree walks its tree once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and
-    half as fast for rays that go all ways. In a large tree those that ask for the closest hit are taken out of their
-    packets and go one by one; with `vertex_bytes`, those of a vertex, the memory that the surface stage will want of what
-    one has hit is asked for while the next go."""
-    words, longs = pointer(place, np.int32), pointer(place, np.int64)
-    keep(words, ARGUMENTS, np.int32((_INVOKE_FILTER if filtered else 0) | (_COHERENT if coherent else 0)))
-    keep(words, ARGUMENTS + 1, np.int32(_ALL_FEATURES))
-    keep(longs, ARGUMENTS // 2 + 1, place + CONTEXT * 4)
-    keep(longs, ARGUMENTS // 2 + 2, count(world, FILTER) if filtered else np.int64(0))
-    keep(longs, ARGUMENTS // 2 + 3, np.int64(0))
-    keep(longs, ARGUMENTS // 2 + 4, np.int64(0))
-    keep(longs, CONTEXT // 2, np.int64(-1))
-    keep(longs, CONTEXT // 2 + BLOCK_OF_CONTEXT, block)
-    if query == INTERSECT and not coherent and count(world, LARGE) != 0:
-        before = np.int64(-1)
+def _write_arguments(embree, memory, batch, filtered, coherent):
+    words, longs = array_at(memory, np.int32), array_at(memory, np.int64)
+    words[ARGUMENTS] = np.int32((_INVOKE_FILTER if filtered else 0) | (_COHERENT if coherent else 0))
+    words[ARGUMENTS + 1] = np.int32(_ALL_FEATURES)
+    longs[ARGUMENTS // 2 + 1] = memory + CONTEXT * 4
+    longs[ARGUMENTS // 2 + 2] = embree.filter if filtered else np.int64(0)
+    longs[ARGUMENTS // 2 + 3] = np.int64(0)
+    longs[ARGUMENTS // 2 + 4] = np.int64(0)
+    longs[CONTEXT // 2] = np.int64(-1)
+    longs[CONTEXT // 2 + BATCH_OF_CONTEXT] = batch
+
+
+@inline
+def _query_packets(function, tree, memory, width):
+    for first in range(0, LANES, width):
+        packet = memory + first * (PACKET_FIELDS * 4)
+        call_function(function, (packet + VALID * width * 4, tree, packet, memory + ARGUMENTS * 4))
+
+
+@inline
+def query_occluded(embree, tree, memory, batch, width, filtered):
+    """Tests the valid rays of all packets against an RTCScene: T_FAR becomes -inf where something is hit."""
+    _write_arguments(embree, memory, batch, filtered, False)
+    _query_packets(embree.occluded, tree, memory, width)
+
+
+@inline
+def query_closest(scene, embree, tree, memory, batch, width, filtered, coherent, prefetching):
+    """Finds the closest hits of the valid rays of all packets in an RTCScene. `coherent` rays let Embree walk its tree
+    once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and half as fast for rays that go all
+    ways. In a large tree the others are taken out of their packets and traced one by one; with `prefetching` the memory
+    that the surface stage will want of what one has hit is fetched while the next is traced."""
+    _write_arguments(embree, memory, batch, filtered, coherent)
+    if not coherent and embree.one_by_one != 0:
+        words, before = array_at(memory, np.int32), np.int64(-1)
         for k in range(LANES):
-            i = place_of(k, wide)
-            if fetch(words, i + VALID * wide) != 0:
-                _ask_one(world, scene, place, i, wide)
-                if vertex_bytes > 0:
-                    before = _ask_ahead(world, words, i, wide, before, mixed, vertex_bytes)
+            i = first_word(k, width)
+            if words[i + VALID * width] != 0:
+                _query_one(embree, tree, memory, i, width)
+                if prefetching.vertex_bytes > 0:
+                    before = _prefetch(scene, words, i, width, before, prefetching)
         return
-    for first in range(0, LANES, wide):
-        packet = place + first * (PACKET_FIELDS * 4)
-        _call(count(world, query), packet + VALID * wide * 4, count(world, scene), packet, place + ARGUMENTS * 4)
+    _query_packets(embree.intersect, tree, memory, width)
 
 
 @inline
-def _ask_one(world, scene, place, i, wide):
-    """Traces the ray whose first field lies at word i of the packets, and puts there what Embree says of it."""
-    words = pointer(place, np.int32)
+def _query_one(embree, tree, memory, i, width):
+    """Traces the ray whose first field lies at word i of the packets, and puts there what Embree finds."""
+    words = array_at(memory, np.int32)
     for field in range(VALID):
-        keep(words, SINGLE + field, fetch(words, i + field * wide))
-    _call_single(count(world, INTERSECT_ONE), count(world, scene), place + SINGLE * 4, place + ARGUMENTS * 4)
-    keep(words, i + T_FAR * wide, fetch(words, np.int64(SINGLE + T_FAR)))
-    keep(words, i + PRIM_ID * wide, fetch(words, np.int64(SINGLE + PRIM_ID)))
-    keep(words, i + GEOM_ID * wide, fetch(words, np.int64(SINGLE + GEOM_ID)))
+        words[SINGLE + field] = words[i + field * width]
+    call_function(embree.intersect_one, (tree, memory + SINGLE * 4, memory + ARGUMENTS * 4))
+    words[i + T_FAR * width] = words[SINGLE + T_FAR]
+    words[i + PRIM_ID * width] = words[SINGLE + PRIM_ID]
+    words[i + GEOM_ID * width] = words[SINGLE + GEOM_ID]
+
+
+class Prefetching(NamedTuple):
+    """Bytes of a vertex, 0 for no prefetching; and whether the scene holds other shapes than triangles: without them, a
+    face's number is its id."""
+
+    vertex_bytes: int
+    mixed: bool
 
 
 @inline
-def _ask_ahead(world, words, i, wide, before, mixed, vertex_bytes):
-    """Asks for the row and the rank of the triangle hit (returned, -1 for none), and for what those of the one `before` lead
-    to, which have arrived by now. Without other shapes, which `mixed` says, a rank is a face."""
-    faces, ranks = count(world, TRIANGLES), count(world, TRIANGLE_RANK)
-    face = np.int64(fetch(words, i + PRIM_ID * wide)) if fetch(words, i + GEOM_ID * wide) == 0 else np.int64(-1)
+def _prefetch(scene, words, i, width, before, prefetching):
+    """Prefetches the indices and the id of the triangle hit (returned, -1 for none), and what those of the one `before`
+    lead to, which have arrived by now."""
+    face = np.int64(words[i + PRIM_ID * width]) if words[i + GEOM_ID * width] == 0 else np.int64(-1)
     if face >= 0:
-        prefetch(faces + 12 * face)
-        if mixed:
-            prefetch(ranks + 4 * face)
+        prefetch(address_of(scene.triangles[face]))
+        if prefetching.mixed:
+            prefetch(address_of(scene.triangle_primitives) + 4 * face)
     if before >= 0:
-        rank = np.int64(fetch(pointer(ranks, np.int32), before)) if mixed else before
-        prefetch(count(world, PRIMITIVES) + 4 * PRIMITIVE_INTS * rank)
-        for corner in range(3):
-            vertex = np.int64(fetch(pointer(faces, np.int32), 3 * before + corner))
-            prefetch(count(world, VERTICES) + vertex_bytes * vertex)
+        primitive = np.int64(scene.triangle_primitives[before]) if prefetching.mixed else before
+        prefetch(address_of(scene.primitives[primitive]))
+        row, vertices = scene.triangles[before], address_of(scene.vertices)
+        for vertex in (row.a, row.b, row.c):
+            prefetch(vertices + prefetching.vertex_bytes * np.int64(vertex))
     return face
 
 
 @inline
-def fill(lanes, world, place, fields, wide, upwards, real):
-    """Copies the lanes' rays, of `fields` (origin, direction, t_max), into packets; a lane without a ray is not valid.
-    `upwards` is at least 1 and widens t_max, where what lies beyond is sorted out afterwards."""
-    packet, words = pointer(place, np.float32), pointer(place, np.int32)
-    scale = real(fetch(table(world, SCALE, np.float64), 0))
-    for first in range(0, LANES, wide):
+def write_rays(rays, embree, memory, width, widening, real):
+    """Copies the lanes' rays into packets; a lane without a ray is not valid. `widening` is at least 1 and widens
+    t_max, where what lies beyond is sorted out afterwards."""
+    numbers, words = array_at(memory, np.float32), array_at(memory, np.int32)
+    scale = real(embree.scaling[0].scale)
+    for first in range(0, LANES, width):
         base = first * PACKET_FIELDS
-        for lane in range(np.uint64(first), np.uint64(first + wide)):
+        for lane in range(np.uint64(first), np.uint64(first + width)):
             i = base + np.int64(lane) - first
-            o, d, t = at.get3(lanes, fields[0], lane), at.get3(lanes, fields[1], lane), get(lanes, fields[2], lane)
-            keep(packet, i + ORG_X * wide, np.float32(o.x * scale))
-            keep(packet, i + ORG_Y * wide, np.float32(o.y * scale))
-            keep(packet, i + ORG_Z * wide, np.float32(o.z * scale))
-            keep(packet, i + DIR_X * wide, np.float32(d.x))
-            keep(packet, i + DIR_Y * wide, np.float32(d.y))
-            keep(packet, i + DIR_Z * wide, np.float32(d.z))
-            keep(packet, i + T_NEAR * wide, np.float32(0))
-            keep(packet, i + TIME * wide, np.float32(0))
-            keep(packet, i + T_FAR * wide, np.float32(t * scale) * upwards)
-        for lane in range(np.uint64(first), np.uint64(first + wide)):
+            o, d, t = rays.origin[lane], rays.direction[lane], rays.t_max[lane]
+            numbers[i + ORG_X * width] = np.float32(o.x * scale)
+            numbers[i + ORG_Y * width] = np.float32(o.y * scale)
+            numbers[i + ORG_Z * width] = np.float32(o.z * scale)
+            numbers[i + DIR_X * width] = np.float32(d.x)
+            numbers[i + DIR_Y * width] = np.float32(d.y)
+            numbers[i + DIR_Z * width] = np.float32(d.z)
+            numbers[i + T_NEAR * width] = np.float32(0)
+            numbers[i + TIME * width] = np.float32(0)
+            numbers[i + T_FAR * width] = np.float32(t * scale) * widening
+        for lane in range(np.uint64(first), np.uint64(first + width)):
             i = base + np.int64(lane) - first
-            keep(words, i + MASK * wide, np.int32(-1))
-            keep(words, i + ID * wide, np.int32(lane))
-            keep(words, i + FLAGS * wide, np.int32(0))
-            keep(words, i + GEOM_ID * wide, np.int32(-1))
-            keep(words, i + INST_ID * wide, np.int32(-1))
-            keep(words, i + INST_PRIM_ID * wide, np.int32(-1))
-            keep(words, i + VALID * wide, np.int32(-1) if get(lanes, fields[2], lane) > 0 else np.int32(0))
-            keep(words, RECORD + np.int64(lane), np.int32(-1))
+            words[i + MASK * width] = np.int32(-1)
+            words[i + ID * width] = np.int32(lane)
+            words[i + FLAGS * width] = np.int32(0)
+            words[i + GEOM_ID * width] = np.int32(-1)
+            words[i + INST_ID * width] = np.int32(-1)
+            words[i + INST_PRIM_ID * width] = np.int32(-1)
+            words[i + VALID * width] = np.int32(-1) if rays.t_max[lane] > 0 else np.int32(0)
+            words[CANDIDATE + np.int64(lane)] = np.int32(-1)

@@ -10,12 +10,13 @@ import numpy as np
 from engines.choices import Choice, Option, one_of
 from engines.errors import Unsupported
 from engines.interface import Settings
+from engines.numpy_reference.accelerators.exhaustive import Exhaustive
+from engines.numpy_reference.accelerators.nearest import Part
+from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.engine import supported
-from engines.numpy_reference.exhaustive import Exhaustive
 from engines.numpy_reference.geometry import Geometry
-from engines.numpy_reference.nearest import Part
 from engines.numpy_reference.renderer import Renderer
-from engines.numpy_reference.tracer import Tracer
+from engines.numpy_reference.shapes import Triangles
 from engines.scene.model import Mesh, Scene, Triangle
 
 _OPTIONS = {
@@ -31,7 +32,7 @@ ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIO
 class Engine:
     """Traces triangles in float32 and shades in float64, on one thread, whatever `settings.threads` says.
 
-    Spheres and planes beside the triangles are tested in NumPy, one by one; a scene of these alone is declined.
+    Other shapes beside the triangles are tested in NumPy, one by one; a scene of these alone is declined.
     """
 
     name = "embreex_batch"
@@ -65,8 +66,10 @@ class Engine:
 def _tracer(geometry: Geometry, accelerator: Choice) -> Tracer:
     from engines.embreex_batch.triangles import BatchTriangles
 
-    parts: list[Part] = [Exhaustive(kind) for kind in (geometry.planes, geometry.spheres) if kind.rank.size]
-    if geometry.triangles.rank.size:
-        parts.append(BatchTriangles(geometry.triangles, accelerator.options["robust"]))
+    parts: list[Part] = []
+    for primitives in geometry.sets:
+        if primitives.primitive_id.size:
+            batch = isinstance(primitives, Triangles)
+            parts.append(BatchTriangles(primitives, accelerator.options["robust"]) if batch else Exhaustive(primitives))
     chosen = Choice("embree", accelerator.options)
     return Tracer(geometry, chosen, parts, epsilon=float(np.finfo(np.float32).eps))

@@ -8,8 +8,8 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from engines.numpy_reference.nearest import Nearest
-from engines.numpy_reference.triangle import Triangles
+from engines.numpy_reference.accelerators.nearest import Nearest
+from engines.numpy_reference.shapes import Triangles
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 
 SLACK = 1e-3
@@ -27,31 +27,30 @@ class BatchTriangles:
 
     def __init__(self, triangles: Triangles, robust: bool) -> None:
         self._triangles = triangles
-        self._center = _center(*triangles.boxes())
+        self._center = _center(*triangles.bounds())
         corners = np.stack([(corner - self._center).T for corner in (triangles.a, triangles.b, triangles.c)], axis=1)
         self._scene = EmbreeScene(robust=robust)
         self._mesh = TriangleMesh(self._scene, np.ascontiguousarray(corners, np.float32))
         self._ask(np.zeros((3, 1)), np.ones((3, 1)), np.ones(1))  # the first query builds the tree
 
     def closest(self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]) -> None:
-        """Takes over into `nearest` what lies closer, or as close with a lower rank."""
+        """Takes over into `nearest` what lies closer, or as close with a lower id."""
         check()
         found = self._ask(origin, direction, nearest.t)
         lanes = np.flatnonzero(found >= 0)
         hit, origin, direction = found[lanes], origin.take(lanes, axis=1), direction.take(lanes, axis=1)
         normal, corner = self._triangles.normal.take(hit, axis=1), self._triangles.a.take(hit, axis=1)
         t = dot(normal, corner - origin) / dot(normal, direction)
-        copies, rays = self._triangles.rays(origin, direction)
-        v, w = self._triangles.barycentric(self._triangles.data[copies, :, hit].T, rays)
+        v, w = self._triangles.barycentric(hit, origin, direction)
         inside = np.minimum(np.minimum(v, w), 1.0 - v - w) >= -SLACK
-        met = self._triangles.rank[hit] != nearest.left[lanes]
+        met = self._triangles.primitive_id[hit] != nearest.origin_primitive[lanes]
         good = np.flatnonzero(inside & met & (t > 0.0) & (t < np.inf))
-        nearest.offer(lanes[good], t[good], self._triangles.rank[hit[good]])
+        nearest.offer(lanes[good], t[good], self._triangles.primitive_id[hit[good]])
 
     def occluded(self, origin: Array, direction: Array, before: Nearest, check: Callable[[], None]) -> Mask:
         """(n,) whether anything lies in (0, before.t); overwrites `before`."""
         self.closest(origin, direction, before, check)
-        return before.rank >= 0
+        return before.primitive_id >= 0
 
     def _ask(self, origin: Array, direction: Array, reach: Array) -> Indices:
         """(n,) triangles that rays (3, n) hit before `reach`, -1 for none."""

@@ -8,14 +8,10 @@ from engines.numpy_reference.context import Context
 from engines.numpy_reference.vectors import Array, Indices
 
 
-def radiance(context: Context, origin: Array, direction: Array, pixel: Indices, sample: int) -> Array:
-    """(3, n) the first of kd, ks, kt and emission that is not black, at what is hit; black where nothing is."""
-    table = context.materials
-    colour = np.zeros(table.kd.shape)
-    for candidate in (table.emission, table.kt, table.ks, table.kd):
-        colour = np.where((candidate > 0.0).any(axis=0), candidate, colour)
+def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample: int) -> Array:
+    """(3, n) the albedo of the material that is hit, its emission where that is black; black where nothing is."""
     hits = context.closest(origin, direction)
     seen = np.zeros(origin.shape)
-    arrived = np.flatnonzero(hits.rank >= 0)
-    seen[:, arrived] = colour.take(context.geometry.material[hits.rank[arrived]], axis=1)
+    arrived = np.flatnonzero(hits.primitive_id >= 0)
+    seen[:, arrived] = context.materials.albedo.take(context.geometry.material[hits.primitive_id[arrived]], axis=1)
     return seen

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.choices import Choice
+from engines.numpy_reference.accelerators.nearest import Nearest
+from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.geometry import Geometry
-from engines.numpy_reference.lights import Lights
-from engines.numpy_reference.material import Materials
-from engines.numpy_reference.nearest import Nearest
+from engines.numpy_reference.interaction import SurfaceInteraction, surface_interaction
+from engines.numpy_reference.lights.scene_lights import Lights
+from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.sampler import Sampler
-from engines.numpy_reference.surface import Surface, surface_at
-from engines.numpy_reference.tracer import Tracer
 from engines.numpy_reference.vectors import Array, Indices, Mask, norm
 from engines.scene.model import Scene
 
@@ -44,17 +44,17 @@ class Context:
         """(n,) numbers in [0, 1): one for each pixel index."""
         return self._sampler.draw(pixels, sample, dimension)
 
-    def closest(self, origin: Array, direction: Array, left: Indices | None = None) -> Nearest:
-        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and rank (-1 for a miss). `left` (n,) are the
-        ranks of the primitives that the rays start from, -1 for none."""
+    def closest(self, origin: Array, direction: Array, origin_primitive: Indices | None = None) -> Nearest:
+        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and primitive id (-1 for a
+        miss). `origin_primitive` (n,) are the ids of the primitives that the rays start from, -1 for none."""
         self.rays += origin.shape[1]
-        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check, left)
+        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check, origin_primitive)
 
-    def surface(self, origin: Array, direction: Array, hits: Nearest) -> Surface:
+    def surface(self, origin: Array, direction: Array, hits: Nearest) -> SurfaceInteraction:
         """What lies where rays (3, n), all of which hit, have hit."""
-        return surface_at(self.geometry, origin, direction, hits, self.tracer.offset)
+        return surface_interaction(self.geometry, origin, direction, hits, self.tracer.offset)
 
-    def unoccluded(self, surface: Surface, direction: Array, distance: Array) -> Mask:
+    def unoccluded(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> Mask:
         """(n,) whether nothing lies between points of a surface and of lights, `distance` (inf too) away from them.
 
         The ray starts off the surface and is aimed anew from there: parallel to the old direction it would meet a light
@@ -65,15 +65,15 @@ class Context:
             aim = distance * direction - surface.offset * surface.geometric
             length = norm(aim)
             aim = np.where(np.isinf(distance), direction, aim / length)
-        reach = length * (1.0 - self.tracer.offset) - surface.offset
-        reach = np.where(np.isinf(distance), np.inf, reach)
-        return ~self.tracer.occluded(surface.leave(), aim, reach, self.check, surface.rank)
+        t_max = length * (1.0 - self.tracer.offset) - surface.offset
+        t_max = np.where(np.isinf(distance), np.inf, t_max)
+        return ~self.tracer.occluded(surface.leave(), aim, t_max, self.check, surface.primitive_id)
 
-    def sky(self, direction: Array) -> Array:
-        """(3, n) radiance of all environments together from unit directions."""
+    def environment(self, direction: Array) -> Array:
+        """(3, n) radiance of all lights at infinity together from unit directions."""
         total = np.zeros(direction.shape)
-        for _, environment in self.lights.environments:
-            total += environment.radiance(direction)
+        for light in self.lights.infinite:
+            total += light.Li(direction)
         return total
 
 

@@ -8,7 +8,7 @@ from engines.numpy_reference.context import Context
 from engines.numpy_reference.vectors import Array, Indices, norm
 
 
-def radiance(context: Context, origin: Array, direction: Array, pixel: Indices, sample: int) -> Array:
+def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample: int) -> Array:
     """(3, n) grey levels: 1 at the eye, 0 from 1.1 times the distance of `max_point` on, 0 on a miss."""
     hits = context.closest(origin, direction)
     far = context.options["max_point"]
@@ -16,8 +16,8 @@ def radiance(context: Context, origin: Array, direction: Array, pixel: Indices, 
         far = context.geometry.upper_corner
     if far is None:  # only planes, which have no corner
         return np.zeros(origin.shape)
-    reach = 1.1 * norm(np.reshape(far, (3, 1)).astype(np.float64) - origin)
+    scale = 1.1 * norm(np.reshape(far, (3, 1)).astype(np.float64) - origin)
     with np.errstate(divide="ignore", invalid="ignore"):
-        grey = np.maximum((reach - hits.t) / reach, 0.0)
-    grey = np.where((hits.rank >= 0) & (reach > 0.0), grey, 0.0)
+        grey = np.maximum((scale - hits.t) / scale, 0.0)
+    grey = np.where((hits.primitive_id >= 0) & (scale > 0.0), grey, 0.0)
     return np.stack([grey, grey, grey])

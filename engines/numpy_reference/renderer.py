@@ -14,14 +14,14 @@ from engines.choices import Choice
 from engines.concurrency import CallGuard
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
+from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.camera import camera_rays, require_numpy
 from engines.numpy_reference.context import Context, Stopped
 from engines.numpy_reference.geometry import Geometry
+from engines.numpy_reference.interaction import barycentric
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
-from engines.numpy_reference.surface import barycentric, geometric_normals
-from engines.numpy_reference.tracer import Tracer
-from engines.numpy_reference.vectors import Array, Indices, dot, norm
+from engines.numpy_reference.vectors import Array, Indices, norm
 from engines.scene.model import Camera, Scene, Shape
 
 CHUNK = 32_768
@@ -100,28 +100,31 @@ class Renderer:
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss."""
-        good, origin, direction, length, reach, n = _rays(origins, directions, t_max)
+        good, origin, direction, length, far, n = _rays(origins, directions, t_max)
         with self._guard.tracing():
             geometry = self._context.geometry
-            nearest = self._context.tracer.closest(origin, direction, reach, _go_on)
+            nearest = self._context.tracer.closest(origin, direction, far, _go_on)
         self._count(good.size)
-        found = np.flatnonzero(nearest.rank >= 0)
-        lanes, rank, distance = good[found], nearest.rank[found], nearest.t[found]
-        origin, direction = origin.take(found, axis=1), direction.take(found, axis=1)
+        found = np.flatnonzero(nearest.primitive_id >= 0)
+        lanes, nearest, rays = (
+            good[found],
+            nearest.take(found),
+            (origin.take(found, axis=1), direction.take(found, axis=1)),
+        )
+        primitive_id = nearest.primitive_id
         hits = Hits(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
-        hits.t[lanes] = distance / length[found]
-        hits.shape[lanes], hits.primitive[lanes] = geometry.shape[rank], geometry.primitive[rank]
-        outward = geometric_normals(geometry, origin + distance * direction, rank)
-        hits.normal[lanes] = np.where(dot(outward, direction) < 0.0, outward, -outward).T
-        hits.u[lanes], hits.v[lanes] = barycentric(geometry, origin, direction, rank)
+        hits.t[lanes] = nearest.t / length[found]
+        hits.shape[lanes], hits.primitive[lanes] = geometry.shape[primitive_id], geometry.primitive[primitive_id]
+        hits.normal[lanes] = self._context.surface(*rays, nearest).geometric.T
+        hits.u[lanes], hits.v[lanes] = barycentric(geometry, *rays, primitive_id)
         return hits
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
         """(n,) bool: whether anything lies in (0, t_max). Rays that are not finite, or zero, are free."""
-        good, origin, direction, _, reach, n = _rays(origins, directions, t_max)
+        good, origin, direction, _, far, n = _rays(origins, directions, t_max)
         dark = np.zeros(n, bool)
         with self._guard.tracing():
-            dark[good] = self._context.tracer.occluded(origin, direction, reach, _go_on)
+            dark[good] = self._context.tracer.occluded(origin, direction, far, _go_on)
         self._count(good.size)
         return dark
 
@@ -182,11 +185,11 @@ def _rays(
     origin, direction = (np.asarray(vectors, np.float64).reshape(-1, 3).T for vectors in (origins, directions))
     n = max(origin.shape[1], direction.shape[1]) if origin.size and direction.size else 0
     origin, direction = np.broadcast_to(origin, (3, n)), np.broadcast_to(direction, (3, n))
-    reach = np.broadcast_to(np.asarray(t_max, np.float64), (n,))
+    far = np.broadcast_to(np.asarray(t_max, np.float64), (n,))
     scale = np.abs(direction).max(axis=0)
-    good = np.flatnonzero(np.isfinite(origin).all(axis=0) & np.isfinite(scale) & (scale > 0.0) & (reach > 0.0))
+    good = np.flatnonzero(np.isfinite(origin).all(axis=0) & np.isfinite(scale) & (scale > 0.0) & (far > 0.0))
     scaled = direction.take(good, axis=1) / scale[good]
     long = norm(scaled)
     with np.errstate(over="ignore", under="ignore"):
         length = scale[good] * long
-        return good, origin.take(good, axis=1), scaled / long, length, reach[good] * length, n
+        return good, origin.take(good, axis=1), scaled / long, length, far[good] * length, n

@@ -21,11 +21,11 @@ from engines.numpy_reference.vectors import Array
 Radiance = Callable[[Context, Array, Array, NDArray[np.int64], int], Array]
 
 _BUILT_IN: dict[str, Radiance] = {
-    "no_shadows": whitted.radiance_without_shadows,
-    "whitted": whitted.radiance,
-    "path_tracer": path_tracer.radiance,
-    "depth_map": depth_map.radiance,
-    "albedo": albedo.radiance,
+    "no_shadows": whitted.Li_without_shadows,
+    "whitted": whitted.Li,
+    "path_tracer": path_tracer.Li,
+    "depth_map": depth_map.Li,
+    "albedo": albedo.Li,
 }
 
 
@@ -79,7 +79,7 @@ class PluginContext:
         """What rays (n, 3) with unit directions find."""
         context, origin, direction = self._context, _columns(origins), _columns(directions)
         hits = context.closest(origin, direction)
-        arrived = np.flatnonzero(hits.rank >= 0)
+        arrived = np.flatnonzero(hits.primitive_id >= 0)
         surface = context.surface(origin.take(arrived, axis=1), direction.take(arrived, axis=1), hits.take(arrived))
         table, material = context.materials, surface.material
 
@@ -90,7 +90,7 @@ class PluginContext:
 
         colours = [spread(colour.take(material, axis=1)) for colour in (table.kd, table.ks, table.kt)]
         return Seen(
-            hits.rank >= 0, hits.t, spread(surface.point), spread(surface.normal), spread(surface.geometric),
+            hits.primitive_id >= 0, hits.t, spread(surface.point), spread(surface.normal), spread(surface.geometric),
             spread(surface.leave()), spread(surface.leave(inwards=True)), spread(surface.front),
             *colours, spread(table.ior[material]), spread(table.emitted(surface)),
         )  # fmt: skip
@@ -115,11 +115,11 @@ class PluginContext:
         point = _columns(points)
         chosen = np.full(point.shape[1], light)
         found = self._context.lights.sample(chosen, point, _columns(normals), u0, u1, uc)
-        return _rows(found.wi), found.distance, _rows(found.arriving), found.pdf
+        return _rows(found.wi), found.distance, _rows(found.weight), found.pdf
 
     def sky(self, directions: ArrayLike) -> NDArray[np.float64]:
         """(n, 3) radiance of all environments from unit directions (n, 3)."""
-        return _rows(self._context.sky(_columns(directions)))
+        return _rows(self._context.environment(_columns(directions)))
 
 
 def _columns(vectors: ArrayLike) -> Array:

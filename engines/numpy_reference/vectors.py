@@ -6,6 +6,8 @@ ray's result has the same bits whatever rays share its array.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,6 +50,30 @@ def frame(n: Array) -> tuple[Array, Array]:
     t1 = np.stack([1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]])
     t2 = np.stack([b, sign + n[1] * n[1] * a, -n[1]])
     return t1, t2
+
+
+class Frame(NamedTuple):
+    """Right-handed orthonormal frames: three unit vectors (3, n), z along a normal."""
+
+    x: Array
+    y: Array
+    z: Array
+
+    @classmethod
+    def along(cls, n: Array, u: Array) -> Frame:
+        """z along unit `n`, x along the part of `u` (of any length) across it; where that is next to nothing, as in `frame`."""
+        across = u - n * dot(n, u)
+        aligned = dot(across, across) <= 1e-8 * dot(u, u)
+        x = np.where(aligned, frame(n)[0], unit(across))
+        return cls(x, cross(n, x), n)
+
+    def to_local(self, v: Array) -> Array:
+        """(3, n) coordinates of vectors in the frame."""
+        return np.stack([dot(self.x, v), dot(self.y, v), dot(self.z, v)])
+
+    def to_world(self, v: Array) -> Array:
+        """(3, n) vectors of which the frame's coordinates are given."""
+        return v[0] * self.x + v[1] * self.y + v[2] * self.z
 
 
 def along(x: Array, y: Array, z: Array, n: Array) -> Array:

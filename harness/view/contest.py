@@ -12,7 +12,7 @@ from engines.film import Film
 from engines.interface import Renderer
 from engines.registry import engine as engine_of
 from engines.scene import load_scene
-from engines.scene.yaml_file import locate
+from engines.schema.yaml_file import locate
 from harness import config, measure, plan, store
 from harness.plan import Cell, Plan
 from harness.results import brief_choice

@@ -7,7 +7,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from engines.errors import ConfigError
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from harness import catalog, config
 from harness.meanings import MEANINGS
 from harness.schema import experiment_schema

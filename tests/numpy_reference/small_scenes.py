@@ -44,6 +44,13 @@ def image(given, shader, spp=1, **settings):
     return film.mean()[:, :, 0]
 
 
+def exact(given, shader):
+    """(3,) the colour along the one ray through the middle of the image."""
+    film = renderer(given, shader=shader, sampler={"name": "constant", "value": 0.5}, width=1, height=1).render(1)
+    assert film.bad_samples == 0
+    return film.mean()[0, 0]
+
+
 def tracer(*shapes, accelerator="none"):
     return renderer(scene(shapes), accelerator=accelerator)
 

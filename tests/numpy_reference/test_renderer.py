@@ -13,9 +13,10 @@ from engines.errors import ConfigError, UnknownName, Unsupported
 from engines.interface import Engine as EngineProtocol
 from engines.interface import Renderer as RendererProtocol
 from engines.interface import Settings
-from engines.numpy_reference import Engine, exhaustive, tracer
-from engines.numpy_reference import bvh as bvh_module
+from engines.numpy_reference import Engine
 from engines.numpy_reference import renderer as renderer_module
+from engines.numpy_reference.accelerators import bvh as bvh_module
+from engines.numpy_reference.accelerators import exhaustive, tracer
 from engines.scene.model import (
     EnvironmentLight,
     Orthographic,

@@ -105,7 +105,7 @@ def test_a_ray_that_leaves_a_sphere_does_not_meet_it_again():  # S9
         context = tracer(Sphere(tuple(center), radius, 0))._context
         aim = unit_rows(target - origin)[:, None] if not inside else unit_rows(rng.normal(size=3))[:, None]
         hits = context.closest(origin[:, None], aim)
-        if hits.rank[0] < 0:
+        if hits.primitive_id[0] < 0:
             continue
         surface = context.surface(origin[:, None], aim, hits)
         outward = surface.geometric if surface.front[0] else -surface.geometric
@@ -114,7 +114,7 @@ def test_a_ray_that_leaves_a_sphere_does_not_meet_it_again():  # S9
         out = out[:, (out * outward).sum(axis=0) > 1e-3]
         start = surface.leave(inwards=bool(~surface.front[0]))
         again = context.closest(np.repeat(start, out.shape[1], axis=1), out)
-        assert (again.rank < 0).all()
+        assert (again.primitive_id < 0).all()
 
 
 def test_overlapping_spheres_met_almost_at_a_tangent_come_in_the_right_order():  # S10, Embree issue 676

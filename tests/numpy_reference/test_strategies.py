@@ -5,18 +5,21 @@ Comparisons are by z of the difference of two independent means, |z| < 4.5: a fa
 
 import numpy as np
 import pytest
+from bsdf_points import GOLD, conductor
 from small_scenes import ball_mesh, box_mesh, material, path_tracer, point_view, renderer, scene, unit_rows
 
-from engines.scene.model import EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
+from engines.scene.model import Disk, EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
 
 RNG = np.random.default_rng(0)
 IMAGE = RNG.random((6, 12, 3)) ** 4
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
-MATERIALS = [material(kd=0.6), material(emission=3.0), material(emission=1.0, two_sided=True), material(kd=0.3, ks=0.4)]
+MATERIALS = [material(kd=0.6), material(emission=3.0), material(emission=1.0, two_sided=True), material(kd=0.3, ks=0.4),
+             conductor((0.3, 0.6), GOLD)]  # fmt: skip
 TRIANGLE = Triangle((-1.0, 1.5, -1.0), (1.0, 1.5, -1.0), (0.0, 1.2, 1.0), 1)
 LIGHTS = {
     "triangle": ([TRIANGLE], []),
     "mesh": ([box_mesh((-1.0, 1.0, -1.0), (0.0, 1.7, 1.0))], []),
+    "disk": ([Disk((-0.3, 1.2, 0.3), (0.6, -0.8, 0.0), 0.8, 1)], []),
     "sphere": ([Sphere((0.5, 1.3, 0.4), 0.6, 1)], []),
     "sphere close by": ([Sphere((0.0, 1.00001, 0.0), 1.0, 2)], []),
     "spheres": ([SphereSet(np.array([[0.5, 1.3, 0.4], [-1, 0.8, 0.3], [0, 2, -2]]), np.array([0.3, 0.2, 0.9]), 1)], []),
@@ -41,7 +44,7 @@ def lit_scene(name, floor=0, x=1.1):
     return scene([ground, *shapes], MATERIALS, lights, point_view((x + 0.1, 0.8, 3.0), (x, 0.0, 0.0), 48))
 
 
-@pytest.mark.parametrize("floor", [0, 3], ids=["diffuse", "half a mirror"])
+@pytest.mark.parametrize("floor", [0, 3, 4], ids=["diffuse", "half a mirror", "rough metal"])
 @pytest.mark.parametrize("name", LIGHTS)
 def test_all_strategies_have_the_same_mean(name, floor):
     seen = {}
@@ -56,7 +59,7 @@ def test_all_strategies_have_the_same_mean(name, floor):
         assert abs(mean_a - mean_b) < 4.5 * np.sqrt(variance_a + variance_b), (a, b, seen)
 
 
-@pytest.mark.parametrize("name", ["triangle", "mesh", "sphere", "spheres", "constant sky", "image sky"])
+@pytest.mark.parametrize("name", ["triangle", "mesh", "disk", "sphere", "spheres", "constant sky", "image sky"])
 def test_every_sample_has_the_pdf_of_its_direction(name):
     """Sampled directions are traced, and the pdf asked for anew must be the one returned."""
     context = renderer(lit_scene(name))._context
@@ -66,19 +69,20 @@ def test_every_sample_has_the_pdf_of_its_direction(name):
     found = context.lights.sample(light, point, normal, *RNG.random((3, n)))
     assert np.allclose(np.linalg.norm(found.wi, axis=0), 1.0, rtol=1e-12)
     if name.endswith("sky"):
-        again = context.lights.environments[0][1].pdf(found.wi, normal)
+        again = context.lights.infinite[0].pdf(found.wi, normal)
         assert np.allclose(again, found.pdf, rtol=1e-6)
         return
     hits = context.closest(point, found.wi)
-    met = np.flatnonzero((hits.rank >= 0) & np.isclose(hits.t, found.distance, rtol=1e-6))  # nothing else in between
+    unhidden = np.isclose(hits.t, found.distance, rtol=1e-6)
+    met = np.flatnonzero((hits.primitive_id >= 0) & unhidden)
     assert met.size > 0.4 * n
     hits = hits.take(met)
     surface = context.surface(point[:, met], found.wi[:, met], hits)
-    again = context.lights.pdf(surface, point[:, met], found.wi[:, met], hits.t)
+    again = context.lights.pdf(surface, point[:, met], hits.t)
     assert np.allclose(again, found.pdf[met], rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["triangle", "sphere", "sphere close by", "constant sky", "image sky"])
+@pytest.mark.parametrize("name", ["triangle", "disk", "sphere", "sphere close by", "constant sky", "image sky"])
 def test_pdfs_integrate_to_one(name):
     """Over 400,000 even directions, those that reach the light having its pdf, 4 pi pdf is 1 on average."""
     shapes, lights = LIGHTS[name]
@@ -89,13 +93,13 @@ def test_pdfs_integrate_to_one(name):
     origin, normal = np.repeat([[0.3], [0.0], [0.1]], n, axis=1), np.repeat([[0.0], [1.0], [0.0]], n, axis=1)
     pdf = np.zeros(n)
     if lights:
-        pdf = context.lights.environments[0][1].pdf(direction, normal)
+        pdf = context.lights.infinite[0].pdf(direction, normal)
     else:
         hits = context.closest(origin, direction)
-        met = np.flatnonzero(hits.rank >= 0)
+        met = np.flatnonzero(hits.primitive_id >= 0)
         hits = hits.take(met)
         surface = context.surface(origin[:, met], direction[:, met], hits)
-        pdf[met] = context.lights.pdf(surface, origin[:, met], direction[:, met], hits.t)
+        pdf[met] = context.lights.pdf(surface, origin[:, met], hits.t)
     values = 4 * np.pi * pdf
     assert abs(values.mean() - 1.0) < 4.5 * values.std() / np.sqrt(n)
 

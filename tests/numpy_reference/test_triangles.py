@@ -115,13 +115,13 @@ def test_a_ray_that_leaves_a_triangle_does_not_meet_it_again():  # T7
         origin = (rng.choice([-1, 1], 3) * 10.0 ** rng.uniform(-8, 8, 3))[:, None]
         aim = unit_rows(weights @ corners - origin[:, 0])[:, None]
         hits = context.closest(origin, aim)
-        if hits.rank[0] < 0:
+        if hits.primitive_id[0] < 0:
             continue
         surface = context.surface(origin, aim, hits)
         out = unit_rows(rng.normal(size=(20, 3))).T
         out = np.where((out * surface.geometric).sum(axis=0) < 0, -out, out)
         again = context.closest(np.repeat(surface.leave(), 20, axis=1), out)
-        assert (again.rank < 0).all()
+        assert (again.primitive_id < 0).all()
 
 
 def test_both_sides_are_hit_and_the_normal_faces_the_ray():  # T14

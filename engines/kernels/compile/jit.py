@@ -116,6 +116,11 @@ def compile_stage(function: Callable[..., Any], on_disk: bool = True) -> Any:
     return compile_function(function, _STAGE, on_disk)
 
 
+def compile_callback(function: Callable[..., Any]) -> Any:
+    """Compiles `function(arguments)` of one address to a C function; the result as of `compile_stage`."""
+    return compile_function(function, types.void(types.int64))
+
+
 def compile_function(function: Callable[..., Any], signature: Any, on_disk: bool = True) -> Any:
     """Compiles a C function of the given numba signature."""
     compiled = CFunc(function, (signature.args, signature.return_type), locals={}, options=dict(OPTIONS))

@@ -39,6 +39,19 @@ def keep_scalar(typing):
 
 
 @intrinsic
+def call_function(typing, function, arguments):
+    """Calls the C function at address `function`, which returns nothing, with a tuple of 64-bit arguments."""
+
+    def generate(context, builder, signature, values):
+        kind = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * len(arguments))
+        words = [builder.extract_value(values[1], k) for k in range(len(arguments))]
+        builder.call(builder.inttoptr(values[0], kind.as_pointer()), words)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.UniTuple(types.int64, len(arguments))), generate
+
+
+@intrinsic
 def lowest_bit(typing, word):
     """The index of the lowest bit that is set in a word that is not 0."""
 

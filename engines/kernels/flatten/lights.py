@@ -12,20 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.flatten import shapes
-from engines.kernels.lane.lights import constant_environment, directional, mesh, point, sphere
+from engines.kernels.lane.lights import constant_environment, directional, disk, mesh, point, sphere, spot
 from engines.kernels.layout import LightRow
 from engines.scene.model import (
     DirectionalLight,
+    Disk,
     EnvironmentLight,
     Material,
     Mesh,
     PointLight,
     Sphere,
     SphereSet,
+    SpotLight,
     Triangle,
 )
 
-POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE = range(6)
+POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT = range(8)
 
 Reals = NDArray[np.float64]
 
@@ -50,6 +52,8 @@ MODELS: dict[int, LightModel] = {
     IMAGE_ENVIRONMENT: LightModel(None, 0),
     MESH: LightModel(mesh.sample, 1, mesh.pdf, shapes.TRIANGLE),
     SPHERE: LightModel(sphere.sample, 4, sphere.pdf, shapes.SPHERE),
+    DISK: LightModel(disk.sample, 7, disk.pdf, shapes.DISK),
+    SPOT: LightModel(spot.sample, 8),
 }
 
 
@@ -62,6 +66,12 @@ def _directional(light: DirectionalLight, center: Reals) -> list[float]:
     return LightRow.packed(kind=DIRECTIONAL, color=light.irradiance, parameters=np.negative(light.direction))
 
 
+def _spot(light: SpotLight, center: Reals) -> list[float]:
+    angles = np.radians([light.cutoff, light.beam_width])
+    parameters = [*np.subtract(light.position, center), *light.direction, *angles]
+    return LightRow.packed(kind=SPOT, color=light.intensity, parameters=parameters)
+
+
 def _environment(light: EnvironmentLight, center: Reals) -> list[float]:
     kind = CONSTANT_ENVIRONMENT if light.image is None else IMAGE_ENVIRONMENT
     return LightRow.packed(kind=kind, color=light.radiance)
@@ -70,6 +80,7 @@ def _environment(light: EnvironmentLight, center: Reals) -> list[float]:
 ROWS: dict[type, Callable[[Any, Reals], list[float]]] = {
     PointLight: _point,
     DirectionalLight: _directional,
+    SpotLight: _spot,
     EnvironmentLight: _environment,
 }
 """How a light of the model becomes a row: (light, center) -> numbers."""
@@ -136,5 +147,13 @@ def _spheres(shape: Any, center: Reals) -> list[tuple[int, list[float]]]:
     return [(SPHERE, [*(place - center), radius]) for place, radius in zip(shape.centers, shape.radii, strict=True)]
 
 
-SHAPES: dict[type, Callable[[Any, Reals], list[tuple[int, list[float]]]]] = {Sphere: _spheres, SphereSet: _spheres}
+def _disk(shape: Disk, center: Reals) -> list[tuple[int, list[float]]]:
+    return [(DISK, [*np.subtract(shape.center, center), *shape.normal, shape.radius])]
+
+
+SHAPES: dict[type, Callable[[Any, Reals], list[tuple[int, list[float]]]]] = {
+    Sphere: _spheres,
+    SphereSet: _spheres,
+    Disk: _disk,
+}
 """How an emitting shape becomes lights, one a primitive: (shape, center) -> (kind, parameters) of each."""

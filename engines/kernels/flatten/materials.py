@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.features import SceneFeatures
-from engines.kernels.lane.bsdf import mixture
+from engines.kernels.lane.bsdf import conductor, mixture
 from engines.kernels.layout import MaterialRow
-from engines.scene.model import Material
+from engines.scene.model import Conductor, Material
 
-MIXTURE = 0
+MIXTURE, CONDUCTOR = range(2)
 
 
 class BSDFModel(NamedTuple):
@@ -41,14 +41,31 @@ def _mixture_features(material: Material) -> dict[str, bool]:
     }
 
 
+def _conductor_parameters(material: Material) -> list[float]:
+    metal = material.bsdf
+    assert isinstance(metal, Conductor)
+    return [*metal.eta, *metal.k, *metal.reflectance, *metal.alpha]
+
+
+def _conductor_features(material: Material) -> dict[str, bool]:
+    assert isinstance(material.bsdf, Conductor)
+    along, across = material.bsdf.alpha
+    return {"specular_reflection": along == 0, "tangents": along != across}
+
+
 MODELS: dict[int, BSDFModel] = {
     MIXTURE: BSDFModel(_mixture_parameters, _mixture_features, mixture.columns, mixture.make),
+    CONDUCTOR: BSDFModel(_conductor_parameters, _conductor_features, conductor.columns, conductor.make),
 }
+
+
+KINDS: dict[type, int] = {type(None): MIXTURE, Conductor: CONDUCTOR}
+"""The model of each type of `Material.bsdf`."""
 
 
 def model_of(material: Material) -> int:
     """The kind of a material's BSDF model."""
-    return MIXTURE
+    return KINDS[type(material.bsdf)]
 
 
 def material_rows(materials: Iterable[Material]) -> NDArray[np.float64]:

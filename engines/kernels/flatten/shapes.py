@@ -31,14 +31,16 @@ class AnalyticShape(NamedTuple):
     bounds: Callable[[Reals], tuple[Reals, Reals]]
     """Parameters (n, SHAPE_PARAMETERS) -> lowest and highest coordinates (n, 3)."""
     lane: Any
-    """Its module of `engines.kernels.lane.shapes`: `distance` and `intersection`."""
+    """Its module of `engines.kernels.lane.shapes`: `distance` and `interaction`."""
 
 
 def _disk(shape: Disk, center: Reals) -> list[float]:
     return [*np.subtract(shape.center, center), *shape.normal, shape.radius]
 
 
-ANALYTIC: dict[type, AnalyticShape] = {Disk: AnalyticShape(DISK, _disk, disk.bounds, disk)}
+ANALYTIC: dict[type, AnalyticShape] = {
+    Disk: AnalyticShape(DISK, _disk, disk.bounds, disk),
+}
 
 
 def analytic_shape(kind: int) -> AnalyticShape:

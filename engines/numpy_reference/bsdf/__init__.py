@@ -1,0 +1,16 @@
+"""The models of reflection, one a module, and the registry through which the rest of the engine knows them."""
+
+from types import NoneType
+
+from engines.numpy_reference.bsdf.conductor import ConductorBSDF
+from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes
+from engines.numpy_reference.bsdf.mixture import MixtureBSDF
+from engines.scene.model import Conductor
+
+BSDFS: dict[type, type[BSDF]] = {
+    NoneType: MixtureBSDF,
+    Conductor: ConductorBSDF,
+}
+"""For each type of `Material.bsdf`, the class that holds all materials of that model; None stands for kd, ks and kt."""
+
+__all__ = ["BSDF", "BSDFS", "BSDFSample", "Lobes"]

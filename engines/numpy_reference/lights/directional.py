@@ -1,0 +1,26 @@
+"""Directional lights: parallel rays, as from the sun."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engines.numpy_reference.lights.interface import LightSample, triples
+from engines.numpy_reference.vectors import Array, Indices
+from engines.scene.model import DirectionalLight
+
+
+class DirectionalLights:
+    """All directional lights of a scene."""
+
+    delta = True
+    infinite = False
+
+    def __init__(self, lights: Sequence[DirectionalLight]) -> None:
+        self._towards, self._irradiance = -triples(lights, "direction"), triples(lights, "irradiance")
+
+    def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
+        """The same from every point."""
+        endless = np.full(light.size, np.inf)
+        return LightSample(self._towards.take(light, axis=1), endless, self._irradiance.take(light, axis=1), endless)

@@ -1,0 +1,82 @@
+"""Points of a surface, made by hand, and a BSDF asked for at them; directions are (3, n)."""
+
+from __future__ import annotations
+
+import numpy as np
+from small_scenes import material
+
+from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.materials import Materials
+from engines.scene.model import Conductor, Material
+
+UP = np.array([[0.0], [0.0], [1.0]])
+EAST = np.array([[1.0], [0.0], [0.0]])
+WHITE = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+"""eta and k of a conductor that reflects everything at every angle."""
+GOLD = ((0.14304, 0.37531, 1.44205), (3.98300, 2.38556, 1.60336))
+
+
+def conductor(alpha, index=WHITE, reflectance=(1.0, 1.0, 1.0)):
+    alpha = alpha if isinstance(alpha, tuple) else (alpha, alpha)
+    return Material("metal", bsdf=Conductor(*index, alpha, reflectance))
+
+
+MODELS = {
+    "kd": material(kd=0.6),
+    "kd ks kt": material(kd=0.3, ks=0.4, kt=0.3, ior=1.5, fresnel=True),
+    "rough": conductor(0.5),
+    "shiny": conductor(0.08, GOLD),
+    "brushed": conductor((0.1, 0.45), GOLD, (0.9, 0.8, 0.7)),
+}
+"""Materials with a lobe that is no delta, by name."""
+
+
+def points(wo, normal=UP, dp_du=EAST, geometric=None):
+    """A `SurfaceInteraction` for each `wo`, all with the same frame unless these are (3, n) too."""
+    n = wo.shape[1]
+    normal, dp_du = (np.broadcast_to(vector, (3, n)).copy() for vector in (normal, dp_du))
+    geometric = normal if geometric is None else np.broadcast_to(geometric, (3, n)).copy()
+    none = np.zeros(n, np.int64)
+    return SurfaceInteraction(np.zeros((3, n)), wo, geometric, normal, dp_du, none == 0, none, none, np.zeros(n))
+
+
+def evaluated(chosen, wo, wi, **frame):
+    """(3, n) f of a material for pairs of directions, or for one and many."""
+    wo, wi = np.broadcast_arrays(wo, wi)
+    return Materials([chosen]).evaluate(points(wo.copy(), **frame), wi.copy())
+
+
+def density(chosen, wo, wi, **frame):
+    """(n,) pdf of a material for pairs of directions, or for one and many."""
+    wo, wi = np.broadcast_arrays(wo, wi)
+    return Materials([chosen]).pdf(points(wo.copy(), **frame), wi.copy())
+
+
+def sampled(chosen, wo, draws, **frame):
+    """`BSDFSample` of a material at each `wo`, or at one many times; draws (3, n)."""
+    wo = np.broadcast_to(wo, (3, draws.shape[1])).copy()
+    return Materials([chosen]).sample(points(wo, **frame), *draws)
+
+
+def polar(degrees, azimuth=0.0):
+    """(3, n) directions by their angle from z and around it."""
+    theta, phi = np.broadcast_arrays(np.radians(degrees), np.radians(azimuth))
+    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]).reshape(3, -1)
+
+
+def even_directions(n, seed):
+    """(3, n) uniform on the hemisphere around z."""
+    rng = np.random.default_rng(seed)
+    z, phi = rng.random(n), 2.0 * np.pi * rng.random(n)
+    return np.stack([np.sqrt(1.0 - z * z) * np.cos(phi), np.sqrt(1.0 - z * z) * np.sin(phi), z])
+
+
+def quadrature(rows, columns, around=0.0):
+    """Nodes (3, rows * columns) on the hemisphere and their weights per solid angle: Gauss-Legendre in the angle from z,
+    midpoints about it, which lie densest at the azimuth `around`, where a narrow lobe is."""
+    x, weight = np.polynomial.legendre.leggauss(rows)
+    theta, weight = 0.25 * np.pi * (x + 1.0), 0.25 * np.pi * weight
+    t = 2.0 * (np.arange(columns) + 0.5) / columns - 1.0
+    azimuth, width = around + 180.0 * t**3, 3.0 * np.pi * t**2 * 2.0 / columns
+    weights = (weight * np.sin(theta))[:, None] * width
+    return polar(np.repeat(np.degrees(theta), columns), np.tile(azimuth, rows)), weights.reshape(-1)
