@@ -10,6 +10,7 @@ import pytest
 
 from engines.kernels.compile.fingerprint import NotFingerprinted, fingerprint
 
+ROOT = Path(__file__).resolve().parents[2]
 SOURCE = """
 import numpy as np
 
