@@ -1,8 +1,9 @@
 """What a plugin for the jitted engines is written with: one lane's vectors and selections, and the objects that carry it.
 
-A shader is a function `step(si, light, bsdf, draws, path, options) -> ScatterResult` (see
-`engines.kernels.integrators.interface`), decorated with `inline`, in a `Shader`; a sampler is `draw(pixel, sample, dimension, seed_key) -> float in [0, 1)`. Sixteen
-lanes run as vector code when the function has no branches: use `select`. With branches it stays right and is slower.
+A shader is a function `step(si, light, bsdf, draws, path, options) -> ScatterResult`, decorated with `inline`, in a
+`Shader` (see `engines.kernels.integrators.interface`); a sampler is `draw(pixel, sample, dimension, seed_key) -> float in
+[0, 1)`. Sixteen lanes run as vector code when the function has no branches: use `select`. With branches it stays right and
+is slower.
 """
 
 from __future__ import annotations

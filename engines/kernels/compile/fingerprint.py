@@ -62,7 +62,10 @@ def _class(value: type, within: tuple[Any, ...]) -> Any:
     name = value.__module__, value.__qualname__
     fields = getattr(value, "fields", None)
     if isinstance(fields, dict):
-        return name, [(key, field.kind, field.n, field.first, str(field.dtype)) for key, field in fields.items()]
+        return name, [
+            (key, field.kind, field.n, field.first, str(field.dtype), field.row and _class(field.row, within))
+            for key, field in fields.items()
+        ]
     if name[0].partition(".")[0] in _STABLE:
         return name
     if issubclass(value, tuple) and hasattr(value, "_fields"):

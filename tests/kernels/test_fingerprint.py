@@ -1,0 +1,101 @@
+"""The name of a user's stage is the same in every process, and another after any edit that its machine code depends on."""
+
+import os
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from engines.kernels.compile.fingerprint import NotFingerprinted, fingerprint
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = """
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.records import REAL, Row, Table, array, real, rows, scalar, table_view, vector
+from engines.kernels.layout import ACCELERATOR, LANES, ray_batch, scene_table
+
+FACTOR = 2.0
+
+
+class BoxRow(Row):
+    low = vector()
+    size = real()
+
+
+class OwnTable(Table, first=ACCELERATOR):
+    n = scalar()
+    boxes = rows(BoxRow)
+    numbers = array(REAL)
+
+
+own_table = table_view(OwnTable)
+
+
+@inline
+def further(x):
+    return x + 1.0
+
+
+@inline
+def scaled(x):
+    return further(x) * FACTOR
+
+
+def make(shadow, real):
+    def stage(batch, scene_address):
+        rays, own = ray_batch(batch, real), own_table(scene_address, real)
+        for lane in range(np.uint64(LANES)):
+            rays.t[lane] = scaled(own.boxes[0].size + own.numbers[1])
+
+    return stage
+"""
+EDITS = {
+    "a function that a function calls": ("x + 1.0", "x + 1.5"),
+    "a number": ("FACTOR = 2.0", "FACTOR = 3.0"),
+    "the order of a row": ("    low = vector()\n    size = real()", "    size = real()\n    low = vector()"),
+    "the order of a table": (
+        "    n = scalar()\n    boxes = rows(BoxRow)",
+        "    boxes = rows(BoxRow)\n    n = scalar()",
+    ),
+    "the type of an array": ("array(REAL)", "array(np.int32)"),
+    "the stage": ("own.numbers[1]", "own.numbers[2]"),
+}
+
+
+def fingerprint_of(source, shadow=False, real="float32"):
+    module = types.ModuleType("own_stage")
+    exec(source, module.__dict__)
+    return fingerprint(module.make(shadow, getattr(module.np, real)))
+
+
+def test_two_processes_give_one_name():
+    program = f"import tests.kernels.test_fingerprint as t; print(t.fingerprint_of({SOURCE!r}))"
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", program], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True,
+            check=True, cwd=ROOT,
+        ).stdout.strip()
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert found == {fingerprint_of(SOURCE)}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_gives_another_name(edit):
+    before, after = EDITS[edit]
+    assert SOURCE.count(before) == 1
+    assert fingerprint_of(SOURCE.replace(before, after)) != fingerprint_of(SOURCE)
+
+
+def test_what_a_factory_was_given_counts():
+    names = {fingerprint_of(SOURCE, shadow, real) for shadow in (False, True) for real in ("float32", "float64")}
+    assert len(names) == 2  # `shadow` is not used by the stage, so it is not part of it
+
+
+def test_a_value_without_a_name_is_refused():
+    with pytest.raises(NotFingerprinted):
+        fingerprint_of(SOURCE.replace("FACTOR = 2.0", "FACTOR = object()"))
