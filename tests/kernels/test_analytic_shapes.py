@@ -56,7 +56,8 @@ def rings(monkeypatch):
 
 
 def triple(values):
-    return tuple(float(x) for x in values)
+    x, y, z = values
+    return float(x), float(y), float(z)
 
 
 def flat_shapes(kind, n, seed):
