@@ -6,12 +6,12 @@ from markdown import code, plain, table
 
 from harness.analysis import analyse
 from harness.metrics import METRIC_MEANINGS
-from harness.results import results_of
-from harness.tables import all_tables, changes, phase_rows, points, quality_times
-from harness.tables.accelerators import accelerators
-from harness.tables.agreement import accuracy
-from harness.tables.growth import growth
-from harness.tables.model import ESTIMATES
+from harness.report.tables import all_tables, changes, phase_rows, points, quality_times
+from harness.report.tables.accelerators import accelerators
+from harness.report.tables.equivalence import accuracy
+from harness.report.tables.model import ESTIMATES
+from harness.report.tables.scaling import growth
+from harness.store.results import results_of
 
 KINDS = {"text": "text", "number": "number", "exact": "number", "count": "whole number", "percent": "share"}
 

@@ -5,7 +5,7 @@ import json
 from markdown import code, plain, table
 
 from engines.scene import scene_schema
-from harness.schema import experiment_schema
+from harness.config.schema import experiment_schema
 
 SETTINGS = ("scene", "engine", "shader", "sampler", "accelerator", "precision", "threads", "resolution", "budget")
 

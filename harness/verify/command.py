@@ -12,13 +12,13 @@ from rich.console import Console
 
 from engines import registry
 from engines.errors import ConfigError, UnknownName
-from harness.commands import allow_here, consoles
-from harness.examinations import case_words, chosen_cases
-from harness.machine import usable_cores
-from harness.progress import duration
-from harness.settings import require_imports
+from harness.config.settings import require_imports
+from harness.console import allow_here, consoles
+from harness.measure.machine import usable_cores
+from harness.run.progress import duration
 from harness.verify import output, workers
 from harness.verify.battery import BROKEN, CASES, DECLINED, Finding
+from harness.verify.selection import case_words, chosen_cases
 
 OURS = ("numpy", "numba", "embree")
 """Who is asked when nobody is named."""

@@ -16,14 +16,14 @@ from rich.table import Table
 from engines.errors import ConfigError, RendererFailed, UnknownName
 from engines.registry import is_file, known_names
 from engines.scene import Scene, load_scene
-from harness import catalog
-from harness.agreement import conclusion
-from harness.commands import allow_here, consoles
-from harness.pool import Pool, WorkerFailed
-from harness.settings import require_commands, require_imports
+from harness.analysis.equivalence import conclusion
+from harness.config import paths as catalog
+from harness.config.settings import require_commands, require_imports
+from harness.console import allow_here, consoles
+from harness.measure.pool import Pool, WorkerFailed
+from harness.report.tables.model import number_text
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.equivalence import shared_alpha
-from harness.tables.model import number_text
 
 COLOURS = {"equivalent": "green", "inconclusive": "yellow", "different": "bold red"}
 

@@ -8,21 +8,22 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Printed
 
-from harness.atomic import write_text
-from harness.tables import Column, Table
-from harness.tables.model import csv_text, latex_text, number_text
+from harness.report.tables import Column, Table
+from harness.report.tables.model import csv_text, latex_text, number_text
+from harness.store.atomic import write_text
 from harness.verify.battery import BROKEN, DECLINED, KEPT, NOT_PROMISED, Finding
 from harness.verify.promises import PROMISES
+from harness.verify.worst import condensed
 
 if TYPE_CHECKING:
-    from harness.plots import Plot
+    from harness.report.plots import Plot
 
 COLUMNS = [
     Column("case", "Id of the case."),
@@ -61,7 +62,7 @@ def table(found: Sequence[Finding], names: Sequence[str] = ()) -> Table:
 
 def write(found: Sequence[Finding], folder: Path, quick: bool) -> None:
     """verify.json, .csv, .tex (all but the wordy columns) and .html; plots/, where there is something to draw."""
-    from harness.plots import draw_stability
+    from harness.report.plots import draw_stability
 
     folder.mkdir(parents=True, exist_ok=True)
     plots = draw_stability([dataclasses.asdict(finding) for finding in found], folder / "plots")
@@ -142,47 +143,13 @@ def _ulps(finding: Finding) -> str:
     return " / ".join("∞" if math.isinf(x) else f"{x:.0f}" if x >= 100 else f"{x:.2g}" for x in shares)
 
 
-class Condensed(NamedTuple):
-    """A finding, how many more of its case and verdict it stands for, and the one of them that is worst in ulp."""
-
-    finding: Finding
-    rest: int
-    spread: Finding
-
-
-def condensed(found: Sequence[Finding]) -> list[Condensed]:
-    """Of the findings of a case, engine, precision and verdict the one nearest to its limit; of broken ones all."""
-    groups: dict[tuple[str, ...], list[Finding]] = {}
-    for finding in found:
-        group = groups.setdefault((finding.engine, finding.precision, finding.section, finding.case), [])
-        group.append(finding)
-    rows: list[Condensed] = []
-    for group in groups.values():
-        for verdict in (KEPT, NOT_PROMISED, DECLINED):
-            alike = [finding for finding in group if finding.verdict == verdict]
-            if alike:
-                rows.append(Condensed(max(alike, key=_closeness), len(alike) - 1, max(alike, key=_worst)))
-        rows += [Condensed(finding, 0, finding) for finding in group if finding.verdict == BROKEN]
-    return rows
-
-
-def _worst(finding: Finding) -> float:
-    return -1.0 if math.isnan(finding.worst) else finding.worst
-
-
-def _closeness(finding: Finding) -> float:
-    """Error as a share of what is allowed; where nothing is, the error."""
-    share = finding.error / finding.allowed if finding.allowed > 0 else finding.error
-    return -share if finding.unit == "p" else share
-
-
 def limit_text(finding: Finding) -> str:
     return "–" if math.isnan(finding.allowed) else number_text(finding.allowed)
 
 
 def page(found: Sequence[Finding], quick: bool, plots: Sequence[Plot] = ()) -> str:
     """A page of its own, without scripts or anything from elsewhere."""
-    from harness.report.assembly import inline_svg
+    from harness.report.html.assembly import inline_svg
 
     loader = jinja2.PackageLoader("harness.verify", ".")
     environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)

@@ -1,6 +1,6 @@
 """Where digits go as numbers grow: error of t over distance, offset and radius; self-hits and leaks over scale.
 
-These cases sweep one number over many decades, so that they can be drawn (`harness.plots.stability`). Unlike the others
+These cases sweep one number over many decades, so that they can be drawn (`harness.report.plots.stability`). Unlike the others
 they are not rounded to the tracing precision first: an engine is given a float64 scene, and what it makes of it is its
 own doing. A parameter ends with the number that is varied.
 """

@@ -22,11 +22,11 @@ from typing import Any, NamedTuple
 
 from engines import registry
 from engines.errors import RaybenchError
+from harness.processes import die_with_parent
 from harness.verify.battery import CASES, Finding, broken, examine
 from harness.verify.case import Case
 from harness.verify.promises import tracing_precision
 from harness.verify.subject import Declined, Subject, accelerators, precisions
-from harness.worker import die_with_parent
 
 SPAWN = multiprocessing.get_context("spawn")
 

@@ -13,11 +13,13 @@ from engines.interface import Renderer
 from engines.registry import engine as engine_of
 from engines.scene import load_scene
 from engines.scene.yaml_file import locate
-from harness import config, measure, plan, store
-from harness.plan import Cell, Plan
-from harness.results import brief_choice
-from harness.settings import engine_settings
-from harness.sweep import Options, Sweep
+from harness import config, store
+from harness.config.settings import engine_settings
+from harness.measure import clock as measure
+from harness.plan import planner as plan
+from harness.plan.cells import Cell, Plan
+from harness.run.sweep import Options, Sweep
+from harness.store.results import brief_choice
 from harness.view import requests
 from harness.view.lane import Lane
 
@@ -94,14 +96,14 @@ class Contest:
         self.sweep = Sweep(made, folder, options, Listener(tell), self._events)
         self.replicates = Replicates(allow_imports)
         cells = sorted(made.cells, key=lambda cell: _place(cell, request.lanes))
-        self.lanes = [Lane(self.sweep, cell, allow_imports) for cell in cells]
+        self.lanes = [Lane(self.sweep.recorder, cell, allow_imports) for cell in cells]
         self.names = _names(cells)
 
     def references(self) -> None:
         """Makes what is missing. Raises `Stopped`, and `ConfigError` where an engine fails."""
         self.sweep.record_plan()
         self.sweep.make_references(self.replicates)
-        failed = [event["message"] for event in self.sweep.latest.values() if event["state"] == "failed"]
+        failed = [event["message"] for event in self.sweep.recorder.latest.values() if event["state"] == "failed"]
         if failed:
             raise ConfigError(failed[0])
 

@@ -14,11 +14,11 @@ import psutil
 
 from engines import dahlquist
 from engines.errors import RaybenchError
-from harness import machine
+from harness.measure import machine
+from harness.processes import one_line
 from harness.view import requests
 from harness.view.mailbox import Mailbox
 from harness.view.messages import latest_key, packed, problem
-from harness.worker import one_line
 
 MOST_UNSEEN = 2
 FOCAL = 2.6

@@ -10,16 +10,16 @@ from engines.film import Film
 from engines.interface import Renderer
 from engines.registry import engine as engine_of
 from engines.scene import load_scene
-from harness import measure
-from harness.machine import Disturbance
-from harness.plan import WARM_UP_SEED, Cell
-from harness.pool import Heard
-from harness.recording import Recording
-from harness.results import point_error
-from harness.sentinel import sentinel_seconds
-from harness.settings import engine_settings
+from harness.config.settings import engine_settings
+from harness.measure import clock as measure
+from harness.measure.contention import Disturbance
+from harness.measure.pool import Heard
+from harness.measure.sentinel import sentinel_seconds
+from harness.plan.cells import WARM_UP_SEED, Cell
+from harness.run.recorder import CellRecord as Recording
+from harness.run.recorder import Recorder as Sweep
 from harness.statistics.convergence import first_crossing
-from harness.sweep import Sweep
+from harness.store.results import point_error
 
 FINISHED = ("reached", "at_first")
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
 from engines.input_files import open_regular
-from harness import catalog, confined
+from harness.config import paths as catalog
+from harness.store import confined
 
 MOST_LISTED = 500
 MOST_SEEN = 20_000

@@ -19,8 +19,9 @@ from engines.interface import Settings
 from engines.registry import engine as engine_of
 from engines.registry import is_file
 from engines.scene import CustomCamera, Orthographic, Scene, load_scene
-from harness import measure
-from harness.settings import engine_settings, require_imports
+from harness.config.settings import engine_settings, require_imports
+from harness.measure import clock as measure
+from harness.processes import one_line
 from harness.view import requests
 from harness.view.library import Library
 from harness.view.mailbox import Mailbox
@@ -28,7 +29,6 @@ from harness.view.menu import menu
 from harness.view.messages import latest_key, packed, problem
 from harness.view.stage import Stage, camera_told
 from harness.view.telling import ASIDES, Picture, Teller
-from harness.worker import one_line
 
 REST_SECONDS = 0.15
 """Without a move, after which the large image begins."""

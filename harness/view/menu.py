@@ -14,7 +14,7 @@ from engines.interface import Engine, Settings
 from engines.registry import engine, engine_names
 from engines.scene import scene_from
 from engines.tonemap import TONE_MAPPERS
-from harness import machine
+from harness.measure import machine
 from harness.view.library import Library
 from harness.view.requests import LARGEST_SIDE, MOST_PIXELS, MOST_SPP
 

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from harness.pool import environment
+from harness.processes import worker_environment as environment
 from harness.view.messages import header_of
 
 STREAM_LIMIT = 1 << 23

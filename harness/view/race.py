@@ -14,6 +14,7 @@ import psutil
 
 from engines.errors import ConfigError, RaybenchError
 from engines.registry import is_file
+from harness.processes import one_line
 from harness.view import requests
 from harness.view.contest import Contest, Stopped
 from harness.view.display import half_floats
@@ -22,7 +23,6 @@ from harness.view.library import Library
 from harness.view.mailbox import Mailbox
 from harness.view.menu import menu
 from harness.view.messages import packed, problem
-from harness.worker import one_line
 
 
 class RaceDesk:
@@ -106,7 +106,7 @@ class RaceDesk:
 
     def _tell_references(self) -> None:
         """Every reference once, with the lanes that are compared with it."""
-        from harness.report.assembly import colour_maps
+        from harness.report.html.assembly import colour_maps
 
         assert self._contest is not None
         users: dict[str, list[int]] = {}
@@ -114,7 +114,7 @@ class RaceDesk:
             users.setdefault(str(lane.cell.reference_id), []).append(index)
         epsilon, maps = self._contest.plan.experiment.quality.epsilon, colour_maps()
         for reference_id, lanes in users.items():
-            reference = self._contest.sweep.reference(reference_id)
+            reference = self._contest.sweep.recorder.reference(reference_id)
             height, width, _ = reference.mean.shape
             told = {"lanes": lanes, "width": width, "height": height, "epsilon": epsilon, "maps": maps}
             pixels = reference.mean.clip(-65504, 65504).astype("<f2").tobytes()

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from engines.errors import ConfigError
-from harness import machine
+from harness.measure import machine
 
 LARGEST_SIDE = 4096
 MOST_PIXELS = 1 << 22

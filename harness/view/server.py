@@ -114,7 +114,7 @@ def _assets() -> dict[str, tuple[bytes, str]]:
         if (suffix := Path(item.name).suffix) in TYPES:
             found[item.name] = item.read_bytes(), TYPES[suffix]
     for name in FROM_THE_REPORT:
-        found[name] = files("harness.report").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
+        found[name] = files("harness.report.html").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
     return found
 
 

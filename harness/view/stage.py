@@ -15,7 +15,7 @@ import numpy as np
 from engines.errors import Unsupported
 from engines.interface import Engine, Renderer, Settings
 from engines.scene import Camera, CustomCamera, Orthographic, Scene
-from harness import measure
+from harness.measure import clock as measure
 from harness.view.movable import Movable, center, movables, moved
 from harness.view.pixels import Lens, Vector
 

@@ -19,13 +19,13 @@ import psutil
 from engines.errors import ConfigError, RaybenchError
 from engines.film import Film
 from engines.temporary import TemporaryFolder
+from harness.processes import one_line
 from harness.view import requests
 from harness.view.display import Tone, rgba
 from harness.view.mailbox import Mailbox
 from harness.view.messages import packed, problem
 from harness.view.scene_text import scene_yaml
 from harness.view.stage import Stage, camera_told
-from harness.worker import one_line
 
 FRAME_SECONDS = 0.12
 """From one frame to the next while something renders."""

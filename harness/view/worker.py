@@ -15,8 +15,8 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from harness.processes import die_with_parent, one_line
 from harness.view.messages import packed, problem
-from harness.worker import die_with_parent, one_line
 
 NICE = 5
 """Renders stand behind the server, the browser, and the threads that tell of them, so that those answer at once."""

@@ -26,9 +26,8 @@ WRONG = (
 
 def write_whole(folder: Path) -> Path:
     """A small results folder in which every kind of event stands."""
-    from harness import conclusions
-    from harness.analysis import analyse
-    from harness.results import load_results
+    from harness.analysis import analyse, archived_verdicts
+    from harness.store.results import load_results
     from tests.harness.synthetic import Size, write_folder
 
     write_folder(folder, Size(16, 12), seeds=2, threads=(1,))
@@ -66,7 +65,7 @@ def write_whole(folder: Path) -> Path:
     manifest |= {"name": "synthetic", "cell_ids": ids, "examination_ids": ["x0"]}
     manifest["config"] |= {"combinations": combinations, "baseline": "numba"}
     (folder / store.MANIFEST).write_text(json.dumps(manifest))
-    write_events(folder, [*kept, conclusions.event(analyse(load_results(folder)))])
+    write_events(folder, [*kept, archived_verdicts.event(analyse(load_results(folder)))])
     return folder
 
 
@@ -137,48 +136,48 @@ def mutate(folder: Path, draw: random.Random) -> str:
 
 def report(folder: Path, other: Path, scratch: Path) -> None:
     from harness.analysis import analyse
-    from harness.report.assembly import report_html
-    from harness.results import load_results
-    from harness.tables import write_tables
+    from harness.report.html.assembly import report_html
+    from harness.report.tables import write_tables
+    from harness.store.results import load_results
 
     analysis = analyse(load_results(folder))
     report_html(analysis, write_tables(analysis, folder), []).encode()
 
 
 def status(folder: Path, other: Path, scratch: Path) -> None:
-    from harness import commands
+    from harness.cli import experiments
 
     with contextlib.redirect_stdout(io.StringIO()):
-        commands.status(folder)
+        experiments.status(folder)
 
 
 def compare(folder: Path, other: Path, scratch: Path) -> None:
-    from harness import commands
+    from harness.cli import results
 
     with contextlib.redirect_stdout(io.StringIO()):
-        commands.compare(other, folder, True, scratch / "changes.csv")
+        results.compare(other, folder, True, scratch / "changes.csv")
 
 
 def merge(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.merge import merge as merged
+    from harness.store.merge import merge as merged
 
     merged([folder, other], scratch / "merged")
 
 
 def archive(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.archive import archive as archived
+    from harness.report.archive import archive as archived
 
     archived(folder, scratch / "archived")
 
 
 def rescore(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.rescore import rescore as again
+    from harness.run.rescore import rescore as again
 
     again(folder)
 
 
 def chapter(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.chapter import write_chapter
+    from harness.report.chapter import write_chapter
 
     write_chapter([folder], scratch / "chapter")
 

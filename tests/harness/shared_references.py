@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from engines.film import Film
-from harness import reference_files, references
+from harness.run import references
+from harness.store import reference_files
 
 REPLICATES = 6
 

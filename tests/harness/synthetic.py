@@ -169,9 +169,9 @@ def write_image(folder, cell, spp, error, size, rng):
 
 
 def write_reference(folder, scene, size, rng):
-    """A reference of two replicates in the format of harness.references."""
+    """A reference of two replicates in the format of harness.run.references."""
     from engines.film import Film
-    from harness import references
+    from harness.run import references
 
     wanted = references.ReferenceWanted(scene, scene, "s" + scene, reference_asked(scene, size), {})
     truth = picture(scene, size)
@@ -190,6 +190,6 @@ def reference_asked(scene, size):
 
 
 def reference_id(scene, size):
-    from harness.identity import digest
+    from harness.hashing import digest
 
     return digest(reference_asked(scene, size))

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from synthetic import BIASED, write_folder
 
-from harness import agreement
 from harness.analysis import analyse
-from harness.results import load_results
+from harness.analysis.equivalence import words
+from harness.report.tables.equivalence import corrected
+from harness.report.tables.equivalence import equivalence as equivalence_table
 from harness.statistics import equivalence
-from harness.tables.agreement import corrected
-from harness.tables.agreement import equivalence as equivalence_table
+from harness.store.results import load_results
 
 TRUTH = np.random.default_rng(0).uniform(0.2, 1.5, (24, 24, 3))
 
@@ -34,16 +34,16 @@ def test_every_pair_of_engines_is_compared_under_equal_settings_once(analysis):
 def test_the_biased_engine_differs_from_both_others_and_nothing_else_differs(analysis):
     for pair in analysis.pairs:
         biased = any((c.settings.scene, c.settings.engine) == BIASED for c in (pair.first, pair.second))
-        assert (pair.verdict == "different") == biased, agreement.words(pair)
+        assert (pair.verdict == "different") == biased, words(pair)
 
 
 def test_words_say_who_what_and_on_how_many_images(analysis):
     for pair in analysis.pairs:
-        words = agreement.words(pair)
-        assert pair.first.name in words and pair.second.name in words and "5 and 5 images of" in words
-        assert "would have been seen" in words
+        told = words(pair)
+        assert pair.first.name in told and pair.second.name in told and "5 and 5 images of" in told
+        assert "would have been seen" in told
         if pair.verdict == "different":
-            assert "means differ by" in words or "stand out" in words or "than chance" in words
+            assert "means differ by" in told or "stand out" in told or "than chance" in told
 
 
 def test_the_table_has_a_row_a_pair_with_corrected_p_values(analysis):

@@ -8,13 +8,14 @@ import sweeping
 from synthetic import Size, write_folder
 
 from engines.errors import ConfigError
-from harness import machine, store
+from harness import store
 from harness.analysis import analyse
-from harness.archive import archive
-from harness.report.assembly import report_html
-from harness.results import load_results
-from harness.tables import all_tables
-from harness.tables.model import markdown_text
+from harness.measure import machine
+from harness.report.archive import archive
+from harness.report.html.assembly import report_html
+from harness.report.tables import all_tables
+from harness.report.tables.model import markdown_text
+from harness.store.results import load_results
 
 
 def size_of(folder):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from harness.analysis import analyse
-from harness.plots import Palette
-from harness.plots.builds import build_against_traverse
-from harness.results import results_of
-from harness.tables import all_tables, cell_text
+from harness.report.plots import Palette
+from harness.report.plots.accelerator_tradeoff import build_against_traverse
+from harness.report.tables import all_tables, cell_text
+from harness.store.results import results_of
 from tests.harness.synthetic import SMALL, done_cell
 
 BUILD = {"none": 0.0, "grid": 0.5, "bvh": 2.0, "bad": 1.0}

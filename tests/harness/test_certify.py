@@ -9,9 +9,11 @@ import sweeping
 from sweeping import raybench
 
 from engines.errors import ConfigError
-from harness import certify, config, plan, references, store
-from harness.pool import Pool
+from harness import config, store
+from harness.measure.pool import Pool
+from harness.plan import planner
 from harness.report import write_derived
+from harness.run import certificates, references
 
 
 def certified_by(engine, spp=4096):
@@ -25,10 +27,10 @@ def made(tmp_path):
 
     def make(engine, spp=4096):
         path = sweeping.write(tmp_path, certified_by(engine, spp))
-        (wanted,) = plan.make(config.load(path), True).references.values()
+        (wanted,) = planner.make(config.load(path), True).references.values()
         with Pool(True, tmp_path / "log") as pool:
             references.make(wanted, tmp_path / "refs", pool, lambda done, count: None)
-            return wanted, certify.make(wanted, tmp_path / "refs", pool, lambda done, count: None)
+            return wanted, certificates.make(wanted, tmp_path / "refs", pool, lambda done, count: None)
 
     return make
 
@@ -37,35 +39,35 @@ def test_an_equal_engine_certifies(made):
     _, found = made("Other")
     assert found["verdict"] == "equivalent" and -0.01 < found["low"] <= found["difference"] <= found["high"] < 0.01
     assert found["difference"] != 0, "the second engine draws other random numbers"
-    assert found["spp"] == 2048 and certify.words(found).startswith("certified by fake_engines:Other (2048 spp)")
+    assert found["spp"] == 2048 and certificates.words(found).startswith("certified by fake_engines:Other (2048 spp)")
 
 
 def test_a_brighter_engine_does_not(made):
     _, found = made("Brighter")
     assert found["verdict"] == "different"
     assert found["difference"] == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
-    assert "NOT certified" in certify.words(found)
+    assert "NOT certified" in certificates.words(found)
 
 
 def test_few_samples_are_inconclusive(made):
     _, found = made("Other", spp=8)
-    assert found["verdict"] == "inconclusive" and "more samples are needed" in certify.words(found)
+    assert found["verdict"] == "inconclusive" and "more samples are needed" in certificates.words(found)
 
 
 def test_an_engine_that_cannot_says_why(made):
     _, found = made("Picky", spp=8)
-    assert found["verdict"] == "impossible" and certify.words(found) == "not certified: it never feels like it"
+    assert found["verdict"] == "impossible" and certificates.words(found) == "not certified: it never feels like it"
 
 
 def test_certifying_changes_no_id_and_a_certificate_is_found_again(made, tmp_path):
     wanted, found = made("Other", spp=64)
-    (plain,) = plan.make(config.load(sweeping.write(tmp_path)), True).references.values()
+    (plain,) = planner.make(config.load(sweeping.write(tmp_path)), True).references.values()
     assert plain.reference_id == wanted.reference_id and plain.certifier is None
-    again = certify.existing(wanted, tmp_path / "refs")
+    again = certificates.existing(wanted, tmp_path / "refs")
     assert again is not None and again["certificate_id"] == found["certificate_id"]
-    certify.path_of(wanted, tmp_path / "refs").write_text("{")
+    certificates.path_of(wanted, tmp_path / "refs").write_text("{")
     with pytest.raises(ConfigError, match="remove it to make it anew"):
-        certify.existing(wanted, tmp_path / "refs")
+        certificates.existing(wanted, tmp_path / "refs")
 
 
 def test_the_engine_itself_is_no_witness(tmp_path):

@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 import pytest
 
 from engines.errors import ConfigError
-from harness import commands
-from harness.chapter import figures, write_chapter
-from harness.chapter.document import Chapter, Listing, Paragraph, Section, html, latex, markdown
-from harness.chapter.families import Family, Found, Pair
-from harness.chapter.sentences import ERROR, finding, listed, tally
+from harness.cli import results
+from harness.report.chapter import figures, write_chapter
+from harness.report.chapter.document import Chapter, Listing, Paragraph, Section, html, latex, markdown
+from harness.report.chapter.families import Family, Found, Pair
+from harness.report.chapter.sentences import ERROR, finding, listed, tally
 from harness.statistics import Speedup
 from tests.harness.synthetic import Size, base_cell, manifest, metrics
 
@@ -251,13 +251,13 @@ def test_two_folders_make_two_sections_and_no_results_none(tmp_path):
 def test_a_chapter_needs_results(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match="name results folders, or run their configs"):
-        commands.chapter([], tmp_path / "out")
+        results.chapter([], tmp_path / "out")
     with pytest.raises(ConfigError, match="a results folder is missing"):
-        commands.report([])
+        results.report([])
     (tmp_path / "results").mkdir()
     folder_of(tmp_path / "results" / "dissertation", accelerators(0.01, 0.02))
-    commands.chapter([], tmp_path / "out")
+    results.chapter([], tmp_path / "out")
     assert (tmp_path / "out" / "chapter.html").exists()
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match="is a file"):
-        commands.chapter([], tmp_path / "file")
+        results.chapter([], tmp_path / "file")

@@ -10,8 +10,8 @@ import engines
 from engines import Settings, dahlquist
 from engines.film import Film
 from engines.image import write_image
-from harness import references
-from harness.chapter import figures, write_chapter
+from harness.report.chapter import figures, write_chapter
+from harness.run import references
 from tests.harness.synthetic import Size, base_cell, manifest, reference_asked
 
 SIZE = Size(40, 40)

@@ -8,9 +8,11 @@ from jsonschema import Draft202012Validator
 
 from engines.errors import ConfigError
 from engines.scene.yaml_file import parse_yaml
-from harness import catalog, config
-from harness.meanings import MEANINGS
-from harness.schema import experiment_schema
+from harness import config
+from harness.config import paths
+from harness.config.descriptions import MEANINGS
+from harness.config.experiment import TOP_KEYS
+from harness.config.schema import experiment_schema
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -260,7 +262,7 @@ def plain(text):
 
 
 def test_the_schema_knows_every_key_and_accepts_what_the_program_reads(validator):
-    assert set(experiment_schema()["properties"]) == set(config.TOP_KEYS)
+    assert set(experiment_schema()["properties"]) == set(TOP_KEYS)
     assert list(validator.iter_errors(plain(FULL))) == []
     odd = f"{HEAD}engine: numba\nname: 2024\nsampler: {{name: multijitter, sample_count: 16}}\nprecision: null\n"
     for text in (odd, f"{HEAD}zip: {{engine: [numba, embree], precision: [float32, float64]}}\nbaseline: numba\n"):
@@ -288,9 +290,9 @@ def test_the_schema_explains_every_key_and_its_defaults_are_those_of_an_empty_fi
     assert (written.resolved, written.combinations) == (empty.resolved, empty.combinations)
 
 
-@pytest.mark.parametrize("name", sorted(catalog.shipped("configs")))
+@pytest.mark.parametrize("name", sorted(paths.shipped("configs")))
 def test_the_schema_accepts_every_shipped_experiment(validator, name):
-    assert list(validator.iter_errors(plain(catalog.shipped("configs")[name].read_text()))) == []
+    assert list(validator.iter_errors(plain(paths.shipped("configs")[name].read_text()))) == []
 
 
 @pytest.mark.parametrize("wrong", [

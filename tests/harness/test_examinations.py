@@ -4,12 +4,13 @@ import pytest
 import sweeping
 
 from engines.errors import ConfigError
-from harness import config, examinations, plan, store
+from harness import config, store
 from harness.analysis import analyse
-from harness.plots import draw_stability
-from harness.report.assembly import report_html
-from harness.results import load_results
-from harness.tables import all_tables
+from harness.plan import planner
+from harness.report.html.assembly import report_html
+from harness.report.plots import draw_stability
+from harness.report.tables import all_tables
+from harness.store.results import load_results
 
 TEXT = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", "['fake_engines:Steady', numpy]")
 TEXT = TEXT.replace("repeats: 2", "repeats: 1") + "verify: {cases: [t/radius, leak/scale], quick: true}\n"
@@ -24,12 +25,12 @@ def finished(tmp_path_factory):
 
 
 def events(out):
-    return [event for event in store.read_events(out) if event["event"] == examinations.EVENT]
+    return [event for event in store.read_events(out) if event["event"] == "examination"]
 
 
 def test_every_case_is_asked_of_every_engine_in_every_precision_it_has(finished):
     path, out, outcome = finished
-    wanted = plan.make(config.load(path), allow_imports=True).examinations
+    wanted = planner.make(config.load(path), allow_imports=True).examinations
     asked = {(e["asked"]["engine"], e["asked"]["precision"], e["asked"]["case"]) for e in events(out)}
     assert asked == {(each.asked["engine"], each.asked["precision"], each.asked["case"]) for each in wanted}
     assert {("numpy", "float64", "t/radius"), ("numpy", "float64", "leak/scale")} <= asked
@@ -38,7 +39,7 @@ def test_every_case_is_asked_of_every_engine_in_every_precision_it_has(finished)
 
 
 def test_what_the_numpy_engine_promises_is_kept(finished):
-    found = [f for f in examinations.findings(events(finished[1])) if f["engine"] == "numpy"]
+    found = [f for f in store.findings(events(finished[1])) if f["engine"] == "numpy"]
     assert len(found) == 11 + 3 * 7 and {f["verdict"] for f in found} == {"kept"}
     assert all(f["error"] < 1e-14 for f in found)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.growth import exponent
+from harness.analysis.scaling import exponent
 
 
 def powers(rng, power, blocks=5, sizes=(100, 1000, 10_000), noise=0.03):

@@ -12,14 +12,15 @@ import sweeping
 from engines.interface import Settings
 from engines.scene import scene_from
 from engines.scene.yaml_file import parse_yaml
-from harness import config, measure
-from harness.machine import Disturbance
+from harness.config.experiment import exact_root
+from harness.measure import clock
+from harness.measure.contention import Disturbance
 
 SCENE = scene_from(parse_yaml(sweeping.SCENE).plain())
 
 
 def schedule(**changes):
-    return measure.Schedule(**{"ratio": 2.0, "start": 1, "max_spp": 64, "max_time_seconds": 100.0, **changes})
+    return clock.Schedule(**{"ratio": 2.0, "start": 1, "max_spp": 64, "max_time_seconds": 100.0, **changes})
 
 
 def renderer(engine=fake_engines.Steady, **settings):
@@ -27,7 +28,7 @@ def renderer(engine=fake_engines.Steady, **settings):
 
 
 @pytest.fixture
-def clock(monkeypatch):
+def fake_time(monkeypatch):
     """A clock of its own for the harness and for `time.sleep` in this thread: what is slept takes exactly that long, and
     nothing else."""
     sleep, thread = time.sleep, threading.current_thread()
@@ -42,13 +43,13 @@ def clock(monkeypatch):
                 sleep(seconds)
 
     made = Clock()
-    monkeypatch.setattr(measure, "perf_counter", lambda: made.now)
+    monkeypatch.setattr(clock, "perf_counter", lambda: made.now)
     monkeypatch.setattr(time, "sleep", made.sleep)
     return made
 
 
 def points(made, wanted, estimate=1e-6):
-    return list(measure.timed_points(made, wanted, estimate, Disturbance()))
+    return list(clock.timed_points(made, wanted, estimate, Disturbance()))
 
 
 @pytest.mark.parametrize(
@@ -64,15 +65,15 @@ def points(made, wanted, estimate=1e-6):
     ],
 )
 def test_checkpoints_are_geometric_rise_strictly_and_end_with_max_spp(ratio, start, max_spp, expected):
-    assert list(measure.checkpoints(schedule(ratio=ratio, start=start, max_spp=max_spp))) == expected
+    assert list(clock.checkpoints(schedule(ratio=ratio, start=start, max_spp=max_spp))) == expected
 
 
 @pytest.mark.parametrize("written", [1.4142, 1.41421, 1.4142135623730951])
 def test_a_written_root_of_two_hits_every_power_of_two(written):
-    ratio = config.exact_root(written)
-    found = set(measure.checkpoints(schedule(ratio=ratio, max_spp=2**30)))
+    ratio = exact_root(written)
+    found = set(clock.checkpoints(schedule(ratio=ratio, max_spp=2**30)))
     assert {2**k for k in range(31)} <= found
-    assert config.exact_root(1.5) == 1.5 and config.exact_root(3.0) == 3.0
+    assert exact_root(1.5) == 1.5 and exact_root(3.0) == 3.0
 
 
 @pytest.mark.parametrize(
@@ -87,7 +88,7 @@ def test_a_written_root_of_two_hits_every_power_of_two(written):
     ],
 )
 def test_a_pass_that_would_overshoot_wildly_is_shortened(wanted, done, seconds, per_spp, expected):
-    assert measure.shortened(wanted, done, seconds, per_spp, 10.0) == expected
+    assert clock.shortened(wanted, done, seconds, per_spp, 10.0) == expected
 
 
 def test_points_are_cumulative_and_the_film_holds_what_they_say():
@@ -98,35 +99,35 @@ def test_points_are_cumulative_and_the_film_holds_what_they_say():
     assert found[-1].rays == 16 * 16 and made.film.spp == 16
 
 
-def test_what_happens_between_passes_is_off_the_clock(clock):
+def test_what_happens_between_passes_is_off_the_clock(fake_time):
     made = renderer(fake_engines.Phased)
-    start = clock.now
+    start = fake_time.now
     found = []
-    for point in measure.timed_points(made, schedule(max_spp=8), 1e-6, Disturbance()):
+    for point in clock.timed_points(made, schedule(max_spp=8), 1e-6, Disturbance()):
         found.append(point.seconds)
         time.sleep(0.1)  # metrics, image files, progress
     assert found[-1] == pytest.approx(8 * 0.02)
-    assert clock.now - start == pytest.approx(found[-1] + 4 * 0.1)
+    assert fake_time.now - start == pytest.approx(found[-1] + 4 * 0.1)
 
 
-def test_rendering_stops_after_the_checkpoint_that_passes_the_budget(clock):
+def test_rendering_stops_after_the_checkpoint_that_passes_the_budget(fake_time):
     found = points(renderer(fake_engines.Phased), schedule(max_time_seconds=0.1))
     assert found[-1].seconds >= 0.1 and found[-2].seconds < 0.1
 
 
-def test_a_wild_prediction_ends_with_one_shortened_pass(clock):
+def test_a_wild_prediction_ends_with_one_shortened_pass(fake_time):
     found = points(renderer(fake_engines.Phased), schedule(ratio=100.0, max_spp=10**6, max_time_seconds=0.11))
     assert [point.spp for point in found] == [1, 5]
 
 
-def test_phases_add_up_to_what_was_waited_for(clock):
+def test_phases_add_up_to_what_was_waited_for(fake_time):
     engine = fake_engines.Phased()
-    _, build, compilation = measure.prepare(engine, SCENE, Settings(width=4, height=4))
+    _, build, compilation = clock.prepare(engine, SCENE, Settings(width=4, height=4))
     assert build == pytest.approx(0.05) and compilation == pytest.approx(0.1)
-    assert build + compilation == pytest.approx(clock.now)
+    assert build + compilation == pytest.approx(fake_time.now)
 
 
-def test_compilation_inside_prepare_is_compilation(clock):
+def test_compilation_inside_prepare_is_compilation(fake_time):
     class Eager(fake_engines.Steady):
         def prepare(self, scene, settings):
             made = fake_engines.FakeRenderer(self, scene, settings)
@@ -134,7 +135,7 @@ def test_compilation_inside_prepare_is_compilation(clock):
             made.compile_seconds = 0.04
             return made
 
-    _, build, compilation = measure.prepare(Eager(), SCENE, Settings(width=4, height=4))
+    _, build, compilation = clock.prepare(Eager(), SCENE, Settings(width=4, height=4))
     assert build == pytest.approx(0.02) and compilation == pytest.approx(0.04)
 
 
@@ -154,12 +155,12 @@ def test_the_clock_itself_costs_less_than_a_percent_of_a_short_pass():
     busy.render(4)
     clocked, bare = [], []
     for _ in range(60):
-        clocked.append(measure.timed_call(busy.render, 1, disturbance)[1])
+        clocked.append(clock.timed_call(busy.render, 1, disturbance)[1])
         start = time.perf_counter()
         busy.render(1)
         bare.append(time.perf_counter() - start)
     # The clock's own cost is far below the noise of a shared machine: an empty pass shows it, and so does the fastest.
-    empty = min(measure.timed_call(lambda spp: busy.film, 1, disturbance)[1] for _ in range(200))
+    empty = min(clock.timed_call(lambda spp: busy.film, 1, disturbance)[1] for _ in range(200))
     assert empty < 0.01 * min(bare)
     assert min(clocked) < 1.1 * min(bare)
 
@@ -168,7 +169,7 @@ def test_the_collector_rests_only_while_the_clock_runs():
     import gc
 
     seen = []
-    measure.timed_call(lambda spp: seen.append(gc.isenabled()) or renderer().film, 1, Disturbance())
+    clock.timed_call(lambda spp: seen.append(gc.isenabled()) or renderer().film, 1, Disturbance())
     with pytest.raises(ZeroDivisionError):
-        measure.timed_call(lambda spp: 1 // 0, 1, Disturbance())
+        clock.timed_call(lambda spp: 1 // 0, 1, Disturbance())
     assert seen == [False] and gc.isenabled()

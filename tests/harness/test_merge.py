@@ -9,9 +9,9 @@ from sweeping import raybench
 from engines.errors import ConfigError
 from harness import store
 from harness.analysis import analyse
-from harness.merge import merge
-from harness.plots.panels import panels
-from harness.results import load_results
+from harness.report.plots.panels import panels
+from harness.store.merge import merge
+from harness.store.results import load_results
 from tests.harness.synthetic import Size, write_folder
 
 

@@ -10,8 +10,11 @@ import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers
-from harness import config, plan, reference_files, references, store
-from harness.pool import Pool
+from harness import config, store
+from harness.measure.pool import Pool
+from harness.plan import planner
+from harness.run import references
+from harness.store import reference_files
 
 
 @pytest.fixture
@@ -20,7 +23,7 @@ def made(tmp_path):
     path = sweeping.write(tmp_path)
 
     def make(spp, reports=None):
-        (wanted,) = plan.make(config.load(path, [f"reference.spp={spp}"]), True).references.values()
+        (wanted,) = planner.make(config.load(path, [f"reference.spp={spp}"]), True).references.values()
         rendered = [] if reports is None else reports
         with Pool(True, tmp_path / "log") as pool:
             meta = references.make(wanted, tmp_path / "refs", pool, lambda done, count: rendered.append(done))

@@ -10,7 +10,8 @@ import pytest
 import sweeping
 
 from engines.errors import ConfigError
-from harness import confined, store
+from harness import store
+from harness.store import confined
 from tests.harness import mutation, once
 
 SECRET = "not for others"
@@ -128,7 +129,7 @@ def test_links_in_a_folder_are_not_written_through(theirs, tmp_path, name):
 
 
 def test_a_report_that_is_a_link_is_replaced_not_followed(theirs, tmp_path):
-    from harness.atomic import write_text
+    from harness.store.atomic import write_text
 
     (theirs / "report.html").symlink_to(tmp_path / "secret.exr")
     write_text(theirs / "report.html", "mine")
@@ -241,12 +242,12 @@ def test_the_committed_results_are_read(folder):
 
 @pytest.mark.parametrize("kind", ["Finding", "Bias", "Verdict"])
 def test_records_that_become_objects_have_their_very_fields(kind):
-    from harness import record_types
     from harness.statistics import BiasEstimate, Equivalence
+    from harness.store import event_types
     from harness.verify.battery import Finding
 
     fields = {"Finding": Finding.__slots__, "Bias": (*BiasEstimate._fields, "of"), "Verdict": Equivalence.__slots__}
-    assert set(getattr(record_types, kind).model_fields) == set(fields[kind])
+    assert set(getattr(event_types, kind).model_fields) == set(fields[kind])
 
 
 SEEDS = 60
@@ -281,7 +282,7 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(theirs, whole, tmp_pat
 
 
 def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
-    from harness import reference_files
+    from harness.store import reference_files
 
     folder = next(theirs.glob("references/*/*/meta.json")).parent
     meta = json.loads((folder / "meta.json").read_text())
@@ -296,14 +297,14 @@ def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
 
 def test_what_an_engine_tells_never_makes_a_folder_unreadable(tmp_path, monkeypatch):
     """Figures that no reader takes are one failed cell each; the others stay, and so does what can be read."""
-    from harness import recording
+    from harness.run import recorder
 
-    told = recording.Recording._point
+    told = recorder.CellRecord._point
 
     def _point(self, answer, film, reference):
         told(self, {**answer, "seconds": -1.0} if self.cell.engine_name == "other" else answer, film, reference)
 
-    monkeypatch.setattr(recording.Recording, "_point", _point)
+    monkeypatch.setattr(recorder.CellRecord, "_point", _point)
     outcome, _ = sweeping.run(sweeping.write(tmp_path), tmp_path / "out")
     assert outcome.states == {"done": 2, "failed": 2}
     messages = {event["message"] for _, event in outcome.failures}

@@ -10,7 +10,9 @@ import sweeping
 
 import engines
 from engines.errors import ConfigError
-from harness import config, plan, sources, store, sweep
+from harness import config, source_hashes, store
+from harness.plan import planner
+from harness.run import sweep
 
 ENGINE = """\
 from fake_engines import Steady
@@ -73,7 +75,7 @@ def test_an_unchanged_engine_is_resumed_and_an_edited_one_measured_again(mine):
 
 def test_an_engine_that_is_edited_while_the_run_goes_is_noticed(mine):
     folder, module, path = mine
-    made = plan.make(config.load(path), allow_imports=True)
+    made = planner.make(config.load(path), allow_imports=True)
     (folder / f"{module}_helper.py").write_text("LEVEL = 3\n")
     with store.locked(folder / "out"):
         outcome = sweep.run(made, folder / "out", sweep.Options(allow_imports=True), sweeping.Quiet())
@@ -85,7 +87,7 @@ def test_a_reference_goes_by_the_code_of_its_engine_and_by_no_other(mine):
     folder, module, path = mine
 
     def reference_ids(engine):
-        return set(plan.make(config.load(path, [f"reference.engine={engine}"]), allow_imports=True).references)
+        return set(planner.make(config.load(path, [f"reference.engine={engine}"]), allow_imports=True).references)
 
     before = reference_ids(f"{module}:Mine"), reference_ids("numpy")
     (folder / f"{module}_helper.py").write_text("LEVEL = 3\n")
@@ -102,7 +104,7 @@ def test_a_renderers_script_is_part_of_its_cells(tmp_path):
     path, out = sweeping.write(tmp_path, text + "sampler: random\n"), tmp_path / "out"
 
     def measured():
-        made = plan.make(config.load(path), allow_imports=True, allow_commands=True)
+        made = planner.make(config.load(path), allow_imports=True, allow_commands=True)
         options = sweep.Options(allow_imports=True, allow_commands=True)
         outcome = sweep.run(made, out, options, sweeping.Quiet())
         assert not outcome.failures
@@ -149,7 +151,7 @@ def package(folder: Path, name: str = "lantern") -> Path:
 
 
 def hashed(module):
-    return [name for name, _ in sources._files([module])]
+    return [name for name, _ in source_hashes._files([module])]
 
 
 LANTERN = ["lantern/__init__.py", "lantern/core.so", "lantern/inner/__init__.py", "lantern/inner/deep.py"]
@@ -173,36 +175,36 @@ def test_the_code_of_a_module_that_is_no_package_is_its_file_alone(tmp_path):
 @pytest.mark.parametrize("name", LANTERN)
 def test_every_file_of_code_changes_the_hash_and_its_place_does_not(tmp_path, name):
     module = package(tmp_path / "here")
-    before = sources._digest(sources._files([module]))
-    assert sources._digest(sources._files([package(tmp_path / "there")])) == before
+    before = source_hashes._digest(source_hashes._files([module]))
+    assert source_hashes._digest(source_hashes._files([package(tmp_path / "there")])) == before
     (tmp_path / "here/lantern/notes.txt").write_text("other words")
-    assert sources._digest(sources._files([module])) == before
+    assert source_hashes._digest(source_hashes._files([module])) == before
     (tmp_path / "here" / name).write_text("print(1)")
-    assert sources._digest(sources._files([module])) != before
+    assert source_hashes._digest(source_hashes._files([module])) != before
 
 
 def test_raybenchs_own_kernels_are_part_of_its_engines(tmp_path):
     for name in ("numba", "embree", "numpy"):
         kind = type(engines.engine(name))
-        names = [each for each, _ in sources._files(sources._paths([kind.__module__]))]
+        names = [each for each, _ in source_hashes._files(source_hashes._paths([kind.__module__]))]
         assert {"engines/kernels/__init__.py", "engines/film.py"} <= set(names)
         assert not [each for each in names if not each.startswith("engines/")]
-    copy = shutil.copytree(sources.OWN, tmp_path / "engines", ignore=shutil.ignore_patterns("__pycache__"))
-    before = sources._digest(sources._files([copy / "registry.py"]))
-    assert before == sources.engine_code(engines.engine("numba"), "numba")
+    copy = shutil.copytree(source_hashes.OWN, tmp_path / "engines", ignore=shutil.ignore_patterns("__pycache__"))
+    before = source_hashes._digest(source_hashes._files([copy / "registry.py"]))
+    assert before == source_hashes.engine_code(engines.engine("numba"), "numba")
     (copy / "kernels" / "__init__.py").write_text("# edited")
-    assert sources._digest(sources._files([copy / "registry.py"])) != before
+    assert source_hashes._digest(source_hashes._files([copy / "registry.py"])) != before
 
 
 def test_an_engine_may_name_files_of_its_own(tmp_path, monkeypatch):
     import fake_engines
 
     (tmp_path / "kernel.cl").write_text("1")
-    plain = sources.engine_code(fake_engines.Steady(), "fake_engines:Steady")
+    plain = source_hashes.engine_code(fake_engines.Steady(), "fake_engines:Steady")
     monkeypatch.setattr(fake_engines.Steady, "source_files", lambda self: [tmp_path / "kernel.cl"], raising=False)
-    first = sources.engine_code(fake_engines.Steady(), "fake_engines:Steady")
+    first = source_hashes.engine_code(fake_engines.Steady(), "fake_engines:Steady")
     (tmp_path / "kernel.cl").write_text("2")
-    assert len({plain, first, sources.engine_code(fake_engines.Steady(), "fake_engines:Steady")}) == 3
+    assert len({plain, first, source_hashes.engine_code(fake_engines.Steady(), "fake_engines:Steady")}) == 3
     monkeypatch.setattr(fake_engines.Steady, "source_files", lambda self: 1 / 0, raising=False)
     with pytest.raises(ConfigError, match="steady: source_files failed: ZeroDivisionError"):
-        sources.engine_code(fake_engines.Steady(), "fake_engines:Steady")
+        source_hashes.engine_code(fake_engines.Steady(), "fake_engines:Steady")

@@ -11,11 +11,10 @@ from itertools import pairwise
 import pytest
 
 from harness.analysis import analyse, baseline_engine_of
-from harness.plots.panels import Panel, panels
-from harness.report.assembly import _headline
-from harness.results import brief_choice, choice_text, load_results
-from harness.tables import all_tables, columns, write_tables
-from harness.tables.model import (
+from harness.report.html.assembly import _headline
+from harness.report.plots.panels import Panel, panels
+from harness.report.tables import all_tables, columns, write_tables
+from harness.report.tables.model import (
     Column,
     Table,
     cell_text,
@@ -25,6 +24,7 @@ from harness.tables.model import (
     markdown_text,
     number_text,
 )
+from harness.store.results import brief_choice, choice_text, load_results
 from tests.harness.synthetic import COMPILE_SECONDS, SCENES, SECONDS_PER_SPP, write_folder
 
 

@@ -5,8 +5,8 @@ import json
 import pytest
 from sweeping import raybench
 
-from harness.results import load_results
-from harness.tables import changes
+from harness.report.tables import changes
+from harness.store.results import load_results
 from tests.harness.synthetic import write_folder
 
 

@@ -10,8 +10,8 @@ import pytest
 from frail_engines import Flat, Narrow, Own, Unwilling
 
 import engines
-from harness import examinations
 from harness.config import VerifyAsked
+from harness.plan import verify_jobs
 from harness.verify import CASES, findings
 from harness.verify.battery import DECLINED, KEPT
 from harness.verify.stage import UNIT
@@ -67,7 +67,7 @@ def test_an_engine_that_renders_nothing_says_why():
 
 
 def test_a_config_asks_an_engine_without_sobol_too():
-    planned = examinations.planned(VerifyAsked(("T1",), True, 60.0), {"narrow": Narrow(), "no": Unwilling()})
+    planned = verify_jobs.planned(VerifyAsked(("T1",), True, 60.0), {"narrow": Narrow(), "no": Unwilling()})
     assert {(each.asked["engine"], each.asked["precision"]) for each in planned} == {("narrow", "float64")}
 
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from harness.results import load_results
 from harness.store import read_events
+from harness.store.results import load_results
 
 LANES = """raybench.lanes.map(({seconds, points, crossings, frames, name}) =>
     ({seconds, points, crossings, frames, name}))"""

@@ -1,0 +1,9 @@
+"""Conclusions from results: `analyse` gives every contender's verdict, computed once for tables, plots and the report."""
+
+from harness.analysis.model import Analysis, Verdict, seconds_per_sample
+from harness.analysis.verdicts import analyse, baseline_engine_of, error_targets, noise_floors, tells_its_time
+
+__all__ = [
+    "Analysis", "Verdict", "analyse", "baseline_engine_of", "error_targets", "noise_floors", "seconds_per_sample",
+    "tells_its_time",
+]  # fmt: skip

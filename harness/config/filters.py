@@ -1,0 +1,71 @@
+"""Conditions of `exclude` and `extend.where`: all keys of a rule must match a cell.
+
+A condition is a scalar (text may be a glob), a list of which one must match, `{ge, gt, le, lt: number}`, or, for
+shaders, samplers and accelerators, a mapping of conditions on `name` and options.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+from engines.scene.yaml_file import Located
+from harness.config import validators
+
+COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+    "ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt,
+}  # fmt: skip
+CHOICES = ("shader", "sampler", "accelerator")
+Condition = Callable[[Any], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Conditions by setting, and where they were written."""
+
+    conditions: Mapping[str, Condition]
+    where: str
+
+    def matches(self, settings: Mapping[str, Any]) -> bool:
+        return all(condition(settings[key]) for key, condition in self.conditions.items())
+
+
+def rule(node: Located, known: tuple[str, ...]) -> Rule:
+    """The rule of a mapping from settings to conditions; an empty one is refused, for it would match everything."""
+    children = validators.mapping(node, known)
+    if not children:
+        raise node.refuse("at least one condition is wanted")
+    return Rule({key: condition(key, child) for key, child in children.items()}, node.where)
+
+
+def condition(key: str, node: Located) -> Condition:
+    value = node.value
+    if key == "resolution" and isinstance(value, list) and all(validators.is_number(child.value) for child in value):
+        wanted = validators.resolution(node)
+        return lambda found: found is not None and tuple(found) == wanted
+    if isinstance(value, list):
+        options = [condition(key, child) for child in validators.listing(node, 1)]
+        return lambda found: any(option(found) for option in options)
+    if not isinstance(value, dict):
+        return lambda found: _same(found, value)
+    if key in CHOICES and not any(name in COMPARISONS for name in value):
+        inner = {name: condition(f"{key}.{name}", child) for name, child in value.items()}
+        return lambda found: all(name in found and test(found[name]) for name, test in inner.items())
+    bounds = {name: validators.number(-1e300, 1e300)(child) for name, child in validators.mapping(node, COMPARISONS).items()}
+    if not bounds:
+        raise node.refuse("bounds are wanted: {ge: 2}")
+    if key in ("scene", "engine", "resolution", "precision", *CHOICES):
+        raise node.refuse("bounds are for numbers: a name, a glob or a list is wanted")
+    return lambda found: validators.is_number(found) and all(COMPARISONS[name](found, x) for name, x in bounds.items())
+
+
+def _same(found: Any, wanted: Any) -> bool:
+    if isinstance(found, Mapping):
+        found = found["name"]
+    names = getattr(found, "names", (found,))
+    if isinstance(wanted, str):
+        return any(isinstance(name, str) and fnmatchcase(name, wanted) for name in names)
+    return any(name == wanted and isinstance(name, bool) == isinstance(wanted, bool) for name in names)
