@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import inspect
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from time import monotonic
@@ -41,34 +41,21 @@ class Examination:
         return " ".join(str(self.asked[key]) for key in ("engine", "precision", "accelerator", "case"))
 
 
-def chosen_cases(words: Sequence[str]) -> list[Case]:
-    """The battery's cases of these ids and sections."""
-    from harness.verify.battery import CASES
-
-    return [case for case in CASES if case.id in words or case.section in words]
-
-
-def case_words() -> list[str]:
-    """What may be asked for: sections first, then ids."""
-    from harness.verify.battery import CASES
-
-    return [*dict.fromkeys(case.section for case in CASES), *(case.id for case in CASES)]
-
-
 def planned(asked: VerifyAsked | None, engines: Mapping[str, Engine]) -> tuple[Examination, ...]:
     """Every case in every precision that an engine has; none of one that renders nothing here: its cells say why."""
     if asked is None:
         return ()
-    from harness.verify.subject import Declined, accelerators, precisions
+    from harness.verify.subject import Skipped, accelerator_names, precisions
+    from harness.verify.suite import select_cases
 
     found: list[Examination] = []
     for name, engine in engines.items():
-        with suppress(Declined):
+        with suppress(Skipped):
             found += [
                 _examination(asked, name, engine, precision, accelerator, case)
                 for precision in precisions(engine)
-                for case in chosen_cases(asked.cases)
-                for accelerator in (accelerators(engine) if case.each_accelerator else ["auto"])
+                for case in select_cases(asked.cases)
+                for accelerator in (accelerator_names(engine) if case.each_accelerator else ["auto"])
             ]
     return tuple(found)
 

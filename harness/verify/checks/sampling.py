@@ -1,7 +1,7 @@
-"""Samplers, seen through images: their means are right, and their errors fall as fast as theirs should.
+"""Samplers, tested through images: unbiased means, and the rate of convergence of the error.
 
-Two of a sampler's dimensions are the place in the pixel. Hence a smooth surface seen by distance, and an edge through every
-pixel seen by albedo, are integrands of two dimensions with known values, and an image holds 256 of them.
+The first two dimensions of a sampler are the position in the pixel. A depth map of a plane, and the albedo of an edge through
+every pixel, are therefore two-dimensional integrands with known integrals; an image has 256 of them.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from engines.scene import Orthographic, Perspective, Plane, Scene
 from harness.verify import closed_forms as forms
-from harness.verify.case import Array, Measured, Section, measured
+from harness.verify.case import Array, Measurement, Section, measurement
 from harness.verify.replicates import means, z_score
-from harness.verify.stage import FLOOR, ORIGIN, material, mesh, path_tracer, point_view, scene, sphere
+from harness.verify.scenes import FLOOR, ORIGIN, material, mesh, path_tracer, point_view, scene, sphere
 from harness.verify.subject import Subject
 
 SECTION = Section("sampling")
@@ -26,7 +26,7 @@ GROUPS = 16
 
 
 class Integrands(NamedTuple):
-    """A scene, the shader that shows the integrand of each pixel, the pixels' integrals, and the slopes expected."""
+    """A scene, the shader that evaluates the integrands, their integrals (SIDE, SIDE), and the expected slopes."""
 
     scene: Scene
     shader: Any
@@ -35,7 +35,7 @@ class Integrands(NamedTuple):
 
 
 def _smooth() -> Integrands:
-    """Distance to a plane over a wide angle: sqrt(1 + x^2 + y^2) of each pixel by Gauss and Legendre's rule."""
+    """Distance to a plane, sqrt(1 + x^2 + y^2); integrals by Gauss-Legendre quadrature."""
     view = Perspective((0.0, 0.0, 1.0), ORIGIN, (0.0, 1.0, 0.0), 120.0, "y", (SIDE, SIDE))
     farthest = (0.0, 0.0, -2.0)
     nodes, weights = np.polynomial.legendre.leggauss(8)
@@ -50,7 +50,7 @@ def _smooth() -> Integrands:
 
 
 def _edges(subject: Subject) -> Integrands:
-    """A slanting edge through every pixel: what lies under it is half the sum of its heights."""
+    """A slanted edge through every pixel; the area under it is half the sum of its two heights."""
     rng = np.random.default_rng(7)
     heights = subject.cast(np.round(rng.uniform(0.05, 0.95, (2, SIDE, SIDE)), 3))
     row, column = np.meshgrid(np.arange(SIDE), np.arange(SIDE), indexing="ij")
@@ -69,16 +69,16 @@ def _edges(subject: Subject) -> Integrands:
     )
 
 
-@SECTION.case("q.mean", "Every sampler has the mean of the integral.", "raybench")
-def average(subject: Subject) -> Iterator[Measured]:
-    lamp = sphere((1.0, math.sqrt(3.0), 0.0), 1.0, 1)
+@SECTION.case("q.mean", "The mean of every sampler is the integral.", "raybench")
+def average(subject: Subject) -> Iterator[Measurement]:
+    emitter = sphere((1.0, math.sqrt(3.0), 0.0), 1.0, 1)
     truth = 0.9 / math.pi * forms.sphere(1.0, 2.0, math.pi / 6)
     view = point_view((-4, 1.5, 1), ORIGIN, 8 if subject.quick else 16)
     materials = [material(kd=0.9), material(emission=1)]
-    lit = scene([FLOOR, lamp], materials, camera=view)
+    lit = scene([FLOOR, emitter], materials, camera=view)
     for sampler in subject.accepted(SAMPLERS, lit, path_tracer(2)):
         chosen = _chosen(sampler, 4)
-        seen = means(subject, [FLOOR, lamp], materials, [], view, path_tracer(2), 4, sampler=chosen)
+        seen = means(subject, [FLOOR, emitter], materials, [], view, path_tracer(2), 4, sampler=chosen)
         yield z_score(subject, seen, truth, sampler)
 
 
@@ -87,44 +87,44 @@ def _chosen(sampler: str, spp: int) -> Any:
 
 
 @SECTION.case(
-    "q.slope", "The error of a smooth integral falls with the samples as fast as the sampler's should.", "Owen 1997"
+    "q.slope", "For a smooth integrand the error falls at the rate of the sampler.", "Owen 1997"
 )
-def smooth_slopes(subject: Subject) -> Iterator[Measured]:
+def smooth_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _smooth())
 
 
-@SECTION.case("q.edge", "So does that of an edge.", "Mitchell 1996")
-def edge_slopes(subject: Subject) -> Iterator[Measured]:
+@SECTION.case("q.edge", "For an edge the error falls at the rate of the sampler.", "Mitchell 1996")
+def edge_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _edges(subject))
 
 
-def _slopes(subject: Subject, given: Integrands) -> Iterator[Measured]:
-    """How far the slope's 99 % interval stays from the one expected; steeper is wrong for `random` alone."""
+def _slopes(subject: Subject, given: Integrands) -> Iterator[Measurement]:
+    """The distance of the 99 % interval of the slope from the expected slope; a steeper slope is an error for `random` only."""
     for sampler in subject.accepted(list(given.slopes), given.scene, given.shader):
         expected = given.slopes[sampler]
         counts = [4**k for k in range(1, 5 if subject.quick or subject.tracing == "float32" else 6)]
         squares = np.array([(seen - given.truth) ** 2 for seen in _images(subject, given, sampler, counts)])
         slope, error = slope_of(counts, squares.reshape(len(counts), -1))
         excess = abs(slope - expected) if sampler == "random" else max(slope - expected, 0.0)
-        yield measured(max(excess - 2.95 * error, 0.0), sampler,
-                       note=f"slope {slope:.3f} +- {2.95 * error:.3f}, wanted {expected}")  # fmt: skip
+        yield measurement(max(excess - 2.95 * error, 0.0), sampler,
+                       note=f"slope {slope:.3f} +- {2.95 * error:.3f}, expected {expected}")  # fmt: skip
 
 
 def _images(subject: Subject, given: Integrands, sampler: str, counts: Sequence[int]) -> Iterator[Array]:
-    """The red channel at every count of samples; one renderer where the sampler does not depend on the count."""
+    """The red channel (SIDE, SIDE) for each number of samples; `stratified` needs a renderer for each."""
     renderer, done = None, 0
     for spp in counts:
         if renderer is None or sampler == "stratified":
-            renderer = subject.prepared(given.scene, shader=given.shader, sampler=_chosen(sampler, spp), seed=3)
+            renderer = subject.renderer(given.scene, shader=given.shader, sampler=_chosen(sampler, spp), seed=3)
             done = 0
         yield renderer.render(spp - done).mean()[:, :, 0]
         done = spp
 
 
 def slope_of(counts: Sequence[int], squares: Array) -> tuple[float, float]:
-    """Slope of log RMSE over log n and its standard error; squared errors (counts, replicates).
+    """Slope of log RMSE over log n, and its standard error, from squared errors `squares` (counts, replicates).
 
-    Jackknife over groups of replicates: the points of one replicate share samples, replicates do not.
+    Jackknife over groups of replicates: the points of one replicate share samples, those of two do not.
     """
 
     def fitted(part: Array) -> float:

@@ -1,4 +1,4 @@
-"""Scenes of a few shapes, built without files: meshes, materials, cameras that see a point."""
+"""Scenes of a few shapes, built in code: meshes, materials, and cameras that see one point."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from engines.scene import EnvironmentLight, Light, Material, Mesh, Perspective, 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 ORIGIN: Triple = (0.0, 0.0, 0.0)
-AHEAD = Perspective((0.0, 0.0, 5.0), ORIGIN, (0.0, 1.0, 0.0), 40.0, "y", (8, 8))
-SKY = EnvironmentLight((1.0, 1.0, 1.0))
+FRONT_CAMERA = Perspective((0.0, 0.0, 5.0), ORIGIN, (0.0, 1.0, 0.0), 40.0, "y", (8, 8))
+WHITE_SKY = EnvironmentLight((1.0, 1.0, 1.0))
 FLOOR = Plane(ORIGIN, (0.0, 1.0, 0.0), 0)
-UNIT = Triangle(ORIGIN, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
+UNIT_TRIANGLE = Triangle(ORIGIN, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 
 
 def grey(level: float) -> Triple:
     return float(level), float(level), float(level)
 
 
-def triple(values: ArrayLike) -> Triple:
+def as_tuple(values: ArrayLike) -> Triple:
     x, y, z = np.asarray(values, np.float64)
     return float(x), float(y), float(z)
 
@@ -37,13 +37,13 @@ def glass(ior: float = 1.5) -> Material:
 
 
 def scene(shapes: Sequence[Shape] = (), materials: Sequence[Material] = (), lights: Sequence[Light] = (),
-          camera: Any = AHEAD) -> Scene:  # fmt: skip
+          camera: Any = FRONT_CAMERA) -> Scene:  # fmt: skip
     return Scene("verify", camera, tuple(materials) or (material(kd=0.5),), tuple(shapes), tuple(lights), "")
 
 
 def point_view(eye: ArrayLike, target: ArrayLike, side: int = 1, up: Triple = (0.0, 1.0, 0.0)) -> Perspective:
-    """0.01 degrees wide: all side * side pixels see one point, and are replicates of one pixel."""
-    return Perspective(triple(eye), triple(target), up, 0.01, "y", (side, side))
+    """A camera 0.01 degrees wide: all side * side pixels see one point and are replicates of one pixel."""
+    return Perspective(as_tuple(eye), as_tuple(target), up, 0.01, "y", (side, side))
 
 
 def path_tracer(max_depth: int = 2, direct: str = "mis", rr_depth: int = 1_000_000) -> dict[str, Any]:
@@ -55,12 +55,12 @@ def whitted(max_depth: int = 6, ambient: float = 0.0) -> dict[str, Any]:
 
 
 def sphere(center: ArrayLike = ORIGIN, radius: float = 1.0, index: int = 0) -> Sphere:
-    return Sphere(triple(center), float(radius), index)
+    return Sphere(as_tuple(center), float(radius), index)
 
 
 def triangle(corners: ArrayLike, index: int = 0) -> Triangle:
     a, b, c = np.asarray(corners, np.float64)
-    return Triangle(triple(a), triple(b), triple(c), index)
+    return Triangle(as_tuple(a), as_tuple(b), as_tuple(c), index)
 
 
 def mesh(vertices: ArrayLike, faces: ArrayLike, index: int = 0) -> Mesh:
@@ -69,26 +69,26 @@ def mesh(vertices: ArrayLike, faces: ArrayLike, index: int = 0) -> Mesh:
 
 
 def quad(corners: ArrayLike, index: int = 0) -> Mesh:
-    """Two faces, their front where the corners are counter-clockwise."""
+    """Two faces; their front is where the corners are counter-clockwise."""
     return mesh(corners, [[0, 1, 2], [0, 2, 3]], index)
 
 
 def square(y: float, half: float = 0.5, index: int = 0, down: bool = False, center: float = 0.0) -> Mesh:
-    """A square of side 2 half at height y, its front up, or down; `center` along x."""
+    """A square of side 2 half at height y around x = `center`; its front faces up, or down."""
     x0, x1 = center - half, center + half
     corners = np.array([(x0, y, half), (x1, y, half), (x1, y, -half), (x0, y, -half)])
     return quad(corners[::-1] if down else corners, index)
 
 
 def box(low: ArrayLike = (-1, -1, -1), high: ArrayLike = (1, 1, 1), index: int = 0) -> Mesh:
-    """Twelve triangles, counter-clockwise from outside."""
+    """A box of twelve triangles, counter-clockwise from outside."""
     ends = np.array([low, high], np.float64)
     corners = [[ends[i >> k & 1, k] for k in range(3)] for i in range(8)]
     quads = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
     return mesh(corners, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], index)
 
 
-def ball(rings: int, center: ArrayLike = ORIGIN, radius: float = 1.0, index: int = 0) -> Mesh:
+def sphere_mesh(rings: int, center: ArrayLike = ORIGIN, radius: float = 1.0, index: int = 0) -> Mesh:
     """A closed sphere of 4 rings (rings - 1) triangles, counter-clockwise from outside."""
     theta, phi = np.linspace(0.0, np.pi, rings + 1)[1:-1], np.linspace(0.0, 2 * np.pi, 2 * rings, endpoint=False)
     theta, phi = np.meshgrid(theta, phi, indexing="ij")
@@ -107,13 +107,13 @@ def ball(rings: int, center: ArrayLike = ORIGIN, radius: float = 1.0, index: int
     return mesh(np.asarray(center) + radius * out, np.concatenate(faces), index)
 
 
-def soup(count: int, size: float, seed: int = 0) -> Mesh:
-    """Triangles of about `size` with no order in the unit cube."""
+def triangle_soup(count: int, size: float, seed: int = 0) -> Mesh:
+    """Random triangles of about `size` in the unit cube."""
     rng = np.random.default_rng(seed)
     corners = rng.random((count, 1, 3)) + size * (rng.random((count, 3, 3)) - 0.5)
     return mesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
 
 
-def unit(vectors: ArrayLike) -> Array:
+def normalize(vectors: ArrayLike) -> Array:
     given = np.asarray(vectors, np.float64)
     return given / np.linalg.norm(given, axis=-1, keepdims=True)
