@@ -1,4 +1,4 @@
-"""What can be dragged: spheres, shapes that emit, and point lights; and what a scene is after it."""
+"""Objects that can be dragged: spheres, emitting shapes and point lights; and the scene with an object moved."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.scene import Mesh, PointLight, Scene, Shape, Sphere, Triangle
-from harness.view.pixels import Vector
+from harness.view.projection import Vector
 
 
-class Movable(NamedTuple):
-    """`id` is `shape:3` or `light:0`, by place in the scene."""
+class Draggable(NamedTuple):
+    """An object that can be dragged. `id`, such as `shape:3` or `light:0`, has its index in the scene."""
 
     id: str
     name: str
     kind: str
 
     @property
-    def place(self) -> int:
+    def scene_index(self) -> int:
         return int(self.id.partition(":")[2])
 
     @property
@@ -28,39 +28,39 @@ class Movable(NamedTuple):
         return self.id.startswith("shape:")
 
 
-def movables(scene: Scene) -> list[Movable]:
-    """Everything in the scene that can be dragged, shapes first."""
+def draggables(scene: Scene) -> list[Draggable]:
+    """All objects of the scene that can be dragged, shapes first."""
     return [*_shapes(scene), *_lights(scene)]
 
 
-def _shapes(scene: Scene) -> Iterator[Movable]:
-    spheres = lamps = 0
+def _shapes(scene: Scene) -> Iterator[Draggable]:
+    spheres = emitters = 0
     for index, shape in enumerate(scene.shapes):
         if not isinstance(shape, (Sphere, Triangle, Mesh)):
             continue
         used = shape.materials[:1].tolist() if isinstance(shape, Mesh) else [shape.material]
         material = scene.materials[used[0]]
         if material.emits:
-            lamps += 1
-            yield Movable(f"shape:{index}", f"light {lamps} ({material.name})", "light")
+            emitters += 1
+            yield Draggable(f"shape:{index}", f"light {emitters} ({material.name})", "light")
         elif isinstance(shape, Sphere):
             spheres += 1
-            yield Movable(f"shape:{index}", f"sphere {spheres} ({material.name})", "sphere")
+            yield Draggable(f"shape:{index}", f"sphere {spheres} ({material.name})", "sphere")
 
 
-def _lights(scene: Scene) -> Iterator[Movable]:
+def _lights(scene: Scene) -> Iterator[Draggable]:
     for index, light in enumerate(scene.lights):
         if isinstance(light, PointLight):
-            yield Movable(f"light:{index}", f"point light {index + 1}", "point")
+            yield Draggable(f"light:{index}", f"point light {index + 1}", "point")
 
 
-def center(scene: Scene, movable: Movable) -> Vector:
-    """The middle of a thing: of its box, for meshes."""
-    if not movable.is_shape:
-        light = scene.lights[movable.place]
+def center(scene: Scene, draggable: Draggable) -> Vector:
+    """The centre of an object; for triangles and meshes that of the bounding box."""
+    if not draggable.is_shape:
+        light = scene.lights[draggable.scene_index]
         assert isinstance(light, PointLight)
         return np.array(light.position)
-    shape = scene.shapes[movable.place]
+    shape = scene.shapes[draggable.scene_index]
     if isinstance(shape, Sphere):
         return np.array(shape.center)
     corners = shape.vertices if isinstance(shape, Mesh) else np.array(_corners(shape))
@@ -71,16 +71,16 @@ def _corners(shape: Any) -> tuple[Any, Any, Any]:
     return shape.a, shape.b, shape.c
 
 
-def moved(scene: Scene, movable: Movable, offset: Vector) -> Scene:
-    """The scene with that thing moved; its content hash is still the old one."""
-    if movable.is_shape:
+def moved(scene: Scene, draggable: Draggable, offset: Vector) -> Scene:
+    """The scene with an object moved by `offset`. The content hash is not updated."""
+    if draggable.is_shape:
         shapes = list(scene.shapes)
-        shapes[movable.place] = _moved_shape(shapes[movable.place], offset)
+        shapes[draggable.scene_index] = _moved_shape(shapes[draggable.scene_index], offset)
         return replace(scene, shapes=tuple(shapes))
     lights = list(scene.lights)
-    light = lights[movable.place]
+    light = lights[draggable.scene_index]
     assert isinstance(light, PointLight)
-    lights[movable.place] = replace(light, position=_triple(np.array(light.position) + offset))
+    lights[draggable.scene_index] = replace(light, position=_triple(np.array(light.position) + offset))
     return replace(scene, lights=tuple(lights))
 
 

@@ -1,44 +1,49 @@
-// The socket to this tab's worker: JSON text there; back come a JSON header and bytes (harness/view/messages.py).
+// The socket to the worker of this tab: sends JSON, receives messages of a JSON header and bytes (harness/view/messages.py).
 
 const decoder = new TextDecoder();
 
-export class Link {
-  // `hear` has a function for each `is` of a message: (header, bytes) => void.
-  constructor(desk, hear) {
-    this.hear = hear;
+export class WorkerSocket {
+  // `handlers` has a function (header, bytes) => void for each `type` of a message, and `closed`.
+  constructor(page, handlers) {
+    this.handlers = handlers;
     const base = new URL(".", location.href);
-    this.socket = new WebSocket(new URL(`desk/${desk}`, base.href.replace(/^http/, "ws")));
-    this.socket.binaryType = "arraybuffer";
-    this.socket.addEventListener("message", (event) => this.receive(event.data));
-    this.socket.addEventListener("close", () => this.closed());
+    this.connection = new WebSocket(new URL(`socket/${page}`, base.href.replace(/^http/, "ws")));
+    this.connection.binaryType = "arraybuffer";
+    this.connection.addEventListener("message", (event) => this.receive(event.data));
+    this.connection.addEventListener("close", () => this.closed());
   }
 
   receive(data) {
     const length = new DataView(data).getUint32(0, true);
     const header = JSON.parse(decoder.decode(new Uint8Array(data, 4, length)));
-    this.hear[header.is]?.(header, data.slice(4 + length));
+    this.handlers[header.type]?.(header, data.slice(4 + length));
   }
 
   send(request) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(request));
+    if (this.connection.readyState === WebSocket.OPEN) this.connection.send(JSON.stringify(request));
+  }
+
+  close() {
+    this.closing = true;
+    this.connection.close();
   }
 
   closed() {
-    if (!this.leaving) showProblem("The server has gone, or has closed this page. Start raybench view again, or load the page again.");
-    this.hear.closed?.();
+    if (!this.closing) showError("The connection to the server is closed. Start raybench view again, or reload the page.");
+    this.handlers.closed?.();
   }
 }
 
 export const byId = (id) => document.getElementById(id);
 
-export function showProblem(text) {
-  const place = byId("problem");
-  place.hidden = !text;
-  place.textContent = text ?? "";
+export function showError(text) {
+  const box = byId("error");
+  box.hidden = !text;
+  box.textContent = text ?? "";
 }
 
-// Calls `act` with the last value given, once a frame of the screen at most.
-export function lastOfFrame(act) {
+// Calls `act` with the latest value, at most once per animation frame.
+export function throttled(act) {
   let waiting = null;
   return (value) => {
     if (waiting === null) requestAnimationFrame(() => { const last = waiting; waiting = null; act(last.value); });
@@ -46,7 +51,7 @@ export function lastOfFrame(act) {
   };
 }
 
-// Numbers as people read them.
+// A number with an SI prefix.
 export function count(value, unit = "") {
   if (value === null || value === undefined) return "–";
   for (const [size, letter] of [[1e9, " G"], [1e6, " M"], [1e3, " k"]]) {
@@ -61,7 +66,7 @@ export function duration(seconds) {
   return seconds < 120 ? `${seconds.toFixed(seconds < 10 ? 2 : 1)} s` : `${(seconds / 60).toFixed(1)} min`;
 }
 
-// A file for the folder of downloads.
+// Offers bytes as a download.
 export function download(name, bytes, type) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([bytes], { type }));

@@ -1,6 +1,6 @@
-"""Between pixels and space: the ray through a place on the image, and the place of a point.
+"""Projection between pixels and space: the ray through a position in the image, and the position of a point.
 
-x and y are in pixels from the top left corner, real numbers; a pixel's middle is at one half.
+Positions x and y are real numbers in pixels from the top left corner; the centre of the first pixel is at one half.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def arctan_slope(angle: float) -> float:
 
 
 @dataclass(frozen=True)
-class Lens:
-    """A camera with the size of its image. Raises `Unsupported` for a camera plugin, of which only its rays are known."""
+class Projection:
+    """A camera with an image size. Raises `Unsupported` for a camera plugin, whose projection is unknown."""
 
     camera: Camera
     width: int
@@ -39,7 +39,7 @@ class Lens:
 
     def __post_init__(self) -> None:
         if isinstance(self.camera, CustomCamera):
-            raise Unsupported("the scene's camera is a plugin: it cannot be moved, nor can things be dragged before it")
+            raise Unsupported("the scene's camera is a plugin: neither camera nor objects can be moved")
 
     @property
     def _axes(self) -> tuple[Vector, Vector, Vector]:
@@ -52,7 +52,7 @@ class Lens:
 
     @property
     def _half(self) -> tuple[float, float]:
-        """Half extents of the window: metres, or slopes, or radians for an arctan camera."""
+        """Half the width and height of the window: in metres (orthographic), as slopes, or in radians (arctan)."""
         aspect = self.width / self.height
         if isinstance(self.camera, Orthographic):
             return aspect * self.camera.height / 2, self.camera.height / 2
@@ -62,7 +62,7 @@ class Lens:
         return (half, half / aspect) if self.camera.fov_axis == "x" else (aspect * half, half)
 
     def ray(self, x: float, y: float) -> tuple[Vector, Vector]:
-        """Origin and unit direction."""
+        """Origin (3,) and unit direction (3,) of the ray through a position."""
         assert not isinstance(self.camera, CustomCamera)
         forward, right, up = self._axes
         across, upwards = (2 * x / self.width - 1) * self._half[0], (1 - 2 * y / self.height) * self._half[1]
@@ -71,8 +71,8 @@ class Lens:
         sideways, eye = across * right + upwards * up, np.array(self.camera.eye)
         return (eye + sideways, forward) if isinstance(self.camera, Orthographic) else (eye, unit(forward + sideways))
 
-    def place(self, point: Vector) -> tuple[float, float] | None:
-        """Where a point is on the image or beside it; None behind the camera."""
+    def project(self, point: Vector) -> tuple[float, float] | None:
+        """The position of a point, which may be outside the image; None behind the camera."""
         assert not isinstance(self.camera, CustomCamera)
         forward, right, up = self._axes
         away = np.asarray(point, np.float64) - np.array(self.camera.eye)
@@ -89,9 +89,9 @@ class Lens:
         half = self._half
         return (across / half[0] + 1) * self.width / 2, (1 - upwards / half[1]) * self.height / 2
 
-    def beside(self, point: Vector, x: float, y: float) -> Vector:
-        """The point under (x, y) in the plane through `point` that faces the camera."""
+    def point_on_view_plane(self, point: Vector, x: float, y: float) -> Vector:
+        """The point (3,) at position (x, y) in the plane through `point` that faces the camera."""
         forward = self._axes[0]
         origin, direction = self.ray(x, y)
-        reach = float((np.asarray(point) - origin) @ forward) / float(direction @ forward)
-        return origin + reach * direction
+        t = float((np.asarray(point) - origin) @ forward) / float(direction @ forward)
+        return origin + t * direction

@@ -1,4 +1,4 @@
-"""A contestant of a race: one cell, rendered in slices, whose checkpoints are taken down as in `raybench run`."""
+"""A contestant of a race: one cell that is rendered in slices, with checkpoints recorded as in `raybench run`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from harness.sweep import Sweep
 FINISHED = ("reached", "at_first")
 
 
-class Lane:
-    """`seconds` are those spent in `render` and nothing else. `done`: the hardest target is reached, or the time is spent."""
+class Contestant:
+    """`seconds`: time inside `render` alone. `done`: every target is reached, or the budget is used up."""
 
     def __init__(self, sweep: Sweep, cell: Cell, allow_imports: bool) -> None:
         self.cell, self._sweep, self._allow_imports = cell, sweep, allow_imports
@@ -33,10 +33,10 @@ class Lane:
         self.renderer: Renderer | None = None
         self.seconds, self.spp, self.done = 0.0, 0, False
         self.points: list[tuple[float, float, int]] = []
-        """(seconds, error, spp) of every checkpoint, the error with the reference's noise taken out."""
+        """(seconds, error, spp) of every checkpoint; the error is corrected for the noise of the reference."""
 
     def prepare(self) -> None:
-        """Takes the phases on a renderer that is dropped, as `measure` has it; then builds the one that races."""
+        """Measures load, build and compile times with one renderer, as `measure` does; races with a second one."""
         start = perf_counter()
         scene = load_scene(self.cell.scene.path, allow_imports=self._allow_imports)
         load = perf_counter() - start
@@ -44,51 +44,51 @@ class Lane:
         warm = engine_settings(self.cell.settings, seed + WARM_UP_SEED, self._allow_imports)
         self.renderer, build, compilation = measure.prepare(engine, scene, warm)
         self._seconds_per_sample = measure.one_sample(self.renderer)
-        self._hear(did="prepared", load_seconds=load, build_seconds=build, compile_seconds=compilation)
+        self._record_message(did="prepared", load_seconds=load, build_seconds=build, compile_seconds=compilation)
         self.phases = {"build": build, "compile": compilation}
         settings = engine_settings(self.cell.settings, seed, self._allow_imports)
         self.renderer = measure.prepare(engine, scene, settings)[0]
-        self._began, self._sentinel = perf_counter(), sentinel_seconds()
+        self._start, self._sentinel = perf_counter(), sentinel_seconds()
         self._rays_before = measure.counters(self.renderer).get("rays", 0.0)
         self._disturbance = Disturbance()
         checkpoints, budget = self._sweep.plan.experiment.checkpoints, self.cell.budget
         schedule = measure.Schedule(checkpoints.ratio, checkpoints.start, budget.max_spp, budget.max_time_seconds)
-        self._ahead = measure.checkpoints(schedule)
-        self._next = next(self._ahead)
+        self._checkpoints = measure.checkpoints(schedule)
+        self._next_checkpoint = next(self._checkpoints)
         self._sweep.begin(self.cell)
 
-    def _hear(self, film: Film | None = None, **message: Any) -> None:
+    def _record_message(self, film: Film | None = None, **message: Any) -> None:
         self._record.follow([Heard(message, film)])
 
     def race(self, seconds: float) -> None:
-        """Renders for about that long, and stops at checkpoints on the way to be measured, off the clock."""
+        """Renders for about that long. At checkpoints the clock stops while the error is measured."""
         assert self.renderer is not None
         end = self.seconds + seconds
         while not self.done and self.seconds < end:
             left = min(end, self.cell.budget.max_time_seconds) - self.seconds
             fits = max(1, int(left / self._seconds_per_sample))
-            spp = min(self._next - self.spp, fits)
+            spp = min(self._next_checkpoint - self.spp, fits)
             film, elapsed = measure.timed_call(self.renderer.render, spp, self._disturbance)
             if film.spp < self.spp + spp:
                 return  # stopped
             self.seconds, self.spp = self.seconds + elapsed, self.spp + spp
             self._seconds_per_sample = max(self.seconds / self.spp, 1e-12)
-            spent = self.seconds >= self.cell.budget.max_time_seconds or self.spp >= self.cell.budget.max_spp
-            if self.spp == self._next or spent:
+            used_up = self.seconds >= self.cell.budget.max_time_seconds or self.spp >= self.cell.budget.max_spp
+            if self.spp == self._next_checkpoint or used_up:
                 self._checkpoint(film)
-            self.done = spent or all(crossing["state"] in FINISHED for crossing in self.crossings())
+            self.done = used_up or all(crossing["state"] in FINISHED for crossing in self.crossings())
 
     def _checkpoint(self, film: Film) -> None:
         rays = measure.counters(self.renderer).get("rays", 0.0) - self._rays_before if self.renderer else 0.0
-        # a copy: the film goes on, and its picture is kept until the lane's end
-        self._hear(deepcopy(film), did="point", spp=self.spp, seconds=self.seconds, rays=rays)
+        # a copy: the film changes, and the image is kept until the contestant ends
+        self._record_message(deepcopy(film), did="point", spp=self.spp, seconds=self.seconds, rays=rays)
         error, _ = point_error(self._record.points[-1], self._sweep.metric)
         self.points.append((self.seconds, error, self.spp))
-        while self._next <= self.spp:
-            self._next = next(self._ahead, self.spp + 1)
+        while self._next_checkpoint <= self.spp:
+            self._next_checkpoint = next(self._checkpoints, self.spp + 1)
 
     def crossings(self) -> list[dict[str, Any]]:
-        """When each target was reached, as reports have it; an error that noise makes negative counts as unknown."""
+        """When each target was reached, as in reports; a negative error (noise) counts as unknown."""
         times, errors = [point[0] for point in self.points], [point[1] for point in self.points]
         found = []
         for target in self._sweep.plan.experiment.quality.targets or ():
@@ -97,10 +97,10 @@ class Lane:
         return found
 
     def finish(self) -> None:
-        """Puts the cell's event on disk."""
+        """Writes the event of the cell."""
         if self.renderer is None or not self.points:
             return
         counters = {k: v for k, v in measure.counters(self.renderer).items() if k not in ("build_seconds", "compile_seconds")}
-        self._hear(did="end", counters=counters, machine=self._disturbance.report())
+        self._record_message(did="end", counters=counters, machine=self._disturbance.report())
         event = self._sweep.measured_as(self._record, (), self._sentinel)
-        self._sweep.finish(self.cell, {**event, "wall_seconds": perf_counter() - self._began})
+        self._sweep.finish(self.cell, {**event, "wall_seconds": perf_counter() - self._start})

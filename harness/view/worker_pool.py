@@ -1,4 +1,4 @@
-"""The server's side of workers: one process a tab, and one that has started already and waits for the next tab."""
+"""Worker processes, as the server sees them: one per tab, and a started one in reserve for the next tab."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Worker:
 
     @classmethod
     async def start(cls, allow_imports: bool) -> Worker:
-        """A worker that has its imports behind it."""
+        """Starts a worker and waits for its imports."""
         process = await asyncio.create_subprocess_exec(
             sys.executable, "-P", "-m", "harness.view.worker", stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
             env=environment(allow_imports), start_new_session=True, limit=STREAM_LIMIT,
@@ -38,13 +38,13 @@ class Worker:
         except BaseException:
             made.kill()
             raise
-        if first is None or header_of(first)["is"] != "ready":
+        if first is None or header_of(first)["type"] != "ready":
             made.kill()
             raise RuntimeError("a worker did not start")
         return made
 
     async def send(self, request: Mapping[str, Any]) -> None:
-        """Hands a request over. A worker that has ended is noticed by `receive`."""
+        """Sends a request. `receive` notices a worker that has ended."""
         data = json.dumps(request).encode()
         with contextlib.suppress(ConnectionError):
             self._to.write(len(data).to_bytes(4, "little") + data)
@@ -59,31 +59,31 @@ class Worker:
             return None
 
     async def ended(self) -> str:
-        """How it ended, in words."""
+        """How the process ended, as a phrase."""
         status = await self._process.wait()
         return f"was killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
 
     def kill(self) -> None:
-        """Ends it and what it started, at once; harmless where it has ended."""
+        """Kills the process and its children; does nothing where it has ended."""
         if self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
 
 
-class Workers:
-    """Gives out workers, and has the next one started."""
+class WorkerPool:
+    """Hands out workers and keeps one started in reserve."""
 
     def __init__(self, allow_imports: bool) -> None:
         self._allow_imports = allow_imports
         self._spare: asyncio.Task[Worker] | None = None
 
     def prepare(self) -> None:
-        """Has a worker started, if none waits."""
+        """Starts the reserve worker, if there is none."""
         if self._spare is None:
             self._spare = asyncio.create_task(Worker.start(self._allow_imports))
 
     async def take(self) -> Worker:
-        """A worker; the next one is started once this one has come."""
+        """The reserve worker; starts the next one."""
         self.prepare()
         assert self._spare is not None
         spare, self._spare = self._spare, None
@@ -93,7 +93,7 @@ class Workers:
             self.prepare()
 
     async def close(self) -> None:
-        """Ends the one that waits."""
+        """Kills the reserve worker."""
         if self._spare is not None:
             self._spare.cancel()
             with contextlib.suppress(asyncio.CancelledError, Exception):

@@ -1,4 +1,4 @@
-// Controls for who renders and how, made from what the engines list (the worker's menu).
+// Controls for an engine and its settings, made from the worker's menu.
 
 const KINDS = ["shader", "sampler", "accelerator"];
 
@@ -15,7 +15,7 @@ function select(names, chosen) {
   return made;
 }
 
-// An input for one option of a choice; `read` gives its value for the worker.
+// An input for one option of a choice; `read` returns its value.
 function optionControl(option, value) {
   if (option.kind === "one") {
     const made = select(option.values.map(String), String(value));
@@ -33,7 +33,7 @@ function optionControl(option, value) {
   return made;
 }
 
-export class PartForm {
+export class SettingsForm {
   constructor(place, menu, legend, engine = menu.preferred) {
     this.menu = menu;
     this.place = place;
@@ -74,7 +74,7 @@ export class PartForm {
     this.offer();
   }
 
-  // Shaders, samplers and accelerators of the engine, with what was chosen before where it still exists.
+  // Offers the shaders, samplers and accelerators of the engine; keeps earlier choices that still exist.
   offer() {
     const tables = this.tables();
     const refuses = this.menu.engines.find((known) => known.name === this.engine.value).refuses;
@@ -109,22 +109,22 @@ export class PartForm {
     this.controls[kind].options = made;
   }
 
-  // What the worker is told. Throws where an option cannot be read.
+  // The settings for a request. Throws where an option cannot be read.
   value() {
-    const part = { engine: this.engine.value, threads: Number(this.threads.value) || 1 };
-    part.precision = this.precision.selectedIndex > 0 ? this.precision.value : null;
+    const settings = { engine: this.engine.value, threads: Number(this.threads.value) || 1 };
+    settings.precision = this.precision.selectedIndex > 0 ? this.precision.value : null;
     for (const kind of KINDS) {
       const { control, options } = this.controls[kind];
-      part[kind] = { name: control.value };
+      settings[kind] = { name: control.value };
       for (const [key, input] of Object.entries(options)) {
         try {
-          part[kind][key] = input.read();
+          settings[kind][key] = input.read();
         } catch {
           throw new Error(`${kind}.${key}: ${input.value} cannot be read`);
         }
       }
-      this.given[kind] = part[kind];
+      this.given[kind] = settings[kind];
     }
-    return part;
+    return settings;
   }
 }

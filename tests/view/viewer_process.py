@@ -1,4 +1,4 @@
-"""A viewer's server in a process of its own."""
+"""The server of a viewer, in a process of its own."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ PIXELS = """(() => { const c = document.getElementById('canvas');
   copy.drawImage(c, 0, 0);
   const d = copy.getImageData(0, 0, c.width, c.height).data;
   let sum = 0; for (let i = 0; i < d.length; i++) sum = (sum * 31 + d[i]) % 1000003; return sum; })()"""
-"""A number that tells pictures apart."""
+"""A hash of the pixels of the canvas."""
 SCENE = """\
 raybench_scene: 1
 name: a ball and two lamps

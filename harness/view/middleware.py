@@ -1,7 +1,7 @@
-"""Who may speak to the server: requests for this host, from its own pages, that know the token.
+"""Access control: only requests to this host, from its own pages, with the token in their path, reach the server.
 
-Other sites can make a browser send requests here (and a name of theirs can be made to mean 127.0.0.1), so the loopback
-address alone protects nothing: the Host must be ours, an Origin, where there is one, too, and a WebSocket must have one.
+The loopback address alone protects nothing: other sites can make a browser send requests here, and can let a name of theirs
+resolve to 127.0.0.1 (DNS rebinding). So the Host header must be ours, an Origin header too, and a WebSocket must have one.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def new_token() -> str:
     return secrets.token_urlsafe(24)
 
 
-class Guard:
-    """Wraps an application: it sees only requests below `/<token>/`, with the token cut off their path."""
+class AccessMiddleware:
+    """ASGI middleware: the application gets only requests below `/<token>/`, without the token in their path."""
 
     def __init__(self, app: App, port: int, token: str) -> None:
         self._app = app
@@ -43,7 +43,7 @@ class Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             return await self._app(scope, receive, send)
-        refused = self.why_not(scope)
+        refused = self.refusal(scope)
         if refused is None:
             inner = {**scope, "path": scope["path"][len(self._prefix) :]}
             return await self._app(inner, receive, send)
@@ -54,15 +54,15 @@ class Guard:
         await send({"type": "http.response.start", "status": 403, "headers": headers})
         await send({"type": "http.response.body", "body": body})
 
-    def why_not(self, scope: Scope) -> str | None:
-        """Why a request is refused; None where it may pass."""
+    def refusal(self, scope: Scope) -> str | None:
+        """Why a request is refused; None for one that is allowed."""
         headers = [(key.lower(), value.decode("latin-1")) for key, value in scope["headers"]]
         hosts = [value for key, value in headers if key == b"host"]
         origins = [value for key, value in headers if key == b"origin"]
         if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return "this server answers for the local host alone"
+            return "this server answers requests to the local host only"
         if len(origins) > 1 or not set(origins) <= self._origins or (scope["type"] == "websocket" and not origins):
-            return "this server answers its own pages alone"
+            return "this server answers its own pages only"
         given = scope["path"][: len(self._prefix)].encode()
         known = secrets.compare_digest(given, self._prefix.encode())
         if not known or scope["path"][len(self._prefix) :][:1] != "/":

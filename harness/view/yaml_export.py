@@ -1,4 +1,4 @@
-"""A scene as YAML again, after its camera and its things were moved in the viewer."""
+"""A scene as YAML, with the camera and the objects as they were moved in the viewer."""
 
 from __future__ import annotations
 
@@ -11,43 +11,43 @@ import yaml
 
 from engines.scene import Camera, CustomCamera, Orthographic
 from engines.scene.yaml_file import read_yaml
-from harness.view.pixels import Vector
+from harness.view.projection import Vector
 
 DIGITS = 9
-"""Of a coordinate; a float32 has no more."""
+"""Significant digits of a coordinate; a float32 has no more."""
 
-PLACES = {
+POSITION_KEYS = {
     "sphere": ("center",), "triangle": ("a", "b", "c"), "mesh": ("translate",), "point": ("position",),
     "procedural": ("center",), "rectangle": ("corner",),
 }  # fmt: skip
-"""The keys that say where a thing is. A procedural quad's `points` do, too."""
+"""The keys with the position of each kind of object. A procedural quad has `points` instead."""
 
 
 def scene_yaml(source: Path, camera: Camera, offsets: Mapping[str, Vector]) -> str:
-    """The file's scene seen by `camera`, with things moved by `offsets` (by `Movable.id`). Relative paths stay as they are."""
+    """The scene file with this camera, and with objects moved by `offsets` (by `Draggable.id`). Relative paths are kept."""
     scene = read_yaml(source).plain()
     if not isinstance(camera, CustomCamera):
         scene["camera"] |= {"eye": _rounded(camera.eye), "target": _rounded(camera.target)}
         scene["camera"] |= {"height": camera.height} if isinstance(camera, Orthographic) else {"fov": camera.fov}
     for name, offset in offsets.items():
         kind, _, index = name.partition(":")
-        things = scene["shapes" if kind == "shape" else "lights"]
-        things[int(index)] = _moved(things[int(index)], offset)
-    note = f"# {source.name}, from raybench view; paths in it start from where that file lies.\n"
+        items = scene["shapes" if kind == "shape" else "lights"]
+        items[int(index)] = _moved(items[int(index)], offset)
+    note = f"# {source.name}, from raybench view; paths are relative to the folder of that file.\n"
     return note + yaml.safe_dump(scene, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
 
 
-def _moved(thing: Mapping[str, Any], offset: Vector) -> dict[str, Any]:
-    """A shape or light of a scene file, moved."""
-    kind = next(key for key in thing if key != "material")
-    body = dict(thing[kind])
+def _moved(item: Mapping[str, Any], offset: Vector) -> dict[str, Any]:
+    """A shape or light of a scene file, moved by an offset."""
+    kind = next(key for key in item if key != "material")
+    body = dict(item[kind])
     if kind == "procedural" and "points" in body:
         body["points"] = [_rounded(np.array(point) + offset) for point in body["points"]]
-        return {**thing, kind: body}
-    keys = PLACES["rectangle" if body.get("name") == "rectangle" else kind]
+        return {**item, kind: body}
+    keys = POSITION_KEYS["rectangle" if body.get("name") == "rectangle" else kind]
     for key in keys:
         body[key] = _rounded(np.array(body.get(key, (0.0, 0.0, 0.0))) + offset)
-    return {**thing, kind: body}
+    return {**item, kind: body}
 
 
 def _rounded(values: Any) -> list[float]:
