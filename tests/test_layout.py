@@ -84,7 +84,7 @@ ALLOWED: dict[str, set[str]] = {
 LAYERS = (
     ("harness", "harness.__main__"),
     ("harness.cli",),
-    ("harness.verify.command", "harness.verify.equivalent", "harness.verify.output"),
+    ("harness.verify.commands",),
     ("harness.console",),
     ("harness.view",),
     ("harness.report",),
@@ -255,7 +255,7 @@ def test_the_harness_imports_downwards():
         ("harness.measure.worker", "from harness import store"),
         ("harness.store.merge", "import harness.analysis.verdicts"),
         ("harness.config.experiment", "if TYPE_CHECKING:\n    from harness.plan.cells import Cell"),
-        ("harness.report.tables.model", "from harness.verify.output import table"),
+        ("harness.report.tables.model", "from harness.verify.commands.output import table"),
         ("harness.nowhere", ""),
     ],
 )

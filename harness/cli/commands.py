@@ -292,11 +292,11 @@ def verify(
     ] = None,
     allow_imports: AllowImports = False,
 ) -> None:
-    """Hold engines to hard cases and known answers; exit code 1 where a promise is broken, 2 where nothing was examined."""
-    from harness.verify.command import Asked
-    from harness.verify.command import verify as verified
+    """Check engines with hard cases and known answers; exit code 1 where a check fails, 2 where nothing was checked."""
+    from harness.verify.commands.verify import VerifyOptions
+    from harness.verify.commands.verify import verify as run_verify
 
-    raise typer.Exit(verified(Asked(engine or [], quick, only or [], out, jobs, allow_imports)))
+    raise typer.Exit(run_verify(VerifyOptions(engine or [], quick, only or [], out, jobs, allow_imports)))
 
 
 @app.command()
@@ -313,12 +313,11 @@ def equivalence(
     allow_commands: AllowCommands = False,
 ) -> None:
     """Test whether engines make the same image: by pixels, by tiles and as a whole. Exit code 1 where they do not."""
-    from harness.verify.equivalent import Asked, compare
+    from harness.verify.commands.equivalence import EquivalenceOptions, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
-    raise typer.Exit(
-        compare(Asked(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands))
-    )
+    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands)
+    raise typer.Exit(compare(options))
 
 
 @app.command()

@@ -303,9 +303,9 @@ def _reachable(top: Mapping[str, Located], quality: Quality) -> None:
 
 def _verify(top: Mapping[str, Located]) -> VerifyAsked | None:
     def cases(node: Located) -> tuple[str, ...]:
-        from harness.verify.selection import case_words
+        from harness.verify.suite import case_names
 
-        known = case_words()
+        known = case_names()
         for child in validators.listing(node, 1):
             if child.value not in known:
                 raise child.refuse(f"unknown case or section: {suggestion(validators.text(child), known)}")

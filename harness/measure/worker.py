@@ -171,16 +171,15 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
 
 
 def examine(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
-    """Asks one case of the battery."""
+    """Runs one case of the accuracy suite."""
     from dataclasses import asdict
 
-    from harness.verify.battery import CASES
-    from harness.verify.battery import examine as examined
     from harness.verify.subject import Subject
+    from harness.verify.suite import CASES, run_case
 
     case = next(case for case in CASES if case.id == request["case"])
     subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
-    pipes.send(did="examined", findings=[asdict(finding) for finding in examined(case, subject)])
+    pipes.send(did="examined", findings=[asdict(result) for result in run_case(case, subject)])
     pipes.send(did="end")
 
 

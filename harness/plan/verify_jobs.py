@@ -41,17 +41,17 @@ def planned(asked: VerifyAsked | None, engines: Mapping[str, Engine]) -> tuple[E
     """Every case in every precision that an engine has; none of one that renders nothing here: its cells say why."""
     if asked is None:
         return ()
-    from harness.verify.selection import chosen_cases
-    from harness.verify.subject import Declined, accelerators, precisions
+    from harness.verify.subject import Skipped, accelerator_names, precisions
+    from harness.verify.suite import select_cases
 
     found: list[Examination] = []
     for name, engine in engines.items():
-        with suppress(Declined):
+        with suppress(Skipped):
             found += [
                 _examination(asked, name, engine, precision, accelerator, case)
                 for precision in precisions(engine)
-                for case in chosen_cases(asked.cases)
-                for accelerator in (accelerators(engine) if case.each_accelerator else ["auto"])
+                for case in select_cases(asked.cases)
+                for accelerator in (accelerator_names(engine) if case.each_accelerator else ["auto"])
             ]
     return tuple(found)
 

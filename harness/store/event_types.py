@@ -228,8 +228,8 @@ class Conclusions(Record):
     pairs: list[Pair] = []
 
 
-class Finding(BaseModel):
-    """The fields of `verify.battery.Finding`."""
+class CheckResult(BaseModel):
+    """The fields of `verify.suite.CheckResult`."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
     engine: str
@@ -239,20 +239,20 @@ class Finding(BaseModel):
     accelerator: str
     section: str
     case: str
-    asked: str
+    description: str
     source: str
     parameter: str
     count: Count
     error: float
     unit: str
-    allowed: float
-    verdict: str
-    median: float
-    tail: float
-    worst: float
+    tolerance: float
+    outcome: Literal["pass", "xfail", "fail", "skip"]
+    median_ulp: float
+    p999_ulp: float
+    worst_ulp: float
     seconds: float
     note: str = ""
-    typical: float = 0.0
+    median_error: float = 0.0
 
 
 class Examination(Record):
@@ -261,7 +261,7 @@ class Examination(Record):
     env_id: Id | None = None
     state: Literal["done", "failed", "timeout"]
     message: str = ""
-    findings: list[Finding]
+    findings: list[CheckResult]
 
 
 Event = Annotated[

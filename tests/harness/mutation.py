@@ -46,9 +46,9 @@ def write_whole(folder: Path) -> Path:
     }  # fmt: skip
     finding = {
         "engine": "numba", "version": "1", "precision": "float64", "tracing": "float64", "accelerator": "bvh",
-        "section": "stability", "case": "sphere-distance", "asked": "?", "source": "here", "parameter": "t, 1e3",
-        "count": 100, "error": 1e-9, "unit": "1", "allowed": 1e-6, "verdict": "kept", "median": 0.5, "tail": 1.0,
-        "worst": 2.0, "seconds": 0.1, "note": "", "typical": 1e-10,
+        "section": "stability", "case": "sphere-distance", "description": "?", "source": "here", "parameter": "t, 1e3",
+        "count": 100, "error": 1e-9, "unit": "1", "tolerance": 1e-6, "outcome": "pass", "median_ulp": 0.5,
+        "p999_ulp": 1.0, "worst_ulp": 2.0, "seconds": 0.1, "note": "", "median_error": 1e-10,
     }  # fmt: skip
     kept += [
         {"event": "environment", "env_id": "env0", "preimage": {"cpu": "One", "usable_cores": 2, "libraries": {"a": "1"}}},

@@ -240,13 +240,13 @@ def test_the_committed_results_are_read(folder):
     assert len(store.read_events(results)) > 200 and store.read_manifest(results)["name"]
 
 
-@pytest.mark.parametrize("kind", ["Finding", "Bias", "Verdict"])
+@pytest.mark.parametrize("kind", ["CheckResult", "Bias", "Verdict"])
 def test_records_that_become_objects_have_their_very_fields(kind):
     from harness.statistics import BiasEstimate, Equivalence
     from harness.store import event_types
-    from harness.verify.battery import Finding
+    from harness.verify.suite import CheckResult
 
-    fields = {"Finding": Finding.__slots__, "Bias": (*BiasEstimate._fields, "of"), "Verdict": Equivalence.__slots__}
+    fields = {"CheckResult": CheckResult.__slots__, "Bias": (*BiasEstimate._fields, "of"), "Verdict": Equivalence.__slots__}
     assert set(getattr(event_types, kind).model_fields) == set(fields[kind])
 
 

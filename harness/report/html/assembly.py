@@ -30,7 +30,7 @@ SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
     "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
     "flat": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
-    "kept": "good", "not promised": "even", "broken": "bad",
+    "pass": "good", "xfail": "even", "fail": "bad",
 }  # fmt: skip
 
 

@@ -62,7 +62,7 @@ def series(findings: Sequence[Finding], case: str) -> list[Series]:
     """The curves of a case: one an engine, precision and kind of shape."""
     groups: dict[tuple[str, str, str], list[tuple[float, Finding]]] = {}
     for finding in findings:
-        if finding["case"] == case and finding["verdict"] != "declined" and "," in finding["parameter"]:
+        if finding["case"] == case and finding["outcome"] != "skip" and "," in finding["parameter"]:
             kind, _, rest = finding["parameter"].partition(", ")
             key = (finding["engine"], finding["precision"], kind)
             groups.setdefault(key, []).append((float(rest.split()[-1]), finding))
@@ -111,7 +111,7 @@ def _style(curve: Series, colour: str) -> dict[str, Any]:
 
 
 def _error_axis(axis: Axes, curve: Series, colour: str) -> None:
-    medians, worst = (np.array([float(f[key]) for f in curve.findings]) for key in ("typical", "error"))
+    medians, worst = (np.array([float(f[key]) for f in curve.findings]) for key in ("median_error", "error"))
     seen = np.isfinite(medians)
     axis.plot(curve.x[seen], medians[seen].clip(LOWEST), **_style(curve, colour))
     both = seen & np.isfinite(worst)

@@ -96,25 +96,25 @@ def corrected(p: float, threshold: float) -> float:
 
 
 def accuracy(analysis: Analysis) -> Table:
-    """What the battery found, where the config asked for some of it: of what is kept the worst."""
-    from harness.verify.battery import Finding
-    from harness.verify.worst import condensed
+    """Results of the accuracy suite, where the config has `verify`: the worst of each check, and every failure."""
+    from harness.verify.suite import CheckResult
+    from harness.verify.summary import worst_per_check
 
     table = Table(
         "accuracy", "Accuracy",
-        "Cases of `raybench verify` that the config asked for. Of what an engine keeps, the finding nearest to its "
-        "limit and how many it stands for; all else in full.",
-        [Column("case", "Id of the case."), Column("asked", "What is asked."), Column("engine", "Engine."),
+        "Cases of `raybench verify` that the config names. Of the passes of a case one row, with the result nearest to its "
+        "tolerance and how many results it stands for; every failure has a row.",
+        [Column("case", "Id of the case."), Column("description", "What the case checks."), Column("engine", "Engine."),
          Column("precision", "The setting."), Column("parameter", "What was varied."),
-         Column("error", "Error found, the worst.", "number"), Column("unit", "Unit of error and allowed."),
-         Column("allowed", "What an engine promises by the precision in which it traces.", "number"),
-         Column("verdict", "kept, not promised, broken, or declined."),
-         Column("stands_for", "Findings that the row stands for.", "count")],
+         Column("error", "The largest error.", "number"), Column("unit", "Unit of error and tolerance."),
+         Column("tolerance", "The largest error that passes, by the precision in which the engine traces.", "number"),
+         Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip."),
+         Column("stands_for", "Results that the row stands for.", "count")],
     )  # fmt: skip
-    found = [Finding(**{str(key): value for key, value in each.items()}) for each in analysis.results.findings]
-    for finding, rest, _ in condensed(found):
-        row = {column.name: getattr(finding, column.name) for column in table.columns[:-1]}
-        table.rows.append(row | {"stands_for": rest + 1})
+    results = [CheckResult(**{str(key): value for key, value in each.items()}) for each in analysis.results.findings]
+    for result, others, _ in worst_per_check(results):
+        row = {column.name: getattr(result, column.name) for column in table.columns[:-1]}
+        table.rows.append(row | {"stands_for": others + 1})
     return table
 
 
