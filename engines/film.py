@@ -6,19 +6,18 @@ so that two halves of the image can be compared. Counts are per pixel: a stopped
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines import memory
-from engines.errors import ConfigError
-from engines.tonemap import ToneMapper, tone_mapper
+from engines.tonemap import ToneMapper, to_bitmap
 
 Image = NDArray[np.float64]
-
 
 BYTES_A_PIXEL = 3 * 3 * 8 + 8
 """Of a film. An EXR of it takes four images in float64 and in float32 besides, while it is written."""
@@ -93,10 +92,17 @@ class Film:
 
     def save(self, path: str | PathLike[str], provenance: Mapping[str, Any] | None = None,
              tone_mapper: str | ToneMapper = "srgb") -> None:  # fmt: skip
-        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header) or `.png` (8 bit)."""
-        from engines.image import write_film
+        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header) or `.png` (8 bit).
 
-        write_film(path, self, provenance or {}, tone_mapper)
+        Raises `ConfigError` for other suffixes and for files that cannot be written.
+        """
+        from engines.image import FilmLayers, write_film_layers, write_image
+
+        if Path(path).suffix.lower() == ".exr":
+            layers = FilmLayers(self.mean(), self.variance_of_mean(), self.half(0), self.half(1))
+            write_film_layers(path, layers, provenance)
+        else:
+            write_image(path, self.to_bitmap(tone_mapper), provenance)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False:
@@ -110,12 +116,3 @@ class Film:
 
     def __repr__(self) -> str:
         return f"Film({self.width}x{self.height}, {self.spp} spp)"
-
-
-def to_bitmap(image: Image, mapper: str | Callable[[Image], Image] = "srgb") -> NDArray[np.uint8]:
-    """Display values of linear radiance (h, w, 3) as uint8, rounded to nearest; NaN becomes 0."""
-    image = np.asarray(image, np.float64)
-    display = np.asarray(tone_mapper(mapper)(image))
-    if display.shape != image.shape:
-        raise ConfigError(f"tone mapper {mapper!r}: gave shape {display.shape} for an image of shape {image.shape}")
-    return np.rint(255.0 * np.clip(np.nan_to_num(display, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)).astype(np.uint8)

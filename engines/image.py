@@ -16,19 +16,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engines.errors import ConfigError, SceneError, suggestion
-from engines.film import to_bitmap
 from engines.input_files import open_regular, unreadable
 from engines.memory import lacking_memory
-
-if TYPE_CHECKING:
-    from engines.film import Film
-    from engines.tonemap import ToneMapper
+from engines.tonemap import to_bitmap
 
 Image = NDArray[np.float64]
 FilePath = str | PathLike[str]
@@ -55,7 +51,7 @@ MAX_CHANNELS = 16
 
 
 class FilmLayers(NamedTuple):
-    """What `write_film` put into an EXR: four images (h, w, 3), float64 with the precision of float32."""
+    """What a film puts into an EXR: four images (h, w, 3), float64 with the precision of float32."""
 
     mean: Image
     variance: Image
@@ -66,15 +62,10 @@ class FilmLayers(NamedTuple):
 # --- writing --------------------------------------------------------------------------------------------------------
 
 
-def write_film(
-    path: FilePath, film: Film, provenance: Mapping[str, Any], tone_mapper: str | ToneMapper = "srgb"
-) -> None:  # fmt: skip
-    """Writes a film: `.exr` with all layers, linear; or a bitmap through the tone mapper. Raises `ConfigError`."""
-    if _suffix(path) == ".exr":
-        layers = {"variance": film.variance_of_mean(), "half0": film.half(0), "half1": film.half(1)}
-        _write_exr(path, {"RGB": film.mean(), **layers}, provenance)
-    else:
-        _write_bitmap(path, film.to_bitmap(tone_mapper), provenance)
+def write_film_layers(path: FilePath, layers: FilmLayers, provenance: Mapping[str, Any] | None = None) -> None:
+    """Writes a film to an `.exr` file. Raises `ConfigError`."""
+    images = {"RGB": layers.mean, **{name: getattr(layers, name) for name in LAYERS}}
+    _write_exr(path, images, provenance or {})
 
 
 def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] | None = None) -> None:
@@ -181,7 +172,7 @@ def read_bitmap(path: FilePath) -> NDArray[np.uint8]:
 
 
 def read_film_layers(path: FilePath) -> FilmLayers:
-    """The layers of an EXR that `write_film` wrote. Raises `SceneError` where one is missing."""
+    """The layers of an EXR that `write_film_layers` wrote. Raises `SceneError` where one is missing."""
     file = _readable(path)
     if file.suffix.lower() != ".exr":
         raise SceneError(f"{file}: only .exr files have layers")

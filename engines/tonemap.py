@@ -62,3 +62,12 @@ def tone_mapper(given: str | ToneMapper) -> ToneMapper:
     if given not in TONE_MAPPERS:
         raise UnknownName("tone mapper", given, TONE_MAPPERS)
     return TONE_MAPPERS[given]
+
+
+def to_bitmap(image: NDArray[np.float64], mapper: str | ToneMapper = "srgb") -> NDArray[np.uint8]:
+    """Display values of linear radiance (h, w, 3) as uint8, rounded to nearest; NaN becomes 0."""
+    image = np.asarray(image, np.float64)
+    display = np.asarray(tone_mapper(mapper)(image))
+    if display.shape != image.shape:
+        raise ConfigError(f"tone mapper {mapper!r}: gave shape {display.shape} for an image of shape {image.shape}")
+    return np.rint(255.0 * np.clip(np.nan_to_num(display, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)).astype(np.uint8)

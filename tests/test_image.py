@@ -10,7 +10,7 @@ from PIL import Image as Pillow
 
 from engines.errors import ConfigError, SceneError
 from engines.film import Film, to_bitmap
-from engines.image import png_bytes, read_film_layers, read_image, read_provenance, write_film, write_image
+from engines.image import png_bytes, read_film_layers, read_image, read_provenance, write_image
 
 PROVENANCE = {"engine": "numpy", "spp": 3, "unicode": "ö", "nested": {"a": [1, 2.5, None]}}
 
@@ -24,7 +24,7 @@ def some_film(samples=3):
 
 def test_a_film_comes_back_exactly_in_float32(tmp_path):
     film = some_film()
-    write_film(tmp_path / "a.exr", film, PROVENANCE)
+    film.save(tmp_path / "a.exr", PROVENANCE)
     layers = read_film_layers(tmp_path / "a.exr")
     written = (film.mean(), film.variance_of_mean(), film.half(0), film.half(1))
     for found, expected in zip(layers, written, strict=True):
@@ -33,7 +33,7 @@ def test_a_film_comes_back_exactly_in_float32(tmp_path):
     assert read_provenance(tmp_path / "a.exr") == PROVENANCE
 
 
-def test_film_save_writes_through_here(tmp_path):
+def test_a_film_is_saved_as_a_bitmap_through_its_tone_mapper(tmp_path):
     film = some_film()
     film.save(tmp_path / "a.png", PROVENANCE, tone_mapper="reinhard")
     assert np.array_equal(np.asarray(Pillow.open(tmp_path / "a.png")), film.to_bitmap("reinhard"))
@@ -42,7 +42,7 @@ def test_film_save_writes_through_here(tmp_path):
 
 
 def test_a_film_of_one_sample_keeps_its_missing_variance(tmp_path):
-    write_film(tmp_path / "a.exr", some_film(1), {})
+    some_film(1).save(tmp_path / "a.exr")
     assert np.isnan(read_film_layers(tmp_path / "a.exr").variance).all()
     assert read_provenance(tmp_path / "a.exr") == {}
 

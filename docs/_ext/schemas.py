@@ -33,7 +33,11 @@ def scene() -> str:
     for camera in keys["camera"]["anyOf"]:
         kind = camera["properties"]["type"].get("const", "module:attribute")
         parts += [f"### {kind}", plain(camera["description"]), _keys(camera, leave="type")]
-    parts += ["## Materials", _keys(keys["materials"]["additionalProperties"])]
+    material = keys["materials"]["additionalProperties"]
+    parts += ["## Materials", _keys(material)]
+    for kind, body in material["properties"].items():
+        if "properties" in body:
+            parts += [f"### {kind}", plain(body["description"]), _keys(body)]
     parts += ["## Shapes", "Each is `{KIND: {...}, material: NAME}`, with one of these kinds."]
     procedural = []
     for kind, body in _kinds(keys["shapes"]):
@@ -44,7 +48,7 @@ def scene() -> str:
     parts += ["## Procedural shapes", "Each is `{procedural: {name: NAME, ...}, material: NAME}`."]
     for body in procedural:
         name = body["properties"]["name"]["const"]
-        parts += [f"### {name}", plain(body["description"]), _keys(body, leave="name", values=False)]
+        parts += [f"### {name}", plain(body["description"]), _keys(body, leave="name")]
     parts += ["## Lights", "Each is `{KIND: {...}}`, with one of these kinds. Shapes whose material emits are lights, too."]
     for kind, body in _kinds(keys["lights"]):
         parts += [f"### {kind}", plain(body["description"]), _keys(body)]
@@ -62,14 +66,22 @@ def _inside(schema) -> bool:
     return "properties" in schema or "properties" in schema.get("items", {})
 
 
-def _keys(schema, leave: str = "", values: bool = True) -> str:
+def _keys(schema, leave: str = "") -> str:
     rows = []
     for key, each in schema["properties"].items():
         if key != leave:
             default = code(json.dumps(each["default"])) if "default" in each else ""
             default = "required" if key in schema.get("required", ()) else default.replace('"', "")
-            rows.append((code(key), *([plain(_values(each))] if values else []), default, plain(each["description"])))
-    return table(("Key", *(["Values"] if values else []), "Default", "Meaning"), rows) if rows else ""
+            default = _other_ways(schema, key) or default
+            rows.append((code(key), plain(_values(each)), default, plain(each["description"])))
+    return table(("Key", "Values", "Default", "Meaning"), rows) if rows else ""
+
+
+def _other_ways(schema, key: str) -> str:
+    """The keys of which a file gives one group, where `key` belongs to a group."""
+    ways = [way["required"] for way in schema.get("oneOf", ())]
+    others = [" and ".join(map(code, way)) for way in ways if key not in way]
+    return f"required, or {' or '.join(others)}" if len(others) < len(ways) else ""
 
 
 def _values(schema) -> str:
@@ -78,7 +90,7 @@ def _values(schema) -> str:
         return json.dumps(schema["const"])
     if "enum" in schema:
         return ", ".join("null" if each is None else str(each) for each in schema["enum"])
-    choices = [_values(each) for each in schema.get("anyOf") or schema.get("oneOf") or ()]
+    choices = [] if "properties" in schema else [_values(each) for each in schema.get("anyOf") or schema.get("oneOf") or ()]
     if len(choices) == 2 and choices[1] == f"three of: {choices[0]}":
         return f"{choices[0]}, or three"
     if choices:
@@ -108,5 +120,9 @@ def _list(schema) -> str:
 def _range(schema) -> str:
     low, high = (schema.get(key, schema.get(f"exclusive{key.capitalize()}")) for key in ("minimum", "maximum"))
     if low is not None and high is not None:
-        return f" in {'[' if 'minimum' in schema else '('}{low}, {high}{']' if 'maximum' in schema else ')'}"
-    return "" if low is None else f" {'≥' if 'minimum' in schema else '>'} {low}"
+        return f" in {'[' if 'minimum' in schema else '('}{_short(low)}, {_short(high)}{']' if 'maximum' in schema else ')'}"
+    return "" if low is None else f" {'≥' if 'minimum' in schema else '>'} {_short(low)}"
+
+
+def _short(number) -> str:
+    return str(int(number) if number == int(number) else number)

@@ -18,7 +18,10 @@ in commands and configs; the three in `scenes/mobilert/` need a mesh that is not
 `scenes/scaling/` has a ball of triangles and a sphereflake, each in five sizes. All pictures:
 `python docs/pictures/gallery.py`.
 """
-SAMPLES = {"cornell_spheres": 1024, "glassware": 384, "many_lights": 1024, "mobilert_cornell": 16, "mobilert_cornell2": 2048}
+SAMPLES = {
+    "cornell_spheres": 1024, "glassware": 384, "many_lights": 1024, "metals": 1024, "mobilert_cornell": 16,
+    "mobilert_cornell2": 2048,
+}  # fmt: skip
 SHADERS = {"mobilert_cornell": "whitted"}
 """Whose picture is by another shader: its lamp hangs a centimetre below the ceiling, and no path finds that spot in time."""
 

@@ -16,7 +16,8 @@ from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.nearest import Part
 from engines.numpy_reference.renderer import Renderer
 from engines.numpy_reference.tracer import Tracer
-from engines.scene.model import Mesh, Scene, Triangle
+from engines.scene.model import Disk, Mesh, Scene, Triangle
+from engines.scene.support import first_lacking
 
 _OPTIONS = {
     "robust": Option(
@@ -55,6 +56,8 @@ class Engine:
         found = supported(scene, settings, ACCELERATORS, self.name)
         if scene.shapes and not any(isinstance(shape, Triangle | Mesh) for shape in scene.shapes):
             raise Unsupported("embreex holds triangles only, and none of the shapes is one")
+        if lacking := first_lacking(scene, (Disk,)):
+            raise Unsupported(f"the engine {self.name} has no {lacking}")
         try:
             metadata.version("embreex")
         except metadata.PackageNotFoundError as error:

@@ -17,8 +17,9 @@ VERSION = "3.0.0"
 """The version of the file format."""
 _TAGS = {
     "sensor": ("perspective", "orthographic"), "film": ("hdrfilm",), "rfilter": ("box",), "integrator": ("path",),
-    "sampler": ("independent",), "bsdf": ("diffuse", "conductor", "dielectric", "twosided", "blendbsdf"),
-    "shape": ("rectangle", "sphere", "ply"), "emitter": ("area", "point", "directional", "constant", "envmap"),
+    "sampler": ("independent",), "bsdf": ("diffuse", "conductor", "roughconductor", "dielectric", "twosided", "blendbsdf"),
+    "shape": ("rectangle", "disk", "sphere", "ply"),
+    "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
 }  # fmt: skip
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
 

@@ -1,7 +1,8 @@
 """A scene as a file for pbrt-v4 (Pharr, Jakob, Humphreys 2023), with its meshes beside it.
 
-What differs: planes are squares a thousand times as large as the scene, colours pass through pbrt's spectra, and its
-path integrator has a roulette of its own. Depths count in segments here and in bounces there.
+What differs: planes are squares a thousand times as large as the scene, colours pass through pbrt's spectra, masking and
+shadowing of its rough conductors are correlated by height, and its path integrator has a roulette of its own. Depths
+count in segments here and in bounces there.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
-from engines.mitsuba.description import camera_lacks, extent, material_lacks
+from engines.mitsuba.description import camera_lacks, extent, facing, material_lacks
 from engines.scene import model
 
 PLANE_EXTENTS = 1e3
@@ -42,7 +43,7 @@ def _lacks(scene: model.Scene) -> str | None:
     if lacks := camera_lacks(scene.camera):
         return f"pbrt has no counterpart of {lacks}"
     for material in scene.materials:
-        lacks = material_lacks(material)
+        lacks = material_lacks(material) or _conductor_lacks(material.bsdf)
         if lacks is None and max(material.kt) > 0.0 and (*material.ks, *material.kt) != (1.0,) * 6:
             lacks = "tinted glass"
         if lacks:
@@ -52,6 +53,16 @@ def _lacks(scene: model.Scene) -> str | None:
             return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
         if isinstance(light, model.PointLight) and not light.falloff:
             return "pbrt's point lights fall off with the square of the distance"
+        if isinstance(light, model.SpotLight) and light.beam_width < light.cutoff:
+            return "pbrt's spot lights fall off smoothly in the cosine, and ours linearly in the angle"
+    return None
+
+
+def _conductor_lacks(metal: model.Conductor | None) -> str | None:
+    if metal is not None and metal.reflectance != model.WHITE:
+        return "a conductor whose reflectance is scaled"
+    if metal is not None and metal.alpha[0] != metal.alpha[1]:
+        return "the tangents of an anisotropic conductor"
     return None
 
 
@@ -84,6 +95,10 @@ def _shorter_fov(camera: model.Perspective) -> float:
 def _light(light: model.Light) -> Iterator[str]:
     if isinstance(light, model.PointLight):
         yield f'LightSource "point" {_rgb("I", light.intensity)} "point3 from" [ {numbers(light.position)} ]'
+    elif isinstance(light, model.SpotLight):
+        ends = f'"point3 from" [ {numbers(light.position)} ] "point3 to" [ {numbers(np.add(light.position, light.direction))} ]'
+        cone = f'"float coneangle" [ {light.cutoff!r} ] "float conedeltaangle" [ 0 ]'
+        yield f'LightSource "spot" {_rgb("I", light.intensity)} {ends} {cone}'
     elif isinstance(light, model.DirectionalLight):
         ends = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.direction)} ]'
         yield f'LightSource "distant" {_rgb("L", light.irradiance)} {ends}'
@@ -93,7 +108,11 @@ def _light(light: model.Light) -> Iterator[str]:
 
 def _material(name: str, material: model.Material) -> Iterator[str]:
     diffuse, mirror = max(material.kd), max(material.ks)
-    if max(material.kt) > 0.0:
+    if material.bsdf is not None:
+        index = f"{_rgb('eta', material.bsdf.eta)} {_rgb('k', material.bsdf.k)}"
+        rough = f'"float roughness" [ {material.bsdf.alpha[0]!r} ] "bool remaproughness" [ false ]'
+        yield _named(name, "conductor", f"{index} {rough}")
+    elif max(material.kt) > 0.0:
         yield _named(name, "dielectric", f'"float eta" [ {material.ior!r} ]')
     elif mirror == 0.0:
         yield _named(name, "diffuse", _rgb("reflectance", material.kd))
@@ -115,6 +134,10 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
         corners, faces = _square(shape, extent(scene) * PLANE_EXTENTS)
         body = f'Shape "trianglemesh" "point3 P" [ {numbers(corners.ravel())} ] "integer indices" [ {faces} ]'
         yield from _dressed(scene, shape.material, [body])
+    elif isinstance(shape, model.Disk):
+        columns = numbers(facing(shape.center, shape.normal, 1.0).T.ravel())
+        body = [f"ConcatTransform [ {columns} ]", f'Shape "disk" "float radius" [ {shape.radius!r} ]']
+        yield from _dressed(scene, shape.material, body)
     elif isinstance(shape, model.Triangle):
         corners = numbers((*shape.a, *shape.b, *shape.c))
         body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "integer indices" [ 0 1 2 ]'

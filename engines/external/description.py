@@ -12,8 +12,8 @@ from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import ConfigError, RaybenchError
 from engines.external.scenes import FORMATS
 from engines.external.template import placeholders
-from engines.scene import fields
-from engines.scene.yaml_file import Located, read_yaml
+from engines.schema import fields
+from engines.schema.yaml_file import Located, read_yaml
 
 IMAGE_FORMATS = ("exr", "pfm")
 UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 
 from engines.errors import suggestion
-from engines.scene.yaml_file import Located
+from engines.schema.yaml_file import Located
 
 _PIECE = re.compile(r"\{\{|\}\}|\{([^{}]*)\}|[{}]")
 

@@ -8,7 +8,10 @@ from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
-from engines.scene.model import CustomCamera, EnvironmentLight, Scene
+from engines.scene.model import Conductor, CustomCamera, Disk, EnvironmentLight, Scene, SpotLight
+from engines.scene.support import first_lacking
+
+LACKS = (Conductor, Disk, SpotLight)
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
@@ -39,4 +42,6 @@ def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
         return f"the camera has no `jitted` function, which the engine {engine} needs"
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return f"the scene has several environments, of which the engine {engine} renders one"
+    if lacking := first_lacking(scene, LACKS):
+        return f"the engine {engine} has no {lacking}"
     return None

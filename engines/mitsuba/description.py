@@ -14,10 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.geometry import bounds
 from engines.scene.model import (
     BLACK,
     Camera,
+    Conductor,
     DirectionalLight,
+    Disk,
     EnvironmentLight,
     Light,
     Material,
@@ -27,9 +30,9 @@ from engines.scene.model import (
     Plane,
     PointLight,
     Scene,
-    Shape,
     Sphere,
     SphereSet,
+    SpotLight,
     Triangle,
     Triple,
 )
@@ -115,6 +118,8 @@ def material_lacks(material: Material) -> str | None:
 
 def bsdf(material: Material) -> Node:
     """The BSDF of a material that `material_lacks` nothing."""
+    if material.bsdf is not None:
+        return {"type": "twosided", "bsdf": _conductor(material.bsdf)}
     diffuse, mirror = max(material.kd), max(material.ks)
     if max(material.kt) > 0.0:
         return {
@@ -139,6 +144,15 @@ def _mirror(reflectance: Any) -> Node:
     return {"type": "conductor", "material": "none", "specular_reflectance": rgb(reflectance)}
 
 
+def _conductor(metal: Conductor) -> Node:
+    node: Node = {"type": "conductor", "eta": rgb(metal.eta), "k": rgb(metal.k)}
+    node["specular_reflectance"] = rgb(metal.reflectance)
+    if max(metal.alpha) == 0.0:
+        return node
+    alpha_u, alpha_v = metal.alpha
+    return {**node, "type": "roughconductor", "distribution": "ggx", "alpha_u": alpha_u, "alpha_v": alpha_v}
+
+
 def rgb(values: Any) -> Node:
     return {"type": "rgb", "value": [float(value) for value in values]}
 
@@ -148,19 +162,10 @@ def rgb(values: Any) -> Node:
 
 def extent(scene: Scene) -> float:
     """The largest coordinate of anything finite in the scene, the camera included; at least 1e-3."""
-    reach = [np.abs(corners).max() for corners in map(_corners, scene.shapes) if len(corners)]
+    reach = [np.abs(box).max() for shape in scene.shapes if (box := bounds(shape)) is not None]
+    reach += [np.abs(shape.point).max() for shape in scene.shapes if isinstance(shape, Plane)]
     reach += [np.abs(getattr(scene.camera, name, BLACK)).max() for name in ("eye", "target")]
     return float(max(1e-3, *reach))
-
-
-def _corners(shape: Shape) -> Array:
-    if isinstance(shape, Plane):
-        return np.array([shape.point])
-    if isinstance(shape, Sphere):
-        return np.array([np.abs(shape.center) + shape.radius])
-    if isinstance(shape, SphereSet):
-        return np.abs(shape.centers) + shape.radii[:, None]
-    return np.array([shape.a, shape.b, shape.c]) if isinstance(shape, Triangle) else shape.vertices
 
 
 def _parts(scene: Scene, place_mesh: PlaceMesh) -> Iterator[Part]:
@@ -205,13 +210,16 @@ def _sides(
     yield ((corners - gap * normal).reshape(-1, 3), order[:, [0, 2, 1]], None if smooth is None else -smooth), -1
 
 
-def _round_or_flat(scene: Scene, index: int, shape: Plane | Sphere | SphereSet, size: float) -> Iterator[Part]:
+def _round_or_flat(scene: Scene, index: int, shape: Plane | Disk | Sphere | SphereSet, size: float) -> Iterator[Part]:
     material = scene.materials[shape.material]
     sides = ((1, GAP * size), (-1, GAP * size)) if material.emits and material.two_sided else ((1, 0.0),)
     for side, gap in sides:
         if isinstance(shape, Plane):
             point = np.add(shape.point, np.multiply(shape.normal, side * gap))
-            nodes = [{"type": "rectangle", "to_world": _plane(point, np.multiply(shape.normal, side), size)}]
+            nodes = [{"type": "rectangle", "to_world": facing(point, np.multiply(shape.normal, side), PLANE_EXTENTS * size)}]
+        elif isinstance(shape, Disk):
+            center = np.add(shape.center, np.multiply(shape.normal, side * gap))
+            nodes = [{"type": "disk", "to_world": facing(center, np.multiply(shape.normal, side), shape.radius)}]
         else:
             spheres = (
                 [(shape.center, shape.radius)]
@@ -227,13 +235,17 @@ def _round_or_flat(scene: Scene, index: int, shape: Plane | Sphere | SphereSet, 
             yield _finished(scene, node, Part(node, index, shape.material, np.array([primitive]), side < 0))
 
 
-def _plane(point: Array, normal: Array, size: float) -> Array:
-    """The transform of the square [-1, 1]^2 in z = 0, front towards +z, to a plane's."""
-    across = np.eye(3)[np.argmin(np.abs(normal))]
-    tangent = np.cross(across, normal)
-    tangent /= np.linalg.norm(tangent)
+def facing(point: Any, normal: Any, scale: float) -> Array:
+    """(4, 4) the transform of the plane z = 0 to the one through `point`, `scale` times as large and +z to `normal`.
+
+    x becomes the first tangent of a plane: t1 of the frame of Duff et al. (2017) in docs/transport.md.
+    """
+    x, y, z = (float(part) for part in normal)
+    sign = -1.0 if z < -0.7 else 1.0
+    a = -1.0 / (sign + z)
+    tangent = np.array([1.0 + sign * x * x * a, sign * x * y * a, -sign * x])
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1] = tangent * (PLANE_EXTENTS * size), np.cross(normal, tangent) * (PLANE_EXTENTS * size)
+    matrix[:3, 0], matrix[:3, 1] = tangent * scale, np.cross(normal, tangent) * scale
     matrix[:3, 2], matrix[:3, 3] = normal, point
     return matrix
 
@@ -255,6 +267,11 @@ def _light(light: Light, place_image: PlaceImage) -> Node:
         return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
     if isinstance(light, DirectionalLight):
         return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
+    if isinstance(light, SpotLight):
+        return {
+            "type": "spot", "to_world": facing(light.position, light.direction, 1.0), "intensity": rgb(light.intensity),
+            "cutoff_angle": light.cutoff, "beam_width": light.beam_width,
+        }  # fmt: skip
     if light.image is None:
         return {"type": "constant", "radiance": rgb(light.radiance)}
     return {"type": "envmap", "filename": place_image("sky", _knots(light))}

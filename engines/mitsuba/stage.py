@@ -13,7 +13,8 @@ from engines.interface import Settings
 from engines.mitsuba.description import Description, Part, described, extent, sensor
 from engines.mitsuba.library import activate
 from engines.mitsuba.ply import write_ply
-from engines.scene.model import Material, Plane, Scene, Sphere, SphereSet, Triangle, Triple
+from engines.scene.geometry import bounds
+from engines.scene.model import BLACK, Material, Plane, Scene, Triple
 from engines.temporary import TemporaryFolder
 
 Array = NDArray[Any]
@@ -74,8 +75,9 @@ def _painted(scene: Scene) -> tuple[Scene, float]:
 
 
 def _first_colour(material: Material) -> Triple:
-    """What the shader albedo shows: the first of kd, ks, kt and emission that is not black."""
-    weights = (material.kd, material.ks, material.kt, material.emission)
+    """What the shader albedo shows: the first of kd, ks, kt, the conductor's albedo and emission that is not black."""
+    metal = BLACK if material.bsdf is None else material.bsdf.albedo
+    weights = (material.kd, material.ks, material.kt, metal, material.emission)
     return next((weight for weight in weights if max(weight) > 0.0), weights[0])
 
 
@@ -126,17 +128,5 @@ def far_corner(stage: Stage) -> Array | None:
     given = stage.settings.shader.options["max_point"]
     if given is not None:
         return np.array(given, np.float64)
-    corners = [corner for shape in stage.scene.shapes if (corner := _upper_corner(shape)) is not None]
+    corners = [box[1] for shape in stage.scene.shapes if (box := bounds(shape)) is not None]
     return np.max(corners, axis=0) if corners else None
-
-
-def _upper_corner(shape: Any) -> Array | None:
-    if isinstance(shape, Plane):
-        return None
-    if isinstance(shape, Sphere):
-        return np.add(shape.center, shape.radius)
-    if isinstance(shape, SphereSet):
-        return (shape.centers + shape.radii[:, None]).max(axis=0)
-    if isinstance(shape, Triangle):
-        return np.max([shape.a, shape.b, shape.c], axis=0)
-    return shape.vertices[shape.faces].reshape(-1, 3).max(axis=0) if len(shape.faces) else None

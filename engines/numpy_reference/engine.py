@@ -10,7 +10,10 @@ from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference.camera import require_numpy
 from engines.numpy_reference.renderer import Renderer
-from engines.scene.model import Scene
+from engines.scene.model import Conductor, Disk, Scene, SpotLight
+from engines.scene.support import first_lacking
+
+LACKS = (Conductor, Disk, SpotLight)
 
 
 def _leaf_size(value: object) -> str | None:
@@ -67,6 +70,8 @@ def supported(
     for kind in ("shader", "sampler"):
         _require_numpy(kind, chosen[kind])
     require_numpy(scene.camera)
+    if lacking := first_lacking(scene, LACKS):
+        raise Unsupported(f"the engine {name} has no {lacking}")
     return replace(settings, precision="float64", **chosen)
 
 

@@ -1,11 +1,14 @@
 """Scenes: what they hold (`model`), read from YAML files (`load_scene`) or Python mappings (`scene_from`)."""
 
+from engines.scene.formats.raybench.scene import scene_schema
 from engines.scene.load import load_scene, scene_from
 from engines.scene.model import (
     BLACK,
     Camera,
+    Conductor,
     CustomCamera,
     DirectionalLight,
+    Disk,
     EnvironmentLight,
     Light,
     Material,
@@ -19,13 +22,13 @@ from engines.scene.model import (
     Shape,
     Sphere,
     SphereSet,
+    SpotLight,
     Triangle,
     Triple,
 )  # fmt: skip
-from engines.scene.schema import scene_schema
 
 __all__ = [
-    "BLACK", "Camera", "CustomCamera", "DirectionalLight", "EnvironmentLight", "Light", "Material", "Mesh",
+    "BLACK", "Camera", "Conductor", "CustomCamera", "DirectionalLight", "Disk", "EnvironmentLight", "Light", "Material", "Mesh",
     "Orthographic", "Perspective", "PerspectiveArctan", "Plane", "PointLight", "Scene", "Shape", "Sphere", "SphereSet",
-    "Triangle", "Triple", "load_scene", "scene_from", "scene_schema",
+    "SpotLight", "Triangle", "Triple", "load_scene", "scene_from", "scene_schema",
 ]  # fmt: skip

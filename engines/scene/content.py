@@ -24,7 +24,7 @@ def content_hash(
     value, and the lights in order. Materials that no shape uses do not count."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
-    values = [_fields(material, {"name"}) for material in materials]
+    values = [_material(material) for material in materials]
     for shape in shapes:
         if isinstance(shape, Mesh):
             _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
@@ -40,6 +40,12 @@ def _camera(camera: Camera) -> Any:
         return _fields(camera, {"resolution"})
     kind = camera.plugin if hasattr(camera.plugin, "__qualname__") else type(camera.plugin)
     return ["CustomCamera", f"{kind.__module__}:{kind.__qualname__}", dict(camera.options)]
+
+
+def _material(material: Material) -> list[Any]:
+    """Its values; a `bsdf` only where there is one, so that materials without keep the hashes of version 1."""
+    values = _fields(material, {"name", "bsdf"})
+    return values if material.bsdf is None else [*values, tuple(_fields(material.bsdf, set()))]
 
 
 def _fields(thing: Any, without: set[str]) -> list[Any]:

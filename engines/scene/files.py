@@ -8,7 +8,7 @@ from os.path import isfile  # False, where Path.is_file raises for names that ar
 from pathlib import Path
 
 from engines.errors import SceneError, suggestion
-from engines.scene.yaml_file import Located
+from engines.schema.yaml_file import Located
 
 _ROOT = Path(__file__).resolve().parents[2]
 

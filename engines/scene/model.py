@@ -16,21 +16,36 @@ from numpy.typing import NDArray
 
 Triple = tuple[float, float, float]
 BLACK: Triple = (0.0, 0.0, 0.0)
+WHITE: Triple = (1.0, 1.0, 1.0)
+ENERGY_TOLERANCE = 1e-9
+"""By how much kd + ks + kt may pass 1, so that sums such as 0.6 + 0.3 + 0.1 are not refused for rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conductor:
     """A metal: reflection alone, weighted by the unpolarised Fresnel reflectance of the complex index `eta` + i `k`.
 
-    `alpha` are the GGX roughnesses along the two tangents, both 0 for a smooth surface (a mirror) and both above 0
-    otherwise; the first tangent is the derivative of the point by the shape's first coordinate. `reflectance` in [0, 1] scales the
-    reflection.
+    `alpha` are the GGX (Trowbridge-Reitz) roughnesses along the two tangents of the surface: both 0 for a smooth surface,
+    a mirror, else both in [1e-4, 1]. `reflectance` in [0, 1] scales the reflection. Both sides of the surface reflect.
+
+    The first tangent is dp/du, made perpendicular to the shading normal: of a sphere along phi, counter-clockwise about +z;
+    of a disk away from its center; of a triangle from its first corner to its second; of a plane t1 of the local frame of its
+    normal (docs/transport.md). The second is normal x first.
     """
 
     eta: Triple
     k: Triple
     alpha: tuple[float, float] = (0.0, 0.0)
-    reflectance: Triple = (1.0, 1.0, 1.0)
+    reflectance: Triple = WHITE
+
+    @property
+    def albedo(self) -> Triple:
+        """The share of light that a smooth surface reflects at normal incidence; the shader `albedo` shows it."""
+        r, g, b = (
+            scale * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
+            for eta, k, scale in zip(self.eta, self.k, self.reflectance, strict=True)
+        )
+        return r, g, b
 
 
 Bsdf = Conductor
@@ -54,6 +69,14 @@ class Material:
     emission: Triple = BLACK
     two_sided: bool = False
     bsdf: Bsdf | None = None
+
+    @property
+    def energy(self) -> Triple:
+        """The share of light that kd, ks and kt return at most, a channel."""
+        r, g, b = (
+            d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True)
+        )
+        return r, g, b
 
     @property
     def emits(self) -> bool:
@@ -81,7 +104,7 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class Disk:
-    """Flat and round; `normal` is unit and points to the front; `radius` is above zero."""
+    """Flat and round; `normal` is unit and points to the front; `radius` is above zero. One that emits is sampled."""
 
     center: Triple
     normal: Triple
@@ -146,8 +169,11 @@ class DirectionalLight:
 
 @dataclass(frozen=True, slots=True)
 class SpotLight:
-    """A point light that shines into a cone about the unit vector `direction`: `intensity` in W/sr within `beam_width` degrees
-    of it, falling linearly in the angle to 0 at `cutoff` degrees; 0 < `beam_width` <= `cutoff` < 180, half angles."""
+    """A point light that shines into a cone about the unit vector `direction`.
+
+    `intensity` in W/sr holds within `beam_width` degrees of `direction` and falls linearly with the angle theta to 0 at
+    `cutoff` degrees: times (cutoff - theta) / (cutoff - beam_width). Half angles; 0 < `beam_width` <= `cutoff` < 180.
+    """
 
     position: Triple
     direction: Triple

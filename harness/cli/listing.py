@@ -70,7 +70,7 @@ def _options(console: Console, title: str, table: Mapping[str, Any]) -> None:
 def _question(path: Any) -> str:
     """The question that an experiment says it answers."""
     from engines.errors import ConfigError
-    from engines.scene.yaml_file import read_yaml
+    from engines.schema.yaml_file import read_yaml
 
     try:
         root = read_yaml(path, ConfigError).value

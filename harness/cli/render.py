@@ -17,7 +17,7 @@ from engines.film import BYTES_A_PIXEL_WRITTEN, Film
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.scene import load_scene
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from engines.tonemap import tone_mapper
 from harness.config import paths
 from harness.config.settings import engine_settings, known, require_commands, require_imports

@@ -16,7 +16,7 @@ from typing import Any
 
 from engines.errors import ConfigError, suggestion
 from engines.registry import is_file
-from engines.scene.yaml_file import Located, Origin, parse_yaml, read_yaml
+from engines.schema.yaml_file import Located, Origin, parse_yaml, read_yaml
 from harness.config import matrix, paths, validators
 from harness.config.settings import SETTING_READERS, Budget
 

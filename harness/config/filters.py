@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from engines.scene.yaml_file import Located
+from engines.schema.yaml_file import Located
 from harness.config import validators
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {

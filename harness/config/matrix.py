@@ -8,7 +8,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from engines.scene.yaml_file import Located
+from engines.schema.yaml_file import Located
 from harness.config import paths, validators
 from harness.config.filters import Rule, rule
 from harness.config.settings import DEFAULTS, SETTING_READERS, Budget

@@ -18,7 +18,7 @@ from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.interface import Settings
 from engines.registry import engine as engine_of
 from engines.registry import engine_names, is_file, known_names, load_attribute
-from engines.scene.yaml_file import Located
+from engines.schema.yaml_file import Located
 from harness.config import paths, validators
 
 

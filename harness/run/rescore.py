@@ -11,7 +11,7 @@ from typing import Any
 
 from engines.errors import ConfigError
 from engines.image import read_image
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from harness import config, metrics, store
 from harness.analysis.targets import automatic_targets
 from harness.config import Quality, validators

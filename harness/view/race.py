@@ -12,7 +12,7 @@ from engines.film import Film
 from engines.interface import Renderer
 from engines.registry import engine as engine_of
 from engines.scene import load_scene
-from engines.scene.yaml_file import locate
+from engines.schema.yaml_file import locate
 from harness import config, store
 from harness.config.settings import engine_settings
 from harness.measure import clock

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from engines.scene import Camera, CustomCamera, Orthographic
-from engines.scene.yaml_file import read_yaml
+from engines.schema.yaml_file import read_yaml
 from harness.view.projection import Vector
 
 DIGITS = 9

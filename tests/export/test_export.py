@@ -97,3 +97,36 @@ def test_the_command_says_what_it_wrote_and_refuses_other_forms(tmp_path):
     assert done.returncode == 2
     assert "'pbrt'" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def _metal(conductor, **spot):
+    spot = {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 4, "cutoff": 30, "beam_width": 30, **spot}
+    return engines.scene_from({
+        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+        "materials": {"metal": {"conductor": conductor}}, "lights": [{"spot": spot}],
+        "shapes": [{"disk": {"center": [1, 2, 3], "normal": [0, 1, 0], "radius": 2}, "material": "metal"}],
+    })  # fmt: skip
+
+
+def test_pbrt_gets_a_disk_of_metal_under_a_spot_light(tmp_path):
+    text = export(_metal({"eta": 0.5, "k": [1, 2, 3], "alpha": 0.25}), "pbrt", tmp_path / "a.pbrt").read_text()
+    assert '"rgb eta" [ 0.5 0.5 0.5 ] "rgb k" [ 1.0 2.0 3.0 ]' in text
+    assert '"float roughness" [ 0.25 ] "bool remaproughness" [ false ]' in text
+    assert '"float coneangle" [ 30.0 ] "float conedeltaangle" [ 0 ]' in text and '"float radius" [ 2.0 ]' in text
+    (columns,) = re.findall(r"ConcatTransform \[ (.+?) \]", text)
+    matrix = np.array(columns.split(), float).reshape(4, 4).T
+    assert np.allclose(matrix @ [0, 0, 0, 1], [1, 2, 3, 1]) and np.allclose(matrix @ [0, 0, 1, 0], [0, 1, 0, 0])
+    assert np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3)) and np.linalg.det(matrix) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("scene", "what"),
+    [
+        (_metal({"metal": "Au", "alpha": [0.1, 0.2]}), "material 'metal'.*anisotropic"),
+        (_metal({"metal": "Au", "specular_reflectance": 0.5}), "material 'metal'.*scaled"),
+        (_metal({"metal": "Au"}, beam_width=20), "spot lights fall off"),
+    ],
+)
+def test_what_pbrt_shades_otherwise_is_refused(scene, what, tmp_path):
+    with pytest.raises(Unsupported, match=what):
+        export(scene, "pbrt", tmp_path / "a.pbrt")

@@ -16,7 +16,7 @@ from PIL import Image as Pillow
 
 import engines
 from engines.errors import SceneError
-from engines.image import SUFFIXES, read_bitmap, read_film_layers, read_image, read_provenance, write_film
+from engines.image import SUFFIXES, read_bitmap, read_film_layers, read_image, read_provenance
 from tests.fuzz.mutate import mutated_bytes
 from tests.fuzz.scenes import TREE
 
@@ -58,7 +58,7 @@ def _exr_files(image: np.ndarray) -> list[bytes]:
         film.add(image * scale)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.exr"
-        write_film(path, film, {"seed": 1})
+        film.save(path, {"seed": 1})
         found = [path.read_bytes()]
         half = image.astype(np.float16)
         for compression in ("NO", "RLE", "ZIPS", "PIZ", "PXR24", "B44", "DWAA"):

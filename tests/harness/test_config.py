@@ -7,7 +7,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from engines.errors import ConfigError
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from harness import config
 from harness.config import paths
 from harness.config.descriptions import MEANINGS

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engines.errors import ConfigError
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from harness import config
 from tests.fuzz.configs import FULL, TREE
 from tests.fuzz.mutate import WRONG, parent_of, places

@@ -11,7 +11,7 @@ import sweeping
 
 from engines.interface import Settings
 from engines.scene import scene_from
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from harness.config.experiment import exact_root
 from harness.measure import clock
 from harness.measure.contention import Disturbance

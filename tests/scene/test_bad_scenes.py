@@ -10,8 +10,8 @@ import pytest
 
 import engines
 from engines.errors import SceneError
-from engines.scene import fields
-from engines.scene.yaml_file import Located, Origin
+from engines.schema import fields
+from engines.schema.yaml_file import Located, Origin
 
 GOOD = """\
 raybench_scene: 1
@@ -25,24 +25,27 @@ materials:
   red: {kd: [0.5, 0.1, 0.1]}
   glass: {ks: 1, kt: 1, ior: 1.5, fresnel: true}
   lamp: {emission: 5}
+  gold: {conductor: {metal: Au, alpha: [0.1, 0.2]}}
 shapes:
   - {sphere: {center: [0, 1, 0], radius: 1}, material: red}
   - {plane: {point: [0, 0, 0], normal: [0, 1, 0]}, material: red}
   - {triangle: {a: [0, 0, 0], b: [1, 0, 0], c: [0, 1, 0]}, material: lamp}
   - {mesh: {vertices: [[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces: [[0, 1, 2]]}, material: glass}
   - {procedural: {name: sphereflake, level: 1}, material: red}
+  - {disk: {center: [0, 2, 0], normal: [0, -1, 0], radius: 0.5}, material: gold}
 lights:
   - {point: {position: [0, 3, 0], intensity: 10}}
   - {directional: {direction: [0, -1, 0], irradiance: 1}}
   - {environment: {radiance: 1}}
+  - {spot: {position: [0, 3, 0], target: [0, 1, 0], intensity: 5, cutoff: 30, beam_width: 20}}
 """
 
 # what to replace, with what, and the message after the file's name
 CASES = [
     ("raybench_scene: 1", "raybench_scene: 2", ":1 raybench_scene = 2: must be an integer in [1, 1]"),
     ("raybench_scene: 1\n", "", ":1 raybench_scene: is missing"),
-    ("lights:", "lihgts:", ":18 lihgts: unknown key: did you mean 'lights'? known: camera, lights,"),
-    ("shapes:", "red: 1\nshapes:", ":12 red: unknown key"),
+    ("lights:", "lihgts:", ":20 lihgts: unknown key: did you mean 'lights'? known: camera, lights,"),
+    ("shapes:", "red: 1\nshapes:", ":13 red: unknown key"),
     ("materials:", "materials:\n  red: {kd: 1}", ":10: 'red' is there twice: first in line 9, again in line 10"),
     # camera
     ("type: perspective", "type: perspectiv", ":3 camera.type = 'perspectiv': unknown camera: did you mean 'perspective'?"),
@@ -73,7 +76,7 @@ CASES = [
     ("kd: [0.5, 0.1, 0.1]", "kd: -0.1", ":9 materials.red.kd = -0.1: must lie in [0, 1]"),
     ("kd: [0.5, 0.1, 0.1]", "kd: [1, 2]", ":9 materials.red.kd: must be a number or [r, g, b]"),
     ("kd: [0.5, 0.1, 0.1]", "kd: blue", ":9 materials.red.kd = 'blue': must be a number"),
-    ("kd: [0.5, 0.1, 0.1]", "kdd: 1", ":9 materials.red.kdd: unknown key: did you mean 'kd'? known: emission, fresnel,"),
+    ("kd: [0.5, 0.1, 0.1]", "kdd: 1", ":9 materials.red.kdd: unknown key: did you mean 'kd'? known: conductor, emission,"),
     ("kd: [0.5, 0.1, 0.1]", "kd: 0.5, ks: [0.1, 0.6, 0]", ":9 materials.red: kd + ks + kt = 1.1 in green: must not exceed 1"),
     ("ks: 1, kt: 1", "ks: 1, kt: 1, kd: 0.1", ":10 materials.glass: kd + max(ks, kt) = 1.1 in red: must not exceed 1"),
     ("ior: 1.5", "ior: 0", ":10 materials.glass.ior = 0: must be greater than 0"),
@@ -82,42 +85,64 @@ CASES = [
     ("emission: 5", "emission: [1, .inf, 0]", ":11 materials.lamp.emission[1] = inf: must be finite"),
     ("{emission: 5}", "5", ":11 materials.lamp = 5: must be a mapping"),
     # shapes
-    ("material: glass", "material: glas", ":16 shapes[3].material = 'glas': unknown material: did you mean 'glass'?"),
-    ("}, material: glass", "}", ":16 shapes[3].material: is missing"),
-    ("- {sphere:", "- {spere:", ":13 shapes[0].spere: unknown shape: did you mean 'sphere'?"),
-    ("{sphere: {center: [0, 1, 0], radius: 1}, material: red}", "{material: red}", ":13 shapes[0]: must have one kind"),
-    ("radius: 1}", "radius: 0}", ":13 shapes[0].sphere.radius = 0: must be greater than 0"),
-    ("radius: 1}", "radius: -1}", ":13 shapes[0].sphere.radius = -1: must be greater than 0"),
-    (", radius: 1}", "}", ":13 shapes[0].sphere.radius: is missing"),
-    ("normal: [0, 1, 0]", "normal: [0, 0, 0]", ":14 shapes[1].plane.normal: must not be the zero vector"),
-    ("c: [0, 1, 0]", "c: [2, 0, 0]", ":15 shapes[2]: material 'lamp' emits, but the shape has no area"),
-    ("[[0, 1, 2]]", "[[0, 1, 3]]", ":16 shapes[3].mesh.faces[0][2] = 3: must be an integer in [0, 2]"),
-    ("[[0, 1, 2]]", "[[0, 1, -1]]", ":16 shapes[3].mesh.faces[0][2] = -1: must be an integer in [0, 2]"),
-    ("[[0, 1, 2]]", "[[0, 1, 1.5]]", ":16 shapes[3].mesh.faces[0][2] = 1.5: must be an integer in [0, 2]"),
-    ("[[0, 1, 2]]", "[[0, 1, 2, 0]]", ":16 shapes[3].mesh.faces[0]: must be three numbers"),
-    ("[[0, 1, 2]]", "[]", ":16 shapes[3].mesh.faces: must not be empty"),
-    (", faces: [[0, 1, 2]]", "", ":16 shapes[3].mesh.faces: is missing"),
-    ("faces: [[0, 1, 2]]", "faces: [[0, 1, 2]], scale: 0", ":16 shapes[3].mesh.scale = 0: must be greater than 0"),
+    ("material: glass", "material: glas", ":17 shapes[3].material = 'glas': unknown material: did you mean 'glass'?"),
+    ("}, material: glass", "}", ":17 shapes[3].material: is missing"),
+    ("- {sphere:", "- {spere:", ":14 shapes[0].spere: unknown shape: did you mean 'sphere'?"),
+    ("{sphere: {center: [0, 1, 0], radius: 1}, material: red}", "{material: red}", ":14 shapes[0]: must have one kind"),
+    ("radius: 1}", "radius: 0}", ":14 shapes[0].sphere.radius = 0: must be greater than 0"),
+    ("radius: 1}", "radius: -1}", ":14 shapes[0].sphere.radius = -1: must be greater than 0"),
+    (", radius: 1}", "}", ":14 shapes[0].sphere.radius: is missing"),
+    ("normal: [0, 1, 0]", "normal: [0, 0, 0]", ":15 shapes[1].plane.normal: must not be the zero vector"),
+    ("c: [0, 1, 0]", "c: [2, 0, 0]", ":16 shapes[2]: material 'lamp' emits, but the shape has no area"),
+    ("[[0, 1, 2]]", "[[0, 1, 3]]", ":17 shapes[3].mesh.faces[0][2] = 3: must be an integer in [0, 2]"),
+    ("[[0, 1, 2]]", "[[0, 1, -1]]", ":17 shapes[3].mesh.faces[0][2] = -1: must be an integer in [0, 2]"),
+    ("[[0, 1, 2]]", "[[0, 1, 1.5]]", ":17 shapes[3].mesh.faces[0][2] = 1.5: must be an integer in [0, 2]"),
+    ("[[0, 1, 2]]", "[[0, 1, 2, 0]]", ":17 shapes[3].mesh.faces[0]: must be three numbers"),
+    ("[[0, 1, 2]]", "[]", ":17 shapes[3].mesh.faces: must not be empty"),
+    (", faces: [[0, 1, 2]]", "", ":17 shapes[3].mesh.faces: is missing"),
+    ("faces: [[0, 1, 2]]", "faces: [[0, 1, 2]], scale: 0", ":17 shapes[3].mesh.scale = 0: must be greater than 0"),
     ("faces: [[0, 1, 2]]", "faces: [[0, 1, 2]], file: a.obj", "shapes[3].mesh.vertices: either file, or vertices and faces"),
     ("[1, 0, 0], [0, 1, 0]]", "[1e308, 0, 0], [0, 1, 0]], scale: 1e10", "vertices must be finite"),
     ("material: glass", "material: [lamp]", "shapes[3].material: unknown material"),
-    ("name: sphereflake", "name: sphereflak", ":17 shapes[4].procedural.name = 'sphereflak': unknown procedural shape: did you"),
-    ("level: 1", "leve: 1", ":17 shapes[4].procedural.leve: unknown key: did you mean 'level'?"),
-    ("level: 1", "level: -1", ":17 shapes[4].procedural.level = -1: must be an integer in [0, 30]"),
-    ("level: 1", "level: 15", ":17 shapes[4].procedural: procedural shape 'sphereflake' of this size would need"),
+    ("name: sphereflake", "name: sphereflak", ":18 shapes[4].procedural.name = 'sphereflak': unknown procedural shape: did you"),
+    ("level: 1", "leve: 1", ":18 shapes[4].procedural.leve: unknown key: did you mean 'level'?"),
+    ("level: 1", "level: -1", ":18 shapes[4].procedural.level = -1: must be an integer in [0, 30]"),
+    ("level: 1", "level: 15", ":18 shapes[4].procedural: procedural shape 'sphereflake' of this size would need"),
     ("level: 1", "level: 1, radius: 1e308, center: [1e308, 1e308, 1e308]", "coordinates must be finite"),
     ("name: sphereflake, level: 1", "name: box, half_size: [1, 0, 1]", "shapes[4].procedural.half_size: [1.0, 0.0, 1.0]: must"),
     ("name: sphereflake, level: 1", "name: quad, points: [[0, 0, 0]]", "shapes[4].procedural.points: 1 points: four are wanted"),
     ("name: sphereflake, level: 1", "name: quad", "shapes[4].procedural.points: is missing"),
     # lights
-    ("- {point:", "- {pont:", ":19 lights[0].pont: unknown light: did you mean 'point'?"),
-    ("intensity: 10", "intensity: -1", ":19 lights[0].point.intensity = -1: must not be negative"),
-    ("intensity: 10", "intensity: 10, falloff: linear", ":19 lights[0].point.falloff = 'linear': unknown falloff"),
-    ("direction: [0, -1, 0]", "direction: [0, 0, 0]", ":20 lights[1].directional.direction: must not be the zero vector"),
-    ("{radiance: 1}", "{}", ":21 lights[2].environment: needs radiance, image, or both"),
-    ("{radiance: 1}", "{image: sky.exr}", ":21 lights[2].environment.image = 'sky.exr': no such file"),
+    ("- {point:", "- {pont:", ":21 lights[0].pont: unknown light: did you mean 'point'?"),
+    ("intensity: 10", "intensity: -1", ":21 lights[0].point.intensity = -1: must not be negative"),
+    ("intensity: 10", "intensity: 10, falloff: linear", ":21 lights[0].point.falloff = 'linear': unknown falloff"),
+    ("direction: [0, -1, 0]", "direction: [0, 0, 0]", ":22 lights[1].directional.direction: must not be the zero vector"),
+    ("{radiance: 1}", "{}", ":23 lights[2].environment: needs radiance, image, or both"),
+    ("{radiance: 1}", "{image: sky.exr}", ":23 lights[2].environment.image = 'sky.exr': no such file"),
     ("{radiance: 1}", "{image: ../../etc/passwd.exr}", "= '../../etc/passwd.exr': lies outside the scene's folder"),
-    ("{environment: {radiance: 1}}", "5", ":21 lights[2] = 5: must be a mapping with one key"),
+    ("{environment: {radiance: 1}}", "5", ":23 lights[2] = 5: must be a mapping with one key"),
+    # disks, conductors, spot lights
+    ("normal: [0, -1, 0]", "normal: [0, 0, 0]", ":19 shapes[5].disk.normal: must not be the zero vector"),
+    ("radius: 0.5}", "radius: 0}", ":19 shapes[5].disk.radius = 0: must be greater than 0"),
+    (", radius: 0.5}", "}", ":19 shapes[5].disk.radius: is missing"),
+    ("metal: Au", "metal: Av", ":12 materials.gold.conductor.metal = 'Av': unknown metal: known: Ag, Al, Au, Cr"),
+    ("metal: Au, ", "", ":12 materials.gold.conductor: needs metal, eta and k, or reflectance"),
+    ("metal: Au", "metal: Au, reflectance: 1", ":12 materials.gold.conductor.reflectance: either metal, eta and k, or reflectance"),
+    ("metal: Au", "eta: 1", ":12 materials.gold.conductor.k: is missing"),
+    ("metal: Au", "eta: 1, k: [1, -2, 3]", ":12 materials.gold.conductor.k[1] = -2: must not be negative"),
+    ("metal: Au", "reflectance: 1.5", ":12 materials.gold.conductor.reflectance = 1.5: must lie in [0, 1]"),
+    ("metal: Au", "reflectance: 1, specular_reflectance: 1", ":12 materials.gold.conductor.specular_reflectance: a factor of metal"),
+    ("metal: Au", "metal: Au, distribution: beckmann", ":12 materials.gold.conductor.distribution = 'beckmann': unknown dist"),
+    ("alpha: [0.1, 0.2]", "alpha: [0.1, 0]", ":12 materials.gold.conductor.alpha[1] = 0: must lie in [0.0001, 1], or be 0"),
+    ("alpha: [0.1, 0.2]", "alpha: 1e-5", ":12 materials.gold.conductor.alpha = 1e-05: must lie in [0.0001, 1], or be 0"),
+    ("alpha: [0.1, 0.2]", "alpha: [0.1, 0.2, 3]", ":12 materials.gold.conductor.alpha: must be a number, or two"),
+    ("{conductor:", "{kd: 0.5, conductor:", ":12 materials.gold.kd: either conductor, or kd, ks, kt, ior, fresnel"),
+    ("target: [0, 1, 0], i", "target: [0, 3, 0], i", ":24 lights[3].spot.target: must differ from position"),
+    ("target: [0, 1, 0], i", "i", ":24 lights[3].spot: needs target, or direction"),
+    ("target: [0, 1, 0], i", "target: [0, 1, 0], direction: [0, 1, 0], i", ":24 lights[3].spot.direction: either target, or direction"),
+    ("target: [0, 1, 0], i", "direction: [0, 0, 0], i", ":24 lights[3].spot.direction: must not be the zero vector"),
+    ("cutoff: 30", "cutoff: 180", ":24 lights[3].spot.cutoff = 180: must lie in (0, 180) degrees"),
+    ("beam_width: 20", "beam_width: 31", ":24 lights[3].spot.beam_width = 31: must not exceed cutoff, which is 30"),
 ]  # fmt: skip
 
 
@@ -136,7 +161,7 @@ def test_each_wrong_value_is_refused_where_it_stands(tmp_path, old, new, message
 def test_the_scene_they_are_made_from_is_good(tmp_path):
     (tmp_path / "box.yaml").write_text(GOOD)
     scene = engines.load_scene(tmp_path / "box.yaml")
-    assert len(scene.shapes) == 5 and len(scene.lights) == 3 and scene.warnings == ()
+    assert len(scene.shapes) == 6 and len(scene.lights) == 4 and scene.warnings == ()
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ SCENE = {
     ],
     "lights": [{"point": {"position": [0, 3, 0], "intensity": 1}}, {"environment": {"radiance": 1}}],
 }
+SPOT = {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}
 
 
 def hash_of(change=None):
@@ -50,6 +51,16 @@ SAME = {
                                                 d["shapes"][1].update(material="c")),
 }  # fmt: skip
 OTHER = {
+    "disk": lambda d: d["shapes"].append({"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}),
+    "spot": lambda d: d["lights"].append({"spot": SPOT}),
+    "spot cutoff": lambda d: d["lights"].append({"spot": {**SPOT, "cutoff": 30, "beam_width": 15}}),
+    "spot beam": lambda d: d["lights"].append({"spot": {**SPOT, "beam_width": 10}}),
+    "metal": lambda d: d["materials"].update(a={"conductor": {"metal": "Au"}}),
+    "another metal": lambda d: d["materials"].update(a={"conductor": {"metal": "Ag"}}),
+    "metal of a mesh": lambda d: d["materials"].update(b={"conductor": {"metal": "Au"}}),
+    "rough metal": lambda d: d["materials"].update(a={"conductor": {"metal": "Au", "alpha": 0.1}}),
+    "brushed metal": lambda d: d["materials"].update(a={"conductor": {"metal": "Au", "alpha": [0.1, 0.2]}}),
+    "dull metal": lambda d: d["materials"].update(a={"conductor": {"metal": "Au", "specular_reflectance": 0.9}}),
     "eye": lambda d: d["camera"].update(eye=[0, 0, 3.0000001]),
     "fov": lambda d: d["camera"].update(fov=41),
     "fov axis": lambda d: d["camera"].update(fov_axis="x"),

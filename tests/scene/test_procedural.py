@@ -10,6 +10,7 @@ from engines.scene import Mesh, SphereSet
 from engines.scene.geometry import face_normals
 from engines.scene.procedural import GENERATORS
 from engines.scene.procedural.sphereflake import sphere_count
+from engines.schema.keys import REQUIRED
 from tests.scene.generated import is_closed, shape, signed_volume
 
 
@@ -116,10 +117,10 @@ def test_more_than_the_machine_holds_is_refused_before_allocating(options):
 
 def test_every_generator_says_what_its_options_mean():
     for generator in GENERATORS.values():
-        assert all(option.meaning for option in generator.options.values())
+        assert generator.meaning and all(key.meaning.endswith(".") for key in generator.keys.values())
 
 
 def test_defaults_alone_make_a_shape():
     for name, generator in GENERATORS.items():
-        if all(option.default is not ... for option in generator.options.values()):
+        if all(key.default is not REQUIRED for key in generator.keys.values()):
             assert shape(name=name) is not None

@@ -13,8 +13,10 @@ import engines
 from engines.errors import SceneError
 from engines.image import write_image
 from engines.scene import (
+    Conductor,
     CustomCamera,
     DirectionalLight,
+    Disk,
     EnvironmentLight,
     Mesh,
     Orthographic,
@@ -24,6 +26,7 @@ from engines.scene import (
     PointLight,
     Sphere,
     SphereSet,
+    SpotLight,
     Triangle,
 )  # fmt: skip
 
@@ -67,6 +70,38 @@ def test_every_kind_of_shape_and_light_is_read():
     point, sun, sky = found.lights
     assert point == PointLight((0, 1, 0), (1, 2, 3), falloff=False) and sun == DirectionalLight((0, -1, 0), (3, 3, 3))
     assert isinstance(sky, EnvironmentLight) and sky.radiance == (0.5,) * 3 and sky.image is None
+
+
+def test_disks_and_spot_lights_are_read():
+    spot = {"position": [0, 3, 0], "intensity": [1, 2, 3], "cutoff": 40}
+    found = scene(
+        shapes=[{"disk": {"center": [1, 2, 3], "normal": [0, -4, 0], "radius": 0.5}, "material": "lamp"}],
+        lights=[{"spot": {**spot, "target": [0, 1, 0]}}, {"spot": {**spot, "direction": [0, 0, 9], "beam_width": 40}}],
+    )
+    assert found.shapes == (Disk((1, 2, 3), (0, -1, 0), 0.5, 1),) and found.warnings == ()
+    assert found.lights[0] == SpotLight((0, 3, 0), (0, -1, 0), (1, 2, 3), 40, 30)
+    assert found.lights[1] == SpotLight((0, 3, 0), (0, 0, 1), (1, 2, 3), 40, 40)
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ({"eta": [0.1, 0.2, 0.3], "k": 4}, Conductor((0.1, 0.2, 0.3), (4, 4, 4))),
+        ({"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5}, Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3)),
+        ({"reflectance": [1, 0.5, 0], "alpha": [0.1, 1e-4]}, Conductor((0,) * 3, (1,) * 3, (0.1, 1e-4), (1, 0.5, 0))),
+        ({"reflectance": 1, "alpha": [0, 0], "distribution": "ggx"}, Conductor((0,) * 3, (1,) * 3)),
+    ],
+)
+def test_conductors_are_read(written, meant):
+    material = scene(materials={"m": {"conductor": written, "emission": 2}}).materials[0]
+    assert material.bsdf == meant and material.emission == (2, 2, 2) and material.kd == (0, 0, 0)
+
+
+def test_a_conductor_without_an_index_reflects_all_and_gold_is_yellow():
+    materials = {"mirror": {"conductor": {"reflectance": [1, 0.5, 0]}}, "gold": {"conductor": {"metal": "Au"}}}
+    mirror, gold = (material.bsdf.albedo for material in scene(materials=materials).materials)
+    assert mirror == (1, 0.5, 0)
+    assert 0.95 < gold[0] < 1 and 0.75 < gold[1] < 0.85 and 0.3 < gold[2] < 0.4
 
 
 def test_arrays_of_a_scene_are_read_only_and_not_the_callers_own():

@@ -45,6 +45,8 @@ def objects():
     yield "scene", SCHEMA["properties"], {**SCENE, "zzz": 1}
     material = SCHEMA["properties"]["materials"]["additionalProperties"]["properties"]
     yield "material", material, {**SCENE, "materials": {"grey": {"zzz": 1}}}
+    conductor = material["conductor"]["properties"]
+    yield "conductor", conductor, {**SCENE, "materials": {"grey": {"conductor": {"zzz": 1}}}}
     for camera in SCHEMA["properties"]["camera"]["anyOf"]:
         if "const" in camera["properties"]["type"]:
             kind = camera["properties"]["type"]["const"]
@@ -72,6 +74,43 @@ def test_its_keys_are_those_that_the_loader_knows_and_each_is_explained(validato
 def test_it_knows_every_generator():
     listed = {body["properties"]["name"]["const"] for body in kinds(SCHEMA, "shapes")["procedural"]["anyOf"]}
     assert listed == set(GENERATORS)
+
+
+FORMS = {
+    "nulls": {"materials": None, "shapes": None, "lights": None},
+    "alpha": {"materials": {"m": {"conductor": {"metal": "Au", "alpha": [0.1, 0.2]}, "emission": [1, 2, 3]}}},
+    "eta, k": {"materials": {"m": {"conductor": {"eta": 0.5, "k": [1, 2, 3], "specular_reflectance": 0.5}}}},
+    "reflectance": {"materials": {"m": {"conductor": {"reflectance": 1, "alpha": 0.1, "distribution": "ggx"}}}},
+    "target": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
+    "direction": {"lights": [{"spot": {"position": [0, 3, 0], "direction": [0, 0, 1], "intensity": 1, "beam_width": 1}}]},
+    "disk": {"shapes": [{"disk": {"center": [0, 0, 0], "normal": [0, 0, 3], "radius": 1}, "material": "grey"}]},
+    "scale": {"shapes": [{"mesh": {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]], "scale": [1, 2, 3]},
+                          "material": "grey"}]},
+    "quad": {"shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]},
+                         "material": "grey"}]},
+}  # fmt: skip
+NOT = {
+    "two metals": {"materials": {"m": {"conductor": {"metal": "Au", "reflectance": 1}}}},
+    "no k": {"materials": {"m": {"conductor": {"eta": 1}}}},
+    "unknown metal": {"materials": {"m": {"conductor": {"metal": "Xx"}}}},
+    "neither": {"lights": [{"spot": {"position": [0, 3, 0], "intensity": 1}}]},
+    "three points": {"shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]},
+                                 "material": "grey"}]},
+    "large level": {"shapes": [{"procedural": {"name": "tree", "level": 31}, "material": "grey"}]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_that_is_read_is_accepted(validator, form):
+    assert engines.scene_from({**SCENE, "shapes": [], **FORMS[form]})
+    assert list(validator.iter_errors({**SCENE, "shapes": [], **FORMS[form]})) == []
+
+
+@pytest.mark.parametrize("form", NOT)
+def test_what_a_schema_can_say_is_refused_by_both(validator, form):
+    with pytest.raises(SceneError):
+        engines.scene_from({**SCENE, **NOT[form]})
+    assert list(validator.iter_errors({**SCENE, **NOT[form]})) != []
 
 
 def test_its_defaults_change_nothing():

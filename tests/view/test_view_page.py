@@ -10,7 +10,7 @@ from PIL import Image
 
 import engines
 from engines.image import read_film_layers, read_image, read_provenance
-from engines.scene.yaml_file import parse_yaml
+from engines.schema.yaml_file import parse_yaml
 from tests.view.viewer_process import PIXELS, SCENE
 
 SAVED = "btoa(Array.from(new Uint8Array(raybench.saved.bytes), b => String.fromCharCode(b)).join(''))"

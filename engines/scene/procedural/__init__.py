@@ -12,42 +12,14 @@ gears are made of triangles here.
 
 from __future__ import annotations
 
-import numpy as np
-
-from engines.errors import suggestion
-from engines.scene import fields
-from engines.scene.memory import refuse_above_memory
 from engines.scene.procedural import gears, rods, solids, sphereflake, stadium, surfaces, teapot, tetra
-from engines.scene.procedural.generator import Faces, Generator, Spheres
-from engines.scene.yaml_file import Located
+from engines.schema.keys import Record, Tagged
 
-__all__ = ["GENERATORS", "Faces", "Spheres", "generate"]
+__all__ = ["GENERATORS", "PROCEDURAL"]
 
-GENERATORS: dict[str, Generator] = {
+GENERATORS: dict[str, Record] = {
     **sphereflake.GENERATORS, **solids.GENERATORS, **surfaces.GENERATORS, **tetra.GENERATORS, **rods.GENERATORS,
     **gears.GENERATORS, **teapot.GENERATORS, **stadium.GENERATORS,
 }  # fmt: skip
-
-
-def generate(node: Located) -> Faces | Spheres:
-    """What the mapping at `node` asks for. Raises for unknown names and options, and for values out of range."""
-    if not isinstance(node.value, dict):
-        raise node.refuse("must be a mapping with a name and options")
-    if "name" not in node.value:
-        raise node.refuse_key("name", f"is missing: known: {', '.join(sorted(GENERATORS))}")
-    named = node.value["name"]
-    if not isinstance(named.value, str) or named.value not in GENERATORS:
-        raise named.refuse(f"unknown procedural shape: {suggestion(str(named.value), GENERATORS)}")
-    generator = GENERATORS[named.value]
-    required = [key for key, option in generator.options.items() if option.default is ...]
-    given = fields.mapping(node, ["name", *generator.options], required)
-    options = {
-        key: option.read(given[key]) if key in given else option.default for key, option in generator.options.items()
-    }
-    refuse_above_memory(node, generator.needs(options), f"procedural shape {named.value!r} of this size")
-    with np.errstate(over="ignore", invalid="ignore"):
-        made = generator.make(**options)
-    arrays = (made.centers, made.radii) if isinstance(made, Spheres) else (made.vertices,)
-    if not all(np.isfinite(array).all() for array in arrays):
-        raise node.refuse("its coordinates must be finite: make it smaller")
-    return made
+PROCEDURAL = Tagged("procedural shape", "name", GENERATORS)
+"""Reads a mapping with a name and options into a `Mesh` or a `SphereSet` of the material `context.material`."""

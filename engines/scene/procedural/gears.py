@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, Faces, Generator, Option, integer, quads
+from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, Faces, generator, quads
+from engines.schema.keys import Key
+from engines.schema.kinds import POSITIVE, integer
 
 TEETH = 36
 """A multiple of four, so that a gear turned by half a tooth meshes with its neighbours on all four sides."""
@@ -49,12 +50,12 @@ def _gear_faces() -> np.ndarray:
 
 
 GENERATORS = {
-    "gears": Generator(
+    "gears": generator(
         gears,
         {
-            "level": Option(integer(1, 1000), f"gears along an edge; {FACES_PER_GEAR} level^3 faces", 2),
+            "level": Key(integer(1, 1000), f"Gears along an edge; {FACES_PER_GEAR} level^3 faces.", 2),
             "center": CENTER,
-            "radius": Option(fields.positive, "half the distance of two neighbours, in metres", 0.5),
+            "radius": Key(POSITIVE, "Half the distance of two neighbours.", 0.5, unit="metres"),
         },
         lambda options: BYTES_PER_FACE * float(FACES_PER_GEAR) * options["level"] ** 3,
     ),

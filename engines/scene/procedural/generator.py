@@ -1,16 +1,18 @@
-"""What a generator of shapes is: a function with options, which gives `Faces` or `Spheres`."""
+"""What a generator of shapes is: a function with options, which gives `Faces` or `Spheres`, and their keys."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import fields
-from engines.scene.yaml_file import Located
+from engines.scene.geometry import read_only_mesh
+from engines.scene.model import Mesh, SphereSet
+from engines.schema.fields import refuse_above_memory
+from engines.schema.keys import Given, Key, Record
+from engines.schema.kinds import NUMBER, POINT, POSITIVE
 
 BYTES_PER_FACE = 250
 BYTES_PER_SPHERE = 200
@@ -33,40 +35,36 @@ class Spheres(NamedTuple):
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Option:
-    """`read` turns a Located value into a plain one or raises; no `default` means that the option must be given."""
+def generator(
+    make: Callable[..., Faces | Spheres],
+    keys: Mapping[str, Key],
+    needs: Callable[[Mapping[str, Any]], float] = lambda options: 0.0,
+) -> Record:
+    """What a scene file says of a generator. `make(**options)`, whose docstring explains it, makes the shape; `needs(options)`
+    estimates its bytes."""
 
-    read: Callable[[Located], Any]
-    meaning: str
-    default: Any = ...
+    def shape(given: Given, context: Any) -> Mesh | SphereSet:
+        refuse_above_memory(given.node, needs(given.values), f"procedural shape {make.__name__!r} of this size")
+        with np.errstate(over="ignore", invalid="ignore"):
+            made = make(**given.values)
+        arrays = (made.centers, made.radii) if isinstance(made, Spheres) else (made.vertices,)
+        if not all(np.isfinite(array).all() for array in arrays):
+            raise given.node.refuse("its coordinates must be finite: make it smaller")
+        if isinstance(made, Faces):
+            materials = np.full(len(made.faces), context.material, np.int32)
+            return read_only_mesh(made.vertices, made.faces, materials, None, made.name)
+        for array in arrays:
+            array.flags.writeable = False
+        return SphereSet(made.centers, made.radii, context.material, made.name)
 
-
-@dataclass(frozen=True, slots=True)
-class Generator:
-    """`make(**options)` returns `Faces` or `Spheres`; `needs(options)` estimates bytes."""
-
-    make: Callable[..., Faces | Spheres]
-    options: Mapping[str, Option]
-    needs: Callable[[Mapping[str, Any]], float] = lambda options: 0.0
-
-
-def integer(low: int, high: int) -> Callable[[Located], int]:
-    return lambda node: fields.integer(node, low, high)
-
-
-def within(low: float, high: float) -> Callable[[Located], float]:
-    return lambda node: fields.within(node, low, high)
-
-
-def one_of(*names: str) -> Callable[[Located], str]:
-    return lambda node: fields.one_of(node, names, "choice")
+    return Record(" ".join((make.__doc__ or "").split("\n\n")[0].split()), keys, shape)
 
 
-CENTER = Option(fields.triple, "the middle", (0.0, 0.0, 0.0))
-FOOT = Option(fields.triple, "the middle of its lowest level", (0.0, 0.0, 0.0))
-RADIUS = Option(fields.positive, "in metres", 1.0)
-ROTATE_Y = Option(fields.number, "degrees about +y, right-handed", 0.0)
+ORIGIN = (0.0, 0.0, 0.0)
+CENTER = Key(POINT, "Center of the shape.", ORIGIN, unit="metres")
+FOOT = Key(POINT, "The middle of its lowest level.", ORIGIN, unit="metres")
+RADIUS = Key(POSITIVE, "Radius of the sphere around the shape.", 1.0, unit="metres")
+ROTATE_Y = Key(NUMBER, "Angle by which it is turned about +y, right-handed.", 0.0, unit="degrees")
 
 
 def turned(points: NDArray[np.float64], rotate_y: float) -> NDArray[np.float64]:

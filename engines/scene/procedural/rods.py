@@ -13,22 +13,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import fields
 from engines.scene.model import Triple
 from engines.scene.procedural.generator import (
     BYTES_PER_FACE,
     BYTES_PER_SPHERE,
     CENTER,
     FOOT,
+    ORIGIN,
     Faces,
-    Generator,
-    Option,
     Spheres,
-    integer,
-    one_of,
+    generator,
     quads,
-    within,
 )  # fmt: skip
+from engines.schema.keys import Key
+from engines.schema.kinds import POINT, POSITIVE, integer, one_of, within
 
 
 class Structure(NamedTuple):
@@ -164,8 +162,8 @@ def _bent(frames: NDArray[np.float64], away: float, about: float) -> NDArray[np.
     )
 
 
-_PART = Option(one_of("rods", "joints"), "rods, of 2 sides faces each, or joints, which are spheres", "rods")
-_SIDES = Option(integer(3, 1 << 12), "of a rod", 12)
+_PART = Key(one_of(("rods", "joints"), "choice"), "Rods, of 2 sides faces each, or joints, which are spheres.", "rods")
+_SIDES = Key(integer(3, 1 << 12), "Sides of a rod.", 12)
 
 
 def _needs(rods: Callable[[int], float], joints: Callable[[int], float]) -> Callable[..., float]:
@@ -183,39 +181,39 @@ def _balls(level: int) -> float:
 
 
 GENERATORS = {
-    "rings": Generator(
+    "rings": generator(
         rings,
         {
-            "level": Option(integer(1, 2000), "balls along an edge of the pyramid; 5 level (level + 1) (2 level + 1) rods", 3),
+            "level": Key(integer(1, 2000), "Balls along an edge of the pyramid; 5 level (level + 1) (2 level + 1) rods.", 3),
             "part": _PART,
             "sides": _SIDES,
-            "radius": Option(fields.positive, "of a ball, in metres", 0.5),
-            "rod": Option(within(0.001, 0.5), "radius of a rod as a share of that of a ball", 0.07),
+            "radius": Key(POSITIVE, "Radius of a ball.", 0.5, unit="metres"),
+            "rod": Key(within(0.001, 0.5), "Radius of a rod, as a share of that of a ball.", 0.07),
             "center": FOOT,
         },
         _needs(lambda level: 30.0 * _balls(level), lambda level: 30.0 * _balls(level)),
     ),
-    "lattice": Generator(
+    "lattice": generator(
         lattice,
         {
-            "level": Option(integer(1, 2000), "cells along an edge; (level + 1)^3 joints, 3 level (level + 1)^2 rods", 4),
+            "level": Key(integer(1, 2000), "Cells along an edge; (level + 1)^3 joints, 3 level (level + 1)^2 rods.", 4),
             "part": _PART,
             "sides": _SIDES,
-            "cell": Option(fields.positive, "side of a cell, in metres", 0.25),
-            "rod": Option(within(0.001, 0.5), "radius of a rod as a share of the cell's side", 0.06),
-            "joint": Option(within(0.001, 0.5), "radius of a joint as a share of the cell's side", 0.16),
+            "cell": Key(POSITIVE, "Side of a cell.", 0.25, unit="metres"),
+            "rod": Key(within(0.001, 0.5), "Radius of a rod, as a share of the cell's side.", 0.06),
+            "joint": Key(within(0.001, 0.5), "Radius of a joint, as a share of the cell's side.", 0.16),
             "center": CENTER,
         },
         _needs(lambda level: 3.0 * level * (level + 1) ** 2, lambda level: (level + 1.0) ** 3),
     ),
-    "tree": Generator(
+    "tree": generator(
         tree,
         {
-            "level": Option(integer(0, 30), "times that it forks; 2^(level + 1) - 1 rods and joints", 8),
+            "level": Key(integer(0, 30), "Times that it forks; 2^(level + 1) - 1 rods and joints.", 8),
             "part": _PART,
             "sides": _SIDES,
-            "height": Option(fields.positive, "of the trunk, in metres", 1.0),
-            "center": Option(fields.triple, "the foot of the trunk", (0.0, 0.0, 0.0)),
+            "height": Key(POSITIVE, "Height of the trunk.", 1.0, unit="metres"),
+            "center": Key(POINT, "The foot of the trunk.", ORIGIN, unit="metres"),
         },
         _needs(lambda level: 2.0 ** (level + 1), lambda level: 2.0 ** (level + 1)),
     ),

@@ -5,20 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import (
-    BYTES_PER_FACE,
-    CENTER,
-    RADIUS,
-    ROTATE_Y,
-    Faces,
-    Generator,
-    Option,
-    integer,
-    turned,
-)
-from engines.scene.yaml_file import Located
+from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, RADIUS, ROTATE_Y, Faces, generator, turned
+from engines.schema import fields
+from engines.schema.keys import Key
+from engines.schema.kinds import POINT, ROWS, Kind, integer
+from engines.schema.yaml_file import Located
 
 
 def box(half_size: Triple, center: Triple, rotate_y: float) -> Faces:
@@ -90,31 +82,35 @@ def _four_points(node: Located) -> NDArray[np.float64]:
     return found
 
 
+_POSITIVE_TRIPLE = Kind(_positive_triple, POINT.json)
+_FOUR_POINTS = Kind(_four_points, {**ROWS.json, "minItems": 4, "maxItems": 4})
+
+
 GENERATORS = {
-    "tessellated_sphere": Generator(
+    "tessellated_sphere": generator(
         tessellated_sphere,
         {
-            "subdivisions": Option(integer(0, 30), "of an icosahedron; 20 * 4^subdivisions faces", 4),
+            "subdivisions": Key(integer(0, 30), "Divisions of an icosahedron's faces; 20 * 4^subdivisions faces.", 4),
             "center": CENTER,
             "radius": RADIUS,
         },
         lambda options: BYTES_PER_FACE * 20.0 * 4.0 ** options["subdivisions"],
     ),
-    "box": Generator(
+    "box": generator(
         box,
         {
-            "half_size": Option(_positive_triple, "half the extents along its own x, y, z", (1.0, 1.0, 1.0)),
+            "half_size": Key(_POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"),
             "center": CENTER,
             "rotate_y": ROTATE_Y,
         },
     ),
-    "quad": Generator(quad, {"points": Option(_four_points, "corners, counter-clockwise seen from the front")}),
-    "rectangle": Generator(
+    "quad": generator(quad, {"points": Key(_FOUR_POINTS, "Corners, counter-clockwise seen from the front.", unit="metres")}),
+    "rectangle": generator(
         rectangle,
         {
-            "corner": Option(fields.triple, "one corner"),
-            "edge1": Option(fields.triple, "from the corner to the next"),
-            "edge2": Option(fields.triple, "from the corner to the last; the front is edge1 x edge2"),
+            "corner": Key(POINT, "One corner.", unit="metres"),
+            "edge1": Key(POINT, "The edge from the corner to the next.", unit="metres"),
+            "edge2": Key(POINT, "The edge from the corner to the last; the front is edge1 x edge2.", unit="metres"),
         },
     ),
 }

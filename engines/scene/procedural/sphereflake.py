@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import BYTES_PER_SPHERE, CENTER, Generator, Option, Spheres, integer
+from engines.scene.procedural.generator import BYTES_PER_SPHERE, CENTER, Spheres, generator
+from engines.schema.keys import Key
+from engines.schema.kinds import POSITIVE, integer
 
 
 def sphere_count(level: int) -> int:
@@ -54,12 +55,12 @@ def _frames(axes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 GENERATORS = {
-    "sphereflake": Generator(
+    "sphereflake": generator(
         sphereflake,
         {
-            "level": Option(integer(0, 30), "generations; (9^(level + 1) - 1)/8 spheres", 2),
+            "level": Key(integer(0, 30), "Generations; (9^(level + 1) - 1)/8 spheres.", 2),
             "center": CENTER,
-            "radius": Option(fields.positive, "of the largest sphere, in metres", 0.5),
+            "radius": Key(POSITIVE, "Radius of the largest sphere.", 0.5, unit="metres"),
         },
         lambda options: BYTES_PER_SPHERE * sphere_count(options["level"]),
     ),

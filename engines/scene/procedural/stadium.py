@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import BYTES_PER_FACE, Faces, Generator, Option, integer, quads
+from engines.scene.procedural.generator import BYTES_PER_FACE, ORIGIN, Faces, generator, quads
+from engines.schema.keys import Key
+from engines.schema.kinds import POINT, POSITIVE, integer
 
 
 def stadium(tiers: int, segments: int, size: float, rise: float, depth: float, center: Triple) -> Faces:
@@ -27,15 +28,15 @@ def stadium(tiers: int, segments: int, size: float, rise: float, depth: float, c
 
 
 GENERATORS = {
-    "stadium": Generator(
+    "stadium": generator(
         stadium,
         {
-            "tiers": Option(integer(1, 10_000), "steps", 12),
-            "segments": Option(integer(3, 1 << 20), "along a step", 48),
-            "size": Option(fields.positive, "length of the field, in metres", 100.0),
-            "rise": Option(fields.positive, "height of a step, in metres", 0.8),
-            "depth": Option(fields.positive, "depth of a step, in metres", 1.5),
-            "center": Option(fields.triple, "the middle of the field", (0.0, 0.0, 0.0)),
+            "tiers": Key(integer(1, 10_000), "Number of steps.", 12),
+            "segments": Key(integer(3, 1 << 20), "Segments along a step.", 48),
+            "size": Key(POSITIVE, "Length of the field.", 100.0, unit="metres"),
+            "rise": Key(POSITIVE, "Height of a step.", 0.8, unit="metres"),
+            "depth": Key(POSITIVE, "Depth of a step.", 1.5, unit="metres"),
+            "center": Key(POINT, "The middle of the field.", ORIGIN, unit="metres"),
         },
         lambda options: BYTES_PER_FACE * 4.0 * options["tiers"] * options["segments"],
     ),

@@ -5,20 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import (
-    BYTES_PER_FACE,
-    CENTER,
-    FOOT,
-    Faces,
-    Generator,
-    Option,
-    grid_faces,
-    integer,
-    quads,
-    within,
-)  # fmt: skip
+from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, FOOT, ORIGIN, Faces, generator, grid_faces, quads
+from engines.schema.keys import Key
+from engines.schema.kinds import POINT, POSITIVE, integer, within
 
 OCTAVES = 8
 FIRST_CELLS = 2
@@ -127,43 +117,43 @@ def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: f
     return Faces(vertices, quads(index, np.roll(index, -1, axis=1), np.roll(ahead, -1, axis=1), ahead), "torus_knot")
 
 
-_SIZE = Option(fields.positive, "of a side, in metres", 10.0)
-_SEED = Option(integer(0, 2**32 - 1), "of the random numbers", 0)
+_SIZE = Key(POSITIVE, "Length of a side.", 10.0, unit="metres")
+_SEED = Key(integer(0, 2**32 - 1), "Seed of the random numbers.", 0)
 
 GENERATORS = {
-    "terrain": Generator(
+    "terrain": generator(
         terrain,
         {
-            "cells": Option(integer(1, 1 << 20), "along each side; 2 cells^2 faces", 128),
+            "cells": Key(integer(1, 1 << 20), "Cells along each side; 2 cells^2 faces.", 128),
             "size": _SIZE,
-            "height": Option(fields.positive, "from lowest to highest point, in metres", 2.0),
-            "roughness": Option(within(0.0, 1.0), "what an octave adds, as a share of the one before", 0.5),
+            "height": Key(POSITIVE, "Height from the lowest point to the highest.", 2.0, unit="metres"),
+            "roughness": Key(within(0.0, 1.0), "What an octave adds, as a share of the one before.", 0.5),
             "seed": _SEED,
             "center": FOOT,
         },
         lambda options: BYTES_PER_FACE * 2.0 * options["cells"] ** 2,
     ),
-    "mount": Generator(
+    "mount": generator(
         mount,
         {
-            "level": Option(integer(0, 30), "times that every face becomes four; 2 * 4^level faces", 6),
+            "level": Key(integer(0, 30), "Times that every face becomes four; 2 * 4^level faces.", 6),
             "size": _SIZE,
-            "height": Option(fields.positive, "that the first middles move by at most, in metres", 2.0),
-            "roughness": Option(within(0.0, 1.0), "how far a generation moves, as a share of the one before", 0.5),
+            "height": Key(POSITIVE, "How far the first middles of edges move at most.", 2.0, unit="metres"),
+            "roughness": Key(within(0.0, 1.0), "How far a generation moves, as a share of the one before.", 0.5),
             "seed": _SEED,
-            "center": Option(fields.triple, "the middle of the square before its edges move", (0.0, 0.0, 0.0)),
+            "center": Key(POINT, "The middle of the square before its edges move.", ORIGIN, unit="metres"),
         },
         lambda options: BYTES_PER_FACE * 2.0 * 4.0 ** options["level"],
     ),
-    "torus_knot": Generator(
+    "torus_knot": generator(
         torus_knot,
         {
-            "p": Option(integer(1, 64), "turns about the axis", 2),
-            "q": Option(integer(1, 64), "turns about the ring", 3),
-            "segments": Option(integer(8, 1 << 24), "along the tube", 512),
-            "sides": Option(integer(3, 1 << 16), "around the tube", 32),
-            "radius": Option(fields.positive, "of the ring, in metres", 1.0),
-            "tube": Option(fields.positive, "radius of the tube, in metres", 0.2),
+            "p": Key(integer(1, 64), "Turns about the axis.", 2),
+            "q": Key(integer(1, 64), "Turns about the ring.", 3),
+            "segments": Key(integer(8, 1 << 24), "Segments along the tube.", 512),
+            "sides": Key(integer(3, 1 << 16), "Sides around the tube.", 32),
+            "radius": Key(POSITIVE, "Radius of the ring.", 1.0, unit="metres"),
+            "tube": Key(POSITIVE, "Radius of the tube.", 0.2, unit="metres"),
             "center": CENTER,
         },
         lambda options: BYTES_PER_FACE * 2.0 * options["segments"] * options["sides"],

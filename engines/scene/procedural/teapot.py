@@ -10,18 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import fields
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import (
-    BYTES_PER_FACE,
-    ROTATE_Y,
-    Faces,
-    Generator,
-    Option,
-    grid_faces,
-    integer,
-    turned,
-)  # fmt: skip
+from engines.scene.procedural.generator import BYTES_PER_FACE, ORIGIN, ROTATE_Y, Faces, generator, grid_faces, turned
+from engines.schema.keys import Key
+from engines.schema.kinds import POINT, POSITIVE, integer
 
 HEIGHT = 3.15
 ROUND = 0.56
@@ -104,12 +96,12 @@ def teapot(segments: int, center: Triple, height: float, rotate_y: float) -> Fac
 
 
 GENERATORS = {
-    "teapot": Generator(
+    "teapot": generator(
         teapot,
         {
-            "segments": Option(integer(1, 1 << 14), "along each side of a patch; about 64 segments^2 faces", 8),
-            "center": Option(fields.triple, "the middle of its bottom", (0.0, 0.0, 0.0)),
-            "height": Option(fields.positive, "from the bottom to the top of the knob, in metres", 1.0),
+            "segments": Key(integer(1, 1 << 14), "Segments along each side of a patch; about 64 segments^2 faces.", 8),
+            "center": Key(POINT, "The middle of its bottom.", ORIGIN, unit="metres"),
+            "height": Key(POSITIVE, "Height from the bottom to the top of the knob.", 1.0, unit="metres"),
             "rotate_y": ROTATE_Y,
         },
         lambda options: 2.0 * BYTES_PER_FACE * 64.0 * options["segments"] ** 2,

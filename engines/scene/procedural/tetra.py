@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from engines.scene.model import Triple
-from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, RADIUS, Faces, Generator, Option, integer
+from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, RADIUS, Faces, generator
+from engines.schema.keys import Key
+from engines.schema.kinds import integer
 
 CORNERS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / 3**0.5
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]], np.int32)
@@ -26,9 +28,9 @@ def tetra(level: int, center: Triple, radius: float) -> Faces:
 
 
 GENERATORS = {
-    "tetra": Generator(
+    "tetra": generator(
         tetra,
-        {"level": Option(integer(1, 30), "generations; 4^level faces", 4), "center": CENTER, "radius": RADIUS},
+        {"level": Key(integer(1, 30), "Generations; 4^level faces.", 4), "center": CENTER, "radius": RADIUS},
         lambda options: BYTES_PER_FACE * 4.0 ** options["level"],
     ),
 }

@@ -8,8 +8,8 @@ import time
 import pytest
 
 from engines.errors import ConfigError, SceneError
-from engines.scene import yaml_file
-from engines.scene.yaml_file import locate, parse_yaml, read_yaml
+from engines.schema import yaml_file
+from engines.schema.yaml_file import locate, parse_yaml, read_yaml
 
 
 @pytest.mark.parametrize(

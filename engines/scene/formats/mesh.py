@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
-from engines.scene import fields
 from engines.scene.files import Place
+from engines.scene.formats.mtl import read_mtl
+from engines.scene.formats.obj import Polygons, parse_obj
 from engines.scene.geometry import fans, unit_rows
-from engines.scene.memory import refuse_above_memory
 from engines.scene.model import Material
-from engines.scene.mtl import read_mtl
-from engines.scene.obj import Polygons, parse_obj
-from engines.scene.yaml_file import Located
+from engines.schema import fields
+from engines.schema.yaml_file import Located
 
 SUFFIXES = (".obj", ".ply", ".stl")
 BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8}
@@ -70,7 +69,7 @@ def _content(node: Located, file: Path) -> bytes:
     try:
         with open_regular(file) as stream:
             size = os.fstat(stream.fileno()).st_size
-            refuse_above_memory(node, size * BYTES_PER_FILE_BYTE[file.suffix.lower()], "reading it")
+            fields.refuse_above_memory(node, size * BYTES_PER_FILE_BYTE[file.suffix.lower()], "reading it")
             data = stream.read(size)
     except OSError as problem:
         raise node.refuse(unreadable(problem)) from problem

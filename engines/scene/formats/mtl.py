@@ -14,9 +14,8 @@ from pathlib import Path
 
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
-from engines.scene.materials import ENERGY_TOLERANCE, energy
-from engines.scene.model import BLACK, Material, Triple
-from engines.scene.yaml_file import Located
+from engines.scene.model import BLACK, ENERGY_TOLERANCE, Material, Triple
+from engines.schema.yaml_file import Located
 
 MIRRORS = (3, 5, 7)
 FRESNEL = (5, 7)
@@ -109,7 +108,7 @@ def _material(name: str, values: Raw, file: Path) -> tuple[Material, list[str]]:
         fresnel=fresnel,
         emission=color("ke", BLACK),
     )
-    most = max(energy(material))
+    most = max(material.energy)
     if most <= 1.0 + ENERGY_TOLERANCE:
         return material, []
     kd, ks, kt = (_scaled(color, 1 / most) for color in (material.kd, material.ks, material.kt))

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import suggestion
-from engines.scene.model import Triple
-from engines.scene.yaml_file import Located
+from engines.memory import lacking_memory
+from engines.schema.yaml_file import Located
+
+Triple = tuple[float, float, float]
 
 
-def mapping(node: Located, known: Iterable[str], required: Iterable[str] = ()) -> dict[str, Located]:
+def mapping(node: Located, known: Collection[str], required: Iterable[str] = ()) -> dict[str, Located]:
     """The children of a mapping that has the required keys and none but the known ones."""
-    known = list(known)
     if not isinstance(node.value, dict):
         raise node.refuse(f"must be a mapping with keys of {', '.join(known)}")
     for key in node.value:
@@ -84,6 +85,14 @@ def positive(node: Located) -> float:
     return value
 
 
+def angle(node: Located) -> float:
+    """Degrees in (0, 180)."""
+    value = number(node)
+    if not 0.0 < value < 180.0:
+        raise node.refuse("must lie in (0, 180) degrees")
+    return value
+
+
 def within(node: Located, low: float, high: float) -> float:
     """A number in [low, high]."""
     value = number(node)
@@ -112,6 +121,17 @@ def direction(node: Located) -> Triple:
     found = unit(triple(node))
     if found is None:
         raise node.refuse("must not be the zero vector")
+    return found
+
+
+def towards(node: Located, start: Triple, name: str) -> Triple:
+    """The unit vector from `start`, which messages call `name`, to the point at `node`."""
+    target = triple(node)
+    found = unit((target[0] - start[0], target[1] - start[1], target[2] - start[2]))
+    if found is None:
+        raise node.refuse(f"must differ from {name}")
+    if not all(map(math.isfinite, found)):
+        raise node.refuse(f"too far from {name}")
     return found
 
 
@@ -148,6 +168,12 @@ def _array_rows(node: Located, value: NDArray[Any], dtype: type, low: float, hig
         wanted = "must be finite" if math.isinf(high) else f"must be an integer in [{low:g}, {high:g}]"
         raise node.origin.error(f"{node.where}[{row}][{column}] = {value[row, column]}: {wanted}")
     return np.array(value, dtype)
+
+
+def refuse_above_memory(node: Located, needed: float, what: str) -> None:
+    """Raises when `needed` bytes are more than the memory of this machine, or than this process may use."""
+    if lacks := lacking_memory(needed):
+        raise node.refuse(f"{what} {lacks}")
 
 
 def _three(node: Located, wanted: str = "must be three numbers") -> list[Located]:

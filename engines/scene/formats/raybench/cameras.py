@@ -1,0 +1,110 @@
+"""Cameras of a scene file: those of `RECORDS`, or a plugin named `module:attribute`. A camera is one entry."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable
+from typing import Any
+
+from engines.errors import suggestion
+from engines.scene.formats.raybench.context import SceneReader
+from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, Triple
+from engines.schema import fields
+from engines.schema.keys import Given, Key, Record, Tagged
+from engines.schema.kinds import ANGLE, POINT, POSITIVE, Kind, integer, one_of
+from engines.schema.yaml_file import Located
+
+DEFAULT_RESOLUTION = (256, 256)
+LARGEST_SIDE = 65_536
+PARALLEL = 1e-9
+"""Sine of the angle between `up` and the view below which they count as parallel."""
+BYTES_PER_PIXEL = 200
+"""Sums, squares, halves and counts of a film, and a mean and a bitmap made from it."""
+
+
+def _resolution(node: Located) -> tuple[int, int]:
+    if not isinstance(node.value, list) or len(node.value) != 2:
+        raise node.refuse("must be [width, height] in pixels")
+    width, height = (fields.integer(item, 1, LARGEST_SIDE) for item in node.value)
+    fields.refuse_above_memory(node, float(width) * height * BYTES_PER_PIXEL, f"an image of {width} x {height} pixels")
+    return width, height
+
+
+def _check_frame(given: Given) -> None:
+    view = fields.towards(given.at("target"), given["eye"], "eye")
+    up = fields.direction(given.at("up")) if given.has("up") else given["up"]
+    if math.hypot(*_cross(view, up)) < PARALLEL:
+        raise given.at("up" if given.has("up") else "target").refuse("up must not be parallel to the direction of view")
+
+
+def _cross(a: Triple, b: Triple) -> Triple:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
+    def make(given: Given, context: SceneReader) -> Camera:
+        _check_frame(given)
+        return kind(**given.values)
+
+    return Record(meaning, {**_FRAME, **keys}, make)
+
+
+_SIDE = integer(1, LARGEST_SIDE)
+_RESOLUTION = Key(
+    Kind(_resolution, {"type": "array", "items": _SIDE.json, "minItems": 2, "maxItems": 2}),
+    "Width and height of the image.", DEFAULT_RESOLUTION, unit="pixels",
+)  # fmt: skip
+_FRAME = {
+    "eye": Key(POINT, "Position of the camera.", unit="metres"),
+    "target": Key(POINT, "Point in the middle of the image.", unit="metres"),
+    "up": Key(POINT, "Direction that is up in the image.", [0, 1, 0]),
+    "resolution": _RESOLUTION,
+}
+_LENS = {
+    "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
+    "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
+}
+RECORDS = {
+    "perspective": _camera(Perspective, "A pinhole camera.", **_LENS),
+    "perspective_arctan": _camera(
+        PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
+    ),
+    "orthographic": _camera(
+        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres")
+    ),
+}
+
+
+def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera:
+    """A camera plugin; from Python `named` may hold the plugin itself."""
+    plugin: Any = named.value
+    if isinstance(plugin, (dict, list, bool, int, float, bytes, type(None))):
+        raise named.refuse("must be text")
+    if isinstance(plugin, str):
+        if ":" not in plugin:
+            raise named.refuse(f"unknown camera: {suggestion(plugin, RECORDS)}, or module:attribute")
+        if not context.allow_imports:
+            raise named.refuse("imports code: pass --allow-imports (from Python: allow_imports=True) to permit it")
+        plugin = _load_attribute(named)
+    options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
+    written = node.value.get("resolution")
+    resolution = DEFAULT_RESOLUTION if written is None else _RESOLUTION.kind.read(written)
+    return CustomCamera(plugin() if isinstance(plugin, type) else plugin, options, resolution)
+
+
+def _load_attribute(named: Located) -> Any:
+    module, _, attribute = named.value.partition(":")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in attribute.split("."):
+            found = getattr(found, part)
+    except Exception as problem:
+        raise named.refuse(f"cannot be imported: {problem}") from problem
+    return found
+
+
+CAMERA = Tagged("camera", "type", RECORDS, _custom, {
+    "type": "object", "required": ["type"], "properties": {"type": {"type": "string", "pattern": ":"}},
+    "description": "A plugin, module:attribute, with options of its own; loaded with --allow-imports alone.",
+})  # fmt: skip

@@ -1,0 +1,76 @@
+"""The scene file as a whole: what it holds, its reader and its JSON schema. The format is in DESIGN section 3."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from engines.scene.content import content_hash
+from engines.scene.formats.raybench.cameras import CAMERA
+from engines.scene.formats.raybench.context import SceneReader
+from engines.scene.formats.raybench.lights import LIGHTS
+from engines.scene.formats.raybench.materials import MATERIAL
+from engines.scene.formats.raybench.shapes import ShapeKind
+from engines.scene.model import Light, Material, Mesh, Scene, Shape
+from engines.schema.keys import Given, Key, Record, by_name, list_of
+from engines.schema.kinds import TEXT, integer
+from engines.schema.yaml_file import Located
+
+FORMAT = 1
+
+
+class MaterialsKind:
+    """Materials by names of the user's own, which the context's table learns before the shapes are read."""
+
+    def read(self, node: Located, context: Any = None) -> None:
+        for name, material in MATERIALS.read(node).items():
+            context.table.names[name] = context.table.add(material)
+
+    def schema(self) -> dict[str, Any]:
+        return MATERIALS.schema()
+
+
+def _scene(given: Given, context: SceneReader) -> Scene:
+    camera, materials = given["camera"], context.table.materials
+    shapes, lights = given["shapes"] or [], given["lights"] or []
+    return Scene(
+        name=given["name"] or context.name, camera=camera, materials=tuple(materials), shapes=tuple(shapes),
+        lights=tuple(lights), content_hash=content_hash(camera, materials, shapes, lights), source=context.source,
+        warnings=tuple(_warnings(context, shapes, lights)),
+    )  # fmt: skip
+
+
+def _warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
+    """A sentence each for what is legal but rarely meant."""
+    found = list(dict.fromkeys(context.warnings))
+    if not shapes:
+        found.append("the scene is empty: it has no shapes")
+    if not lights and not any(_emits(context.table.materials, shape) for shape in shapes):
+        found.append("the scene has no light: images that need light will be black")
+    if context.degenerate == 1:
+        found.append("1 triangle has no area: it is never hit")
+    elif context.degenerate:
+        found.append(f"{context.degenerate} triangles have no area: they are never hit")
+    return found
+
+
+def _emits(materials: list[Material], shape: Shape) -> bool:
+    used = set(shape.materials.tolist()) if isinstance(shape, Mesh) else {shape.material}
+    return any(materials[index].emits for index in used)
+
+
+MATERIALS = by_name(MATERIAL, "materials")
+SCENE = Record("A scene.", {
+    "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
+    "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
+    "camera": Key(CAMERA, "The camera."),
+    "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
+    "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
+    "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),
+}, _scene)  # fmt: skip
+
+
+def scene_schema() -> dict[str, Any]:
+    """The JSON schema (draft 2020-12) of scene files: every key with its type, default, unit and meaning, for editors and
+    for the documentation. It is no stricter than `load_scene`, which has the last word."""
+    found = {**SCENE.schema(), "title": "raybench scene"}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}

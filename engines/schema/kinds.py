@@ -1,0 +1,64 @@
+"""Kinds of values: each reads a `Located` into a plain value and has a JSON schema."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from engines.schema import fields
+from engines.schema.yaml_file import Located
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """`reader` turns a Located into a value, or raises what `Located.refuse` makes; `json` is its JSON schema."""
+
+    reader: Callable[[Located], Any]
+    json: Mapping[str, Any]
+
+    def read(self, node: Located, context: Any = None) -> Any:
+        """The value at `node`."""
+        return self.reader(node)
+
+    def schema(self) -> dict[str, Any]:
+        """Its JSON schema."""
+        return dict(self.json)
+
+
+def one_of(known: Collection[str], what: str) -> Kind:
+    """One of the names of a `what`."""
+    return Kind(lambda node: fields.one_of(node, known, what), {"enum": [*known]})
+
+
+def integer(low: int, high: int) -> Kind:
+    """A whole number in [low, high]."""
+    bounds = {"minimum": low, "maximum": high} if low < high else {"const": low}
+    return Kind(lambda node: fields.integer(node, low, high), {"type": "integer", **bounds})
+
+
+def within(low: float, high: float) -> Kind:
+    """A number in [low, high]."""
+    return Kind(lambda node: fields.within(node, low, high), {"type": "number", "minimum": low, "maximum": high})
+
+
+def color(high: float = math.inf) -> Kind:
+    """A number for grey or [r, g, b], each in [0, high]."""
+    channel = {"type": "number", "minimum": 0, **({} if math.isinf(high) else {"maximum": high})}
+    return Kind(lambda node: fields.color(node, high), {"anyOf": [channel, _three(channel)]})
+
+
+def _three(item: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "items": item, "minItems": 3, "maxItems": 3}
+
+
+TEXT = Kind(fields.text, {"type": "string"})
+BOOLEAN = Kind(fields.boolean, {"type": "boolean"})
+NUMBER = Kind(fields.number, {"type": "number"})
+POSITIVE = Kind(fields.positive, {"type": "number", "exclusiveMinimum": 0})
+ANGLE = Kind(fields.angle, {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 180})
+POINT = Kind(fields.triple, _three(NUMBER.json))
+DIRECTION = Kind(fields.direction, POINT.json)
+ROWS = Kind(lambda node: node, {"type": "array", "items": POINT.json, "minItems": 1})
+"""Lists of three numbers, or an array (n, 3), as they stand: `fields.rows` reads them, where their limits are known."""
