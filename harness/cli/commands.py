@@ -355,7 +355,7 @@ def schema(
 
     from engines.errors import UnknownName
     from engines.scene import scene_schema
-    from harness.config.schema import experiment_schema
+    from harness.config import experiment_schema
 
     schemas = {"experiment": experiment_schema, "scene": scene_schema}
     if kind not in schemas:

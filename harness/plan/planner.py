@@ -248,7 +248,7 @@ def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
 def _with_control(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
     """The configurations, and one of them under a second label: how far apart two equal things are measured."""
     able = sorted((cell for cell in configurations if not cell.skip), key=lambda cell: cell.configuration)
-    if not experiment.control or not able:
+    if not experiment.aa_twin or not able:
         return configurations
     return [*configurations, replace(able[0], label=CONTROL_LABEL)]
 

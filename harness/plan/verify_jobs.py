@@ -19,7 +19,7 @@ from harness.store.events import latest_verify_jobs
 
 if TYPE_CHECKING:
     from engines.interface import Engine
-    from harness.config import VerifyAsked
+    from harness.config import VerifyConfig
     from harness.verify.case import Case
 
 
@@ -37,7 +37,7 @@ class Examination:
         return " ".join(str(self.asked[key]) for key in ("engine", "precision", "accelerator", "case"))
 
 
-def planned(asked: VerifyAsked | None, engines: Mapping[str, Engine]) -> tuple[Examination, ...]:
+def planned(asked: VerifyConfig | None, engines: Mapping[str, Engine]) -> tuple[Examination, ...]:
     """Every case in every precision that an engine has; none of one that renders nothing here: its cells say why."""
     if asked is None:
         return ()
@@ -57,7 +57,7 @@ def planned(asked: VerifyAsked | None, engines: Mapping[str, Engine]) -> tuple[E
 
 
 def _examination(
-    asked: VerifyAsked, name: str, engine: Engine, precision: str, accelerator: str, case: Case
+    asked: VerifyConfig, name: str, engine: Engine, precision: str, accelerator: str, case: Case
 ) -> Examination:  # fmt: skip
     source = inspect.getsource(inspect.getmodule(case.check) or case.check)
     preimage = {

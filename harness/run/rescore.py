@@ -14,7 +14,7 @@ from engines.image import read_image
 from engines.schema.yaml_file import parse_yaml
 from harness import config, metrics, store
 from harness.analysis.targets import automatic_targets
-from harness.config import Quality, validators
+from harness.config import Quality
 from harness.hashing import digest
 
 
@@ -48,7 +48,7 @@ def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
     root = parse_yaml(text, store.MANIFEST, ConfigError)
     for override in overrides:
         root = config.override(root, override)
-    return config.read_quality(validators.mapping(root, ("quality",)))
+    return config.read_quality(root)
 
 
 def _scored(

@@ -12,7 +12,7 @@ import sweeping
 from engines.interface import Settings
 from engines.scene import scene_from
 from engines.schema.yaml_file import parse_yaml
-from harness.config.experiment import exact_root
+from harness.config.sections import exact_root
 from harness.measure import clock
 from harness.measure.contention import Disturbance
 

@@ -102,7 +102,7 @@ def test_the_random_state_of_the_program_is_not_touched(tmp_path):
 
 
 def test_a_control_runs_one_configuration_under_two_labels(tmp_path):
-    made = planned(tmp_path, overrides=["control=true"])
+    made = planned(tmp_path, overrides=["aa_twin=true"])
     control = [cell for cell in made.cells if cell.label == planner.CONTROL_LABEL]
     assert len(control) == 2
     for cell in control:

@@ -10,7 +10,9 @@ import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers
+from engines.schema.yaml_file import locate
 from harness import config, store
+from harness.config.sections import REFERENCE
 from harness.measure.pool import Pool
 from harness.plan import planner
 from harness.run import references
@@ -41,7 +43,7 @@ def read(wanted, root):
     [(2, (1, 2)), (8, (1, 8)), (32, (4, 8)), (100, (8, 14)), (2048, (256, 8)), (8192, (256, 32)), (10_000, (256, 40))],
 )
 def test_replicates_are_even_in_number_powers_of_two_and_enough(spp, replicates):
-    each, count = config.ReferenceAsked(spp=spp).replicates
+    each, count = REFERENCE.read(locate({"spp": spp})).replicates
     assert (each, count) == replicates
     assert each * count >= spp and count % 2 == 0
 
