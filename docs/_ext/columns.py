@@ -10,7 +10,7 @@ from harness.report.tables import all_tables, changes, phase_rows, points, quali
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import accuracy
 from harness.report.tables.model import ESTIMATES
-from harness.report.tables.scaling import growth
+from harness.report.tables.scaling import scaling
 from harness.store.results import results_of
 
 KINDS = {"text": "text", "number": "number", "exact": "number", "count": "whole number", "percent": "share"}
@@ -19,7 +19,7 @@ KINDS = {"text": "text", "number": "number", "exact": "number", "count": "whole 
 def text() -> str:
     empty = results_of(Path("results/NAME"), {}, [])
     analysis = analyse(empty)
-    people = [*all_tables(analysis), accelerators(analysis), growth(analysis), accuracy(analysis), changes(empty, empty)]
+    people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes(empty, empty)]
     parts = ["## For programs"]
     parts += [_section(f"{each.name}.csv", each) for each in (points(empty), quality_times(analysis), phase_rows(empty))]
     parts += ["### Metrics", "Columns of `points.csv`; `_eNUMBER` in a name is the metric's epsilon."]

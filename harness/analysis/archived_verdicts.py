@@ -14,11 +14,11 @@ from harness.analysis.model import Analysis
 from harness.statistics import BiasEstimate, Equivalence
 from harness.store.results import Results, Settings
 
-EVENT = "conclusions"
+EVENT = "archived_verdicts"
 
 
 @dataclass
-class Conclusions:
+class ArchivedVerdicts:
     """By the settings of the contender, or of both engines of a pair."""
 
     bias: dict[Settings, BiasEstimate] = field(default_factory=dict)
@@ -40,15 +40,15 @@ def event(analysis: Analysis) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def stored(results: Results) -> Conclusions:
+def stored(results: Results) -> ArchivedVerdicts:
     """Those of the results' last such event; none where there is none."""
-    told: Mapping[str, Any] = results.conclusions or {}
-    found = Conclusions()
-    for row in told.get("bias", []):
+    row_lists: Mapping[str, Any] = results.archived_verdicts or {}
+    found = ArchivedVerdicts()
+    for row in row_lists.get("bias", []):
         found.bias[_settings(row["of"])] = BiasEstimate(**_without(row, "of"))
-    for row in told.get("baseline", []):
+    for row in row_lists.get("baseline", []):
         found.baseline[_settings(row["of"])] = Equivalence(**_without(row, "of"))
-    for row in told.get("pairs", []):
+    for row in row_lists.get("pairs", []):
         pair = _settings(row["first"]), _settings(row["second"])
         replicates, spp = (tuple(row[key]) for key in ("replicates", "spp"))
         found.pairs[pair] = Comparison(Equivalence(**row["found"]), replicates, spp, row["paired"])

@@ -58,6 +58,6 @@ class Analysis:
 
 
 def seconds_per_sample(contender: Contender) -> dict[int, float]:
-    """Block -> warm seconds per sample a pixel, over the whole cell."""
+    """Block -> warm seconds per sample per pixel, over the whole cell."""
     ends = {cell["block"]: cell["points"][-1] for cell in contender.done}
     return {block: end["seconds"] / end["spp"] for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}

@@ -73,8 +73,8 @@ def render(request: Request) -> Film:
     start = perf_counter()
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
-    told = _provenance(request, settings, scene.content_hash, engine, seconds)
-    film.save(output, provenance=told, tone_mapper=request.tone_mapper)
+    provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
+    film.save(output, provenance=provenance, tone_mapper=request.tone_mapper)
     _tell(console, film, seconds, clock.rays_traced(renderer), output)
     return film
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-ESTIMATES = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never"), "payback": ("never", "at once")}
+ESTIMATES = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never"), "break_even": ("never", "at once")}
 """Kinds with an interval: the words for infinity and for zero."""
 
 
@@ -18,7 +18,7 @@ class Column(NamedTuple):
 
     Kinds: text, number (3 significant digits), exact (as configured), count, percent (of a share), and `estimate`, a
     number with its interval: csv gives it three columns (`name`, `name_low`, `name_high`), texts print
-    `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never got there, a `payback`
+    `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never got there, a `break_even`
     one whose infinity means that it never pays.
     """
 
@@ -135,7 +135,7 @@ def latex_escape(text: str) -> str:
     """Plain text for LaTeX."""
     table = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
              "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "∞": r"$\infty$",
-             "≤": r"$\le$", "×": r"$\times$", "<": r"\textless{}", ">": r"\textgreater{}"}  # fmt: skip
+             "≤": r"$\le$", "ε": r"$\varepsilon$", "×": r"$\times$", "<": r"\textless{}", ">": r"\textgreater{}"}  # fmt: skip
     return "".join(table.get(letter, letter) for letter in text)
 
 

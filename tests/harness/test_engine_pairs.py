@@ -5,7 +5,7 @@ import pytest
 from synthetic import BIASED, write_folder
 
 from harness.analysis import analyse
-from harness.analysis.equivalence import words
+from harness.analysis.equivalence import describe_pair
 from harness.report.tables.equivalence import corrected
 from harness.report.tables.equivalence import equivalence as equivalence_table
 from harness.statistics import equivalence
@@ -16,7 +16,7 @@ TRUTH = np.random.default_rng(0).uniform(0.2, 1.5, (24, 24, 3))
 
 @pytest.fixture(scope="module")
 def analysis(tmp_path_factory):
-    return analyse(load_results(write_folder(tmp_path_factory.mktemp("agreement"), threads=(1,))))
+    return analyse(load_results(write_folder(tmp_path_factory.mktemp("bias_and_equivalence"), threads=(1,))))
 
 
 def noise(rng, count=5, sigma=0.3):
@@ -34,12 +34,12 @@ def test_every_pair_of_engines_is_compared_under_equal_settings_once(analysis):
 def test_the_biased_engine_differs_from_both_others_and_nothing_else_differs(analysis):
     for pair in analysis.pairs:
         biased = any((c.settings.scene, c.settings.engine) == BIASED for c in (pair.first, pair.second))
-        assert (pair.verdict == "different") == biased, words(pair)
+        assert (pair.verdict == "different") == biased, describe_pair(pair)
 
 
 def test_words_say_who_what_and_on_how_many_images(analysis):
     for pair in analysis.pairs:
-        told = words(pair)
+        told = describe_pair(pair)
         assert pair.first.name in told and pair.second.name in told and "5 and 5 images of" in told
         assert "would have been seen" in told
         if pair.verdict == "different":
