@@ -1,15 +1,16 @@
 """The house and its import rules (DESIGN section 1), read from the sources with ast: nothing is imported here.
 
-`ALLOWED` says which first-party modules each part may import, `ONLY_IN` where a third-party package may appear, and
-`PUBLIC` what of `engines` the harness, or any other program, may rely on. Plugins for the jitted engines have
-`engines.plugin` besides, which only they import: it brings the compiler along.
+`ALLOWED` says which first-party modules each part may import, `LAYERS` what inside the harness stands on what, `ONLY_IN`
+where a third-party package may appear, and `PUBLIC` what of `engines` the harness, or any other program, may rely on.
+Plugins for the jitted engines have `engines.plugin` besides, which only they import: it brings the compiler along.
 """
 
 import ast
+import graphlib
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,26 @@ ALLOWED: dict[str, set[str]] = {
 }
 """Each part may also import itself."""
 
+LAYERS = (
+    ("harness", "harness.__main__"),
+    ("harness.cli",),
+    ("harness.verify.commands",),
+    ("harness.console",),
+    ("harness.view",),
+    ("harness.report",),
+    ("harness.run",),
+    ("harness.analysis",),
+    ("harness.plan",),
+    ("harness.store",),
+    ("harness.measure",),
+    ("harness.config",),
+    ("harness.verify",),
+    ("harness.statistics",),
+    ("harness.metrics",),
+    ("harness.source_hashes", "harness.hashing", "harness.processes"),
+)
+"""The floors of the harness, the top one first: a module imports from its own floor and from those below."""
+
 ONLY_IN = {
     "embreex": {"engines.embree", "engines.embreex_batch"},
     "llvmlite": {"engines.kernels.compile"},
@@ -159,6 +180,53 @@ def broken_rules(name: str, source: str, is_package: bool = False) -> list[str]:
     return broken
 
 
+def layer_of(module: str) -> int | None:
+    """The number of the floor that a module of the harness stands on: that of the longest name that is a prefix."""
+    floors = {part: floor for floor, parts in enumerate(LAYERS) for part in parts}
+    found = [part for part in floors if module == part or (module.startswith(part + ".") and part != "harness")]
+    return floors[max(found, key=len)] if found else None
+
+
+def imports_upwards(name: str, source: str, is_package: bool = False) -> list[str]:
+    """One line for every import of `source`, as module `name` of the harness, from a floor above its own."""
+    own, upwards = layer_of(name), []
+    if own is None:
+        return [f"{name} stands on no floor of LAYERS"]
+    for line, module, names in imports(name, source, is_package):
+        for target in sorted(targets(module, names)) if module.partition(".")[0] == "harness" else []:
+            floor = layer_of(target)
+            if floor is not None and floor < own:
+                upwards.append(f"{name}:{line} imports {target}: {LAYERS[own]} may import {LAYERS[own + 1 :]}")
+    return upwards
+
+
+def cycles(graph: Mapping[str, set[str]]) -> set[frozenset[str]]:
+    """The groups of nodes that reach each other."""
+    order = graphlib.TopologicalSorter(graph)
+    found: set[frozenset[str]] = set()
+    remaining = {node: set(edges) for node, edges in graph.items()}
+    while True:
+        try:
+            order.prepare()
+            return found
+        except graphlib.CycleError as error:
+            group = frozenset(error.args[1])
+            found.add(group)
+            for node in group:
+                remaining[node] -= group
+            order = graphlib.TopologicalSorter(remaining)
+
+
+def import_graph() -> dict[str, set[str]]:
+    """What each first-party module imports, lazily or for types alone, too."""
+    found = {}
+    for name, path in MODULES.items():
+        reached = imports(name, path.read_text(), path.name == "__init__.py")
+        modules = {target for _, module, names in reached for target in targets(module, names)}
+        found[name] = (modules & MODULES.keys()) - {name}
+    return found
+
+
 def exported() -> set[str]:
     """`engines.__all__`."""
     for node in ast.parse((ROOT / "engines/__init__.py").read_text()).body:
@@ -171,6 +239,40 @@ def exported() -> set[str]:
 def test_imports_follow_the_arrows(name):
     path = MODULES[name]
     assert broken_rules(name, path.read_text(), path.name == "__init__.py") == []
+
+
+def test_the_harness_imports_downwards():
+    ours = {name: path for name, path in MODULES.items() if part_of(name) == "harness"}
+    found = [imports_upwards(name, path.read_text(), path.name == "__init__.py") for name, path in ours.items()]
+    assert [line for lines in found for line in lines] == []
+    assert set(range(len(LAYERS))) == {layer_of(name) for name in ours}
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("harness.statistics.bias", "from harness.store.results import Results"),
+        ("harness.metrics", "from harness.statistics import bias"),
+        ("harness.measure.worker", "def f():\n    from harness.run.sweep import run"),
+        ("harness.measure.worker", "from harness import store"),
+        ("harness.store.merge", "import harness.analysis.verdicts"),
+        ("harness.config.experiment", "if TYPE_CHECKING:\n    from harness.plan.cells import Cell"),
+        ("harness.report.tables.model", "from harness.verify.commands.output import table"),
+        ("harness.nowhere", ""),
+    ],
+)
+def test_an_import_from_a_floor_above_is_seen(name, line):
+    assert imports_upwards(name, line) != []
+
+
+def test_no_modules_import_each_other():
+    assert cycles(import_graph()) == set()
+
+
+def test_modules_that_import_each_other_are_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": set(), "e": {"f", "a"}, "f": {"e"}}
+    assert cycles(graph) == {frozenset("abc"), frozenset("ef")}
+    assert cycles({"a": {"b"}, "b": set()}) == set()
 
 
 @pytest.mark.parametrize(
@@ -194,13 +296,13 @@ def test_imports_follow_the_arrows(name):
         ("engines.registry", "from engines.numba_cpu import Engine"),
         ("engines.interface", "import harness"),
         ("engines.conformance.hits", "from engines.film import _private"),
-        ("harness.worker", "from engines.kernels.compile import jit"),
-        ("harness.worker", "import engines.numba_cpu"),
-        ("harness.worker", "from engines.plugin import Shader"),
-        ("harness.worker", "from engines import kernels"),
-        ("harness.worker", "from engines import nothing_exported"),
-        ("harness.worker", "from engines.scene.model import Scene"),
-        ("harness.worker", "import numba"),
+        ("harness.measure.worker", "from engines.kernels.compile import jit"),
+        ("harness.measure.worker", "import engines.numba_cpu"),
+        ("harness.measure.worker", "from engines.plugin import Shader"),
+        ("harness.measure.worker", "from engines import kernels"),
+        ("harness.measure.worker", "from engines import nothing_exported"),
+        ("harness.measure.worker", "from engines.scene.model import Scene"),
+        ("harness.measure.worker", "import numba"),
     ],
 )
 def test_a_forbidden_import_is_seen(name, line):
@@ -213,8 +315,8 @@ def test_a_forbidden_import_is_seen(name, line):
         ("engines.numpy_reference.sphere", "from engines.numpy_reference.vectors import _dot"),
         ("engines.numpy_reference.sphere", "from .vectors import dot\nfrom . import vectors"),
         ("engines.embree.device", "import embreex\nfrom engines.kernels import layout"),
-        ("harness.worker", "import engines\nfrom engines import Settings, load_scene\nfrom engines.scene import Scene"),
-        ("harness.worker", "from engines.schema.yaml_file import read\nfrom harness.cell import _x"),
+        ("harness.measure.worker", "import engines\nfrom engines import Settings, load_scene\nfrom engines.scene import Scene"),
+        ("harness.measure.worker", "from engines.schema.yaml_file import read\nfrom harness.measure.clock import _x"),
     ],
 )
 def test_an_import_along_an_arrow_passes(name, line):

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import engines
-from harness.plots import stability
-from harness.plots.style import STYLE
-from harness.results import load_results
+from harness.report.plots import stability
+from harness.report.plots.style import STYLE
+from harness.store.results import load_results
 from harness.verify import oracle
 
 ROOT = Path(__file__).resolve().parents[2]

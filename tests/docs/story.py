@@ -78,7 +78,7 @@ def console(block: Block, here: str) -> str:
 
 
 FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["harness.cli", "harness.commands", "harness.report"])
+FORKS.set_forkserver_preload(["harness.cli", "harness.cli.experiments", "harness.report"])
 """A process that has imported what our commands need and forks for each: importing it would take longer than most of them."""
 
 

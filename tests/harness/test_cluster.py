@@ -120,9 +120,9 @@ def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_
 
 
 def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
-    from harness import cluster
+    from harness.run.executors import dask
 
-    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.5)
+    monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.5)
     with pytest.raises(ConfigError, match=r"--cluster tcp://127.0.0.1:9: no scheduler answers there"):
         sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster="tcp://127.0.0.1:9")
 
@@ -141,13 +141,13 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
     """What is under way then is not waited for without end."""
     from distributed import LocalCluster
 
-    from harness import cluster
+    from harness.run.executors import dask
 
-    monkeypatch.setattr(cluster, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(dask, "PATIENCE_SECONDS", 0.2)
     one = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     with (
         LocalCluster(**one, resources={"machine": 1}) as machines,
-        cluster.Cluster(machines.scheduler_address, allow_imports=True) as ours,
+        dask.Cluster(machines.scheduler_address, allow_imports=True) as ours,
     ):
         machines.scale(0)
         deadline = time.monotonic() + 300
@@ -162,7 +162,7 @@ def test_a_host_finishes_its_block_on_the_worker_that_began_it():
     from collections import deque
     from types import SimpleNamespace
 
-    from harness.cluster import Blocks
+    from harness.run.executors.dask import Blocks
 
     blocks = Blocks.__new__(Blocks)
     blocks.timed, blocks.running = True, [SimpleNamespace(address="tcp://b:2")]

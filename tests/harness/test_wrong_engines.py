@@ -11,9 +11,10 @@ import wrong_engines
 
 from engines.errors import RendererFailed
 from engines.film import Film
-from harness import films, pool, protocol, store
+from harness import store
 from harness.analysis import analyse
-from harness.results import load_results
+from harness.measure import films, pool, protocol
+from harness.store.results import load_results
 
 RIGHT = ("Steady", "Unsure", "Talkative")
 

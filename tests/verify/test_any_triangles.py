@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from engines import Settings
 from engines.registry import engine
-from harness.verify.stage import mesh, scene
+from harness.verify.scenes import mesh, scene
 
 NUMBERS = st.integers(-4, 4)
 POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
