@@ -112,9 +112,9 @@ def _combined(fixed: Mapping[str, Any], values: tuple[Mapping[str, Any], ...], b
 def _exclude(
     top: Mapping[str, Located], combinations: list[dict[str, Any]], warnings: list[str]
 ) -> list[dict[str, Any]]:
-    rules = [read_filter(node, MATCHABLE) for node in validators.listing(top["exclude"])] if "exclude" in top else []
-    warnings += [_idle(each) for each in rules if not any(map(each.matches, combinations))]
-    return [combination for combination in combinations if not any(each.matches(combination) for each in rules)]
+    filters = [read_filter(node, MATCHABLE) for node in validators.listing(top["exclude"])] if "exclude" in top else []
+    warnings += [_idle(each) for each in filters if not any(map(each.matches, combinations))]
+    return [combination for combination in combinations if not any(each.matches(combination) for each in filters)]
 
 
 def _include(

@@ -68,7 +68,7 @@ def test_an_engine_that_renders_nothing_says_why():
 
 def test_a_config_plans_the_suite_for_an_engine_without_sobol():
     planned = verify_jobs.planned(VerifyConfig(("T1",), True, 60.0), {"narrow": Narrow(), "no": Unwilling()})
-    assert {(each.asked["engine"], each.asked["precision"]) for each in planned} == {("narrow", "float64")}
+    assert {(each.spec["engine"], each.spec["precision"]) for each in planned} == {("narrow", "float64")}
 
 
 @pytest.mark.parametrize(
