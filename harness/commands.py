@@ -132,7 +132,7 @@ def plan(
     if made.examinations:
         left = len(examinations.todo(made.examinations, events, retry=False))
         stdout.print(
-            f"{len(made.examinations)} cases of the battery to be asked of the engines, {left} of them not yet."
+            f"{len(made.examinations)} cases of the accuracy suite, {left} of them still to run."
         )
 
 

@@ -82,7 +82,7 @@ class Quality:
 
 @dataclass(frozen=True, slots=True)
 class VerifyAsked:
-    """Cases of the battery (ids or sections) that a run asks of its engines; `quick` with fewer rays."""
+    """Cases of the accuracy suite (ids or sections) that a run checks its engines with; `quick` uses fewer rays."""
 
     cases: tuple[str, ...] = ("stability",)
     quick: bool = False

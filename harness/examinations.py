@@ -1,4 +1,4 @@
-"""Parts of the battery of `raybench verify` as work of a run: what a config's `verify` key asks of its engines.
+"""Cases of the accuracy suite (`raybench verify`) as work of a run: those that the config names under `verify`.
 
 An examination is one case, asked of one engine in one precision and accelerator, in a process of its own like a cell.
 Its event holds the findings, and it is not made again while nothing that was asked changes.

@@ -67,7 +67,7 @@ class Results:
     """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
-    `findings` what the battery found where the config asked for some of it, `conclusions` what an archive's images said.
+    `findings` the results of the accuracy suite where the config has `verify`, `conclusions` what an archive's images said.
     """
 
     folder: Path

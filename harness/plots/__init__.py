@@ -62,7 +62,7 @@ def draw(analysis: Analysis, target: Path, first: int = 0, step: int = 1) -> dic
 
 
 def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
-    """Draws what a run of the battery found, without any results folder."""
+    """Plots the results of a run of the accuracy suite, without a results folder."""
     target.mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context(cast(Any, STYLE)):
         figures = [(sketch, sketch.make()) for sketch in stability.sketches(findings)]

@@ -1,6 +1,6 @@
 """Numerical stability: error of t over distance, scene offset and radius; self-hits and leaks over scale.
 
-Drawn from findings of the battery's section `stability` (plain mappings, as events and verify.json hold them).
+Plots of the results of the section `stability` of the accuracy suite (plain mappings, as in events and verify.json).
 """
 
 from __future__ import annotations

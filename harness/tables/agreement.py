@@ -1,4 +1,4 @@
-"""Tables on images: bias against the reference, equality of engines and with the baseline, and what the battery found."""
+"""Tables on images: bias against the reference, equality of engines and with the baseline; and on accuracy."""
 
 from __future__ import annotations
 

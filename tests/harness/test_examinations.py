@@ -1,4 +1,4 @@
-"""A config may ask its engines some of the battery: in worker processes, stored as events, once."""
+"""Cases of the accuracy suite in an experiment: run in worker processes, stored as events, run once."""
 
 import pytest
 import sweeping
