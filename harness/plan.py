@@ -76,7 +76,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Cells in the order in which they run, the references they need by id, and the cases of the accuracy suite."""
+    """Cells in the order in which they run, the references they need by id, and what is asked of the battery."""
 
     experiment: Experiment
     cells: tuple[Cell, ...]

@@ -346,7 +346,7 @@ class Sweep:
         return examinations.todo(self.plan.examinations, self.history, self.options.retry)
 
     def examine(self, pool: Pool) -> None:
-        """Runs the cases of the accuracy suite, after everything that is timed."""
+        """What the config asks of the battery, after everything that is timed."""
         todo = self.unexamined()
         for number, each in enumerate(todo):
             if self.stopped:
