@@ -33,7 +33,7 @@ def menu(library: Library) -> dict[str, Any]:
     return {
         "engines": listed, "shaders": _table(SHADERS), "samplers": _table(SAMPLERS), "tone_mappers": list(TONE_MAPPERS),
         "scenes": library.names(), "cores": len(machine.usable_cores()),
-        "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["lacks"]), listed[0]["name"]),
+        "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["problem"]), listed[0]["name"]),
         "limits": {"side": MAX_SIDE, "pixels": MAX_PIXELS, "spp": MAX_SPP},
     }  # fmt: skip
 
@@ -51,11 +51,11 @@ def _engine(name: str) -> dict[str, Any]:
         own = _table(getattr(found, "samplers", dict)())
         refused = _refused(found, [*SAMPLERS, *(sampler["name"] for sampler in own)])
     except RaybenchError as error:
-        return {"name": name, "lacks": str(error), "accelerators": [], "samplers": [], "refuses": {}}
+        return {"name": name, "problem": str(error), "accelerators": [], "samplers": [], "refusals": {}}
     except Exception as error:  # third-party code may raise anything
-        lacks = f"{type(error).__name__}: {error}"
-        return {"name": name, "lacks": lacks, "accelerators": [], "samplers": [], "refuses": {}}
-    return {"name": name, "lacks": None, "accelerators": accelerators, "samplers": own, "refuses": refused}
+        problem = f"{type(error).__name__}: {error}"
+        return {"name": name, "problem": problem, "accelerators": [], "samplers": [], "refusals": {}}
+    return {"name": name, "problem": None, "accelerators": accelerators, "samplers": own, "refusals": refused}
 
 
 def _refused(engine: Engine, samplers: Sequence[str]) -> dict[str, dict[str, str]]:
@@ -83,12 +83,13 @@ def _literal(text: str) -> Any:
 
 def _option(key: str, option: Option) -> dict[str, Any]:
     """An option and the values that it accepts, read from the message of its check for a wrong value."""
-    wanted = option.check(object()) or ""
-    described = {"key": key, "default": option.default, "meaning": option.meaning, "target_spp": wanted, "kind": "json"}
-    bounds = re.fullmatch(r"(an integer|a number) in \[(\S+), (\S+)\]", wanted)
+    accepts = option.check(object()) or ""
+    described = {"key": key, "default": option.default, "description": option.meaning, "accepts": accepts, "kind": "json"}
+    bounds = re.fullmatch(r"(an integer|a number) in \[(\S+), (\S+)\]", accepts)
     if bounds:
         kind = "integer" if bounds[1] == "an integer" else "number"
         return {**described, "kind": kind, "low": float(bounds[2]), "high": float(bounds[3])}
-    if wanted.startswith("one of "):
-        return {**described, "kind": "one", "values": [_literal(word) for word in wanted.removeprefix("one of ").split(", ")]}
+    if accepts.startswith("one of "):
+        values = [_literal(text) for text in accepts.removeprefix("one of ").split(", ")]
+        return {**described, "kind": "choice", "values": values}
     return described

@@ -25,7 +25,7 @@ SECONDS = 4.0
 
 
 def frame(tab: Tab, preview: bool | None = None, seconds: float = 120.0):
-    return tab.receive(lambda told: told["type"] == "frame" and preview in (None, told["preview"]), seconds)
+    return tab.receive(lambda header: header["type"] == "frame" and preview in (None, header["preview"]), seconds)
 
 
 def milliseconds(values: list[float]) -> str:
@@ -39,7 +39,7 @@ def first_frames(tab: Tab, request: dict, times: int) -> tuple[list[float], list
     for _ in range(times):
         start = time.perf_counter()
         tab.send(**request)
-        tab.receive(lambda told: told["type"] == "opened", 120)
+        tab.receive(lambda header: header["type"] == "opened", 120)
         frame(tab)
         preview.append(time.perf_counter() - start)
         frame(tab, preview=False)
@@ -60,11 +60,11 @@ def moves(tab: Tab, a_second: float) -> tuple[int, list[float]]:
             eye = [3.9 * float(np.sin(angle)), 0.0, 3.9 * float(np.cos(angle))]
             sent[tab.send(type="camera", eye=eye, target=[0, 0, 0], up=[0, 1, 0])] = time.perf_counter()
         try:
-            told = frame(tab, preview=True, seconds=max(0.001, begin + len(sent) / a_second - time.perf_counter()))
+            header = frame(tab, preview=True, seconds=max(0.001, begin + len(sent) / a_second - time.perf_counter()))
         except TimeoutError:
             continue
-        if told["seq"] in sent:
-            waits.setdefault(told["seq"], time.perf_counter() - sent[told["seq"]])
+        if header["seq"] in sent:
+            waits.setdefault(header["seq"], time.perf_counter() - sent[header["seq"]])
     return len(sent), list(waits.values())
 
 
@@ -92,7 +92,7 @@ def main() -> None:
                 sent, waits = moves(tab, a_second)
                 print(f"{a_second} moves/s: {sent} sent, {len(waits)} seen, each after {milliseconds(waits)}")
             tab.send(**request)
-            tab.receive(lambda told: told["type"] == "opened")
+            tab.receive(lambda header: header["type"] == "opened")
             frame(tab, preview=False)
             begin, count = time.perf_counter(), 0
             while time.perf_counter() - begin < SECONDS:

@@ -101,7 +101,8 @@ def test_the_menu_has_what_the_engines_list(tmp_path):
     shader = next(s for s in listed["shaders"] if s["name"] == "path_tracer")
     kinds = {option["key"]: option for option in shader["options"]}
     assert kinds["direct"]["values"] == ["light", "bsdf", "mis"] and kinds["max_depth"]["kind"] == "integer"
-    refused = {e["name"]: e["refuses"] for e in listed["engines"]}
+    assert kinds["direct"]["accepts"].startswith("one of ") and kinds["direct"]["description"]
+    refused = {e["name"]: e["refusals"] for e in listed["engines"]}
     assert refused["numpy"] == refused["embreex_batch"] == {"sampler": {}, "shader": {}}
     if "mitsuba" in refused:
         assert "sobol" in refused["mitsuba"]["sampler"] and "independent" not in refused["mitsuba"]["sampler"]

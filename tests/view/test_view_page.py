@@ -20,7 +20,7 @@ REST = "['finished', 'stopped'].includes(raybench.state)"
 ERROR = "document.getElementById('error')"
 
 
-RESET = """(() => { raybench.settingsForm.given = {shader: {name: 'path_tracer', max_depth: 6}, sampler: {name: 'sobol'},
+RESET = """(() => { raybench.settingsForm.selected = {shader: {name: 'path_tracer', max_depth: 6}, sampler: {name: 'sobol'},
     accelerator: {name: 'auto'}}; raybench.settingsForm.build('numpy'); raybench.input.choose('');
   const values = {scene: 'ball.yaml', width: '', height: '', 'target-spp': 2, seed: 1, mapper: 'srgb', exposure: 0};
   for (const [id, value] of Object.entries(values)) document.getElementById(id).value = value;

@@ -107,7 +107,7 @@ def _printed(engine: str, results: Sequence[CheckResult], wide: bool) -> Printed
         printed.add_column("ulp: median /\n99.9 % / worst", justify="right", no_wrap=True)
     printed.add_column("outcome", no_wrap=True)
     for result, others, worst_in_ulp in worst_per_check(results):
-        accelerator = "" if result.accelerator == "auto" else result.accelerator
+        accelerator = "" if result.accelerator == "auto" else accelerator_text(result)
         where = ", ".join(filter(None, [accelerator, result.parameter])) if result.error != 0 else ""
         unit = "" if result.unit in ("relative", "absolute") else f" {result.unit}"
         texts = [result.case, result.description, where, f"{number_text(result.error)}{unit}", tolerance_text(result)]
@@ -122,6 +122,11 @@ def _ulps(result: CheckResult) -> str:
     if math.isnan(result.worst_ulp):
         return ""
     return " / ".join("∞" if math.isinf(x) else f"{x:.0f}" if x >= 100 else f"{x:.2g}" for x in errors)
+
+
+def accelerator_text(result: CheckResult) -> str:
+    """The accelerator in tables for people: `none` reads "brute force"."""
+    return "brute force" if result.accelerator == "none" else result.accelerator
 
 
 def tolerance_text(result: CheckResult) -> str:
@@ -145,7 +150,8 @@ def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Plot] = ()
     }  # fmt: skip
     return environment.get_template("verify.html.j2").render(
         sections=sections, engines=engines, matrix=matrix, counts=counts(results), quick=quick, tolerances=TOLERANCES,
-        outcomes=OUTCOMES, number=number_text, tolerance_text=tolerance_text, isnan=math.isnan,
+        outcomes=OUTCOMES, number=number_text, tolerance_text=tolerance_text, accelerator_text=accelerator_text,
+        isnan=math.isnan,
         plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
         worst=lambda rows: [row.result for row in worst_per_check(rows)],
         has_ulps=lambda rows: any(not math.isnan(result.worst_ulp) for result in rows),

@@ -26,7 +26,7 @@ function menu(header) {
   page.menu = header;
   byId("scenes").append(...header.scenes.map((name) => new Option(name)));
   byId("scene").value = document.body.dataset.scene || "cornell_box";
-  const able = header.engines.filter((engine) => !engine.lacks).map((engine) => engine.name);
+  const able = header.engines.filter((engine) => !engine.problem).map((engine) => engine.name);
   byId("reference-engine").append(...able.map((name) => new Option(name, name, false, name === (document.body.dataset.engine || header.preferred))));
   addContestant();
   addContestant();
@@ -170,10 +170,10 @@ function addContestant() {
   const place = document.createElement("div");
   byId("settings-forms").append(place);
   const [engine, given] = DEFAULTS[page.settingsForms.length];
-  const known = page.menu.engines.some((one) => one.name === engine && !one.lacks);
+  const known = page.menu.engines.some((one) => one.name === engine && !one.problem);
   const first = page.settingsForms.length === 0 && document.body.dataset.engine;
   const form = new SettingsForm(place, page.menu, `Contestant ${page.settingsForms.length + 1}`, first || (known ? engine : page.menu.preferred));
-  Object.assign(form.given, given);
+  Object.assign(form.selected, given);
   form.offer();
   page.settingsForms.push(form);
   writeButtons();

@@ -17,7 +17,7 @@ function select(names, chosen) {
 
 // An input for one option of a choice; `read` returns its value.
 function optionControl(option, value) {
-  if (option.kind === "one") {
+  if (option.kind === "choice") {
     const made = select(option.values.map(String), String(value));
     made.read = () => option.values.find((known) => String(known) === made.value);
     return made;
@@ -38,7 +38,7 @@ export class SettingsForm {
     this.menu = menu;
     this.place = place;
     this.legend = legend;
-    this.given = { shader: { name: "path_tracer", max_depth: 6 }, sampler: { name: "sobol" }, accelerator: { name: "auto" } };
+    this.selected = { shader: { name: "path_tracer", max_depth: 6 }, sampler: { name: "sobol" }, accelerator: { name: "auto" } };
     this.build(engine);
   }
 
@@ -58,7 +58,7 @@ export class SettingsForm {
     this.engine.name = "engine";
     for (const option of this.engine.options) {
       const engine = this.menu.engines.find((known) => known.name === option.value);
-      if (engine.lacks) { option.disabled = true; option.title = engine.lacks; option.textContent += " (not available)"; }
+      if (engine.problem) { option.disabled = true; option.title = engine.problem; option.textContent += " (not available)"; }
     }
     this.engine.addEventListener("change", () => this.offer());
     this.choices = document.createElement("div");
@@ -77,14 +77,14 @@ export class SettingsForm {
   // Offers the shaders, samplers and accelerators of the engine; keeps earlier choices that still exist.
   offer() {
     const tables = this.tables();
-    const refuses = this.menu.engines.find((known) => known.name === this.engine.value).refuses;
+    const refusals = this.menu.engines.find((known) => known.name === this.engine.value).refusals;
     this.controls = {};
     this.choices.replaceChildren();
     for (const kind of KINDS) {
       const names = tables[kind].map((choice) => choice.name);
-      const refused = refuses[kind] ?? {};
+      const refused = refusals[kind] ?? {};
       const able = names.filter((name) => !refused[name]);
-      const chosen = able.includes(this.given[kind].name) ? this.given[kind].name : able[0] ?? names[0];
+      const chosen = able.includes(this.selected[kind].name) ? this.selected[kind].name : able[0] ?? names[0];
       const control = select(names, chosen);
       for (const option of control.options) Object.assign(option, { disabled: option.value in refused, title: refused[option.value] ?? "" });
       control.name = kind;
@@ -93,7 +93,7 @@ export class SettingsForm {
       control.addEventListener("change", () => this.offerOptions(kind, control.value, options, {}));
       this.choices.append(labelled(kind[0].toUpperCase() + kind.slice(1), control), options);
       this.controls[kind] = { control, options: {} };
-      this.offerOptions(kind, chosen, options, this.given[kind]);
+      this.offerOptions(kind, chosen, options, this.selected[kind]);
     }
   }
 
@@ -103,7 +103,7 @@ export class SettingsForm {
     place.replaceChildren(...choice.options.map((option) => {
       made[option.key] = optionControl(option, given[option.key] ?? option.default);
       made[option.key].name = `${kind}.${option.key}`;
-      return labelled(option.key, made[option.key], `${option.meaning}: ${option.wanted}`);
+      return labelled(option.key, made[option.key], `${option.description}: ${option.accepts}`);
     }));
     place.hidden = choice.options.length === 0;
     this.controls[kind].options = made;
@@ -123,7 +123,7 @@ export class SettingsForm {
           throw new Error(`${kind}.${key}: ${input.value} cannot be read`);
         }
       }
-      this.given[kind] = settings[kind];
+      this.selected[kind] = settings[kind];
     }
     return settings;
   }
