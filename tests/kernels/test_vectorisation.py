@@ -40,7 +40,7 @@ def assembly(names, unrolls_early=False):
     make = {
         "draw": lambda: sampler.stages(resolve("sampler", "sobol", SAMPLERS), np.float32)[1],
         "surface": lambda: surface.stage(features, np.float32),
-        "shade": lambda: shade.stage(integrator, shade.traits(integrator, features), features, np.float32),
+        "shade": lambda: shade.stage(integrator, shade.shade_features(integrator, features), features, np.float32),
     }
     return {name: make[name]()._library.get_asm_str() for name in names}
 
