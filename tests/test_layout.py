@@ -47,7 +47,8 @@ _BASE = {
     *("engines.errors", "engines.choices", "engines.concurrency"),
     *("engines.film", "engines.interface", "engines.scene"),
 }
-_JITTED = {*_BASE, "engines.kernels", "engines.sobol_numbers"}
+_KERNELS = {"engines.kernels", "engines.kernels.compile"}
+_JITTED = {*_BASE, *_KERNELS, "engines.sobol_numbers"}
 
 ALLOWED: dict[str, set[str]] = {
     "engines.errors": set(),
@@ -66,11 +67,12 @@ ALLOWED: dict[str, set[str]] = {
     "engines.registry": {"engines.errors", "engines.interface"},
     "engines.conformance": _BASE,
     "engines.numpy_reference": {*_BASE, "engines.sobol_numbers"},
-    "engines.kernels": {*_BASE, "engines.sobol_numbers"},
-    "engines.plugin": {"engines.choices", "engines.kernels"},
+    "engines.kernels": _JITTED,
+    "engines.kernels.compile": {"engines.errors"},
+    "engines.plugin": {"engines.choices", *_KERNELS},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
-    "engines.dahlquist": {*_BASE, "engines.image", "engines.kernels"},
+    "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.external": {*_BASE, "engines.export", "engines.image", "engines.schema", "engines.temporary"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
@@ -85,8 +87,8 @@ ALLOWED: dict[str, set[str]] = {
 
 ONLY_IN = {
     "embreex": {"engines.embree", "engines.embreex_batch"},
-    "llvmlite": {"engines.kernels"},
-    "numba": {"engines.kernels"},
+    "llvmlite": {"engines.kernels.compile"},
+    "numba": {"engines.kernels.compile"},
     "mitsuba": {"engines.mitsuba"},
     "drjit": {"engines.mitsuba"},
 }

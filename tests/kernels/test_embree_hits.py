@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engines import Settings
-from engines.embree.packet import LARGE
+from engines.embree.packet import EmbreeTable
 from engines.registry import engine
 from engines.scene import scene_from
 from harness.verify import oracle
@@ -85,7 +85,7 @@ def test_rays_one_by_one_see_what_packets_see(precision):
     for large in (0, 1):
         settings = Settings(precision=precision, sampler="sobol", threads=1)
         renderer = engine("embree").prepare(ball, settings)
-        renderer._world.bind(LARGE, large)
+        renderer._flat.bind(EmbreeTable.one_by_one, large)
         hits = renderer.trace(origins, ways)
         seen.append((hits.t, hits.primitive, renderer.occluded(origins, ways), renderer.render(2).mean()))
     (t, primitive, hidden, image), (t1, primitive1, hidden1, image1) = seen

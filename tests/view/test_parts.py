@@ -7,7 +7,8 @@ import pytest
 
 import engines
 from engines.errors import ConfigError, Unsupported
-from engines.scene import Orthographic, Perspective, PerspectiveArctan, yaml_file
+from engines.scene import Orthographic, Perspective, PerspectiveArctan
+from engines.schema import yaml_file
 from harness.view.display import Tone, half_floats, rgba
 from harness.view.library import Library
 from harness.view.mailbox import MOST, Mailbox

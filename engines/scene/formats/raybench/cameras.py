@@ -1,4 +1,4 @@
-"""Cameras of a scene file: those of `RECORDS`, or a plugin named `module:attribute`. A camera is one entry."""
+"""Cameras of a scene file: those of `CAMERAS`, or a plugin named `module:attribute`. A camera is one entry."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
     "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
 }
-RECORDS = {
+CAMERAS = {
     "perspective": _camera(Perspective, "A pinhole camera.", **_LENS),
     "perspective_arctan": _camera(
         PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
@@ -83,7 +83,7 @@ def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera
         raise named.refuse("must be text")
     if isinstance(plugin, str):
         if ":" not in plugin:
-            raise named.refuse(f"unknown camera: {suggestion(plugin, RECORDS)}, or module:attribute")
+            raise named.refuse(f"unknown camera: {suggestion(plugin, CAMERAS)}, or module:attribute")
         if not context.allow_imports:
             raise named.refuse("imports code: pass --allow-imports (from Python: allow_imports=True) to permit it")
         plugin = _load_attribute(named)
@@ -104,7 +104,7 @@ def _load_attribute(named: Located) -> Any:
     return found
 
 
-CAMERA = Tagged("camera", "type", RECORDS, _custom, {
+CAMERA = Tagged("camera", "type", CAMERAS, _custom, {
     "type": "object", "required": ["type"], "properties": {"type": {"type": "string", "pattern": ":"}},
     "description": "A plugin, module:attribute, with options of its own; loaded with --allow-imports alone.",
 })  # fmt: skip
