@@ -25,7 +25,7 @@ SECONDS = 4.0
 
 
 def frame(tab: Tab, coarse: bool | None = None, seconds: float = 120.0):
-    return tab.hear(lambda told: told["is"] == "frame" and coarse in (None, told["coarse"]), seconds)
+    return tab.hear(lambda message: message["is"] == "frame" and coarse in (None, message["coarse"]), seconds)
 
 
 def milliseconds(values: list[float]) -> str:
@@ -39,7 +39,7 @@ def first_frames(tab: Tab, request: dict, times: int) -> tuple[list[float], list
     for _ in range(times):
         start = time.perf_counter()
         tab.send(**request)
-        tab.hear(lambda told: told["is"] == "opened", 120)
+        tab.hear(lambda message: message["is"] == "opened", 120)
         frame(tab)
         coarse.append(time.perf_counter() - start)
         frame(tab, coarse=False)
@@ -60,11 +60,11 @@ def moves(tab: Tab, a_second: float) -> tuple[int, list[float]]:
             eye = [3.9 * float(np.sin(angle)), 0.0, 3.9 * float(np.cos(angle))]
             sent[tab.send(do="camera", eye=eye, target=[0, 0, 0], up=[0, 1, 0])] = time.perf_counter()
         try:
-            told = frame(tab, coarse=True, seconds=max(0.001, begin + len(sent) / a_second - time.perf_counter()))
+            message = frame(tab, coarse=True, seconds=max(0.001, begin + len(sent) / a_second - time.perf_counter()))
         except TimeoutError:
             continue
-        if told["seq"] in sent:
-            waits.setdefault(told["seq"], time.perf_counter() - sent[told["seq"]])
+        if message["seq"] in sent:
+            waits.setdefault(message["seq"], time.perf_counter() - sent[message["seq"]])
     return len(sent), list(waits.values())
 
 
@@ -92,7 +92,7 @@ def main() -> None:
                 sent, waits = moves(tab, a_second)
                 print(f"{a_second} moves/s: {sent} sent, {len(waits)} seen, each after {milliseconds(waits)}")
             tab.send(**request)
-            tab.hear(lambda told: told["is"] == "opened")
+            tab.hear(lambda message: message["is"] == "opened")
             frame(tab, coarse=False)
             begin, count = time.perf_counter(), 0
             while time.perf_counter() - begin < SECONDS:
