@@ -1,5 +1,4 @@
-"""The inner floors of engines/kernels, read from the sources as in `test_layout`: which room may import from which, and that
-only `compile` touches the compiler."""
+"""The inner floors of engines/kernels, read from the sources as in `test_layout`: which room may import from which."""
 
 import sys
 
@@ -39,8 +38,6 @@ OUTSIDE: dict[str, set[str]] = {
 }
 """What a room may import from elsewhere, the standard library apart. Other rooms follow `test_layout` alone."""
 
-COMPILER = ("llvmlite", "numba")
-
 ROOMS = {name: path for name, path in MODULES.items() if name.startswith(KERNELS)}
 
 
@@ -61,14 +58,6 @@ def forbidden_imports(name: str, source: str, is_package: bool = False) -> list[
             if not allowed:
                 found.append(f"{name}:{line} imports {target}: {room} may import {sorted(FLOORS[room])}")
     return found
-
-
-def uses_of_the_compiler(name: str, source: str, is_package: bool = False) -> list[str]:
-    """One line for every import of Numba or LLVM by a module outside engines/kernels/compile."""
-    if name.startswith(KERNELS + "compile"):
-        return []
-    found = [(line, module) for line, module, _ in imports(name, source, is_package)]
-    return [f"{name}:{line} imports {module}" for line, module in found if module.partition(".")[0] in COMPILER]
 
 
 def test_rooms_import_from_the_floors_below():
@@ -99,21 +88,3 @@ def test_rooms_import_from_the_floors_below():
 )
 def test_an_import_from_a_floor_above_is_seen(name, line):
     assert forbidden_imports(name, line) != []
-
-
-def test_only_one_room_knows_the_compiler():
-    found = [uses_of_the_compiler(name, path.read_text(), path.name == "__init__.py") for name, path in MODULES.items()]
-    assert [line for lines in found for line in lines] == []
-
-
-@pytest.mark.parametrize(
-    ("name", "line"),
-    [
-        ("engines.kernels.stages.light", "from numba import types"),
-        ("engines.numba_cpu.accel.bvh", "import numba"),
-        ("engines.embree.callbacks", "def f():\n    from llvmlite import ir"),
-        ("engines.plugin", "from numba.extending import overload"),
-    ],
-)
-def test_a_use_of_the_compiler_elsewhere_is_seen(name, line):
-    assert uses_of_the_compiler(name, line) != []

@@ -89,7 +89,9 @@ def house() -> None:
         ("lane: shapes, lights, BSDFs", GREEN), ("layout, features", BLUE), ("compile: Numba and LLVM", BLUE),
     ]  # fmt: skip
     for k, (words, fill) in enumerate(floors):
-        d.parts.append(f"<rect x='30' y='{390 + 31 * k}' width='192' height='26' rx='4' fill='{fill}' stroke='{LINE}'/>")
+        d.parts.append(
+            f"<rect x='30' y='{390 + 31 * k}' width='192' height='26' rx='4' fill='{fill}' stroke='{LINE}'/>"
+        )
         d.text(126, 407 + 31 * k, words, size=11)
     for x in (283, 390, 497, 604, 711):
         d.arrow((x, 330), (x, 602))

@@ -50,8 +50,8 @@ def pytest_terminal_summary(terminalreporter, config):
     terminalreporter.section("against the baseline, in units of the sentinel kernel")
     for name, ratio, before, factor in changes(found):
         word = "new" if factor is None else "slower" if factor > NOTABLE else "faster" if factor < 1 / NOTABLE else ""
-        told = "" if factor is None else f"{before:10.3g} before  x {factor:.2f}"
-        terminalreporter.line(f"{name:58} {ratio:10.3g}  {told} {word}")
+        change = "" if factor is None else f"{before:10.3g} before  x {factor:.2f}"
+        terminalreporter.line(f"{name:58} {ratio:10.3g}  {change} {word}")
     if MODE == "update":
         known = json.loads(BASELINE.read_text())["ratios"] if BASELINE.exists() else {}
         least = {name: min(ratio, known.get(name, ratio)) for name, ratio in found.items()}

@@ -1,4 +1,4 @@
-"""Paths a second beside Mitsuba's, each alone; `python tests/benchmarks/peers.py` gives the ratios, in turns."""
+"""Paths a second beside Mitsuba's, each alone; `python tests/benchmarks/peers.py` gives the ratios, interleaved."""
 
 import numpy as np
 import pytest

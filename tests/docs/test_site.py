@@ -56,8 +56,8 @@ def site(tmp_path_factory) -> Path:
     """The site, built as `make docs` builds it."""
     folder = tmp_path_factory.mktemp("site")
     build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(folder / "trees"), str(DOCS)]
-    told = subprocess.run([*build, str(folder / "html")], capture_output=True, text=True, check=False)
-    assert (told.returncode, told.stderr) == (0, "")
+    done = subprocess.run([*build, str(folder / "html")], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
     return folder / "html"
 
 

@@ -70,7 +70,7 @@ def test_shadows_are_seen_at_every_scale(scale):
 def test_rays_one_by_one_see_what_packets_see(precision):
     """Trees large and small take different ways; a path that leaves a face must not meet it again on either."""
     faces = {"procedural": {"name": "tessellated_sphere", "subdivisions": 3}, "material": "white"}
-    ball = scene_from({
+    scene = scene_from({
         "raybench_scene": 1,
         "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
                    "resolution": [24, 24]},
@@ -84,7 +84,7 @@ def test_rays_one_by_one_see_what_packets_see(precision):
     seen = []
     for large in (0, 1):
         settings = Settings(precision=precision, sampler="sobol", threads=1)
-        renderer = engine("embree").prepare(ball, settings)
+        renderer = engine("embree").prepare(scene, settings)
         renderer._flat.bind(EmbreeTable.one_by_one, large)
         hits = renderer.trace(origins, ways)
         seen.append((hits.t, hits.primitive, renderer.occluded(origins, ways), renderer.render(2).mean()))

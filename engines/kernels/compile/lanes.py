@@ -19,7 +19,7 @@ from engines.kernels.compile.vec3 import vec3_of
 
 
 class LaneRecord(Layout):
-    """Base class of the layouts of lanes: see the module. `size` is the numbers a lane has."""
+    """Base class of the layouts of lanes: see `records`. `size` is the count of numbers of a lane."""
 
     size: ClassVar[int]
 

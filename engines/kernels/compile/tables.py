@@ -18,8 +18,7 @@ from engines.kernels.compile.vec3 import vec3_of
 
 
 class Row(Layout):
-    """Base class of the layouts of rows: see the module. `size` numbers of `dtype`, REAL unless the class says
-    otherwise."""
+    """Base class of the layouts of rows: see `records`. `size` numbers of `dtype`, REAL unless the class sets another."""
 
     size: ClassVar[int]
     dtype: ClassVar[Any] = REAL
@@ -46,7 +45,7 @@ class Row(Layout):
 
 
 class Table(Layout):
-    """Base class of the layouts of tables: see the module. With `first` its slots start there."""
+    """Base class of the layouts of tables: see `records`. With `first` its slots start there."""
 
     slots: ClassVar[int]
 

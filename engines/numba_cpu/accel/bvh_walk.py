@@ -71,7 +71,7 @@ SCRATCH = LANES * RECORD + 2 * (LANES + 1)
 STEP_LINES = 5
 """Cache lines of a step: four of a node, five of a leaf."""
 SLOT = 7
-"""The bits of a key that say which child it is; the others are those of the distance to it, rounded down."""
+"""The bits of a key that hold the child's number; the others are those of the distance to it, rounded down."""
 
 
 class Ray(NamedTuple):

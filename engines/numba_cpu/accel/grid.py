@@ -50,7 +50,7 @@ DENSITY = 4.0
 MOST_CELLS = 32
 """Cells that a primitive may touch on average; where large ones overlap, the grid is made coarser until they do not."""
 LARGEST = 512
-"""Cells on an axis at the most."""
+"""Largest number of cells on an axis."""
 
 
 class Accelerator:

@@ -50,7 +50,7 @@ class Scattering(NamedTuple):
     diffuse: Vec3
     """Albedo of the diffuse part."""
     albedo: Vec3
-    """A colour that stands for the material where no light is computed."""
+    """A colour that represents the material where no light is computed."""
 
 
 class BSDF(NamedTuple):
