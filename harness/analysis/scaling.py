@@ -12,7 +12,7 @@ from harness.statistics import Estimate, mean_interval, median_interval
 from harness.store.results import Contender, Event, Results, phase_seconds
 
 FEWEST = 3
-"""Sizes from which on a growth is shown."""
+"""Sizes from which on an exponent is shown."""
 Samples = dict[int, dict[int, float]]
 """Size -> block -> seconds."""
 

@@ -32,7 +32,7 @@ def analyse(results: Results) -> Analysis:
     baseline_engine = baseline_engine_of(results)
     floors = noise_floors(results)
     verdicts = [_own_verdict(results, contender) for contender in results.contenders if contender.done]
-    images, known = Replicates(results), archived_verdicts.stored(results)
+    images, known = Replicates(results), archived_verdicts.read_archived(results)
     for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
         _compare(results, verdict, baseline_engine, floors, images)
         verdict.bias = verdict.bias or known.bias.get(verdict.contender.settings)

@@ -375,14 +375,14 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         sys.exit(141)
     except Exception as error:
-        message = _told(error)
+        message = _as_one_line(error)
         if message is None:
             raise
         print(f"raybench: {message}", file=sys.stderr)
         sys.exit(2)
 
 
-def _told(error: Exception) -> str | None:
+def _as_one_line(error: Exception) -> str | None:
     """An error that the user or the machine caused as one line; None for a mistake of ours."""
     from engines.errors import RaybenchError
 

@@ -75,11 +75,11 @@ def render(request: Request) -> Film:
     seconds = perf_counter() - start
     provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
     film.save(output, provenance=provenance, tone_mapper=request.tone_mapper)
-    _tell(console, film, seconds, clock.rays_traced(renderer), output)
+    _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
 
 
-def _tell(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:
+def _print_summary(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:
     paths = film.width * film.height * film.spp
     speed = f"{paths / seconds / 1e6:.3g} million paths/s"
     if rays is not None:

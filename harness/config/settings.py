@@ -45,7 +45,7 @@ class SceneFile:
 
     @property
     def names(self) -> tuple[str, str]:
-        """What a rule may call it."""
+        """The names by which a filter finds it."""
         return self.name, Path(self.path).stem
 
 
