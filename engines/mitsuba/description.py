@@ -1,7 +1,7 @@
 """A scene in Mitsuba's terms: nested dictionaries that `mitsuba.load_dict` takes and that `raybench export` writes as XML.
 
 Transforms are 4 x 4 float64 arrays and meshes are files, written by a function that the caller gives. What differs:
-planes are disks of a thousand extents of the scene; a surface that emits on both sides is two surfaces a hair apart,
+planes are disks, so large that nothing tells; a surface that emits on both sides is two surfaces a hair apart,
 as Mitsuba's area lights have one side.
 """
 
@@ -44,9 +44,9 @@ PlaceImage = Callable[[str, Array], str]
 
 NEAR, FAR = 1e-4, 1e7
 """The clipping planes of the camera: nothing of a scene is meant to be cut off."""
-PLANE_EXTENTS = 1e3
-"""Radius of the disk that stands for a plane, in extents of the scene. Hits of larger ones, and of rectangles, are so far off
-them in float32 that tilted ones shadow themselves."""
+PLANE_EXTENTS = 1e4
+"""Radius of the disk that stands for a plane, in extents of the rest of the scene. Hits of a rectangle of that size are so far
+off it in float32 that it shadows itself where it is tilted."""
 GAP = 1e-5
 """Half the distance between the sides of a surface that emits on both, in extents of the scene."""
 
