@@ -1,4 +1,4 @@
-"""The code of engines and plugins as hashes, part of what a cell was asked: results of an edited engine are outdated.
+"""The code of engines and plugins as hashes, part of a cell's spec: results of an edited engine are outdated.
 
 The code of something imported is all of the package that it is defined in, native libraries included, or its one file;
 where that is not installed in site-packages, also what it imports from the folder beside. An engine may name more in
@@ -29,7 +29,7 @@ _IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)[\w.]*[ \t]+import\b|import[ 
 
 
 def engine_code(engine: Engine, name: str) -> str:
-    """The hash of an engine's code; `name` is what it was asked for by."""
+    """The hash of an engine's code; `name` is what the config calls it."""
     kind = type(engine)
     bases = [base.__module__ for base in kind.__mro__[1:]]
     # Base classes may come from large libraries, whose versions are those of the environment.

@@ -12,10 +12,10 @@ from harness.statistics import Estimate, Speedup, median_interval, paired_speedu
 from harness.store.results import Contender, Results, phase_seconds
 
 
-class Worth(NamedTuple):
+class BreakEven(NamedTuple):
     """An accelerator beside the one of its family that is built fastest, `against` (None for that one itself).
 
-    `pays_after`: samples a pixel from which on its build and rendering together take less; inf: never.
+    `break_even_spp`: samples per pixel from which on its build and rendering together take less; inf: never.
     """
 
     contender: Contender
@@ -23,7 +23,7 @@ class Worth(NamedTuple):
     build_seconds: Estimate
     path_microseconds: Estimate
     speedup: Speedup | None
-    pays_after: Estimate | None
+    break_even_spp: Estimate | None
 
 
 def families(results: Results) -> list[list[Contender]]:
@@ -45,17 +45,17 @@ def build(contender: Contender) -> Estimate:
     return median_interval(list(build_seconds(contender).values()))
 
 
-def worths(analysis: Analysis) -> Iterator[Worth]:
+def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
     """Every member of every family."""
     for first, *others in families(analysis.results):
-        yield Worth(first, None, build(first), microseconds_a_path(first), None, None)
+        yield BreakEven(first, None, build(first), microseconds_a_path(first), None, None)
         floor = analysis.floors.get(first.settings.scene, 0.0)
         for other in others:
             speedup = paired_speedup(seconds_per_sample(first), seconds_per_sample(other), floor)
-            yield Worth(other, first, build(other), microseconds_a_path(other), speedup, pays_after(first, other))
+            yield BreakEven(other, first, build(other), microseconds_a_path(other), speedup, break_even_spp(first, other))
 
 
-def pays_after(first: Contender, other: Contender) -> Estimate:
+def break_even_spp(first: Contender, other: Contender) -> Estimate:
     """Median over blocks of (build - build of the first) / (seconds a sample that it saves)."""
     samples, builds = ([function(c) for c in (first, other)] for function in (seconds_per_sample, build_seconds))
     return median_interval([_break_even(builds[1][block] - builds[0][block], samples[0][block] - samples[1][block])

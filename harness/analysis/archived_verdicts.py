@@ -1,4 +1,4 @@
-"""What was concluded from images, kept as an event: an archive without them still says it.
+"""Verdicts from images, kept as an event: an archive without the images still has them.
 
 Bias, equality with the baseline and pairs of engines need every seed's picture. Nothing else does.
 """
@@ -14,11 +14,11 @@ from harness.analysis.model import Analysis
 from harness.statistics import BiasEstimate, Equivalence
 from harness.store.results import Results, Settings
 
-EVENT = "conclusions"
+EVENT = "archived_verdicts"
 
 
 @dataclass
-class Conclusions:
+class ArchivedVerdicts:
     """By the settings of the contender, or of both engines of a pair."""
 
     bias: dict[Settings, BiasEstimate] = field(default_factory=dict)
@@ -27,7 +27,7 @@ class Conclusions:
 
 
 def event(analysis: Analysis) -> dict[str, Any]:
-    """The conclusions of an analysis as plain data."""
+    """The verdicts of an analysis that rest on images, as plain data."""
     biased = [(v.contender.settings, v.bias) for v in analysis.verdicts if v.bias is not None]
     equal = [(v.contender.settings, v.equivalence) for v in analysis.verdicts if v.equivalence is not None]
     pairs = [(p.first.settings, p.second.settings, p.comparison) for p in analysis.pairs if p.comparison is not None]
@@ -40,15 +40,15 @@ def event(analysis: Analysis) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def stored(results: Results) -> Conclusions:
+def read_archived(results: Results) -> ArchivedVerdicts:
     """Those of the results' last such event; none where there is none."""
-    told: Mapping[str, Any] = results.conclusions or {}
-    found = Conclusions()
-    for row in told.get("bias", []):
+    rows: Mapping[str, Any] = results.archived_verdicts or {}
+    found = ArchivedVerdicts()
+    for row in rows.get("bias", []):
         found.bias[_settings(row["of"])] = BiasEstimate(**_without(row, "of"))
-    for row in told.get("baseline", []):
+    for row in rows.get("baseline", []):
         found.baseline[_settings(row["of"])] = Equivalence(**_without(row, "of"))
-    for row in told.get("pairs", []):
+    for row in rows.get("pairs", []):
         pair = _settings(row["first"]), _settings(row["second"])
         replicates, spp = (tuple(row[key]) for key in ("replicates", "spp"))
         found.pairs[pair] = Comparison(Equivalence(**row["found"]), replicates, spp, row["paired"])

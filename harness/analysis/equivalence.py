@@ -18,13 +18,13 @@ from harness.statistics import Equivalence, equivalence
 from harness.statistics.equivalence import MARGIN, shared_alpha
 from harness.store.results import Contender, Event, Results, Settings
 
-KINSHIP = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
+SIMILARITY_WEIGHTS = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
 """What counts how much when the nearest relative among another engine's contenders is looked for."""
 Images = Mapping[int, np.ndarray]
 
 
 class Comparison(NamedTuple):
-    """An equivalence, and what it rests on: images and samples a pixel of each side, and whether seeds were paired."""
+    """An equivalence, and what it rests on: images and samples per pixel of each side, and whether seeds were paired."""
 
     found: Equivalence
     replicates: tuple[int, int]
@@ -132,16 +132,16 @@ def _nearest(members: Sequence[Contender]) -> Iterator[tuple[Contender, Contende
     engines = list(dict.fromkeys(contender.settings.engine for contender in members))
     for a, b in combinations(engines, 2):
         ours, theirs = ([c for c in members if c.settings.engine == engine] for engine in (a, b))
-        yield max(((x, y) for x in ours for y in theirs), key=lambda pair: kinship(*pair))
+        yield max(((x, y) for x in ours for y in theirs), key=lambda pair: similarity(*pair))
 
 
-def kinship(one: Contender, other: Contender) -> int:
-    """How much two contenders have in common, by the weights of `KINSHIP`."""
-    return sum(weight for axis, weight in KINSHIP.items()
+def similarity(one: Contender, other: Contender) -> int:
+    """How much two contenders have in common, by the weights of `SIMILARITY_WEIGHTS`."""
+    return sum(weight for axis, weight in SIMILARITY_WEIGHTS.items()
                if getattr(one.settings, axis) == getattr(other.settings, axis))  # fmt: skip
 
 
-def words(pair: EnginePair) -> str:
+def describe_pair(pair: EnginePair) -> str:
     """What was found, in a sentence or two, with the numbers it rests on."""
     names = f"{pair.first.name} and {pair.second.name}"
     if pair.comparison is None:
@@ -149,20 +149,20 @@ def words(pair: EnginePair) -> str:
     found, (k, m), (n, o), paired = pair.comparison
     samples = f"{n} spp" if n == o else f"{n} and {o} spp"
     rests = f"{k} and {m} images of {samples}{', pairs of one seed' if paired else ''}"
-    return f"{names} {conclusion(found)} ({rests})."
+    return f"{names} {describe(found)} ({rests})."
 
 
-def conclusion(found: Equivalence, margin: float = MARGIN) -> str:
+def describe(found: Equivalence, margin: float = MARGIN) -> str:
     """The verdict on two engines as the rest of a sentence, and the bias that would have been seen."""
     interval = f"between {percent(found.low)} and {percent(found.high)}"
-    told = {
+    sentence = {
         "equivalent": f"make the same image: the means differ by {interval}, less than {100 * margin:g} %, and "
                       "neither pixels nor tiles stand out",
         "different": f"make different images: {'; '.join(_reasons(found, margin))}",
-        "inconclusive": f"are not told apart, nor shown to be equal: the means differ by {interval}, and only less than "
+        "inconclusive": f"are not separated, nor shown to be equal: the means differ by {interval}, and only less than "
                         f"{100 * margin:g} % would count as equal",
     }[found.verdict]  # fmt: skip
-    return f"{told}. A bias of {percent(found.detectable).removeprefix('+')} would have been seen"
+    return f"{sentence}. A bias of {percent(found.detectable).removeprefix('+')} would have been seen"
 
 
 def percent(share: float) -> str:

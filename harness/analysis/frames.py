@@ -34,7 +34,7 @@ IDENTITY = [
     Column("label", "A/A label, empty for ordinary cells."),
 ]
 CELL = [
-    Column("cell_id", "Hash of what was asked."),
+    Column("cell_id", "Hash of the spec."),
     Column("env_id", "Hash of the machine and library versions."),
     *IDENTITY,
     Column("block", "Which repeat of the whole experiment it belongs to.", "count"),
@@ -97,7 +97,7 @@ def points(results: Results) -> Table:
     before = [
         CONTESTANT, *CELL, Column("state", "done, or timeout where the cell was cut short."),
         Column("order", "Position of the cell in the run.", "count"),
-        Column("spp", "Samples a pixel so far.", "count"),
+        Column("spp", "Samples per pixel so far.", "count"),
         Column("seconds", "Seconds inside render calls so far (warm).", "number"),
         Column("cold_seconds", "The same with import, load, build and compilation.", "number"),
         Column("rays", "Rays so far.", "number"),

@@ -18,7 +18,7 @@ FLAGS = {
     "nonfinite_pixels": "non-finite pixels",
     "bad_samples": "bad samples",
     "contended": "contended",
-    "own_clock": "times as the program tells them",
+    "own_clock": "times reported by the program",
 }
 """What a reader of a verdict must know: name -> words."""
 
@@ -78,7 +78,7 @@ class Analysis:
 
 
 def ranked_together(verdicts: Iterable[Verdict]) -> dict[tuple[str, str, str, str], list[Verdict]]:
-    """(scene, shader, size, machine) -> its verdicts; those of the A/A control's second label are left out."""
+    """(scene, shader, size, machine) -> its verdicts; those of the A/A twin's second label are left out."""
     groups: dict[tuple[str, str, str, str], list[Verdict]] = {}
     for verdict in verdicts:
         s = verdict.contender.settings
@@ -99,6 +99,6 @@ def possible_winners(verdicts: Iterable[Verdict], index: int, floor: float) -> l
 
 
 def seconds_per_sample(contender: Contender) -> dict[int, float]:
-    """Block -> warm seconds per sample a pixel, over the whole cell."""
+    """Block -> warm seconds per sample per pixel, over the whole cell."""
     ends = {cell["block"]: cell["points"][-1] for cell in contender.done}
     return {block: end["seconds"] / end["spp"] for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}

@@ -12,12 +12,12 @@ from harness.statistics import Estimate, mean_interval, median_interval
 from harness.store.results import Contender, Event, Results, phase_seconds
 
 FEWEST = 3
-"""Sizes from which on a growth is shown."""
+"""Sizes from which on an exponent is shown."""
 Samples = dict[int, dict[int, float]]
 """Size -> block -> seconds."""
 
 
-class Growth(NamedTuple):
+class ScalingExponent(NamedTuple):
     """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks."""
 
     contender: Contender
@@ -65,7 +65,7 @@ def path_seconds(contender: Contender) -> dict[int, float]:
 
 
 def passes(contender: Contender) -> Samples:
-    """Samples a pixel so far -> block -> seconds of a path in the pass that ended there."""
+    """Samples per pixel so far -> block -> seconds of a path in the pass that ended there."""
     found: Samples = {}
     for cell in contender.done:
         before = (0, 0.0)
@@ -76,25 +76,25 @@ def passes(contender: Contender) -> Samples:
     return dict(sorted(found.items()))
 
 
-def growths(analysis: Analysis) -> Iterator[Growth]:
+def scaling_exponents(analysis: Analysis) -> Iterator[ScalingExponent]:
     """Time of a path and of the build over primitives; time of a path over pixels and over samples."""
     over_scenes = families(analysis, "scene", primitives)
     over_sizes = families(analysis, "size", lambda contender: pixels(contender.done[0]))
     for family in over_scenes:
-        yield from _growth(family[-1], "path", "primitives", {primitives(c): path_seconds(c) for c in family})
+        yield from _exponents(family[-1], "path", "primitives", {primitives(c): path_seconds(c) for c in family})
         built = {primitives(c): {cell["block"]: phase_seconds(cell, "build") for cell in c.done} for c in family}
-        yield from _growth(family[-1], "build", "primitives", built)
+        yield from _exponents(family[-1], "build", "primitives", built)
     for family in over_sizes:
-        yield from _growth(family[-1], "path", "pixels", {pixels(c.done[0]): path_seconds(c) for c in family})
-        yield from _growth(family[-1], "path", "samples a pixel", passes(family[-1]))
+        yield from _exponents(family[-1], "path", "pixels", {pixels(c.done[0]): path_seconds(c) for c in family})
+        yield from _exponents(family[-1], "path", "samples per pixel", passes(family[-1]))
 
 
-def _growth(contender: Contender, cost: str, over: str, seconds: Samples) -> Iterator[Growth]:
+def _exponents(contender: Contender, cost: str, over: str, seconds: Samples) -> Iterator[ScalingExponent]:
     """Nothing below `FEWEST` sizes with a time."""
     timed = {size: {b: s for b, s in blocks.items() if s > 0} for size, blocks in sorted(seconds.items())}
     sizes = [size for size, blocks in timed.items() if blocks]
     if len(sizes) >= FEWEST:
-        yield Growth(contender, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
+        yield ScalingExponent(contender, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
 
 
 def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from harness.analysis import archived_verdicts
-from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, kinship
+from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, similarity
 from harness.analysis.model import Analysis, Verdict, seconds_per_sample
 from harness.metrics import as_error
 from harness.statistics import (
@@ -32,7 +32,7 @@ def analyse(results: Results) -> Analysis:
     baseline_engine = baseline_engine_of(results)
     floors = noise_floors(results)
     verdicts = [_own_verdict(results, contender) for contender in results.contenders if contender.done]
-    images, known = Replicates(results), archived_verdicts.stored(results)
+    images, known = Replicates(results), archived_verdicts.read_archived(results)
     for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
         _compare(results, verdict, baseline_engine, floors, images)
         verdict.bias = verdict.bias or known.bias.get(verdict.contender.settings)
@@ -69,7 +69,7 @@ def baseline_for(contender: Contender, results: Results, engine: str) -> Contend
     own = contender.settings
     same = [c for c in results.of_scene(own.scene) if c.settings.engine == engine and c.settings.shader == own.shader
             and c.settings.size == own.size and c.settings.machine == own.machine]  # fmt: skip
-    return max(same, key=partial(kinship, contender), default=None)
+    return max(same, key=partial(similarity, contender), default=None)
 
 
 def _own_verdict(results: Results, contender: Contender) -> Verdict:
@@ -147,13 +147,13 @@ def _flags(results: Results, verdict: Verdict) -> list[str]:
         flags.append("bad_samples")
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
         flags.append("contended")
-    if any(tells_its_time(cell) for cell in verdict.contender.done):
+    if any(reports_its_time(cell) for cell in verdict.contender.done):
         flags.append("own_clock")
     return flags
 
 
-def tells_its_time(cell: Event) -> bool:
-    """Whether an external program's own words were the clock."""
+def reports_its_time(cell: Event) -> bool:
+    """Whether an external program's own report was the clock."""
     return bool((cell.get("counters") or {}).get("told_by_program"))
 
 

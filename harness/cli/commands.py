@@ -112,7 +112,7 @@ def render(
     sampler: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "sobol",
     accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
     threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
-    spp: Annotated[int, typer.Option(help="Samples a pixel.")] = 16,
+    spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
     size: Annotated[Optional[str], typer.Option(metavar="WxH", help="[default: the scene's]")] = None,  # noqa: UP045
     seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
     precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
@@ -302,9 +302,9 @@ def verify(
 @app.command()
 def equivalence(
     scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
-    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more; one twice is an A/A control.")],
+    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more; one twice is an A/A test.")],
     replicates: Annotated[int, typer.Option(help="Independent images an engine.")] = 16,
-    spp: Annotated[int, typer.Option(help="Samples a pixel of each.")] = 16,
+    spp: Annotated[int, typer.Option(help="Samples per pixel of each.")] = 16,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "64x64",
     shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
     margin: Annotated[float, typer.Option(help="Means within this share of each other count as equal.")] = 0.01,
@@ -326,7 +326,7 @@ def export(
     to: Annotated[str, typer.Option("--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
     max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,
-    spp: Annotated[int, typer.Option(min=1, help="Samples a pixel.")] = 64,
+    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
     allow_imports: AllowImports = False,
 ) -> None:
     """Write a scene for another renderer, with its camera and a path integrator."""
@@ -375,14 +375,14 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         sys.exit(141)
     except Exception as error:
-        message = _told(error)
+        message = _as_one_line(error)
         if message is None:
             raise
         print(f"raybench: {message}", file=sys.stderr)
         sys.exit(2)
 
 
-def _told(error: Exception) -> str | None:
+def _as_one_line(error: Exception) -> str | None:
     """An error that the user or the machine caused as one line; None for a mistake of ours."""
     from engines.errors import RaybenchError
 

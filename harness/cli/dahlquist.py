@@ -63,10 +63,10 @@ def draw(request: Request) -> None:
         write_image(request.output, call())
     else:
         _write_movie(request.output, (call() for _ in range(request.animate)), request)
-    _tell(request, tracer.frame, seconds)
+    _print_summary(request, tracer.frame, seconds)
 
 
-def _tell(request: Request, frame: NDArray[np.uint8], seconds: list[float]) -> None:
+def _print_summary(request: Request, frame: NDArray[np.uint8], seconds: list[float]) -> None:
     height, width, _ = frame.shape
     warm = seconds[1:] or seconds  # the first call compiles
     rays = width * height / (2 if request.interlaced else 1)

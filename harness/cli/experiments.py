@@ -55,7 +55,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
         stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
         return 130
     _summary(stdout, outcome, folder)
-    return 1 if outcome.failures or outcome.unexamined else 0
+    return 1 if outcome.failures or outcome.failed_verify_jobs else 0
 
 
 def _refuse_merged(folder: Path) -> None:
@@ -79,9 +79,9 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     for cell, event in outcome.failures:
         words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
         console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
-    for words in outcome.unexamined:
+    for words in outcome.failed_verify_jobs:
         console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
-    if outcome.failures or outcome.unexamined:
+    if outcome.failures or outcome.failed_verify_jobs:
         console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
 
 
@@ -109,10 +109,10 @@ def plan(
     if left:
         stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
     _plan_references(stdout, made)
-    if made.examinations:
-        left = len(verify_jobs.todo(made.examinations, events, retry=False))
+    if made.verify_jobs:
+        left = len(verify_jobs.todo(made.verify_jobs, events, retry=False))
         stdout.print(
-            f"{len(made.examinations)} cases of the battery to be asked of the engines, {left} of them not yet."
+            f"{len(made.verify_jobs)} verify jobs, {left} of them not yet run."
         )
 
 
@@ -130,7 +130,7 @@ def _planned(
 def _plan_references(console: Console, made: Plan) -> None:
     for wanted in made.references.values():
         state = "ready" if references.ready(wanted, reference_files.cache_folder()) else "to be rendered"
-        what = f"{wanted.describe()}, {words(wanted.asked['shader'])}, by {wanted.asked['engine']}"
+        what = f"{wanted.describe()}, {words(wanted.spec['shader'])}, by {wanted.spec['engine']}"
         console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
 
 
@@ -205,7 +205,7 @@ def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str
 def _certified(
     wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console
 ) -> bool:  # fmt: skip
-    """Certifies a reference if that is asked for; whether the second engine makes another image."""
+    """Certifies a reference if the config has `certify`; whether the second engine makes another image."""
     if wanted.certifier is None:
         return False
     found = certificates.existing(wanted, root)
@@ -229,9 +229,9 @@ def status(folder: Path) -> None:
     running = store.is_locked(folder)
     if running and started is not None and counted["queued"] and latest.get(started["cell_id"]) is None:
         counted.update(queued=-1, running=1)
-    told = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
+    counts = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
     now = "running" if running else "not running"
-    console.print(f"{manifest.get('name') or folder.name}: {told or 'no cells'}; {now}.", soft_wrap=True)
+    console.print(f"{manifest.get('name') or folder.name}: {counts or 'no cells'}; {now}.", soft_wrap=True)
     for event in planned.values():
         if event is not None and event["state"] in ("failed", "timeout"):
             words = f"{event['state']}: {event['scene']} {event['engine']} seed {event['seed']}: {event['message']}"

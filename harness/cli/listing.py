@@ -33,7 +33,7 @@ def show() -> None:
         except RaybenchError as error:
             engines.add_row(name, f"cannot be loaded: {escape(str(error))}")
         except Exception as error:  # what others wrote may fail in any way
-            engines.add_row(name, f"fails when asked: {escape(f'{type(error).__name__}: {error}')}")
+            engines.add_row(name, f"fails: {escape(f'{type(error).__name__}: {error}')}")
     console.print(engines)
     for title, table in (("shaders", SHADERS), ("samplers", SAMPLERS)):
         _options(console, title, table)

@@ -73,13 +73,13 @@ def render(request: Request) -> Film:
     start = perf_counter()
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
-    told = _provenance(request, settings, scene.content_hash, engine, seconds)
-    film.save(output, provenance=told, tone_mapper=request.tone_mapper)
-    _tell(console, film, seconds, clock.rays_traced(renderer), output)
+    provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
+    film.save(output, provenance=provenance, tone_mapper=request.tone_mapper)
+    _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
 
 
-def _tell(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:
+def _print_summary(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:
     paths = film.width * film.height * film.spp
     speed = f"{paths / seconds / 1e6:.3g} million paths/s"
     if rays is not None:

@@ -6,8 +6,8 @@ from harness.config.experiment import (
     Experiment,
     Limits,
     Quality,
-    ReferenceAsked,
-    VerifyAsked,
+    ReferenceConfig,
+    VerifyConfig,
     load,
     override,
     parse,
@@ -16,6 +16,6 @@ from harness.config.experiment import (
 from harness.config.settings import Budget
 
 __all__ = [
-    "SCHEMA_VERSION", "Budget", "Checkpoints", "Experiment", "Limits", "Quality", "ReferenceAsked", "VerifyAsked", "load",
+    "SCHEMA_VERSION", "Budget", "Checkpoints", "Experiment", "Limits", "Quality", "ReferenceConfig", "VerifyConfig", "load",
     "override", "parse", "read_quality",
 ]  # fmt: skip

@@ -30,14 +30,14 @@ TOP_DEFAULTS: Mapping[str, Any] = {"repeats": 3, "seed": 1, "images": "some", "t
 
 @dataclass(frozen=True, slots=True)
 class Checkpoints:
-    """Samples a pixel at which the error is measured: start, start*ratio, start*ratio^2, ... in whole numbers."""
+    """Samples per pixel at which the error is measured: start, start*ratio, start*ratio^2, ... in whole numbers."""
 
     ratio: float = 2**0.5
     start: int = 1
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceAsked:
+class ReferenceConfig:
     """How the image compared with is made. `threads` 0 means every core; it changes no pixel.
 
     `certify` names a second engine that is to make the same image from other random numbers.
@@ -54,7 +54,7 @@ class ReferenceAsked:
 
     @property
     def replicates(self) -> tuple[int, int]:
-        """(samples a pixel, number) of the independent images it is the mean of.
+        """(samples per pixel, number) of the independent images it is the mean of.
 
         Powers of two suit Sobol points; 256 is the same for every large `spp`, so that one can be extended. The number
         is even: they go to the two halves in turn.
@@ -81,8 +81,8 @@ class Quality:
 
 
 @dataclass(frozen=True, slots=True)
-class VerifyAsked:
-    """Cases of the battery (ids or sections) that a run asks of its engines; `quick` with fewer rays."""
+class VerifyConfig:
+    """Cases of the accuracy suite (ids or sections) that a run includes; `quick` with fewer rays."""
 
     cases: tuple[str, ...] = ("stability",)
     quick: bool = False
@@ -107,16 +107,16 @@ class Experiment:
     repeats: int
     seed: int
     order_seed: int
-    reference: ReferenceAsked
+    reference: ReferenceConfig
     quality: Quality
-    control: bool
+    aa_twin: bool
     images: str
     timing: bool
     baseline: str | None
     warnings: tuple[str, ...]
     resolved: Mapping[str, Any]
     source: str = ""
-    verify: VerifyAsked | None = None
+    verify: VerifyConfig | None = None
     limits: Limits = Limits()
 
 
@@ -177,7 +177,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     budget = Budget().merged(matrix.read("budget", top["budget"], folder)) if "budget" in top else Budget()
     combinations, warnings = matrix.expand(root, folder, budget)
     read = {**TOP_DEFAULTS, **{key: reader(top[key]) for key, reader in _SCALARS.items() if key in top}}
-    reference = _section(top, "reference", _REFERENCE, ReferenceAsked)
+    reference = _section(top, "reference", _REFERENCE, ReferenceConfig)
     if reference.certify == reference.engine:
         raise root.at(("reference", "certify")).refuse(
             f"another engine than the reference's, {reference.engine}, is wanted"
@@ -191,7 +191,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     experiment = Experiment(
         name=read.get("name", stem), question=read.get("question", ""), combinations=tuple(combinations),
         checkpoints=_checkpoints(top), repeats=repeats, seed=seed, order_seed=order.get("seed", 1),
-        reference=reference, quality=quality, control=read.get("control", repeats >= 3),
+        reference=reference, quality=quality, aa_twin=read.get("aa_twin", repeats >= 3),
         images=read["images"], warnings=tuple(warnings), resolved={}, source=source,
         verify=_verify(top), timing=read["timing"], baseline=read.get("baseline"), limits=_limits(top),
     )  # fmt: skip
@@ -220,7 +220,7 @@ _SCALARS: dict[str, Any] = {
     "question": validators.line_of_text,
     "repeats": validators.integer(1, 1000),
     "seed": validators.integer(0, SEED_LIMIT),
-    "control": _switch,
+    "aa_twin": _switch,
     "timing": _switch,
     "images": validators.one_of(*IMAGES),
     "baseline": lambda node: None if node.value is None else validators.text(node),
@@ -301,7 +301,7 @@ def _reachable(top: Mapping[str, Located], quality: Quality) -> None:
         raise top["quality"].at(("targets",)).refuse("must be below 1")
 
 
-def _verify(top: Mapping[str, Located]) -> VerifyAsked | None:
+def _verify(top: Mapping[str, Located]) -> VerifyConfig | None:
     def cases(node: Located) -> tuple[str, ...]:
         from harness.verify.suite import case_names
 
@@ -315,10 +315,10 @@ def _verify(top: Mapping[str, Located]) -> VerifyAsked | None:
     if "verify" not in top:
         return None
     given = validators.mapping(top["verify"], readers)
-    return VerifyAsked(**{readers[key][0]: readers[key][1](node) for key, node in given.items()})
+    return VerifyConfig(**{readers[key][0]: readers[key][1](node) for key, node in given.items()})
 
 
-def _seeds_differ(root: Located, seed: int, repeats: int, reference: ReferenceAsked) -> None:
+def _seeds_differ(root: Located, seed: int, repeats: int, reference: ReferenceConfig) -> None:
     """Cells may not draw the reference's numbers: the reference would hold the cell's own noise."""
     used = reference.replicates[1]
     if seed < reference.seed + used and reference.seed < seed + repeats:
@@ -335,7 +335,7 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "source": experiment.source,
         "combinations": [matrix.plain(combination) for combination in experiment.combinations],
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
-        "order": {"policy": "blocks", "seed": experiment.order_seed}, "control": experiment.control,
+        "order": {"policy": "blocks", "seed": experiment.order_seed}, "aa_twin": experiment.aa_twin,
         "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
         "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
         "reference": asdict(experiment.reference),

@@ -1,4 +1,4 @@
-"""Conditions of `exclude` and `extend.where`: all keys of a rule must match a cell.
+"""Conditions of `exclude` and `extend.where`: all keys of a filter must match a cell.
 
 A condition is a scalar (text may be a glob), a list of which one must match, `{ge, gt, le, lt: number}`, or, for
 shaders, samplers and accelerators, a mapping of conditions on `name` and options.
@@ -23,7 +23,7 @@ Condition = Callable[[Any], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class Filter:
     """Conditions by setting, and where they were written."""
 
     conditions: Mapping[str, Condition]
@@ -33,12 +33,12 @@ class Rule:
         return all(condition(settings[key]) for key, condition in self.conditions.items())
 
 
-def rule(node: Located, known: tuple[str, ...]) -> Rule:
-    """The rule of a mapping from settings to conditions; an empty one is refused, for it would match everything."""
+def read_filter(node: Located, known: tuple[str, ...]) -> Filter:
+    """The filter of a mapping from settings to conditions; an empty one is refused, for it would match everything."""
     children = validators.mapping(node, known)
     if not children:
         raise node.refuse("at least one condition is wanted")
-    return Rule({key: condition(key, child) for key, child in children.items()}, node.where)
+    return Filter({key: condition(key, child) for key, child in children.items()}, node.where)
 
 
 def condition(key: str, node: Located) -> Condition:

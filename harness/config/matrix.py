@@ -10,7 +10,7 @@ from typing import Any
 
 from engines.scene.yaml_file import Located
 from harness.config import paths, validators
-from harness.config.filters import Rule, rule
+from harness.config.filters import Filter, read_filter
 from harness.config.settings import DEFAULTS, SETTING_READERS, Budget
 from harness.hashing import canonical_json
 
@@ -37,7 +37,7 @@ def plain(combination: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def expand(root: Located, folder: Path, budget: Budget) -> tuple[list[dict[str, Any]], list[str]]:
-    """All combinations in the order written, without duplicates, and warnings about rules that match nothing."""
+    """All combinations in the order written, without duplicates, and warnings about filters that match nothing."""
     top = root.value
     fixed = {key: read(key, top[key], folder) for key in SETTINGS if key in top and key != "budget"}
     found = _axes(top, folder)
@@ -112,9 +112,9 @@ def _combined(fixed: Mapping[str, Any], values: tuple[Mapping[str, Any], ...], b
 def _exclude(
     top: Mapping[str, Located], combinations: list[dict[str, Any]], warnings: list[str]
 ) -> list[dict[str, Any]]:
-    rules = [rule(node, MATCHABLE) for node in validators.listing(top["exclude"])] if "exclude" in top else []
-    warnings += [_idle(each) for each in rules if not any(map(each.matches, combinations))]
-    return [combination for combination in combinations if not any(each.matches(combination) for each in rules)]
+    filters = [read_filter(node, MATCHABLE) for node in validators.listing(top["exclude"])] if "exclude" in top else []
+    warnings += [_idle(each) for each in filters if not any(map(each.matches, combinations))]
+    return [combination for combination in combinations if not any(each.matches(combination) for each in filters)]
 
 
 def _include(
@@ -140,7 +140,7 @@ def _extend(top: Mapping[str, Located], folder: Path, combinations: list[dict[st
         children = validators.mapping(node, ("where", "set"))
         if "set" not in children or "where" not in children:
             raise node.refuse("both 'where' and 'set' are wanted")
-        where = rule(children["where"], MATCHABLE)
+        where = read_filter(children["where"], MATCHABLE)
         changes = {key: read(key, child, folder) for key, child in validators.mapping(children["set"], SETTINGS).items()}
         matched = [combination for combination in combinations if where.matches(combination)]
         if not matched:
@@ -150,5 +150,5 @@ def _extend(top: Mapping[str, Located], folder: Path, combinations: list[dict[st
             combination.update({**changes, "budget": limits})
 
 
-def _idle(idle: Rule) -> str:
-    return f"{idle.where}: this rule matches nothing"
+def _idle(idle: Filter) -> str:
+    return f"{idle.where}: this filter matches nothing"

@@ -7,7 +7,7 @@ from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS
 from engines.registry import known_names
-from harness.config.descriptions import MEANINGS
+from harness.config.descriptions import DESCRIPTIONS
 from harness.config.experiment import (
     IMAGES,
     METRICS,
@@ -16,8 +16,8 @@ from harness.config.experiment import (
     TOP_KEYS,
     Checkpoints,
     Quality,
-    ReferenceAsked,
-    VerifyAsked,
+    ReferenceConfig,
+    VerifyConfig,
 )
 from harness.config.filters import COMPARISONS
 from harness.config.settings import DEFAULTS, SETTING_READERS, Budget, samplers_of_engines
@@ -68,7 +68,7 @@ def experiment_schema() -> dict[str, Any]:
     scalars: dict[str, Any] = {
         "raybench_experiment": {"const": 1}, "name": {"type": ["string", "number"]},
         "question": {"type": ["string", "number"]},
-        "repeats": {"type": "integer", "minimum": 1, "maximum": 1000}, "seed": _SEED, "control": {"type": "boolean"},
+        "repeats": {"type": "integer", "minimum": 1, "maximum": 1000}, "seed": _SEED, "aa_twin": {"type": "boolean"},
         "timing": {"type": "boolean"}, "images": {"enum": list(IMAGES)}, "baseline": {"type": ["string", "null"]},
     }  # fmt: skip
     known = {**_described(scalars | sections), **settings}
@@ -81,14 +81,14 @@ def experiment_schema() -> dict[str, Any]:
 
 
 def _described(properties: dict[str, Any], path: str = "") -> dict[str, Any]:
-    """The properties of the object at `path`, and of those inside, with what `MEANINGS` and the defaults say of them."""
+    """The properties of the object at `path`, and of those inside, with what `DESCRIPTIONS` and the defaults say of them."""
     found, defaults = {}, _defaults()
     for name, schema in properties.items():
         where = path + name
-        if any(key.startswith(f"{where}.") for key in MEANINGS):
+        if any(key.startswith(f"{where}.") for key in DESCRIPTIONS):
             inner = schema.get("items", schema)
             inner["properties"] = _described(inner["properties"], f"{where}.")
-        found[name] = {**schema, "description": MEANINGS[where]}
+        found[name] = {**schema, "description": DESCRIPTIONS[where]}
         if where in defaults:
             found[name]["default"] = defaults[where]
     return found
@@ -96,8 +96,8 @@ def _described(properties: dict[str, Any], path: str = "") -> dict[str, Any]:
 
 def _defaults() -> dict[str, Any]:
     """By path, as a file would write them."""
-    sections = {"checkpoints": Checkpoints(), "reference": ReferenceAsked(), "quality": Quality(),
-                "verify": VerifyAsked(), "budget": Budget()}  # fmt: skip
+    sections = {"checkpoints": Checkpoints(), "reference": ReferenceConfig(), "quality": Quality(),
+                "verify": VerifyConfig(), "budget": Budget()}  # fmt: skip
     found: dict[str, Any] = {key: value for key, value in DEFAULTS.items() if value is not None} | dict(TOP_DEFAULTS)
     for section, default in sections.items():
         for key, value in asdict(default).items():

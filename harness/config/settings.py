@@ -24,7 +24,7 @@ from harness.config import paths, validators
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """When a cell ends: seconds inside `render`, samples a pixel, and wall time after which its process is killed."""
+    """When a cell ends: seconds inside `render`, samples per pixel, and wall time after which its process is killed."""
 
     max_time_seconds: float = 20.0
     max_spp: int = 1024
@@ -43,7 +43,7 @@ class SceneFile:
 
     @property
     def names(self) -> tuple[str, str]:
-        """What a rule may call it."""
+        """The names by which a filter finds it."""
         return self.name, Path(self.path).stem
 
 
@@ -96,7 +96,7 @@ def known(kind: str, name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
-    """Those that single engines bring, with their options; none of an engine that fails when it is asked."""
+    """Those that single engines bring, with their options; none of an engine that fails."""
     found: dict[str, Mapping[str, choices.Option]] = {}
     for name in engine_names():
         with contextlib.suppress(Exception, SystemExit):

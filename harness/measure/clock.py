@@ -26,7 +26,7 @@ OVERSHOOT = 2.0
 
 
 class Schedule(NamedTuple):
-    """Checkpoints in samples a pixel, start*ratio^k, and when to stop."""
+    """Checkpoints in samples per pixel, start*ratio^k, and when to stop."""
 
     ratio: float
     start: int
@@ -51,7 +51,7 @@ class Point:
 
 
 def checkpoints(schedule: Schedule) -> Iterator[int]:
-    """Strictly rising samples a pixel, ending with `max_spp`."""
+    """Strictly rising samples per pixel, ending with `max_spp`."""
     step, last = 0, 0
     while last < schedule.max_spp:
         wanted = min(round(schedule.start * schedule.ratio**step), schedule.max_spp)
@@ -65,7 +65,7 @@ def shortened(wanted: int, done: int, seconds: float, seconds_per_spp: float, ma
     """The checkpoint to render to instead of `wanted`, so that the budget is not overshot wildly; `done` means stop.
 
     A pass that is predicted to end within `OVERSHOOT` budgets is left alone: seeds then share their checkpoints. At
-    least one sample a pixel is rendered.
+    least one sample per pixel is rendered.
     """
     if seconds + (wanted - done) * seconds_per_spp <= OVERSHOOT * max_time:
         return wanted
@@ -97,11 +97,11 @@ def prepare(engine: Engine, scene: Scene, settings: Settings) -> tuple[Renderer,
 
 
 def one_sample(renderer: Renderer) -> float:
-    """Seconds of the discarded pass: an estimate of the time of a sample a pixel."""
+    """Seconds of the discarded pass: an estimate of the time of a sample per pixel."""
     start = perf_counter()
     renderer.render(spp=1)
     waited = perf_counter() - start
-    return max(told(renderer) or waited, 1e-9)
+    return max(reported_seconds(renderer) or waited, 1e-9)
 
 
 def timed_points(
@@ -115,10 +115,10 @@ def timed_points(
         target = shortened(wanted, done, seconds, seconds_per_spp, schedule.max_time_seconds)
         if target <= done:
             return
-        told_before = told(renderer)
+        reported_before = reported_seconds(renderer)
         film, elapsed = timed_call(renderer.render, target - done, disturbance)
-        if told_before is not None:
-            elapsed = (told(renderer) or 0.0) - told_before
+        if reported_before is not None:
+            elapsed = (reported_seconds(renderer) or 0.0) - reported_before
         seconds, done = seconds + elapsed, target
         seconds_per_spp = max(seconds / done, 1e-12)
         rays = rays_traced(renderer)
@@ -132,8 +132,11 @@ def rays_traced(renderer: Renderer) -> float | None:
     return counters(renderer).get("rays")
 
 
-def told(renderer: Renderer) -> float | None:
-    """The time that a renderer by process has told so far: what this process waits for is not all its rendering."""
+def reported_seconds(renderer: Renderer) -> float | None:
+    """Rendering seconds that an external program has reported so far; None where it reports none.
+
+    Waiting for it takes longer.
+    """
     return counters(renderer).get("told_seconds")
 
 

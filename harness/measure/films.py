@@ -18,7 +18,7 @@ from engines.input_files import open_regular
 COLOURS = ("sums", "squares", "even_sums")
 PARTS = (*COLOURS, "counts", "bad_samples")
 MOST_BYTES_PER_PIXEL, HEADER_BYTES = 256, 1 << 16
-"""Of the file: three colour arrays and counts take 80 bytes a pixel in float64."""
+"""Of the file: three colour arrays and counts take 80 bytes per pixel in float64."""
 LARGEST = float(np.finfo(np.float32).max)
 """Image files hold float32."""
 
@@ -28,7 +28,7 @@ class Unwritten(Exception):
 
 
 def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> None:
-    """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film that was asked for, and
+    """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film of the request, and
     `Unwritten` where the file cannot be written."""
     lacking = [part for part in PARTS if not hasattr(film, part)]
     if lacking:
@@ -75,7 +75,7 @@ def _refuse_unfit(parts: Mapping[str, Any], width: int, height: int, spp: int) -
     low, high = int(counts.min()), int(counts.max())
     if (low, high) != (spp, spp):
         found = str(low) if low == high else f"{low} to {high}"
-        raise RendererFailed(f"the engine's film.counts are {found}: {spp} is wanted, the samples asked for")
+        raise RendererFailed(f"the engine's film.counts are {found}: {spp} is wanted, the samples requested")
     bad = parts["bad_samples"]
     if isinstance(bad, bool) or not isinstance(bad, Integral) or int(bad) < 0:
         raise RendererFailed(f"the engine's film.bad_samples is {bad!r}: an integer from 0 on is wanted")

@@ -26,12 +26,12 @@ def words(size: float) -> str:
 
 
 def default_limit(share: float = 1.0) -> int:
-    """Bytes that a cell may hold where nothing else is asked for; `share` is its part of the machine."""
+    """Bytes that a cell may hold where the config sets no limit; `share` is its part of the machine."""
     return int(DEFAULT_SHARE * share * machine_bytes())
 
 
 class Watch:
-    """A process and all that it has started. `resident` may be asked many times a second."""
+    """A process and all that it has started. `resident` may be called many times per second."""
 
     def __init__(self, pid: int) -> None:
         self._top = psutil.Process(pid)

@@ -41,7 +41,7 @@ class WorkerTimeout(Exception):
     """A request that took too long; its process has been killed."""
 
 
-class Heard(NamedTuple):
+class WorkerMessage(NamedTuple):
     """A message of a worker, and the film that came with it."""
 
     message: dict[str, Any]
@@ -226,14 +226,14 @@ class Pool:
             self._workers[engine] = Worker(engine, self._allow_imports, self._log, self._most_bytes, self._temporary)
         return self._workers[engine]
 
-    def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[Heard]:
-        """What a worker tells of a cell, from its import to its end; the caller's time in between is not counted.
+    def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[WorkerMessage]:
+        """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted.
 
         Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed.
         """
         worker = self.worker(engine)
         imported = {"seconds": worker.import_seconds, "version": worker.version, "code": worker.code}
-        yield Heard({"did": "import", **imported})
+        yield WorkerMessage({"did": "import", **imported})
         deadline = monotonic() + timeout_seconds
         worker.ask({"do": "cell", **request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)})
         did, kinds = "", ("prepared",)
@@ -241,7 +241,7 @@ class Pool:
             while did != "end":
                 answer = self._receive(worker, request, deadline, *kinds)
                 did, began = answer["did"], monotonic()
-                yield Heard(answer, self._film(worker, request, answer["spp"]) if did == "point" else None)
+                yield WorkerMessage(answer, self._film(worker, request, answer["spp"]) if did == "point" else None)
                 deadline += monotonic() - began
                 kinds = ("point", "end")
                 if did == "point":
@@ -253,8 +253,8 @@ class Pool:
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """A reference's image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
         worker = self.worker(engine)
-        told = {"allow_imports": self._allow_imports, "scratch": str(self.scratch), "seeds": list(seeds)}
-        worker.ask({"do": "reference", **request, **told})
+        options = {"allow_imports": self._allow_imports, "scratch": str(self.scratch), "seeds": list(seeds)}
+        worker.ask({"do": "reference", **request, **options})
         try:
             for _ in seeds:
                 seconds = self._receive(worker, request, FOREVER, "point")["seconds"]

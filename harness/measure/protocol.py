@@ -47,7 +47,7 @@ FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     },
     "prepared": dict.fromkeys(("load_seconds", "build_seconds", "compile_seconds"), NUMBER),
     "point": {"spp": (_count, "an integer above 0"), "seconds": NUMBER},
-    "examined": {"findings": (_is(list), "a list")},
+    "verified": {"results": (_is(list), "a list")},
     "end": {},
     "failed": {"message": (_is(str), "text")},
     "unwritten": {"message": (_is(str), "text")},

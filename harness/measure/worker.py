@@ -6,9 +6,9 @@ once. Where forking is not safe (other systems than Linux, or an engine that sta
 cell itself and ends, and the parent starts another.
 
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
-           {"do": "examine", "case", "precision", "accelerator", "quick"}
+           {"do": "verify", "case", "precision", "accelerator", "quick"}
 Answers:   {"did": "import", "seconds", "version", "code", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
-           {"did": "examined", "findings"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+           {"did": "verified", "results"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
            {"did": "unwritten", "message"}: a film could not be handed over, which is no failure of the engine
 After a point the child waits for "go": the parent measures the error while nothing renders.
 
@@ -101,7 +101,7 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
 
 
 def threads_now() -> int:
-    """Threads of this process, those of native libraries included where the system tells."""
+    """Threads of this process, those of native libraries included where the system counts them."""
     try:
         return len(os.listdir("/proc/self/task"))
     except OSError:
@@ -123,7 +123,7 @@ def in_child(engine: Any, request: dict[str, Any], pipes: Pipes) -> int:
 def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Answers one request; an exception becomes a message."""
     try:
-        {"cell": cell, "reference": reference, "examine": examine}[request["do"]](engine, request, pipes)
+        {"cell": cell, "reference": reference, "verify": verify}[request["do"]](engine, request, pipes)
     except BaseException as error:  # sys.exit of an engine is a failure, too
         import contextlib
         import traceback
@@ -153,7 +153,7 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
 
 
 def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
-    """Renders `spp` samples a pixel under each seed, handing over a film after each."""
+    """Renders `spp` samples per pixel under each seed, handing over a film after each."""
     from engines.errors import Unsupported
     from harness.measure import clock
 
@@ -170,7 +170,7 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     pipes.send(did="end")
 
 
-def examine(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+def verify(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Runs one case of the accuracy suite."""
     from dataclasses import asdict
 
@@ -179,7 +179,7 @@ def examine(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
 
     case = next(case for case in CASES if case.id == request["case"])
     subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
-    pipes.send(did="examined", findings=[asdict(result) for result in run_case(case, subject)])
+    pipes.send(did="verified", results=[asdict(result) for result in run_case(case, subject)])
     pipes.send(did="end")
 
 

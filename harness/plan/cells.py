@@ -12,8 +12,8 @@ from typing import Any
 from engines.registry import is_file
 from harness.config import Checkpoints, Experiment, paths
 from harness.config.settings import Budget, SceneFile
-from harness.plan.references import ReferenceWanted
-from harness.plan.verify_jobs import Examination
+from harness.plan.references import PlannedReference
+from harness.plan.verify_jobs import VerifyJob
 
 WARM_UP_SEED = 1 << 40
 """Added to a cell's seed for the pass that is discarded."""
@@ -21,11 +21,11 @@ WARM_UP_SEED = 1 << 40
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One point of a sweep. `asked` is the preimage of `cell_id`; `settings` are plain data for the engine."""
+    """One point of a sweep. `spec` is the preimage of `cell_id`; `settings` are plain data for the engine."""
 
     cell_id: str
     configuration: str
-    asked: Mapping[str, Any]
+    spec: Mapping[str, Any]
     block: int
     order: int
     seed: int
@@ -66,13 +66,13 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Cells in the order in which they run, the references they need by id, and what is asked of the battery."""
+    """Cells in the order in which they run, the references they need by id, and the verify jobs."""
 
     experiment: Experiment
     cells: tuple[Cell, ...]
-    references: Mapping[str, ReferenceWanted]
+    references: Mapping[str, PlannedReference]
     warnings: tuple[str, ...]
-    examinations: tuple[Examination, ...] = ()
+    verify_jobs: tuple[VerifyJob, ...] = ()
 
 
 def _scene_word(scene: SceneFile) -> str:

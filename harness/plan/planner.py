@@ -1,4 +1,4 @@
-"""From an experiment to cells: what is asked of which engine, under which id, and what cannot be done.
+"""From an experiment to cells: the spec of each, its id, and what cannot be done.
 
 A configuration is one combination of settings; a cell is a configuration in one block, under that block's seed. All
 engines and scenes are loaded here once, so that every mistake in a name is found before anything runs.
@@ -24,13 +24,13 @@ from harness.config.settings import Budget, SceneFile, engine_settings, require_
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
 from harness.plan.cells import Cell, Plan, flow
-from harness.plan.references import Certifier, ReferenceWanted
+from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.source_hashes import engine_code, plugin_code
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
-CONTROL_LABEL = "A/A"
+AA_LABEL = "A/A"
 
 
 def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
@@ -38,21 +38,21 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     known = _Known(experiment, allow_imports, allow_commands)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
-    configurations = _with_control(experiment, [cell for cell, _ in found])
+    configurations = _with_aa_twin(experiment, [cell for cell, _ in found])
     cells: list[Cell] = []
     for block in range(experiment.repeats):
         members = sorted((_in_block(cell, experiment, block) for cell in configurations), key=lambda cell: cell.cell_id)
-        # The order depends on the seed and on what is asked, not on how the file is written.
+        # The order depends on the seed and on the specs, not on how the file is written.
         random.Random(f"{experiment.order_seed}/{block}").shuffle(members)
         cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
-    warned = [f"{path}: {warning}" for path, told in scenes.items() for warning in told]
+    warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
-    examinations = planned(experiment.verify, {name: known.engines[name] for name in compared})
-    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), examinations)
+    verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
 
 
 def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
@@ -126,7 +126,7 @@ def _resolves(engine: Engine, given: Mapping[str, Any]) -> bool:
 
 
 def _precision(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str:
-    """The precision where none is asked for: float64, the same for all engines, but for one that has float32 alone."""
+    """The precision where the config has none: float64, the same for all engines, but for one that has float32 alone."""
     double = {**settings, "precision": "float64"}
     single = {**settings, "precision": "float32"}
     able = _why_not(engine, scene, double, allow_imports) is None
@@ -135,7 +135,7 @@ def _precision(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_
 
 def _configured(
     experiment: Experiment, combination: Mapping[str, Any], known: _Known
-) -> tuple[Cell, ReferenceWanted | None]:
+) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
     file: SceneFile = combination["scene"]
     scene, engine = known.scenes[file.path], known.engines[combination["engine"]]
@@ -155,14 +155,14 @@ def _configured(
     budget: Budget = combination["budget"]
     by_place = ":" in combination["engine"] or is_file(combination["engine"])
     named = engine.name if by_place else combination["engine"]
-    asked = {
+    spec = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
         "checkpoints": asdict(experiment.checkpoints), "label": None,
         "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
     }  # fmt: skip
     cell = Cell(
-        cell_id="", configuration=digest(asked), asked=asked, block=0, order=0, seed=0, label=None, scene=file,
+        cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
         primitives=primitive_count(scene),
@@ -177,7 +177,7 @@ def primitive_count(scene: Scene) -> int:
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
-    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will tell."""
+    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will show."""
     plain = engine_settings(settings, 0, allow_imports)
     try:
         answer: Any = engine.why_not(scene, plain)
@@ -200,32 +200,32 @@ def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_im
 
 def _reference(
     experiment: Experiment, file: SceneFile, scene: Scene, settings: Mapping[str, Any], known: _Known
-) -> tuple[ReferenceWanted | None, str | None]:
+) -> tuple[PlannedReference | None, str | None]:
     """The reference of a scene, shader and size; or why its engine cannot make it."""
     given = experiment.reference
     engine = known.engines[given.engine]
     accelerator = {"name": given.accelerator} if isinstance(given.accelerator, str) else given.accelerator
     sampler = {"name": given.sampler} if isinstance(given.sampler, str) else given.sampler
-    asked_of = {
+    render_settings = {
         **settings, "precision": given.precision, "threads": 1,
         "sampler": choices.resolve("sampler", sampler, choices.SAMPLERS).describe(),
         "accelerator": _resolved(engine, accelerator),
     }  # fmt: skip
-    asked_of["precision"] = given.precision or _precision(engine, scene, asked_of, known.allow_imports)
-    why_not = _why_not(engine, scene, asked_of, known.allow_imports)
+    render_settings["precision"] = given.precision or _precision(engine, scene, render_settings, known.allow_imports)
+    why_not = _why_not(engine, scene, render_settings, known.allow_imports)
     if why_not:
         return None, f"no reference by {given.engine}: {why_not}"
     each, count = given.replicates
-    asked = {
+    spec = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": given.engine,
         "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
-        **{key: value for key, value in asked_of.items() if key != "threads"},
+        **{key: value for key, value in render_settings.items() if key != "threads"},
     }  # fmt: skip
-    asked["code"] = {"engine": known.code(given.engine), **_plugin_codes(asked_of)}
+    spec["code"] = {"engine": known.code(given.engine), **_plugin_codes(render_settings)}
     threads = given.threads or len(usable_cores())
-    certifier = _certifier(given.certify, scene, {**asked_of, "threads": threads}, known) if given.certify else None
-    wanted = ReferenceWanted(
-        file.name, file.path, scene.content_hash, asked, {**asked_of, "threads": threads}, certifier
+    certifier = _certifier(given.certify, scene, {**render_settings, "threads": threads}, known) if given.certify else None
+    wanted = PlannedReference(
+        file.name, file.path, scene.content_hash, spec, {**render_settings, "threads": threads}, certifier
     )  # fmt: skip
     return wanted, None
 
@@ -245,15 +245,15 @@ def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
     return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
-def _with_control(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
-    """The configurations, and one of them under a second label: how far apart two equal things are measured."""
+def _with_aa_twin(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
+    """The configurations, and one of them again under a second label: two equal cells show the noise of measuring."""
     able = sorted((cell for cell in configurations if not cell.skip), key=lambda cell: cell.configuration)
-    if not experiment.control or not able:
+    if not experiment.aa_twin or not able:
         return configurations
-    return [*configurations, replace(able[0], label=CONTROL_LABEL)]
+    return [*configurations, replace(able[0], label=AA_LABEL)]
 
 
 def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:
     seed = experiment.seed + block
-    asked = {**cell.asked, "label": cell.label, "seed": seed}
-    return replace(cell, asked=asked, cell_id=digest(asked), block=block, seed=seed)
+    spec = {**cell.spec, "label": cell.label, "seed": seed}
+    return replace(cell, spec=spec, cell_id=digest(spec), block=block, seed=seed)

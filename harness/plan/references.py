@@ -21,32 +21,32 @@ class Certifier:
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceWanted:
-    """A reference that cells need: `asked` is the preimage of its id, `settings` what the engine gets."""
+class PlannedReference:
+    """A reference that cells need: `spec` is the preimage of its id, `settings` what the engine gets."""
 
     scene_name: str
     scene_path: str
     scene_hash: str
-    asked: Mapping[str, Any]
+    spec: Mapping[str, Any]
     settings: Mapping[str, Any]
     certifier: Certifier | None = None
 
     @property
     def reference_id(self) -> str:
-        return digest(self.asked)
+        return digest(self.spec)
 
     @property
     def family(self) -> str:
         """The same for references that differ in the number of replicates alone."""
-        return digest({key: value for key, value in self.asked.items() if key != "replicates"})
+        return digest({key: value for key, value in self.spec.items() if key != "replicates"})
 
     @property
     def spp(self) -> int:
-        return self.asked["replicates"] * self.asked["replicate_spp"]
+        return self.spec["replicates"] * self.spec["replicate_spp"]
 
     def describe(self) -> str:
         """Scene, size and samples in a few words."""
-        return f"{self.scene_name} {self.asked['width']}x{self.asked['height']} {self.spp} spp"
+        return f"{self.scene_name} {self.spec['width']}x{self.spec['height']} {self.spp} spp"
 
     def folder(self, root: Path) -> Path:
         return root / self.scene_hash[:16] / self.reference_id

@@ -12,7 +12,7 @@ OVERHEAD_SECONDS = 4.0
 
 
 def up_to_date(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> bool:
-    """Whether an event still answers its cell: compared with today's reference, by the metric asked for."""
+    """Whether an event still answers its cell: compared with the current reference, by the metric of the config."""
     if event is None or event["state"] == "outdated":
         return False
     if event["state"] == "skipped":

@@ -20,7 +20,7 @@ from engines.errors import ConfigError
 from harness.hashing import digest
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
-from harness.plan.references import ReferenceWanted
+from harness.plan.references import PlannedReference
 from harness.run.references import Images, Report, held, replicates
 from harness.statistics import equivalence
 from harness.store import read_json, validation, write_json
@@ -32,24 +32,24 @@ ALPHA = 1e-3
 """False alarms of each scale: a reference is judged once, and a sweep has several."""
 
 
-def path_of(wanted: ReferenceWanted, root: Path) -> Path:
+def path_of(wanted: PlannedReference, root: Path) -> Path:
     assert wanted.certifier is not None
     return wanted.folder(root) / f"certificate-{re.sub('[^A-Za-z0-9_-]+', '-', wanted.certifier.engine)}.json"
 
 
-def asked_of(wanted: ReferenceWanted) -> dict[str, Any]:
-    """What the certificate is about, as plain data."""
+def spec_of(wanted: PlannedReference) -> dict[str, Any]:
+    """What a certificate is about, as plain data."""
     certifier = wanted.certifier
     assert certifier is not None
     return {
         "reference_id": wanted.reference_id, "engine": certifier.engine, "engine_version": certifier.version,
         "settings": {key: value for key, value in certifier.settings.items() if key != "threads"},
-        "replicates": min(MOST_REPLICATES, wanted.asked["replicates"]), "alpha": ALPHA,
+        "replicates": min(MOST_REPLICATES, wanted.spec["replicates"]), "alpha": ALPHA,
     }  # fmt: skip
 
 
-def existing(wanted: ReferenceWanted, root: Path) -> dict[str, Any] | None:
-    """The certificate that is there and still answers what is asked, as an event."""
+def existing(wanted: PlannedReference, root: Path) -> dict[str, Any] | None:
+    """The certificate that is there and still answers its spec, as an event."""
     path = path_of(wanted, root)
     if not path.exists():
         return None
@@ -58,10 +58,10 @@ def existing(wanted: ReferenceWanted, root: Path) -> dict[str, Any] | None:
         validation.event(found, str(path))
     except (OSError, ConfigError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}: remove it to make it anew") from error
-    return found if found.get("certificate_id") == digest(asked_of(wanted)) else None
+    return found if found.get("certificate_id") == digest(spec_of(wanted)) else None
 
 
-def make(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
+def make(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     """Renders, compares, writes the certificate and returns it as an event. Raises `WorkerFailed`.
 
     A second engine that cannot render the scene is no failure: the verdict is then "impossible". While another process
@@ -71,26 +71,26 @@ def make(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> d
         return existing(wanted, root) or _made(wanted, root, pool, report)
 
 
-def _made(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
-    certifier, asked = wanted.certifier, asked_of(wanted)
+def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
+    certifier, spec = wanted.certifier, spec_of(wanted)
     assert certifier is not None
-    told: dict[str, Any] = {
-        "event": "certificate", "certificate_id": digest(asked), **asked, "scene": wanted.scene_name,
-        "reference_engine": wanted.asked["engine"], "spp": asked["replicates"] * wanted.asked["replicate_spp"],
+    event: dict[str, Any] = {
+        "event": "certificate", "certificate_id": digest(spec), **spec, "scene": wanted.scene_name,
+        "reference_engine": wanted.spec["engine"], "spp": spec["replicates"] * wanted.spec["replicate_spp"],
         "message": certifier.why_not or "", "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }  # fmt: skip
     if certifier.why_not:
-        told["verdict"] = "impossible"
+        event["verdict"] = "impossible"
     else:
-        count, seed = asked["replicates"], wanted.asked["seed"]
+        count, seed = spec["replicates"], wanted.spec["seed"]
         ours = _images(replicates(wanted, range(seed, seed + count), pool), report, 0, count)
         again = range(seed + SEEDS_AWAY, seed + SEEDS_AWAY + count)
         theirs = _images(
             replicates(wanted, again, pool, certifier.engine, certifier.settings), report, count, count
         )
-        told.update(asdict(equivalence(ours, theirs, alpha=ALPHA)))
-    write_json(path_of(wanted, root), {**told, "machine": machine.provenance()})
-    return told
+        event.update(asdict(equivalence(ours, theirs, alpha=ALPHA)))
+    write_json(path_of(wanted, root), {**event, "machine": machine.provenance()})
+    return event
 
 
 def _images(films: Iterator[tuple[Any, float]], report: Report, before: int, count: int) -> np.ndarray:

@@ -19,14 +19,14 @@ COLOURS = {"done": "green", "failed": "red", "timeout": "yellow", "skipped": "di
 
 
 class Listener(Protocol):
-    """Who is told how the run goes. Called only while nothing renders."""
+    """What follows the progress of a run. Called only while nothing renders."""
 
     def note(self, text: str) -> None: ...
     def reference(self, name: str, done: int, wanted: int) -> None: ...
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
     def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
-    def examination(self, name: str, number: int, total: int) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
 def describe(cell: Cell) -> str:
@@ -97,8 +97,8 @@ class Terminal:
             self.console.print(escape(words), style=None if state == "done" else COLOURS[state], highlight=False,
                                soft_wrap=True)  # fmt: skip
 
-    def examination(self, name: str, number: int, total: int) -> None:
-        self._draw(f"verify {name}", number, total, "examinations")
+    def verify_job(self, name: str, number: int, total: int) -> None:
+        self._draw(f"verify {name}", number, total, "verify jobs")
         if not self.console.is_terminal:
             self.console.print(f"verify [{number + 1}/{total}] {name}", markup=False, highlight=False)
 

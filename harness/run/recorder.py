@@ -1,6 +1,6 @@
 """What a run knows and writes down: the state of its folder, and the events of its cells as they are measured.
 
-Executors measure cells and hand what workers tell to a `CellRecord`; the `Recorder` decides which cells are left and puts
+Executors measure cells and hand the messages of workers to a `CellRecord`; the `Recorder` decides which cells are left and puts
 every event on disk before the next cell begins.
 """
 
@@ -15,7 +15,7 @@ from engines.errors import ConfigError
 from harness import metrics, store
 from harness.hashing import digest
 from harness.measure import films, machine
-from harness.measure.pool import Heard, WorkerFailed, WorkerTimeout
+from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
 from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
 from harness.run.progress import Listener
@@ -100,11 +100,11 @@ class Recorder:
         """With `fail_fast`, the first failure ends the run."""
         self.stopped = self._fail_fast and event["state"] in BROKEN
 
-    def measured_as(self, record: CellRecord, heard: Iterable[Heard], sentinel: float) -> dict[str, Any]:
+    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage], sentinel: float) -> dict[str, Any]:
         """The event of a cell that has been measured, has failed or was killed at its timeout."""
         cell, state, message = record.cell, "done", ""
         try:
-            record.follow(heard)
+            record.follow(messages)
         except WorkerFailed as error:
             state, message = "failed", str(error)
         except WorkerTimeout:
@@ -117,7 +117,7 @@ class Recorder:
             "sentinel_seconds": sentinel,
         }  # fmt: skip
         try:
-            validation.event(event, "what the engine tells is unusable")
+            validation.event(event, "the engine's figures are unusable")
         except ConfigError as error:  # it must not make the whole folder unreadable
             return {**self.event(cell, "failed", str(error)), "env_id": record.env_id}
         return event
@@ -129,8 +129,8 @@ class Recorder:
             "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
             "seed": cell.seed, "scene": cell.scene.name, "scene_hash": cell.scene_hash,
             "primitives": cell.primitives, "engine": cell.engine_name,
-            "engine_version": cell.asked["engine_version"], **cell.settings,
-            "reference_id": cell.reference_id, "asked": dict(cell.asked),
+            "engine_version": cell.spec["engine_version"], **cell.settings,
+            "reference_id": cell.reference_id, "spec": dict(cell.spec),
             "command": cell.command(spp or cell.budget.max_spp),
             "time": datetime.now(UTC).isoformat(timespec="seconds"), "phases": {}, "points": [], "counters": {},
             "machine": {},
@@ -145,7 +145,7 @@ class Recorder:
 
 
 class CellRecord:
-    """What a cell's worker tells, as the parts of its event."""
+    """The messages of a cell's worker, collected as the parts of its event."""
 
     def __init__(self, recorder: Recorder, cell: Cell, env_id: str) -> None:
         self.recorder, self.cell, self.env_id = recorder, cell, env_id
@@ -155,28 +155,28 @@ class CellRecord:
         self.disturbance: dict[str, Any] = {}
         self._last_film: Any = None
 
-    def follow(self, heard: Iterable[Heard]) -> None:
-        """Takes down what a worker tells, until its end; failures and timeouts come out of `heard`."""
+    def follow(self, messages: Iterable[WorkerMessage]) -> None:
+        """Collects the messages of a worker until its end; failures and timeouts are raised by `messages`."""
         reference = self.recorder.reference(str(self.cell.reference_id))
-        for message, film in heard:
-            told = {key: value for key, value in message.items() if key != "did"}
+        for message, film in messages:
+            fields = {key: value for key, value in message.items() if key != "did"}
             if message["did"] == "import":
-                self._imported(**told)
+                self._imported(**fields)
             elif message["did"] == "prepared":
-                self.phases.update(told)
+                self.phases.update(fields)
             elif message["did"] == "point":
-                self._point(told, film, reference)
+                self._point(fields, film, reference)
             elif message["did"] == "end":
-                self.counters, self.disturbance = {**told.get("counters", {}), **self.counters}, told.get("machine", {})
+                self.counters, self.disturbance = {**fields.get("counters", {}), **self.counters}, fields.get("machine", {})
 
     def _imported(self, seconds: float, version: str, code: str) -> None:
-        planned = str(self.cell.asked["engine_version"])
+        planned = str(self.cell.spec["engine_version"])
         if version != planned:
             raise WorkerFailed(
                 f"the engine is version {version} where it was to render, {planned} where it was planned"
             )
         # Elsewhere native libraries of the same version may be other files.
-        if self.env_id == self.recorder.env_id and code != self.cell.asked["code"]["engine"]:
+        if self.env_id == self.recorder.env_id and code != self.cell.spec["code"]["engine"]:
             raise WorkerFailed("the engine's code has changed since the run began: run again")
         self.phases["import_seconds"] = seconds
 
@@ -209,7 +209,7 @@ class CellRecord:
         path = store.image_path(self.cell.cell_id, point["spp"])
         target = store.image_file(self.recorder.folder, path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        told = {key: point[key] for key in ("spp", "seconds", "metrics")}
-        identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "asked": dict(self.cell.asked)}
-        film.save(target, provenance={**identity, **told, "scene": self.cell.scene.name})
+        measured = {key: point[key] for key in ("spp", "seconds", "metrics")}
+        identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "spec": dict(self.cell.spec)}
+        film.save(target, provenance={**identity, **measured, "scene": self.cell.scene.name})
         point["image"] = path

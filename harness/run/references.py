@@ -5,7 +5,7 @@ make one half, the odd ones the other; the variance of every pixel is the spread
 quasi-random samplers too. On disk it is a film whose samples are the replicates:
 
     <references>/<scene hash>/<id>/film-0032.npz    sums, squares, even sums, counts after 32 replicates
-                                   meta.json        what was asked, progress, checksum, provenance
+                                   reference.json   spec, progress, checksum, provenance
                                    reference.exr    for eyes: mean, variance, both halves
     <references>/<scene hash>/<id>.lock             held by the process that makes it
 
@@ -31,13 +31,13 @@ from engines.errors import ConfigError
 from engines.film import Film
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
-from harness.plan.references import ReferenceWanted
+from harness.plan.references import PlannedReference
 from harness.store import atomic, locks, write_json
 from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale
 
 SAVE_EVERY_SECONDS = 20.0
 Report = Callable[[int, int], None]
-"""Told (replicates done, replicates wanted)."""
+"""Called with (replicates done, replicates wanted)."""
 
 
 class Images(Protocol):
@@ -48,7 +48,7 @@ class Images(Protocol):
         ...
 
 
-def ready(wanted: ReferenceWanted, root: Path) -> bool:
+def ready(wanted: PlannedReference, root: Path) -> bool:
     """Whether it is on disk, whole and fresh; one that is damaged or stale is refused with what to do."""
     folder = wanted.folder(root)
     if not (folder / META).exists():
@@ -59,7 +59,7 @@ def ready(wanted: ReferenceWanted, root: Path) -> bool:
 
 
 def make(
-    wanted: ReferenceWanted, root: Path, pool: Images, report: Report, waits: Callable[[], None] = lambda: None
+    wanted: PlannedReference, root: Path, pool: Images, report: Report, waits: Callable[[], None] = lambda: None
 ) -> dict[str, Any]:
     """Renders what is missing and returns its metadata. Raises `WorkerFailed` when the engine fails.
 
@@ -71,20 +71,20 @@ def make(
         return _made(wanted, root, pool, report)
 
 
-def held(wanted: ReferenceWanted, root: Path, waits: Callable[[], None] = lambda: None) -> AbstractContextManager[None]:
+def held(wanted: PlannedReference, root: Path, waits: Callable[[], None] = lambda: None) -> AbstractContextManager[None]:
     """The lock of a reference, without which nothing is written into its folder."""
     folder = wanted.folder(root)
     return locks.exclusive(folder.with_name(f"{folder.name}.lock"), waits)
 
 
-def _made(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> dict[str, Any]:
+def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     folder = wanted.folder(root)
     film, seconds = _start(wanted, root)
-    first, count = film.spp, wanted.asked["replicates"]
+    first, count = film.spp, wanted.spec["replicates"]
     if first < count:
         report(first, count)
         saved = monotonic()
-        seeds = range(wanted.asked["seed"] + first, wanted.asked["seed"] + count)
+        seeds = range(wanted.spec["seed"] + first, wanted.spec["seed"] + count)
         for replicate, more in replicates(wanted, seeds, pool):
             seconds += more
             _add(film, replicate, wanted)
@@ -99,24 +99,24 @@ def _made(wanted: ReferenceWanted, root: Path, pool: Images, report: Report) -> 
 
 
 def replicates(
-    wanted: ReferenceWanted, seeds: Iterable[int], pool: Images, engine: str | None = None,
+    wanted: PlannedReference, seeds: Iterable[int], pool: Images, engine: str | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Iterator[tuple[Film, float]]:  # fmt: skip
     """The reference's image under each seed, with the seconds it took; by another engine where one is named."""
     request = {
         "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash, "settings": dict(settings or wanted.settings),
-        "spp": wanted.asked["replicate_spp"],
+        "spp": wanted.spec["replicate_spp"],
     }  # fmt: skip
-    yield from pool.replicates(engine or wanted.asked["engine"], request, list(seeds))
+    yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
 
 
-def event(wanted: ReferenceWanted, root: Path) -> dict[str, Any]:
+def event(wanted: PlannedReference, root: Path) -> dict[str, Any]:
     """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
     meta = meta_of(wanted.folder(root))
     return {
         "event": "reference", "scene": wanted.scene_name, "scene_hash": wanted.scene_hash,
-        "reference_id": wanted.reference_id, "engine": wanted.asked["engine"], "spp": wanted.spp,
-        "width": wanted.asked["width"], "height": wanted.asked["height"], "shader": wanted.asked["shader"],
+        "reference_id": wanted.reference_id, "engine": wanted.spec["engine"], "spp": wanted.spp,
+        "width": wanted.spec["width"], "height": wanted.spec["height"], "shader": wanted.spec["shader"],
         "seconds": meta["seconds"],
     }  # fmt: skip
 
@@ -124,7 +124,7 @@ def event(wanted: ReferenceWanted, root: Path) -> dict[str, Any]:
 # --- on disk --------------------------------------------------------------------------------------------------------
 
 
-def _start(wanted: ReferenceWanted, root: Path) -> tuple[Film, float]:
+def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
     """The film to go on with and the seconds it took: this reference's own, the largest relative's, or an empty one.
 
     A relative may be written by another process meanwhile, and then does not help.
@@ -136,7 +136,7 @@ def _start(wanted: ReferenceWanted, root: Path) -> tuple[Film, float]:
             meta = meta_of(path.parent)
         except ConfigError:
             continue
-        if meta["family"] == wanted.family and meta["done"] <= wanted.asked["replicates"]:
+        if meta["family"] == wanted.family and meta["done"] <= wanted.spec["replicates"]:
             found.append((meta["done"], path.parent, meta))
     for _, folder, meta in sorted(found, key=lambda each: each[0], reverse=True):
         try:
@@ -144,17 +144,17 @@ def _start(wanted: ReferenceWanted, root: Path) -> tuple[Film, float]:
         except ConfigError:
             if folder == own:
                 raise
-    return Film(wanted.asked["width"], wanted.asked["height"]), 0.0
+    return Film(wanted.spec["width"], wanted.spec["height"]), 0.0
 
 
-def _add(film: Film, replicate: Film, wanted: ReferenceWanted) -> None:
+def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
     image = replicate.mean()
     if not np.isfinite(image).all():
         raise WorkerFailed(f"reference of {wanted.scene_name}: the engine's image is not finite")
     film.add(image)
 
 
-def _save(folder: Path, wanted: ReferenceWanted, film: Film, seconds: float) -> dict[str, Any]:
+def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) -> dict[str, Any]:
     """Writes arrays and image, then the metadata that names them, then removes the arrays that the metadata named before.
 
     A crash leaves one or the other. To be called with the reference `held`.
@@ -166,8 +166,8 @@ def _save(folder: Path, wanted: ReferenceWanted, film: Film, seconds: float) -> 
         )
     meta = {
         "reference_id": wanted.reference_id, "family": wanted.family, "scene": wanted.scene_name,
-        "scene_hash": wanted.scene_hash, "asked": dict(wanted.asked), "done": film.spp,
-        "complete": film.spp == wanted.asked["replicates"], "file": name, "sha256": checksum(folder / name),
+        "scene_hash": wanted.scene_hash, "spec": dict(wanted.spec), "done": film.spp,
+        "complete": film.spp == wanted.spec["replicates"], "file": name, "sha256": checksum(folder / name),
         "seconds": seconds, "time": datetime.now(UTC).isoformat(timespec="seconds"), "machine": machine.provenance(),
     }  # fmt: skip
     if meta["complete"]:
@@ -182,4 +182,4 @@ def _save(folder: Path, wanted: ReferenceWanted, film: Film, seconds: float) -> 
 
 def _text(meta: Mapping[str, Any]) -> dict[str, str]:
     """Metadata for an image's header."""
-    return {key: json.dumps(meta[key]) for key in ("reference_id", "scene", "scene_hash", "asked", "time")}
+    return {key: json.dumps(meta[key]) for key in ("reference_id", "scene", "scene_hash", "spec", "time")}

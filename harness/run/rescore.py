@@ -40,11 +40,11 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
 
 
 def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
-    """The quality that the folder's config asked for, with overrides applied."""
-    asked = (manifest.get("config") or {}).get("quality")
-    if asked is None:
+    """The quality that the folder's config, with overrides applied."""
+    given = (manifest.get("config") or {}).get("quality")
+    if given is None:
         raise ConfigError(f"{store.MANIFEST} config.quality: is missing: it is not known what was to be measured")
-    text = json.dumps({"quality": asked})
+    text = json.dumps({"quality": given})
     root = parse_yaml(text, store.MANIFEST, ConfigError)
     for override in overrides:
         root = config.override(root, override)

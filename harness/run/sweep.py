@@ -1,6 +1,6 @@
 """The run: references, then blocks of cells in random order, one at a time, each result on disk before the next begins.
 
-What it may be told to do again is decided by `plan.state`; what it writes is decided by `recorder`. A cell that fails
+What is measured again is decided by `plan.state`; what it writes is decided by `recorder`. A cell that fails
 or runs out of time is recorded and the sweep goes on. Nothing here renders: `measure.worker` does, and while this process
 computes errors or draws progress no ray is traced.
 """
@@ -21,13 +21,14 @@ from harness.measure import machine
 from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
 from harness.plan import verify_jobs as planned_jobs
 from harness.plan.cells import Cell, Plan
-from harness.plan.references import ReferenceWanted
+from harness.plan.references import PlannedReference
 from harness.plan.state import up_to_date
 from harness.run import certificates, references, verify_jobs
 from harness.run.executors import local
 from harness.run.progress import Listener
 from harness.run.recorder import BROKEN, Recorder
 from harness.store import confined
+from harness.store.validation import FORMAT_VERSION
 
 if TYPE_CHECKING:
     from harness.run.executors.dask import Cluster
@@ -57,8 +58,8 @@ class Outcome:
     measured: int = 0
     states: dict[str, int] = field(default_factory=dict)
     failures: list[tuple[Cell, Mapping[str, Any]]] = field(default_factory=list)
-    unexamined: list[str] = field(default_factory=list)
-    """Examinations that failed or timed out, each with its message."""
+    failed_verify_jobs: list[str] = field(default_factory=list)
+    """Verify jobs that failed or timed out, each with its message."""
     stopped: bool = False
 
 
@@ -85,7 +86,7 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
                 local.measure(sweep.recorder, pool)
             else:
                 cluster.measure(sweep.recorder)
-            sweep.examine(pool)
+            sweep.run_verify_jobs(pool)
         sweep.record_targets()
         return sweep.outcome()
 
@@ -105,11 +106,11 @@ class Sweep:
         """Writes the manifest; says which old results no longer count, which do again, and what cannot be done."""
         experiment = self.plan.experiment
         self._revive()
-        todo, unexamined = self.recorder.todo(), self.unexamined()
+        todo, jobs = self.recorder.todo(), self.pending_verify_jobs()
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        self._write_manifest(now, bool(todo or unexamined))
-        if todo or unexamined:
-            run_id = digest([now, *(cell.cell_id for cell in todo), *(each.examination_id for each in unexamined)])
+        self._write_manifest(now, bool(todo or jobs))
+        if todo or jobs:
+            run_id = digest([now, *(cell.cell_id for cell in todo), *(each.verify_job_id for each in jobs)])
             self.recorder.append({
                 "event": "run", "time": now, "run_id": run_id, "command": list(self.options.command),
                 "config_name": experiment.name,
@@ -121,7 +122,7 @@ class Sweep:
         planned = {cell.cell_id for cell in self.plan.cells}
         for cell_id, event in list(self.recorder.latest.items()):
             if cell_id not in planned and event["state"] != "outdated":
-                self.recorder.append({**event, "state": "outdated", "message": "no longer asked for"})
+                self.recorder.append({**event, "state": "outdated", "message": "no longer in the experiment"})
         for cell in self.plan.cells:
             if cell.skip and not up_to_date(cell, self.recorder.latest.get(cell.cell_id), self.recorder.metric):
                 self.recorder.append(self.recorder.event(cell, "skipped", cell.skip))
@@ -130,19 +131,19 @@ class Sweep:
         """Replaces the manifest where it would say something else, or something is going to be measured."""
         experiment = self.plan.experiment
         same = {
-            "raybench_results": 1, "name": experiment.name, "config_name": experiment.name,
+            "raybench_results": FORMAT_VERSION, "name": experiment.name, "config_name": experiment.name,
             "config": json.loads(json.dumps(experiment.resolved)), "env_id": self.recorder.env_id,
             "cell_ids": [cell.cell_id for cell in self.plan.cells],
-            "examination_ids": [each.examination_id for each in self.plan.examinations],
+            "verify_job_ids": [each.verify_job_id for each in self.plan.verify_jobs],
         }  # fmt: skip
         path = self.recorder.folder / store.MANIFEST
         before = store.read_manifest(self.recorder.folder) if path.exists() else {}
         if running or any(before.get(key) != value for key, value in same.items()):
-            told = {"time": now, "command": list(self.options.command), "machine": machine.provenance()}
-            store.write_json(path, {**same, **told})
+            moment = {"time": now, "command": list(self.options.command), "machine": machine.provenance()}
+            store.write_json(path, {**same, **moment})
 
     def _revive(self) -> None:
-        """Results that a changed plan had put aside count again when they are asked for again."""
+        """Results that a changed plan had put aside count again when the plan has them again."""
         wanted = {cell.cell_id: cell for cell in self.plan.cells}
         last: dict[str, Mapping[str, Any]] = {}
         for event in self.recorder.history:
@@ -184,14 +185,14 @@ class Sweep:
                 self.recorder.append(references.event(wanted, self.recorder.root))
             self._certify(wanted, pool)
 
-    def _make_reference(self, wanted: ReferenceWanted, pool: references.Images) -> None:
+    def _make_reference(self, wanted: PlannedReference, pool: references.Images) -> None:
         references.make(
             wanted, self.recorder.root, pool,
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
             lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
         )  # fmt: skip
 
-    def _certify(self, wanted: ReferenceWanted, pool: references.Images) -> None:
+    def _certify(self, wanted: PlannedReference, pool: references.Images) -> None:
         """Has the reference compared with a second engine's image, once, and says what came out."""
         if wanted.certifier is None or not references.ready(wanted, self.recorder.root):
             return
@@ -210,18 +211,18 @@ class Sweep:
             if found["verdict"] != "equivalent":
                 self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
 
-    # --- examinations ------------------------------------------------------------------------------------------------
+    # --- verify jobs ------------------------------------------------------------------------------------------------
 
-    def unexamined(self) -> list[planned_jobs.Examination]:
-        return planned_jobs.todo(self.plan.examinations, self.recorder.history, self.options.retry)
+    def pending_verify_jobs(self) -> list[planned_jobs.VerifyJob]:
+        return planned_jobs.todo(self.plan.verify_jobs, self.recorder.history, self.options.retry)
 
-    def examine(self, pool: Pool) -> None:
-        """What the config asks of the battery, after everything that is timed."""
-        todo = self.unexamined()
+    def run_verify_jobs(self, pool: Pool) -> None:
+        """Runs the cases that the config's `verify` names, after everything that is timed."""
+        todo = self.pending_verify_jobs()
         for number, each in enumerate(todo):
             if self.recorder.stopped:
                 return
-            self.listener.examination(each.words, number, len(todo))
+            self.listener.verify_job(each.words, number, len(todo))
             event = verify_jobs.make(each, pool, self.recorder.env_id)
             self.recorder.append(event)
             self.recorder.stop_if_broken(event)
@@ -245,7 +246,7 @@ class Sweep:
             if event is not None and state in BROKEN:
                 found.failures.append((cell, event))
         known = store.latest_verify_jobs(self.recorder.history)
-        events = [(each, known.get(each.examination_id)) for each in self.plan.examinations]
-        found.unexamined = [f"{event['state']}: {each.words}: {event['message']}"
+        events = [(each, known.get(each.verify_job_id)) for each in self.plan.verify_jobs]
+        found.failed_verify_jobs = [f"{event['state']}: {each.words}: {event['message']}"
                             for each, event in events if event is not None and event["state"] in BROKEN]  # fmt: skip
         return found

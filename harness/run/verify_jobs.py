@@ -7,24 +7,24 @@ from time import monotonic
 from typing import Any
 
 from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
-from harness.plan.verify_jobs import Examination
+from harness.plan.verify_jobs import VerifyJob
 
 
-def make(each: Examination, pool: Pool, env_id: str) -> dict[str, Any]:
-    """The event of an examination that was made, has failed or was killed at its timeout."""
+def make(each: VerifyJob, pool: Pool, env_id: str) -> dict[str, Any]:
+    """The event of a verify job that was run, has failed or was killed at its timeout."""
     began, state, message, found = monotonic(), "done", "", []
     try:
         worker = pool.worker(each.engine)
         deadline = monotonic() + each.timeout_seconds
-        worker.ask({"do": "examine", **{key: each.asked[key] for key in ("case", "precision", "accelerator", "quick")}})
-        found = worker.receive(deadline, "examined")["findings"]
+        worker.ask({"do": "verify", **{key: each.spec[key] for key in ("case", "precision", "accelerator", "quick")}})
+        found = worker.receive(deadline, "verified")["results"]
         worker.receive(deadline, "end")
     except WorkerFailed as error:
         state, message = "failed", str(error)
     except WorkerTimeout:
         state, message = "timeout", f"killed after {each.timeout_seconds:g} s"
     return {
-        "event": "examination", "examination_id": each.examination_id, "asked": dict(each.asked), "env_id": env_id,
-        "state": state, "message": message, "findings": found, "wall_seconds": monotonic() - began,
+        "event": "verify_job", "verify_job_id": each.verify_job_id, "spec": dict(each.spec), "env_id": env_id,
+        "state": state, "message": message, "results": found, "wall_seconds": monotonic() - began,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }  # fmt: skip

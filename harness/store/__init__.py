@@ -6,9 +6,10 @@ folders, and `reference_files` finds and reads the references that they name.
 
 from harness.store.events import (
     EVENTS,
+    MANIFEST,
     TORN,
     Events,
-    findings,
+    check_results,
     last_event,
     latest_cells,
     latest_verify_jobs,
@@ -18,7 +19,6 @@ from harness.store.folder import (
     DERIVED,
     IMAGES,
     LOCK,
-    MANIFEST,
     clear,
     derived_is_fresh,
     discard_images,
@@ -26,14 +26,13 @@ from harness.store.folder import (
     image_path,
     is_locked,
     locked,
-    read_json,
     read_manifest,
-    write_json,
 )
+from harness.store.json_files import read_json, write_json
 from harness.store.reference_files import reference_arrays
 
 __all__ = [
-    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "Events", "clear", "derived_is_fresh", "discard_images",
-    "findings", "image_file", "image_path", "is_locked", "last_event", "latest_cells", "latest_verify_jobs", "locked",
-    "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
+    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "Events", "check_results", "clear",
+    "derived_is_fresh", "discard_images", "image_file", "image_path", "is_locked", "last_event", "latest_cells",
+    "latest_verify_jobs", "locked", "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
 ]  # fmt: skip

@@ -154,7 +154,7 @@ class Cell(Record):
     width: Pixels
     height: Pixels
     reference_id: Id | None
-    asked: dict[str, Any] = {}
+    spec: dict[str, Any] = {}
     command: str | None = None
     time: str | None = None
     phases: Numbers
@@ -221,8 +221,8 @@ class Pair(Record):
     paired: bool
 
 
-class Conclusions(Record):
-    event: Literal["conclusions"]
+class ArchivedVerdicts(Record):
+    event: Literal["archived_verdicts"]
     bias: list[Bias] = []
     baseline: list[Beside] = []
     pairs: list[Pair] = []
@@ -255,17 +255,17 @@ class CheckResult(BaseModel):
     median_error: float = 0.0
 
 
-class Examination(Record):
-    event: Literal["examination"]
-    examination_id: Id
+class VerifyJob(Record):
+    event: Literal["verify_job"]
+    verify_job_id: Id
     env_id: Id | None = None
     state: Literal["done", "failed", "timeout"]
     message: str = ""
-    findings: list[CheckResult]
+    results: list[CheckResult]
 
 
 Event = Annotated[
-    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | Conclusions | Examination,
+    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | ArchivedVerdicts | VerifyJob,
     Field(discriminator="event"),
 ]
 
@@ -297,13 +297,13 @@ class Manifest(Record):
     config_name: str | None = None
     config: Config | None = None
     cell_ids: list[Id] = []
-    examination_ids: list[Id] | None = None
+    verify_job_ids: list[Id] | None = None
     command: list[str] = []
     machine: dict[str, Any] = {}
     merged: list[dict[str, Any]] = []
 
 
-class Asked(Record):
+class ReferenceSpec(Record):
     """What a reference's id is the hash of."""
 
     replicates: Annotated[int, Field(ge=2, le=2**31)]
@@ -317,7 +317,7 @@ class ReferenceMeta(Record):
     family: str
     scene: str
     scene_hash: Id
-    asked: Asked
+    spec: ReferenceSpec
     done: Count
     complete: bool
     file: Annotated[str, Field(pattern=r"^film-[0-9]{1,10}\.npz$")]

@@ -17,8 +17,9 @@ from typing import Any
 from engines.errors import ConfigError
 from engines.input_files import open_regular, unreadable
 from harness.store import confined, validation
+from harness.store.json_files import read_json
 
-EVENTS = "events.jsonl"
+EVENTS, MANIFEST = "events.jsonl", "manifest.json"
 TORN = "its last line is cut short and was dropped: the run before this one was interrupted while it wrote"
 
 
@@ -76,9 +77,10 @@ class Events:
 def read_events(folder: str | Path) -> list[dict[str, Any]]:
     """All events of a folder in order, checked against `validation`; a torn last line is ignored with a warning.
 
-    Raises `ConfigError` where there is no such file, where a line in its middle is damaged, and for the first event that
-    does not say what events say, with its line.
+    Raises `ConfigError` for a folder of another version of the format, where there is no such file, where a line in its
+    middle is damaged, and for the first event that is not valid, with its line.
     """
+    _check_version(Path(folder))
     path = confined.inside(Path(folder), EVENTS, str(folder))
     try:
         with open_regular(path) as file:
@@ -96,6 +98,14 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
         elif line:
             raise ConfigError(f"{path}:{index + 1}: not an event: the file is damaged; repair or remove that line")
     return found
+
+
+def _check_version(folder: Path) -> None:
+    """Events have no version of their own: the manifest beside them says it."""
+    path = confined.inside(folder, MANIFEST, str(folder))
+    if path.exists():
+        with contextlib.suppress(OSError):  # who needs the manifest reads it
+            validation.version(read_json(path), str(path))
 
 
 def _parsed(line: bytes) -> dict[str, Any] | None:
@@ -125,12 +135,12 @@ def last_event(events: Iterable[Mapping[str, Any]], kind: str) -> dict[str, Any]
 
 
 def latest_verify_jobs(events: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """The last event of every examination."""
-    return {event["examination_id"]: event for event in events if event["event"] == "examination"}
+    """The last event of every verify job."""
+    return {event["verify_job_id"]: event for event in events if event["event"] == "verify_job"}
 
 
-def findings(events: Iterable[Mapping[str, Any]], wanted: Iterable[str] | None = None) -> list[Mapping[str, Any]]:
-    """What all examinations found, or those of the ids wanted."""
+def check_results(events: Iterable[Mapping[str, Any]], wanted: Iterable[str] | None = None) -> list[Mapping[str, Any]]:
+    """The check results of all verify jobs, or of those with the ids `wanted`."""
     known = latest_verify_jobs(events)
     chosen = known if wanted is None else [key for key in wanted if key in known]
-    return [finding for key in chosen for finding in known[key]["findings"]]
+    return [result for key in chosen for result in known[key]["results"]]

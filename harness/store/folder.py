@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -11,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
-from engines.input_files import open_regular, unreadable
-from harness.store import atomic, confined, locks, validation
-from harness.store.events import EVENTS
+from engines.input_files import unreadable
+from harness.store import confined, locks, validation
+from harness.store.events import EVENTS, MANIFEST
+from harness.store.json_files import read_json
 
-MANIFEST, LOCK, IMAGES = "manifest.json", ".lock", "images"
+LOCK, IMAGES = ".lock", "images"
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", "tables", "plots", "report.html", "worker.log")
 
 
@@ -31,20 +31,6 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
     validation.manifest(found, str(path))
     return found
-
-
-def read_json(path: Path) -> Any:
-    """What a JSON file says. Raises `OSError`, and `ConfigError` for what is no JSON."""
-    try:
-        with open_regular(path) as file:
-            return json.loads(file.read())
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not JSON: {error}") from error
-
-
-def write_json(path: Path, data: Any) -> None:
-    """Replaces a file by JSON in one step: readers see the old or the new one, whole. Raises `ConfigError`."""
-    atomic.write_text(path, json.dumps(data, indent=2, ensure_ascii=False) + "\n", durable=True)
 
 
 def image_path(cell_id: str, spp: int) -> str:

@@ -1,6 +1,6 @@
 """One results folder from those of several machines. Machines stay apart: in names, in panels, under a banner.
 
-A cell's id says what was asked, not where it was measured: merged cells get ids of both, and keep their own as
+A cell's id is a hash of its spec, not of where it was measured: merged cells get ids of both, and keep their own as
 `measured_as`. The merged folder holds copies of images and references, and stands on its own.
 """
 
@@ -18,6 +18,7 @@ from harness import store
 from harness.hashing import digest
 from harness.store import atomic, reference_files
 from harness.store.results import Results, load_results, settings_of
+from harness.store.validation import FORMAT_VERSION
 
 Owned = tuple[Results, Mapping[str, Any]]
 
@@ -87,7 +88,7 @@ def _refuse_mixtures(cells: Any) -> None:
     for source, cell in cells:
         other, twin = seen.setdefault((settings_of(cell), cell.get("block")), (source, cell))
         if twin is not cell:
-            mine, theirs = cell.get("asked") or {}, twin.get("asked") or {}
+            mine, theirs = cell.get("spec") or {}, twin.get("spec") or {}
             differing = sorted(key for key in {*mine, *theirs} if mine.get(key) != theirs.get(key))
             raise ConfigError(
                 f"{source.folder} and {other.folder}: {cell['scene']} {cell['engine']}, block {cell.get('block')}, was "
@@ -103,7 +104,7 @@ def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
         for event in store.read_events(source.folder):
             if event["event"] == "sentinel" and len(env_ids) == 1:
                 event.setdefault("env_id", next(iter(env_ids)))
-            if event["event"] in ("run", "environment", "sentinel", "certificate", "examination"):
+            if event["event"] in ("run", "environment", "sentinel", "certificate", "verify_job"):
                 found.setdefault(json.dumps(event, sort_keys=True), event)
     targets = sorted({target for source in sources for target in source.targets}, reverse=True)
     known: dict[str, dict[str, Any]] = {}
@@ -132,7 +133,7 @@ def _manifest(sources: Sequence[Results], cell_ids: list[str]) -> dict[str, Any]
     """A manifest that holds those of all folders; its own config is the first one's."""
     first = sources[0].manifest
     return {
-        "raybench_results": 1, "name": str(first.get("name") or sources[0].folder.name),
+        "raybench_results": FORMAT_VERSION, "name": str(first.get("name") or sources[0].folder.name),
         "config": first.get("config") or {}, "cell_ids": cell_ids,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "merged": [{"folder": source.folder.name, **source.manifest} for source in sources],

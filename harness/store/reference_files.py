@@ -20,14 +20,14 @@ from engines.film import BYTES_A_PIXEL, Film
 from harness.hashing import digest
 from harness.store import atomic, confined, validation
 from harness.store.events import EVENTS, read_events
-from harness.store.folder import read_json, write_json
+from harness.store.json_files import read_json, write_json
 
 if TYPE_CHECKING:
     from harness.metrics import Reference
 
 HEADERS = 1 << 16
 """Bytes of a film's file beside its pixels, at most."""
-META, EXR = "meta.json", "reference.exr"
+META, EXR = "reference.json", "reference.exr"
 FOLDER = "references"
 """Of archives and merged results: the references they carry with them."""
 VARIABLE = "RAYBENCH_REFERENCES"
@@ -78,16 +78,16 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
     if not meta["complete"]:
         raise ConfigError(f"{folder}: this reference was not finished: run the experiment again")
     film = film_in(folder, meta)
-    spp = meta["asked"]["replicates"] * meta["asked"]["replicate_spp"]
+    spp = meta["spec"]["replicates"] * meta["spec"]["replicate_spp"]
     return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
 
 
-def carry(results: Path, told: Mapping[str, Any], out: Path, small: bool) -> None:
+def carry(results: Path, event: Mapping[str, Any], out: Path, small: bool) -> None:
     """Copies the reference of a `reference` event into the results folder `out`, where there is such a one.
 
     `small`: its arrays in float32, compressed, and nothing for eyes. Its metadata names what is there.
     """
-    reference_id, scene_hash = str(told["reference_id"]), str(told["scene_hash"])
+    reference_id, scene_hash = str(event["reference_id"]), str(event["scene_hash"])
     source = search(results, reference_id, scene_hash)
     if source is None:
         return
@@ -129,11 +129,11 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
         whole = False
     if not whole:
         raise ConfigError(f"{path}: missing, or its checksum is not the recorded one: remove {folder} to make it anew")
-    _refuse_bomb(path, meta["asked"])
+    _refuse_bomb(path, meta["spec"])
     try:
         with np.load(path) as arrays:
             height, width = arrays["counts"].shape
-            if (height, width) != (meta["asked"]["height"], meta["asked"]["width"]):
+            if (height, width) != (meta["spec"]["height"], meta["spec"]["width"]):
                 raise ValueError(f"{width}x{height} pixels, and its metadata says another size")
             film = Film(width, height)
             film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
@@ -146,9 +146,9 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
     return film
 
 
-def _refuse_bomb(path: Path, asked: Mapping[str, Any]) -> None:
+def _refuse_bomb(path: Path, spec: Mapping[str, Any]) -> None:
     """A few bytes can be unpacked to more than there is memory: a film takes what its size says."""
-    most = BYTES_A_PIXEL * asked["width"] * asked["height"] + HEADERS
+    most = BYTES_A_PIXEL * spec["width"] * spec["height"] + HEADERS
     try:
         with ZipFile(path) as parts:
             unpacked = sum(part.file_size for part in parts.infolist())
@@ -173,7 +173,7 @@ def refuse_stale(folder: Path, meta: Mapping[str, Any], reference_id: str, scene
     """Raises `ConfigError` where a folder holds another reference, or one of another scene, than its place says."""
     if meta["scene_hash"] != scene_hash:
         raise ConfigError(f"{folder}: stale: the scene has changed since this reference was made: remove the folder")
-    if meta["reference_id"] != reference_id or digest(meta["asked"]) != reference_id:
+    if meta["reference_id"] != reference_id or digest(meta["spec"]) != reference_id:
         raise ConfigError(f"{folder}: stale: it holds another reference than {reference_id}: remove the folder")
 
 

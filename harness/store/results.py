@@ -1,7 +1,7 @@
 """A results folder as the tables, plots and report see it: contenders, each with its seeds' curves.
 
-Only manifest.json, events.jsonl and images are read. A contender is one configuration on one scene: everything that
-a cell was asked except its seed and block.
+Only manifest.json, events.jsonl and images are read. A contender is one configuration on one scene: everything in
+a cell's spec except its seed and block.
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ import numpy as np
 
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
-from harness.store.events import findings, last_event, latest_cells, read_events
+from harness.store.events import check_results, last_event, latest_cells, read_events
 from harness.store.folder import image_file, read_manifest
 from harness.store.reference_files import reference_arrays
 
 PHASES = ("import", "load", "build", "compile", "render")
 AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "machine")
-"""The settings that tell contenders of a scene apart, in the order in which labels name them."""
+"""The settings in which contenders of a scene may differ, in the order in which labels name them."""
 Event = Mapping[str, Any]
+BRUTE_FORCE = "brute force"
+"""What tables call the accelerator `none`."""
 
 
 class Settings(NamedTuple):
-    """What a contender was asked. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
+    """The settings of a contender. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
 
     scene: str
     engine: str
@@ -44,7 +46,7 @@ class Settings(NamedTuple):
 
 @dataclass
 class Contender:
-    """One configuration on one scene with its cells, by block. `name` tells it apart from the scene's others."""
+    """One configuration on one scene with its cells, by block. `name` is unique among those of its scene."""
 
     settings: Settings
     cells: list[Event]
@@ -70,7 +72,7 @@ class Results:
     """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
-    `findings` what the battery found where the config asked for some of it, `conclusions` what an archive's images said.
+    `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks.
     """
 
     folder: Path
@@ -83,8 +85,8 @@ class Results:
     runs: list[Event]
     environments: dict[str, Event] = field(default_factory=dict)
     certificates: dict[str, Event] = field(default_factory=dict)
-    findings: list[Event] = field(default_factory=list)
-    conclusions: Event | None = None
+    check_results: list[Event] = field(default_factory=list)
+    archived_verdicts: Event | None = None
     contenders: list[Contender] = field(default_factory=list)
 
     @property
@@ -163,12 +165,13 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
                       of_kind(events, "sentinel"), of_kind(events, "run"),
                       {event["env_id"]: event for event in of_kind(events, "environment")},
                       {event["reference_id"]: event for event in of_kind(events, "certificate")},
-                      findings(events, manifest.get("examination_ids")), last_event(events, "conclusions"))  # fmt: skip
-    results.contenders = _contenders(results.cells, _scenes_asked(manifest))
+                      check_results(events, manifest.get("verify_job_ids")),
+                      last_event(events, "archived_verdicts"))  # fmt: skip
+    results.contenders = _contenders(results.cells, _config_scenes(manifest))
     return results
 
 
-def _scenes_asked(manifest: Mapping[str, Any]) -> list[str]:
+def _config_scenes(manifest: Mapping[str, Any]) -> list[str]:
     """Scenes in the order of the config; none where the manifest does not say."""
     combinations = (manifest.get("config") or {}).get("combinations") or []
     scenes = [combination.get("scene") for combination in combinations]
@@ -216,6 +219,11 @@ def _metric_of(quality: Mapping[str, Any]) -> str:
     return metric_name(quality.get("metric", "relmse"), float(quality.get("epsilon", 0.01)))
 
 
+def setting_text(axis: str, value: Any) -> str:
+    """A setting of `Settings` as tables and legends print it."""
+    return BRUTE_FORCE if (axis, value) == ("accelerator", "none") else str(value)
+
+
 def settings_of(cell: Event) -> Settings:
     """The configuration of a cell."""
     return Settings(
@@ -226,15 +234,15 @@ def settings_of(cell: Event) -> Settings:
     )  # fmt: skip
 
 
-def _contenders(cells: Sequence[Event], scenes_asked: Sequence[str]) -> list[Contender]:
+def _contenders(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contender]:
     """Cells by configuration, named by what differs among those that were measured, or from them.
 
-    Scenes come in the order in which they were asked for, others after them as they appear.
+    Scenes come in the order of the config, others after them as they appear.
     """
     groups: dict[Settings, list[Event]] = {}
     for cell in cells:
         groups.setdefault(settings_of(cell), []).append(cell)
-    scenes = list(dict.fromkeys([*scenes_asked, *(settings.scene for settings in groups)]))
+    scenes = list(dict.fromkeys([*config_scenes, *(settings.scene for settings in groups)]))
     contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
                   for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
     choices = choices_of(contenders)
@@ -252,7 +260,7 @@ def _contenders(cells: Sequence[Event], scenes_asked: Sequence[str]) -> list[Con
 
 
 def scope(axis: str, contender: Contender) -> tuple[str, str]:
-    """Among whom an axis has to be told apart: all contenders, but for accelerators those of one engine."""
+    """Among whom values of an axis must differ in names: all contenders, but for accelerators those of one engine."""
     return axis, contender.settings.engine if axis == "accelerator" else ""
 
 
@@ -268,7 +276,7 @@ def choices_of(contenders: Sequence[Contender]) -> dict[tuple[str, str], list[An
 
 
 def name_words(contender: Contender, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
-    """Axis -> the word for it in a name. Options are said only where they tell two choices of one name apart."""
+    """Axis -> the word for it in a name. Options are given only where two choices of one name differ in them."""
     settings = contender.settings
     words = {axis: str(getattr(settings, axis)) for axis in AXES}
     words["threads"] = f"{settings.threads} thread{'s' if settings.threads != 1 else ''}"
@@ -278,7 +286,9 @@ def name_words(contender: Contender, choices: Mapping[tuple[str, str], Sequence[
 
 
 def brief_choice(choice: Any, others: Sequence[Any]) -> str:
-    """`choice_text` with only those options that differ among the choices of the same name."""
+    """`choice_text` with only those options that differ among the choices of the same name; `none` is brute force."""
+    if isinstance(choice, Mapping) and choice.get("name") == "none":
+        return BRUTE_FORCE
     if not isinstance(choice, Mapping):
         return choice_text(choice)
     same = [other for other in others if isinstance(other, Mapping) and other.get("name") == choice.get("name")]

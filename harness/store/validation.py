@@ -16,8 +16,8 @@ from pydantic import TypeAdapter, ValidationError
 from engines.errors import ConfigError
 from harness.store.event_types import Event, Manifest, ReferenceMeta
 
-FORMAT_VERSION = 1
-"""Of manifest and events together: the manifest's `raybench_results`."""
+FORMAT_VERSION = 2
+"""Of manifest, events and references together: the manifest's `raybench_results`."""
 MAX_DEPTH = 64
 LARGEST_INTEGER = 2**63
 
@@ -34,15 +34,20 @@ def event(data: Any, where: str) -> None:
 
 def manifest(data: Any, where: str) -> None:
     """Raises `ConfigError` if this is no manifest, or one of another version of the format."""
-    version = data.get("raybench_results") if isinstance(data, dict) else None
-    if not isinstance(version, int) or isinstance(version, bool):
-        raise ConfigError(f"{where}: 'raybench_results: {FORMAT_VERSION}' is wanted: this is no manifest of results")
-    if version != FORMAT_VERSION:
-        age = "a newer raybench wrote it" if version > FORMAT_VERSION else "an older raybench wrote it"
-        raise ConfigError(f"{where}: results of format {version}, and this raybench reads {FORMAT_VERSION}: {age}")
+    version(data, where)
     _check(Manifest, data, where)
     for index, source in enumerate(data.get("merged", [])):
         manifest({"raybench_results": FORMAT_VERSION, **source}, f"{where} merged[{index}]")
+
+
+def version(data: Any, where: str) -> None:
+    """Raises `ConfigError` if this is no manifest of the version of the format that is read here."""
+    found = data.get("raybench_results") if isinstance(data, dict) else None
+    if not isinstance(found, int) or isinstance(found, bool):
+        raise ConfigError(f"{where}: 'raybench_results: {FORMAT_VERSION}' is wanted: this is no manifest of results")
+    if found != FORMAT_VERSION:
+        age = "a newer raybench wrote it" if found > FORMAT_VERSION else "an older raybench wrote it: measure again"
+        raise ConfigError(f"{where}: results of format {found}, and this raybench reads {FORMAT_VERSION}: {age}")
 
 
 def reference_meta(data: Any, where: str) -> None:

@@ -13,7 +13,7 @@ from engines.scene import load_scene
 from harness.config.settings import engine_settings
 from harness.measure import clock
 from harness.measure.contention import Disturbance
-from harness.measure.pool import Heard
+from harness.measure.pool import WorkerMessage
 from harness.measure.sentinel import sentinel_seconds
 from harness.plan.cells import WARM_UP_SEED, Cell
 from harness.run.recorder import CellRecord, Recorder
@@ -57,7 +57,7 @@ class Contestant:
         self._recorder.begin(self.cell)
 
     def _record_message(self, film: Film | None = None, **message: Any) -> None:
-        self._record.follow([Heard(message, film)])
+        self._record.follow([WorkerMessage(message, film)])
 
     def race(self, seconds: float) -> None:
         """Renders for about that long. At checkpoints the clock stops while the error is measured."""

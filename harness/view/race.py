@@ -45,7 +45,7 @@ class Listener:
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
     def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
-    def examination(self, name: str, number: int, total: int) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
 class Replicates:
@@ -121,7 +121,7 @@ def _experiment(request: requests.RaceRequest, scene: Path) -> dict[str, Any]:
         contestants.append({**settings, **{kind: getattr(given, kind) for kind in KINDS}})
     return {
         "raybench_experiment": 1, "name": "race", "question": "Which contestant reaches an error first?", "scene": str(scene),
-        "resolution": [request.width, request.height], "repeats": 1, "seed": request.seed, "control": False,
+        "resolution": [request.width, request.height], "repeats": 1, "seed": request.seed, "aa_twin": False,
         "include": contestants, "images": "some", "budget": {"max_time": f"{request.max_seconds}s", "max_spp": 2**20},
         "reference": {"engine": request.reference_engine, "spp": request.reference_spp},
         "quality": {"metric": "relmse", "targets": list(request.targets)},

@@ -52,7 +52,7 @@ def test_the_seconds_are_those_of_the_processes_alone(swept):
     assert [point["spp"] for point in event["points"]] == [1, 2, 4, 8]
     assert 0 < event["points"][-1]["seconds"] < wall
     assert event["points"][-1]["seconds"] == pytest.approx(event["counters"]["told_seconds"])
-    assert "/" not in event["asked"]["engine"] and event["engine_version"].startswith("1-")
+    assert "/" not in event["spec"]["engine"] and event["engine_version"].startswith("1-")
     assert event["command"].endswith("--allow-commands")
 
 

@@ -55,14 +55,14 @@ def write_whole(folder: Path) -> Path:
         {"event": "start", "cell_id": cell["cell_id"], "time": "2026-01-01"},
         {"event": "certificate", "certificate_id": "c0", "reference_id": reference["reference_id"], "engine": "numba",
          "scene": "cornell_box", "spp": 64, "message": "", "alpha": 1e-3, **verdict},
-        {"event": "examination", "examination_id": "x0", "asked": {"case": "sphere-distance"}, "env_id": "env0",
-         "state": "done", "message": "", "findings": [finding], "wall_seconds": 1.0, "time": "2026-01-01"},
+        {"event": "verify_job", "verify_job_id": "x0", "spec": {"case": "sphere-distance"}, "env_id": "env0",
+         "state": "done", "message": "", "results": [finding], "wall_seconds": 1.0, "time": "2026-01-01"},
     ]  # fmt: skip
     write_events(folder, kept)
     manifest = json.loads((folder / store.MANIFEST).read_text())
     ids = [event["cell_id"] for event in kept if event["event"] == "cell"]
     combinations = [{"scene": {"name": name, "path": f"scenes/{name}.yaml"}} for name in ("cornell_box", "two_spheres")]
-    manifest |= {"name": "synthetic", "cell_ids": ids, "examination_ids": ["x0"]}
+    manifest |= {"name": "synthetic", "cell_ids": ids, "verify_job_ids": ["x0"]}
     manifest["config"] |= {"combinations": combinations, "baseline": "numba"}
     (folder / store.MANIFEST).write_text(json.dumps(manifest))
     write_events(folder, [*kept, archived_verdicts.event(analyse(load_results(folder)))])

@@ -58,7 +58,7 @@ class Quiet:
     def finished(self, cell: Any, event: Mapping[str, Any]) -> None:
         self.cells.append(cell.cell_id)
 
-    def examination(self, name: str, number: int, total: int) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
 def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Path:

@@ -87,7 +87,7 @@ def test_nothing_that_is_stored_names_the_machine_or_where_it_ran(tmp_path):
     assert not {"host", "executable"} & set(machine.provenance())
     assert str(sweeping.ROOT) not in stored
     archive(tmp_path / "out", tmp_path / "archived")
-    for name in (store.EVENTS, store.MANIFEST, *tmp_path.glob("archived/references/*/*/meta.json")):
+    for name in (store.EVENTS, store.MANIFEST, *tmp_path.glob("archived/references/*/*/reference.json")):
         assert str(tmp_path) not in (tmp_path / "archived" / name).read_text()
     command = store.read_manifest(tmp_path / "archived")["command"]
     assert command == ["raybench", "run", path.name, "--out=out"]

@@ -10,7 +10,7 @@ from engines.errors import ConfigError
 from engines.scene.yaml_file import parse_yaml
 from harness import config
 from harness.config import paths
-from harness.config.descriptions import MEANINGS
+from harness.config.descriptions import DESCRIPTIONS
 from harness.config.experiment import TOP_KEYS
 from harness.config.schema import experiment_schema
 
@@ -105,8 +105,8 @@ def test_exclude_matches_scalars_globs_lists_bounds_and_options(rule, left):
 def test_a_rule_that_matches_nothing_is_a_warning_with_its_place():
     text = HEAD + "engine: numba\nexclude:\n  - {engine: numpy}\nextend: [{where: {threads: 7}, set: {threads: 1}}]\n"
     assert parsed(text).warnings == (
-        "a.yaml:5 exclude[0]: this rule matches nothing",
-        "a.yaml:6 extend[0].where: this rule matches nothing",
+        "a.yaml:5 exclude[0]: this filter matches nothing",
+        "a.yaml:6 extend[0].where: this filter matches nothing",
     )
 
 
@@ -194,7 +194,7 @@ MISTAKES = {
     "reference: {spp: 1}": "a.yaml:4 reference.spp = 1: must be an integer in [2, 2147483648]",
     "reference:\n  seed: 2": "a.yaml:5 reference.seed: seeds 2 and up are the reference's, 1 to 3 the cells'",
     "images: every": "a.yaml:4 images = 'every': must be one of all, some, last, none",
-    "control: 1": "a.yaml:4 control = 1: must be true or false",
+    "aa_twin: 1": "a.yaml:4 aa_twin = 1: must be true or false",
     "name: [a]": "a.yaml:4 name: a line of text is wanted",
 }
 
@@ -275,7 +275,7 @@ def test_the_schema_explains_every_key_and_its_defaults_are_those_of_an_empty_fi
     sections = {key: value for key, value in schema.items() if value.get("type") == "object" and key != "matrix"}
     told = {key for key, value in schema.items() if value["description"]}
     told |= {f"{key}.{name}" for key, value in sections.items() for name in value["properties"]}
-    assert told | {"extend.where", "extend.set"} == set(MEANINGS)
+    assert told | {"extend.where", "extend.set"} == set(DESCRIPTIONS)
     empty = parsed(f"{HEAD}engine: numba\n")
     defaults = {key: value["default"] for key, value in schema.items() if "default" in value}
     defaults |= {
@@ -284,7 +284,7 @@ def test_the_schema_explains_every_key_and_its_defaults_are_those_of_an_empty_fi
     }
     del defaults["verify"]  # without the section nothing is verified
     for key in ("sampler", "accelerator"):
-        assert defaults["reference"].pop(key) == getattr(config.ReferenceAsked(), key)  # a name; with the options when written
+        assert defaults["reference"].pop(key) == getattr(config.ReferenceConfig(), key)  # a name; with the options when written
     lines = [f"{key}: {json.dumps(value)}\n" for key, value in defaults.items()]
     written = parsed(f"{HEAD}engine: numba\n{''.join(lines)}")
     assert (written.resolved, written.combinations) == (empty.resolved, empty.combinations)

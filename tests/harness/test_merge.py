@@ -121,7 +121,7 @@ def test_the_same_folder_twice_counts_once(here, tmp_path):
 
 
 def test_different_conditions_on_one_machine_are_refused(here, tmp_path):
-    other = changed(here, tmp_path / "other", lambda e: e | {"cell_id": e["cell_id"] + "x", "asked": {"max_spp": 9}})
+    other = changed(here, tmp_path / "other", lambda e: e | {"cell_id": e["cell_id"] + "x", "spec": {"max_spp": 9}})
     with pytest.raises(ConfigError, match=r"on one machine under different conditions \(max_spp\)"):
         merge([here, other], tmp_path / "out")
 

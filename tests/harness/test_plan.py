@@ -102,8 +102,8 @@ def test_the_random_state_of_the_program_is_not_touched(tmp_path):
 
 
 def test_a_control_runs_one_configuration_under_two_labels(tmp_path):
-    made = planned(tmp_path, overrides=["control=true"])
-    control = [cell for cell in made.cells if cell.label == planner.CONTROL_LABEL]
+    made = planned(tmp_path, overrides=["aa_twin=true"])
+    control = [cell for cell in made.cells if cell.label == planner.AA_LABEL]
     assert len(control) == 2
     for cell in control:
         same = [c for c in made.cells if c.configuration == cell.configuration and c.seed == cell.seed]
@@ -182,8 +182,8 @@ def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tm
 
 def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
     for cell in planned(tmp_path).cells:
-        assert digest(json.loads(json.dumps(cell.asked))) == cell.cell_id
-        assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.asked)
+        assert digest(json.loads(json.dumps(cell.spec))) == cell.cell_id
+        assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.spec)
 
 
 @pytest.mark.parametrize("name", sorted(shipped("configs")))

@@ -40,7 +40,7 @@ def test_of_many_processes_none_dies_and_every_reference_is_usable(tmp_path):
             folder = asked.folder(tmp_path / "kept")
             assert reference_files.read(folder, asked.reference_id, asked.scene_hash).spp == asked.spp
             names = sorted(path.name for path in folder.iterdir())
-            assert names == [f"film-{count:04d}.npz", "meta.json", "reference.exr"], "nothing else is left"
+            assert names == [f"film-{count:04d}.npz", "reference.exr", "reference.json"], "nothing else is left"
 
 
 def test_who_comes_second_waits_is_told_so_and_renders_nothing(tmp_path):

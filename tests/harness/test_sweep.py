@@ -83,7 +83,7 @@ def test_images_hold_the_layers_and_where_they_come_from(finished):
         path = out / event["points"][-1]["image"]
         layers, told = read_film_layers(path), read_provenance(path)
         assert np.allclose(layers.mean, (layers.half0 + layers.half1) / 2, atol=1e-5)
-        assert told["cell_id"] == event["cell_id"] and told["spp"] == 8 and told["asked"]["seed"] == event["seed"]
+        assert told["cell_id"] == event["cell_id"] and told["spp"] == 8 and told["spec"]["seed"] == event["seed"]
 
 
 def test_the_second_run_does_nothing(finished):

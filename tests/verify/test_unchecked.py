@@ -10,7 +10,7 @@ import pytest
 from failing_engines import Flat, Narrow, Own, Unwilling
 
 import engines
-from harness.config import VerifyAsked
+from harness.config import VerifyConfig
 from harness.plan import verify_jobs
 from harness.verify import CASES, run_suite
 from harness.verify.scenes import UNIT_TRIANGLE
@@ -67,8 +67,8 @@ def test_an_engine_that_renders_nothing_says_why():
 
 
 def test_a_config_plans_the_suite_for_an_engine_without_sobol():
-    planned = verify_jobs.planned(VerifyAsked(("T1",), True, 60.0), {"narrow": Narrow(), "no": Unwilling()})
-    assert {(each.asked["engine"], each.asked["precision"]) for each in planned} == {("narrow", "float64")}
+    planned = verify_jobs.planned(VerifyConfig(("T1",), True, 60.0), {"narrow": Narrow(), "no": Unwilling()})
+    assert {(each.spec["engine"], each.spec["precision"]) for each in planned} == {("narrow", "float64")}
 
 
 @pytest.mark.parametrize(

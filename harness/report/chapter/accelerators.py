@@ -40,7 +40,7 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
     shown = _speed_table(
         "accelerators", "Samples a second by accelerator",
         f"Thousands of paths (samples of a pixel) a second with {plural(most, 'thread')}; median over blocks with a 95 % "
-        "interval. Fastest: all that cannot be told apart from the first.",
+        "interval. Fastest: all that are not separated from the first.",
         analysis, found,
     )  # fmt: skip
     parts = [
@@ -67,7 +67,7 @@ def _order(analysis: Analysis, family: Family) -> str:
 def _speed_table(name: str, title: str, note: str, analysis: Analysis, found: list[Family]) -> Table:
     table = Table(name, title, note, [
         *identity(found), *value_columns(found, "Thousands of paths a second of {}."),
-        Column("fastest", "The fastest, and all that cannot be told apart from it."),
+        Column("fastest", "The fastest, and all that are not separated from it."),
     ])  # fmt: skip
     table.rows += [row_of(family, thousands, fastest=listed(best(analysis, family))) for family in found]
     return table

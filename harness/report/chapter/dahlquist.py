@@ -74,7 +74,7 @@ def _setting(analysis: Analysis) -> list[str]:
 
 
 def _rivals(analysis: Analysis, found: Sequence[Family]) -> list[Rival]:
-    """Every contender that is no A/A control, measured or not."""
+    """Every contender that is no A/A twin, measured or not."""
     racing = [c for c in analysis.results.contenders if not c.settings.label]
     choices = choices_of(racing)
     rivals = []

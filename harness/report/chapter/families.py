@@ -25,7 +25,7 @@ HEADINGS = {
     "threads": Column("threads", "Threads."), "size": Column("size", "Pixels."), "machine": Column("machine", "Machine."),
     "precision": Column("precision", "Numbers it computes with."),
 }  # fmt: skip
-"""Columns that tell families apart."""
+"""Columns in which families differ."""
 
 
 @dataclass(frozen=True)

@@ -142,7 +142,7 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
         axis.set_title(family.scene, fontsize=9)
         log_scales(axis, y=True)
     for axis in grid[max(len(chosen) - columns, 0) : len(chosen)]:
-        axis.set_xlabel("samples a pixel")
+        axis.set_xlabel("samples per pixel")
         axis.tick_params(labelbottom=True)
     for axis in grid[: len(chosen) : columns]:
         axis.set_ylabel(error_label(analysis.results.metric))

@@ -77,8 +77,8 @@ def _error_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "samplers", "Error at the same number of samples",
         f"{error_name(analysis.results.metric)}; median over seeds with a 95 % interval. Errors that the reference's noise "
-        "hides are left out. Least: all that cannot be told apart from the first.",
-        [*identity(found), Column("spp", "Samples a pixel.", "count"),
+        "hides are left out. Least: all that are not separated from the first.",
+        [*identity(found), Column("spp", "Samples per pixel.", "count"),
          *value_columns(found, "Error of {}."), Column("least", "The least error.")],
     )  # fmt: skip
     for family in found:

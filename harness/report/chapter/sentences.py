@@ -41,7 +41,7 @@ def finding(one: str, other: str, speedup: Speedup, wording: Wording = SPEED) ->
         return f"{one} {wording.better} {other} by a factor of {interval(speedup)}"
     if speedup.verdict == "tie":
         alike = speedup.low <= 1 <= speedup.high
-        text = "cannot be told apart" if alike else "differ no more than two measurements of one configuration do"
+        text = "are not separated" if alike else "differ no more than two measurements of one configuration do"
         return f"{one} and {other} {text}: {wording.ratio} is {interval(speedup)}"
     return f"{one} and {other} were not measured often enough to be compared"
 
@@ -55,7 +55,7 @@ def tally(pair: Pair, wording: Wording = SPEED, case: str = "case") -> str:
         return f"{first} and {second} were not measured often enough to be compared."
     cases = f"{known} {case}s"
     if len(ties) == known:
-        text = f"{first} and {second} cannot be told apart{'' if known == 1 else f' in any of {cases}'}"
+        text = f"{first} and {second} are not separated{'' if known == 1 else f' in any of {cases}'}"
     elif len(better) == len(worse):
         text = f"Of {cases}, {first} {wording.better} {second} in {_with_factor(better)}, "
         text += f"and the other way round in {_with_factor(reciprocals(worse))}"
@@ -94,8 +94,8 @@ def listed(names: Sequence[str]) -> str:
 
 
 def error_name(metric: str) -> str:
-    """A metric in words: `relative MSE (epsilon 0.01)`."""
-    return error_label(metric).replace("ε = ", "epsilon ").replace("−", "-")
+    """A metric as an error: `relMSE (ε = 0.01)`."""
+    return error_label(metric).replace("−", "-")
 
 
 def plural(number: int, noun: str) -> str:

@@ -13,9 +13,9 @@ import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.analysis import Analysis, equivalence, tells_its_time
+from harness.analysis import Analysis, equivalence, reports_its_time
 from harness.analysis.model import possible_winners
-from harness.metrics import error_words
+from harness.metrics import error_words, metric_title
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Plot
 from harness.report.plots.panels import Panel, panels
@@ -46,24 +46,25 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return _environment().get_template("report.html.j2").render(
         title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
-        agreements=[(pair.first.settings.scene, pair.verdict, equivalence.words(pair)) for pair in analysis.pairs],
+        engine_pairs=[(pair.first.settings.scene, pair.verdict, equivalence.describe_pair(pair)) for pair in analysis.pairs],
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
         machines=_machines(analysis), runs=results.runs, references=_references(results),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
-        metric=results.metric, error_words=error_words(results.metric), floors=floors, style=Markup(_asset("report.css")),
+        metric=metric_title(results.metric), error_words=error_words(results.metric), floors=floors,
+        style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
     )  # fmt: skip
 
 
 def headlines(analysis: Analysis) -> list[dict[str, Any]]:
-    """Per panel and target: who was first (warm), how long it took, and who cannot be told apart from it."""
+    """Per panel and target: who was first (warm), how long it took, and who is not separated from it."""
     targets = list(enumerate(analysis.results.targets))
     return [_headline(panel, index, target, analysis.floors.get(panel.scene, 0.0))
             for panel in panels(analysis) for index, target in targets]  # fmt: skip
 
 
 def _headline(panel: Panel, index: int, target: float, floor: float) -> dict[str, Any]:
-    """`floor` is the scene's noise floor as a log-ratio. Who has no interval is told apart from nobody."""
+    """`floor` is the scene's noise floor as a log-ratio. A contender without an interval is separated from nobody."""
     reached = sum(math.isfinite(verdict.warm[index].median) for verdict in panel.verdicts)
     line = {"scene": panel.title, "target": f"{target:g}", "winner": None, "out_of": len(panel.verdicts)}
     if not reached:
@@ -91,11 +92,11 @@ def cell_table(analysis: Analysis) -> Table:
         "cells", "Every cell", "One row a cell; the command renders it again.",
         [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
          Column("contender", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
-         Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples a pixel at the end.", "count"),
+         Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples per pixel at the end.", "count"),
          Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
          Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
-         Column("error", f"{results.metric} at the end, {error_words(results.metric)}.", "number"),
-         Column("note", "Message, what disturbed the timing, or that a program told its own time."),
+         Column("error", f"{metric_title(results.metric)} at the end, {error_words(results.metric)}.", "number"),
+         Column("note", "Message, what disturbed the timing, or that a program reported its own time."),
          Column("command", "Repeats the cell.")],
     )  # fmt: skip
     for contender in results.contenders:
@@ -106,7 +107,7 @@ def cell_table(analysis: Analysis) -> Table:
 
 def _cell_row(analysis: Analysis, contender: Contender, cell: Event) -> dict[str, Any]:
     contended = (cell.get("machine") or {}).get("contended")
-    notes = [cell.get("message"), contended and "contended", tells_its_time(cell) and "time as the program tells it"]
+    notes = [cell.get("message"), contended and "contended", reports_its_time(cell) and "time reported by the program"]
     row = {
         "state": cell["state"], "scene": contender.settings.scene, "contender": contender.name,
         "block": cell.get("block"), "seed": cell.get("seed"), "command": repeat_command(cell),
@@ -206,8 +207,8 @@ def _machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
     """`1a2b3c4d: AMD EPYC 7763, 2 cores, Linux 6.8, Python 3.12`, as far as it is known."""
     cores, system = preimage.get("usable_cores"), f"{preimage.get('system', '')} {preimage.get('kernel', '')}".strip()
     python = preimage.get("python")
-    told = [preimage.get("cpu"), f"{cores} cores" if cores else "", system, f"Python {python}" if python else ""]
-    words = ", ".join(str(word) for word in told if word)
+    parts = [preimage.get("cpu"), f"{cores} cores" if cores else "", system, f"Python {python}" if python else ""]
+    words = ", ".join(str(word) for word in parts if word)
     return f"{env_id[:8]}: {words}" if words else env_id[:8]
 
 

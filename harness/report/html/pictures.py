@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from engines.film import to_bitmap
 from engines.image import png_bytes
 from harness.analysis import Analysis, Verdict
-from harness.metrics import Reference, higher_is_better
+from harness.metrics import Reference, higher_is_better, metric_title
 from harness.report.plots.panels import Panel, panels
 from harness.report.tables.model import number_text
 from harness.store.results import Event, Results, point_error
@@ -92,7 +92,7 @@ def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]
 def point_words(results: Results, point: Event) -> str:
     """`256 spp, 3.21 s, relmse_e0.01 4.5e-04`."""
     error, _ = point_error(point, results.metric)
-    name = "error" if higher_is_better(results.metric) else results.metric
+    name = "error" if higher_is_better(results.metric) else metric_title(results.metric)
     return f"{point['spp']} spp, {number_text(point['seconds'])} s, {name} {number_text(error)}"
 
 

@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis, Verdict, error_targets
+from harness.metrics import metric_title
 from harness.report.plots.panels import MOST_CURVES, Panel, facets, reference_noise
 from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
 from harness.statistics import ecdf, median_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.store.results import Contender, Results, point_error
 
-X_LABELS = {"seconds": "warm time [s]", "spp": "samples a pixel", "rays": "rays"}
+X_LABELS = {"seconds": "warm time [s]", "spp": "samples per pixel", "rays": "rays"}
 
 
 class Band(NamedTuple):
@@ -69,9 +70,7 @@ def error_curves(analysis: Analysis, panel: Panel, palette: Palette, x: str) -> 
 
 def error_label(metric: str) -> str:
     """The axis label of the quality metric as an error."""
-    if metric.startswith("relmse_e"):
-        return f"relative MSE (ε = {metric.partition('_e')[2]})"
-    return {"psnr": "MSE of display values (from PSNR)", "ssim": "1 − SSIM"}.get(metric, metric)
+    return {"psnr": "MSE of display values (from PSNR)", "ssim": "1 − SSIM"}.get(metric, metric_title(metric))
 
 
 def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:

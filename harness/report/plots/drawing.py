@@ -43,7 +43,7 @@ def count_figures(analysis: Analysis) -> int:
 
 
 def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
-    """Draws what a run of the battery found, without any results folder."""
+    """Draws the results of the suite, without any results folder."""
     target.mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context(cast(Any, STYLE)):
         figures = [(sketch, sketch.make()) for sketch in stability.sketches(findings)]
@@ -79,12 +79,12 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
                "of the scenes; numbers in the legend are exponents of the path's time between the two largest scenes.",
                lambda: cost_over_primitives(analysis, palette)),
         Sketch("cost-over-resolution", "Cost over resolution and samples",
-               "Time of a path over the pixels of the image, and over the samples a pixel so far: flat where cost grows "
+               "Time of a path over the pixels of the image, and over the samples per pixel so far: flat where cost grows "
                "in proportion.", lambda: cost_over_pixels(analysis, palette)),
         Sketch("sentinel", "Drift of the machine",
                "Time of a fixed kernel through the run, as deviation from its median in percent.",
                lambda: sentinel_drift(analysis)),
-        *stability.sketches(analysis.results.findings),
+        *stability.sketches(analysis.results.check_results),
     ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from harness.analysis import Analysis, Verdict
 from harness.analysis.model import ranked_together
 from harness.metrics import Reference
 from harness.report.plots.style import file_stem
-from harness.store.results import Results
+from harness.store.results import Results, setting_text
 
 MOST_CURVES = 10
 """More curves than this in one panel are split into facets."""
@@ -40,7 +40,7 @@ class Facet:
 
 
 def panels(analysis: Analysis) -> list[Panel]:
-    """One panel a scene, shader, size and machine, without the A/A control's second label."""
+    """One panel a scene, shader, size and machine, without the A/A twin's second label."""
     groups = ranked_together(analysis.verdicts)
     varying = [len({key[i] for key in groups}) > 1 for i in range(4)]
     found = []
@@ -58,8 +58,13 @@ def facets(verdicts: list[Verdict]) -> list[Facet]:
     for axis in FACET_AXES:
         values = sorted({getattr(v.contender.settings, axis) for v in verdicts})
         if 2 <= len(values) <= 6:
-            return [Facet(f"{axis} {value}", [v for v in verdicts if getattr(v.contender.settings, axis) == value])
-                    for value in values]  # fmt: skip
+            return [
+                Facet(
+                    f"{axis} {setting_text(axis, value)}",
+                    [v for v in verdicts if getattr(v.contender.settings, axis) == value],
+                )
+                for value in values
+            ]
     size = math.ceil(len(verdicts) / math.ceil(len(verdicts) / MOST_CURVES))
     return [Facet(f"part {i // size + 1}", verdicts[i : i + size]) for i in range(0, len(verdicts), size)]
 

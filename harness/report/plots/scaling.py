@@ -57,7 +57,7 @@ def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:
         _line(sizes, palette, family[0], x, times, name_of(family))
         passes = _pass_times(family[-1])
         _line(samples, palette, family[0], list(passes), list(passes.values()), name_of(family))
-    for axis, words in ((sizes, "pixels"), (samples, "samples a pixel, largest image")):
+    for axis, words in ((sizes, "pixels"), (samples, "samples per pixel, largest image")):
         log_scales(axis, y=True)
         axis.set_xlabel(words)
         axis.set_ylabel("time of a path [µs]")
@@ -66,7 +66,7 @@ def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:
 
 
 def _pass_times(contender: Contender) -> dict[int, Estimate]:
-    """Samples a pixel so far -> microseconds of a path in the pass that ended there."""
+    """Samples per pixel so far -> microseconds of a path in the pass that ended there."""
     return {spp: median_interval([1e6 * s for s in blocks.values()]) for spp, blocks in passes(contender).items()}
 
 

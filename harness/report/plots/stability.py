@@ -1,6 +1,6 @@
 """Numerical stability: error of t over distance, scene offset and radius; self-hits and leaks over scale.
 
-Drawn from findings of the battery's section `stability` (plain mappings, as events and verify.json hold them).
+Drawn from check results of the suite's section `stability` (plain mappings, as events and verify.json hold them).
 """
 
 from __future__ import annotations

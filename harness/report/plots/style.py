@@ -1,6 +1,6 @@
 """How plots look: one colour an engine everywhere, a line a sampler, a marker an accelerator; and how they are saved.
 
-Colours are those of Okabe and Ito (2008), which colour-blind readers tell apart; lines and markers carry the rest, so
+Colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish; lines and markers carry the rest, so
 that print in black and white stays readable. Files are the same to the byte at every run.
 """
 
@@ -22,7 +22,7 @@ from matplotlib.ticker import FuncFormatter
 
 from engines.errors import ConfigError
 from harness.store.atomic import replacing, write_text
-from harness.store.results import Contender, Results
+from harness.store.results import Contender, Results, setting_text
 
 INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
 """Colours that the report's dark mode replaces."""
@@ -120,7 +120,10 @@ class Palette:
                 look: dict[str, Any] = examples[value].line_style() | {"markeredgecolor": INK} | fixed
                 if look["markerfacecolor"] != "white" or axis != "precision":
                     look["markerfacecolor"] = INK
-                label = f"{value} thread{'s' if value != 1 else ''}" if axis == "threads" else _short(value, examples)
+                if axis == "threads":
+                    label = f"{value} thread{'s' if value != 1 else ''}"
+                else:
+                    label = setting_text(axis, _short(value, examples))
                 entries.append(Line2D([], [], **look, label=label))
         return entries
 
@@ -158,11 +161,11 @@ def formats() -> tuple[str, ...]:
 
     Raises ConfigError for what is no format.
     """
-    asked = [name.strip() for name in os.environ.get("RAYBENCH_PLOTS", ",".join(FORMATS)).split(",")]
-    for name in asked:
+    names = [name.strip() for name in os.environ.get("RAYBENCH_PLOTS", ",".join(FORMATS)).split(",")]
+    for name in names:
         if name not in FORMATS:
             raise ConfigError(f"$RAYBENCH_PLOTS: {name!r} is no format of a plot; wanted: any of {', '.join(FORMATS)}")
-    return tuple(name for name in FORMATS if name in ("svg", *asked))
+    return tuple(name for name in FORMATS if name in ("svg", *names))
 
 
 def save(figure: Figure, folder: Path, name: str, suffixes: Sequence[str] = ()) -> str:

@@ -1,12 +1,13 @@
-"""Accelerators: what building costs, what it saves, and after how many samples it has paid."""
+"""Accelerators: what building costs, what it saves, and the break-even number of samples."""
 
 from __future__ import annotations
 
 from harness.analysis import Analysis
-from harness.analysis.accelerator_tradeoff import worths
+from harness.analysis.accelerator_tradeoff import break_evens
 from harness.analysis.columns import Column, Table
 from harness.report.tables.equivalence import CONTENDER, SCENE
 from harness.statistics import Estimate
+from harness.store.results import setting_text
 
 
 def accelerators(analysis: Analysis) -> Table:
@@ -20,14 +21,15 @@ def accelerators(analysis: Analysis) -> Table:
          Column("against", "The accelerator of the same family that is built fastest."),
          Column("speedup", "Its time of a path over this one's.", "estimate", "speed-up"),
          Column("verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown."),
-         Column("pays_after", "Samples a pixel from which on build and rendering together take less.", "payback",
-                "pays after [spp]")],
+         Column("break_even_spp", "Samples per pixel from which on build and rendering together take less.", "break_even",
+                "break-even [spp]")],
     )  # fmt: skip
-    for found in worths(analysis):
+    for found in break_evens(analysis):
         row = {"scene": found.contender.settings.scene, "contender": found.contender.name,
                "build_seconds": found.build_seconds, "path_microseconds": found.path_microseconds}  # fmt: skip
         if found.against is not None and found.speedup is not None:
-            row |= {"against": found.against.settings.accelerator, "speedup": Estimate(*found.speedup[:4]),
-                    "verdict": found.speedup.verdict, "pays_after": found.pays_after}  # fmt: skip
+            row |= {"against": setting_text("accelerator", found.against.settings.accelerator),
+                    "speedup": Estimate(*found.speedup[:4]), "verdict": found.speedup.verdict,
+                    "break_even_spp": found.break_even_spp}  # fmt: skip
         table.rows.append(row)
     return table

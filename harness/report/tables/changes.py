@@ -8,6 +8,7 @@ from typing import Any
 
 from harness.analysis import noise_floors, seconds_per_sample
 from harness.analysis.columns import Column, Table
+from harness.metrics import metric_title
 from harness.statistics import Estimate, unpaired_ratio
 from harness.store.results import Contender, Results, Settings, point_error
 
@@ -51,7 +52,7 @@ def cautions(before: Results, after: Results) -> list[str]:
     if set().union(*machines[0].values()) != set().union(*machines[1].values()):
         found.append("Measured on different machines or with other library versions: times say nothing about the code.")
     if before.metric != after.metric:
-        found.append(f"Errors are {before.metric} before and {after.metric} after: not compared.")
+        found.append(f"Errors are {metric_title(before.metric)} before and {metric_title(after.metric)} after: not compared.")
     moved = sorted(name for name in scenes[0].keys() & scenes[1].keys() if scenes[0][name] != scenes[1][name])
     if moved:
         found.append(f"Scenes whose content has changed: {', '.join(moved)}.")

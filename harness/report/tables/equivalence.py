@@ -1,4 +1,4 @@
-"""Tables on images: bias against the reference, equality of engines and with the baseline, and what the battery found."""
+"""Tables on images: bias against the reference, equivalence with the baseline and of engines, results of the suite."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ TESTS = ("detectable", "image_p", "tile_p", "tile_threshold", "pixel_p", "pixel_
 BASELINE = Column("baseline", "Contender compared with: the baseline engine's nearest relative.")
 
 
-def agreement(analysis: Analysis) -> Table:
+def bias_and_equivalence(analysis: Analysis) -> Table:
     """Bias against the reference, equivalence with the baseline."""
     table = Table(
-        "agreement", "Agreement with the reference and with the baseline",
+        "bias_and_equivalence", "Bias against the reference, equivalence with the baseline",
         "Equivalence at three scales: p values of Welch tests against their Sidak thresholds (1 % a scale, all rows together), "
         "and a margin test of 1 % on the image mean.",
         [SCENE, CONTENDER, BASELINE,
@@ -38,13 +38,13 @@ def agreement(analysis: Analysis) -> Table:
          Column("verdict", "equivalent, different or inconclusive.")],
     )  # fmt: skip
     for verdict in analysis.verdicts:
-        table.rows.append(_agreement_row(verdict))
+        table.rows.append(_equivalence_row(verdict))
     return table
 
 
-def _agreement_row(verdict: Verdict) -> dict[str, Any]:
+def _equivalence_row(verdict: Verdict) -> dict[str, Any]:
     row: dict[str, Any] = {**who(verdict), "baseline": verdict.baseline.name if verdict.baseline else None,
-                           "bias": bias_text(verdict), "verdict": agreement_text(verdict)}  # fmt: skip
+                           "bias": bias_text(verdict), "verdict": equivalence_text(verdict)}  # fmt: skip
     if verdict.bias is not None:
         row |= {"bias_squared": verdict.bias.squared, "bias_squared_se": verdict.bias.se}
     found = verdict.equivalence
@@ -66,7 +66,7 @@ def equivalence(analysis: Analysis) -> Table:
          Column("verdict", "equivalent, different, inconclusive, or unknown where there are no images of two seeds."),
          Column("difference", "Second over first, less one, of the image means; 90 % interval (TOST).", "estimate"),
          Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
-         Column("rests_on", "Images of each, one a seed, their samples a pixel, and whether seeds make pairs."),
+         Column("rests_on", "Images of each, one a seed, their samples per pixel, and whether seeds make pairs."),
          Column("image_p", "p of the image means.", "number"),
          Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
          Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
@@ -111,7 +111,7 @@ def accuracy(analysis: Analysis) -> Table:
          Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip."),
          Column("stands_for", "Results that the row stands for.", "count")],
     )  # fmt: skip
-    results = [CheckResult(**{str(key): value for key, value in each.items()}) for each in analysis.results.findings]
+    results = [CheckResult(**{str(key): value for key, value in each.items()}) for each in analysis.results.check_results]
     for result, others, _ in worst_per_check(results):
         row = {column.name: getattr(result, column.name) for column in table.columns[:-1]}
         table.rows.append(row | {"stands_for": others + 1})
@@ -129,7 +129,7 @@ def bias_text(verdict: Verdict) -> str:
     return f"< {100 * seen:.2g} %"
 
 
-def agreement_text(verdict: Verdict) -> str:
+def equivalence_text(verdict: Verdict) -> str:
     if verdict.baseline is None:
         return "baseline"
     return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"

@@ -10,7 +10,7 @@ from harness.analysis.columns import Column, Table
 INFINITE_AND_ZERO = {
     "estimate": ("not reached", "0"),
     "ratio": ("baseline never", "never"),
-    "payback": ("never", "at once"),
+    "break_even": ("never", "at once"),
 }
 """Kinds with an interval: the words for infinity and for zero."""
 
@@ -101,7 +101,7 @@ def latex_escape(text: str) -> str:
     """Plain text for LaTeX."""
     table = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
              "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "∞": r"$\infty$",
-             "≤": r"$\le$", "×": r"$\times$", "<": r"\textless{}", ">": r"\textgreater{}"}  # fmt: skip
+             "≤": r"$\le$", "ε": r"$\varepsilon$", "×": r"$\times$", "<": r"\textless{}", ">": r"\textgreater{}"}  # fmt: skip
     return "".join(table.get(letter, letter) for letter in text)
 
 

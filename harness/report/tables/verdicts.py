@@ -1,4 +1,4 @@
-"""The tables for people: time-to-quality first, then speed-ups, convergence, agreement, phases, threads, failures."""
+"""The tables for people: time-to-quality first, then speed-ups, convergence, equivalence, phases, threads, failures."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from harness.analysis import Analysis, frames, seconds_per_sample
 from harness.analysis.columns import Column, Table, rows_of
 from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
-from harness.metrics import error_words
+from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import (
     BASELINE,
     CONTENDER,
     SCENE,
     accuracy,
-    agreement,
-    agreement_text,
+    bias_and_equivalence,
     bias_text,
     equivalence,
+    equivalence_text,
     who,
 )
-from harness.report.tables.scaling import growth
+from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, Speedup, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
 
@@ -33,8 +33,8 @@ RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speed
 
 def all_tables(analysis: Analysis) -> list[Table]:
     """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying."""
-    makers = (time_to_quality, speedups, convergence, equivalence, agreement, phases, threads, failures)
-    where_asked = [table for table in (accelerators(analysis), growth(analysis), accuracy(analysis)) if table.rows]
+    makers = (time_to_quality, speedups, convergence, equivalence, bias_and_equivalence, phases, threads, failures)
+    where_asked = [table for table in (accelerators(analysis), scaling(analysis), accuracy(analysis)) if table.rows]
     return [*(make(analysis) for make in makers), *where_asked]
 
 
@@ -43,9 +43,9 @@ def time_to_quality(analysis: Analysis) -> Table:
     results = analysis.results
     table = Table(
         "time_to_quality", "Time to quality",
-        f"Median over seeds with a 95 % bootstrap interval; targets are in {results.metric}, errors "
+        f"Median over seeds with a 95 % bootstrap interval; targets are in {metric_title(results.metric)}, errors "
         f"{error_words(results.metric)}. A target not reached within the budget is counted, never extrapolated.",
-        [SCENE, CONTENDER, Column("target", f"Quality to reach, in {results.metric}.", "exact"),
+        [SCENE, CONTENDER, Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
          Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
@@ -54,7 +54,7 @@ def time_to_quality(analysis: Analysis) -> Table:
                 title="verdict"),
          Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
                 "< says what would have been seen."),
-         Column("agreement", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
+         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
          Column("warnings", "What else to know before believing the row.")],
     )  # fmt: skip
@@ -64,10 +64,10 @@ def time_to_quality(analysis: Analysis) -> Table:
     found["speedup_verdict"] = found.verdict.mask(found.baseline.isna(), "baseline")
     new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
-        [(*who(verdict).values(), bias_text(verdict), agreement_text(verdict),
+        [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict),
           "; ".join(FLAGS[flag] for flag in verdict.flags if flag not in ("biased", "other_image")))
          for verdict in analysis.verdicts],
-        columns=["scene", "contender", "bias", "agreement", "warnings"], dtype="string",
+        columns=["scene", "contender", "bias", "equivalence", "warnings"], dtype="string",
     )  # fmt: skip
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
@@ -79,7 +79,7 @@ def speedups(analysis: Analysis) -> Table:
     table = Table(
         "speedups", "Speed-up against the baseline",
         f"Baseline engine: {analysis.baseline_engine or 'none'}. Geometric mean of paired block ratios with a 95 % "
-        f"interval. Noise floor from the A/A control: {floors or 'not measured'}.",
+        f"interval. Noise floor from the A/A twin: {floors or 'not measured'}.",
         [SCENE, CONTENDER, BASELINE,
          Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
          Column("speedup", "Baseline over contender; above 1 the contender is faster.", "ratio", "speed-up"),
@@ -104,8 +104,8 @@ def convergence(analysis: Analysis) -> Table:
     table = Table(
         "convergence", "Convergence and throughput",
         "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
-        [SCENE, CONTENDER, Column("spp", "Samples a pixel at the last checkpoint.", "estimate"),
-         Column("error", f"{metric} at the last checkpoint, {error_words(metric)}.", "estimate"),
+        [SCENE, CONTENDER, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
+         Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
          Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
          Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),

@@ -29,7 +29,7 @@ from engines.temporary import TemporaryFolder
 from harness.config import paths
 from harness.hashing import digest
 from harness.measure import machine, memory
-from harness.measure.pool import Heard, Pool, WorkerFailed, WorkerTimeout
+from harness.measure.pool import Pool, WorkerFailed, WorkerMessage, WorkerTimeout
 from harness.measure.sentinel import sentinel_seconds
 from harness.plan.cells import Cell
 from harness.plan.state import expected_seconds
@@ -54,20 +54,20 @@ LOG_BYTES = 1 << 16
 
 
 @dataclass(slots=True)
-class Told:
+class CellResult:
     """What a machine sends back of a cell: its worker's messages with the films, and how it ended."""
 
     environment: Mapping[str, Any]
     sentinel: float = 0.0
     block_sentinel: float = 0.0
-    heard: list[Heard] = field(default_factory=list)
+    messages: list[WorkerMessage] = field(default_factory=list)
     error: Exception | None = None
     wall_seconds: float = 0.0
     log: bytes = b""
 
-    def again(self) -> Iterator[Heard]:
+    def again(self) -> Iterator[WorkerMessage]:
         """The messages, and the failure at their end."""
-        yield from self.heard
+        yield from self.messages
         if self.error is not None:
             raise self.error
 
@@ -75,26 +75,26 @@ class Told:
 def measure_cell(
     engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, first: bool, most_bytes: int | None,
     share: float,
-) -> Told:  # fmt: skip
+) -> CellResult:  # fmt: skip
     """Measures a cell on the machine that runs this. `first` of a block takes the sentinel's median, too.
 
     Without a limit of memory, `most_bytes`, it gets that `share` of the machine's which its place has.
     """
-    told = Told(machine.environment())
+    result = CellResult(machine.environment())
     if first:
-        told.block_sentinel = median(sentinel_seconds() for _ in range(3))
-    began, told.sentinel = monotonic(), sentinel_seconds()
+        result.block_sentinel = median(sentinel_seconds() for _ in range(3))
+    began, result.sentinel = monotonic(), sentinel_seconds()
     with TemporaryFolder() as folder:
         log = Path(folder) / "worker.log"
         with Pool(allow_imports, log, most_bytes or memory.default_limit(share)) as pool:
             try:
-                for heard in pool.cell(engine, request, timeout):
-                    told.heard.append(heard)
+                for message in pool.cell(engine, request, timeout):
+                    result.messages.append(message)
             except (WorkerFailed, WorkerTimeout) as error:
-                told.error = error
-        told.log = log.read_bytes()[-LOG_BYTES:] if log.exists() else b""
-    told.wall_seconds = monotonic() - began
-    return told
+                result.error = error
+        result.log = log.read_bytes()[-LOG_BYTES:] if log.exists() else b""
+    result.wall_seconds = monotonic() - began
+    return result
 
 
 def render_replicates(
@@ -161,7 +161,7 @@ class Cluster:
             workers = self.client.scheduler_info(n_workers=-1)["workers"]
         except OSError as error:
             raise ConfigError(f"--cluster: the scheduler is gone: {error}; what was measured is kept") from error
-        return {address: told for address, told in workers.items() if told["resources"].get(RESOURCE, 0) >= 1}
+        return {address: info for address, info in workers.items() if info["resources"].get(RESOURCE, 0) >= 1}
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """Films in the order of their seeds, whatever the order in which machines deliver them."""
@@ -187,10 +187,10 @@ class Cluster:
         """Measures what a run has left to do."""
         Blocks(recorder, self).run()
 
-    def submit(self, cell: Cell, asked: Mapping[str, Any], address: str, share: float, first: bool) -> Task:
+    def submit(self, cell: Cell, request: Mapping[str, Any], address: str, share: float, first: bool) -> Task:
         """Gives a cell to a machine."""
         future = self.client.submit(
-            measure_cell, cell.engine, _there(asked), cell.budget.timeout_seconds, self._allow_imports, first,
+            measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports, first,
             self._most_bytes, share, workers=[address], resources={RESOURCE: share}, pure=False, retries=0,
         )  # fmt: skip
         return Task(cell, address, future)
@@ -248,14 +248,14 @@ class Blocks:
         self.left = {cell.cell_id: cell for cell in self.todo}
 
     def run(self) -> None:
-        """Until every cell has an event, or the sweep is told to stop."""
+        """Until every cell has an event, or the run is to stop."""
         try:
             while self.waiting or self.running or any(self.queues.values()):
                 machines = self.cluster.present()
                 self._forget(machines)
                 if not self.recorder.stopped:
-                    for address, told in self._usable(machines).items():
-                        self._feed(address, told)
+                    for address, info in self._usable(machines).items():
+                        self._feed(address, info)
                 elif not self.running:
                     return
                 self.news.wait(LOOK_SECONDS)
@@ -275,7 +275,7 @@ class Blocks:
             one.setdefault(machines[address]["host"], address)
         return {address: machines[address] for address in one.values()}
 
-    def _feed(self, address: str, told: Mapping[str, Any]) -> None:
+    def _feed(self, address: str, info: Mapping[str, Any]) -> None:
         """Gives a machine as many cells as it has places for: one where time counts."""
         while True:
             queue = self.queues.setdefault(address, deque())
@@ -284,7 +284,7 @@ class Blocks:
             if not queue:
                 return
             threads = max(1, queue[0].settings["threads"])
-            places = 1 if self.timed else max(1, told["nthreads"] // threads)
+            places = 1 if self.timed else max(1, info["nthreads"] // threads)
             if sum(task.address == address for task in self.running) >= places:
                 return
             self._start(queue.popleft(), address, 1.0 / places)
@@ -294,8 +294,8 @@ class Blocks:
         recorder.begin(cell)
         first = self.timed and (address, cell.block) not in self.begun
         self.begun.add((address, cell.block))
-        asked = cell.request(recorder.plan.experiment.checkpoints)
-        task = self.cluster.submit(cell, asked, address, share, first)
+        request = cell.request(recorder.plan.experiment.checkpoints)
+        task = self.cluster.submit(cell, request, address, share, first)
         task.future.add_done_callback(lambda _: self.news.set())
         self.running.append(task)
 
@@ -330,32 +330,32 @@ class Blocks:
         self.recorder.finish(cell, self.recorder.event(cell, "failed", message))
 
     def _finish(self, task: Task) -> None:
-        """Writes down what a machine has told of a cell."""
+        """Records the result of a cell that a machine has sent."""
         recorder, cell = self.recorder, task.cell
         self.running.remove(task)
         try:
-            told: Told = _result(task.future)
+            result: CellResult = _result(task.future)
         except WorkerFailed as error:
             if task.future.status == "cancelled" or "KilledWorker" in str(error):
                 self._lost(task)
             else:
                 self._failed(cell, str(error))
             return
-        env_id = digest(told.environment)
-        recorder.record_environment(env_id, told.environment)
-        if told.block_sentinel:
+        env_id = digest(result.environment)
+        recorder.record_environment(env_id, result.environment)
+        if result.block_sentinel:
             recorder.append({
-                "event": "sentinel", "block": cell.block, "seconds": told.block_sentinel, "env_id": env_id,
+                "event": "sentinel", "block": cell.block, "seconds": result.block_sentinel, "env_id": env_id,
             })  # fmt: skip
-        if told.log:
+        if result.log:
             with (recorder.folder / "worker.log").open("ab") as file:
-                file.write(told.log)
+                file.write(result.log)
         recorder.listener.cell(cell, len(self.todo) - len(self.left), len(self.todo), self._seconds_left())
         del self.left[cell.cell_id]
-        event = recorder.measured_as(CellRecord(recorder, cell, env_id), told.again(), told.sentinel)
+        event = recorder.measured_as(CellRecord(recorder, cell, env_id), result.again(), result.sentinel)
         if not self.timed:
             event["machine"] = {**event["machine"], "contended": True}
-        recorder.finish(cell, {**event, "wall_seconds": told.wall_seconds, "worker": task.address})
+        recorder.finish(cell, {**event, "wall_seconds": result.wall_seconds, "worker": task.address})
 
     def _seconds_left(self) -> float:
         seconds = sum(seconds for seconds, _ in expected_seconds(self.left.values(), self.recorder.latest).values())

@@ -30,6 +30,6 @@ def measure(recorder: Recorder, pool: Pool) -> None:
         recorder.begin(cell)
         began, sentinel = monotonic(), sentinel_seconds()
         record = CellRecord(recorder, cell, recorder.env_id)
-        with closing(pool.cell(cell.engine, cell.request(checkpoints), cell.budget.timeout_seconds)) as heard:
-            event = recorder.measured_as(record, heard, sentinel)
+        with closing(pool.cell(cell.engine, cell.request(checkpoints), cell.budget.timeout_seconds)) as messages:
+            event = recorder.measured_as(record, messages, sentinel)
         recorder.finish(cell, {**event, "wall_seconds": monotonic() - began})

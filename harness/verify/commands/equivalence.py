@@ -16,7 +16,7 @@ from rich.table import Table
 from engines.errors import ConfigError, RendererFailed, UnknownName
 from engines.registry import is_file, known_names
 from engines.scene import Scene, load_scene
-from harness.analysis.equivalence import conclusion
+from harness.analysis.equivalence import describe
 from harness.config import paths
 from harness.config.settings import require_commands, require_imports
 from harness.console import allow_here, consoles
@@ -108,7 +108,7 @@ def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, s
                       f"{100 * found.detectable:.3f} %", f"[{COLOURS[found.verdict]}]{found.verdict}[/]")  # fmt: skip
     stdout.print(table)
     for first, second, found in rows:
-        stdout.print(f"{first} and {second} {conclusion(found, options.margin)}.", markup=False, soft_wrap=True)
+        stdout.print(f"{first} and {second} {describe(found, options.margin)}.", markup=False, soft_wrap=True)
     if any(found.verdict == "inconclusive" for _, _, found in rows):
         stdout.print("Four times as many --spp or --replicates halve an interval.", markup=False)
     found = rows[0][2]
