@@ -129,26 +129,26 @@ def _by_block(results: Results, contender: Contender, target: float) -> dict[int
 def _flags(results: Results, verdict: Verdict) -> list[str]:
     flags = []
     if verdict.bias is not None and verdict.bias.biased:
-        flags.append(f"biased by {100 * verdict.bias.root:.2g} %")
+        flags.append("biased")
         left = [point_error(cell["points"][-1], results.relative_metric)[0] for cell in verdict.contender.done]
         if on_bias_floor(verdict.bias, median_interval(left).value):
-            flags.append("sits on its bias floor")
+            flags.append("on_bias_floor")
     if verdict.equivalence is not None and verdict.equivalence.verdict == "different":
-        flags.append("differs from the baseline's image")
+        flags.append("other_image")
     if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contender.settings.sampler:
         spp = common_spp(verdict.contender, verdict.baseline)
         own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))
         if too_good_per_sample(own, theirs):
-            flags.append("too good per sample")
+            flags.append("too_good_per_sample")
     points = [point for cell in verdict.contender.cells for point in cell.get("points") or []]
     if any((point.get("metrics") or {}).get("nonfinite") for point in points):
-        flags.append("non-finite pixels")
+        flags.append("nonfinite_pixels")
     if any((cell.get("counters") or {}).get("bad_samples") for cell in verdict.contender.cells):
-        flags.append("bad samples")
+        flags.append("bad_samples")
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
         flags.append("contended")
     if any(reports_its_time(cell) for cell in verdict.contender.done):
-        flags.append("times reported by the program")
+        flags.append("own_clock")
     return flags
 
 

@@ -77,7 +77,7 @@ def expand(top: Given, settings: Mapping[str, Any]) -> tuple[list[dict[str, Any]
         raise top.node.refuse("a matrix is wanted, or at least a scene and an engine")
     combinations = _product(top, settings, axes)
     warnings = [_idle(each) for each in top["exclude"] if not any(map(each.matches, combinations))]
-    combinations = [each for each in combinations if not any(rule.matches(each) for rule in top["exclude"])]
+    combinations = [found for found in combinations if not any(each.matches(found) for each in top["exclude"])]
     combinations += _include(top, settings, axes)
     for extension in top["extend"]:
         warnings += _extend(extension["where"], extension["set"].written, combinations)

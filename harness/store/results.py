@@ -138,10 +138,12 @@ class Results:
 
 
 def load_results(folder: str | Path) -> Results:
-    """Reads a results folder. Raises ConfigError where it has no events."""
+    """Reads a results folder. Raises ConfigError where there is none, and where it has no events."""
     from engines.errors import ConfigError
 
     folder = Path(folder)
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: no such folder; one written by `raybench run` is wanted")
     if not (folder / "events.jsonl").exists():
         raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is wanted")
     events = read_events(folder)

@@ -243,7 +243,7 @@ def test_two_folders_make_two_sections_and_no_results_none(tmp_path):
     first, second = (folder_of(tmp_path / name, accelerators(0.01, 0.02)) for name in "ab")
     text = write_chapter([first, second], tmp_path / "both")[0].read_text()
     assert text.count("\n## ") == 2
-    with pytest.raises(ConfigError, match="has no events"):
+    with pytest.raises(ConfigError, match="nowhere: no such folder"):
         write_chapter([tmp_path / "nowhere"], tmp_path / "none")
 
 

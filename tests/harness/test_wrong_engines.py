@@ -72,8 +72,8 @@ def test_what_is_not_finite_is_flagged_in_the_verdicts(tmp_path):
     outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
     assert outcome.states == {"done": 3, "failed": 1}
     verdicts = {v.contender.settings.engine: v for v in analyse(load_results(tmp_path / "out")).verdicts}
-    assert {"non-finite pixels", "bad samples"} <= set(verdicts["now_and_then"].flags)
-    assert not {"non-finite pixels", "bad samples"} & set(verdicts["steady"].flags)
+    assert {"nonfinite_pixels", "bad_samples"} <= set(verdicts["now_and_then"].flags)
+    assert not {"nonfinite_pixels", "bad_samples"} & set(verdicts["steady"].flags)
     assert verdicts["now_and_then"].failures == 1
 
 

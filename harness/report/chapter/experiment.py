@@ -9,7 +9,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from harness.analysis import Analysis
+import pandas as pd
+
+from harness.analysis import Analysis, frames
 from harness.report.chapter import accelerators, samplers, shaders, threads
 from harness.report.chapter.document import Listing, Paragraph, Section
 from harness.report.chapter.sentences import error_name, listed, plural
@@ -69,12 +71,10 @@ def place(analysis: Analysis) -> list[str]:
 def limits(analysis: Analysis, *more: str) -> Section:
     """What did not run, how quiet the machine was, what is noise; and `more` of the same kind."""
     results = analysis.results
-    states: dict[str, int] = {}
-    for cell in results.cells:
-        states[str(cell["state"])] = states.get(str(cell["state"]), 0) + 1
-    counted = listed([f"{number} {state}" for state, number in sorted(states.items())])
-    said = [f"Of {plural(len(results.cells), 'cell')}, {counted}."]
-    missing = set(results.manifest.get("cell_ids") or ()) - {cell["cell_id"] for cell in results.cells}
+    cells = frames.by_contestant(frames.cells(results).frame, results)
+    counted = listed([f"{number} {state}" for state, number in cells.state.value_counts().sort_index().items()])
+    said = [f"Of {plural(len(cells), 'cell')}, {counted}."]
+    missing = set(results.manifest.get("cell_ids") or ()) - set(cells.cell_id)
     if missing:
         said.append(f"{plural(len(missing), 'cell')} of the experiment had not been begun.")
     contended = sum(bool((cell.get("machine") or {}).get("contended")) for cell in results.cells)
@@ -85,7 +85,7 @@ def limits(analysis: Analysis, *more: str) -> Section:
         said.append(f"One configuration measured twice under two names differed by up to {listed(floors)}; nothing within "
                     "that is called faster.")  # fmt: skip
     parts: list[Any] = [Paragraph([*said, *more])]
-    reasons = _reasons(analysis)
+    reasons = _reasons(cells)
     return Section("What else to know", [*parts, Listing(reasons)] if reasons else parts)
 
 
@@ -105,12 +105,8 @@ def _bias(analysis: Analysis) -> str:
     return f"Of {number} {len(biased)} converge to another image than the reference, by three standard errors: {listed(shown)}."
 
 
-def _reasons(analysis: Analysis) -> list[str]:
+def _reasons(cells: pd.DataFrame) -> list[str]:
     """Who was not measured, and why, in the engine's words."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for contender in analysis.results.contenders:
-        for cell in contender.cells:
-            if cell["state"] != "done" and cell.get("message"):
-                who = found.setdefault((str(cell["state"]), str(cell["message"])), [])
-                who.append(f"{contender.name} on {contender.settings.scene}")
-    return [f"{listed(list(dict.fromkeys(who)))}: {state}, {message}." for (state, message), who in found.items()]
+    failed = cells[(cells.state != "done") & cells.message.fillna("").ne("")]
+    who = (failed.contestant + " on " + failed.scene).groupby([failed.state, failed.message], sort=False).unique()
+    return [f"{listed(list(names))}: {state}, {message}." for (state, message), names in who.items()]

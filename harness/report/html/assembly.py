@@ -14,6 +14,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.analysis import Analysis, equivalence, reports_its_time
+from harness.analysis.model import possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Plot
@@ -64,17 +65,14 @@ def headlines(analysis: Analysis) -> list[dict[str, Any]]:
 
 def _headline(panel: Panel, index: int, target: float, floor: float) -> dict[str, Any]:
     """`floor` is the scene's noise floor as a log-ratio. A contender without an interval is separated from nobody."""
-    arrived = [verdict for verdict in panel.verdicts if math.isfinite(verdict.warm[index].median)]
-    ranked = sorted(arrived, key=lambda verdict: verdict.warm[index].median)
+    reached = sum(math.isfinite(verdict.warm[index].median) for verdict in panel.verdicts)
     line = {"scene": panel.title, "target": f"{target:g}", "winner": None, "out_of": len(panel.verdicts)}
-    if not ranked:
+    if not reached:
         return line
-    best = ranked[0]
-    slowest = best.warm[index].high * math.exp(floor)
-    rivals = [v.contender.name for v in ranked[1:] if not v.warm[index].low > slowest]
+    best, *rivals = possible_winners(panel.verdicts, index, floor)
     return line | {
         "winner": best.contender.name, "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
-        "rivals": rivals, "flags": best.flags, "reached": len(ranked),
+        "rivals": [rival.contender.name for rival in rivals], "flags": best.warnings, "reached": reached,
     }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from harness.analysis import Analysis, Verdict
+from harness.analysis.model import ranked_together
 from harness.metrics import Reference
 from harness.report.plots.style import file_stem
 from harness.store.results import Results, setting_text
@@ -40,14 +41,14 @@ class Facet:
 
 def panels(analysis: Analysis) -> list[Panel]:
     """One panel a scene, shader, size and machine, without the A/A twin's second label."""
-    measured = [v for v in analysis.verdicts if v.contender.done and not v.contender.settings.label]
-    keys = [(s.scene, s.shader, s.size, f"machine {s.machine}") for s in (v.contender.settings for v in measured)]
-    varying = [len({key[i] for key in keys}) > 1 for i in range(4)]
-    groups: dict[tuple[str, ...], list[Verdict]] = {}
-    for key, verdict in zip(keys, measured, strict=True):
-        groups.setdefault(key, []).append(verdict)
-    names = {key: " ".join([key[0], *(key[i] for i in (1, 2, 3) if varying[i])]) for key in groups}
-    return [Panel(names[key], verdicts) for key, verdicts in groups.items()]
+    groups = ranked_together(analysis.verdicts)
+    varying = [len({key[i] for key in groups}) > 1 for i in range(4)]
+    found = []
+    for (scene, *others), verdicts in groups.items():
+        others[-1] = f"machine {others[-1]}"
+        title = " ".join([scene, *(word for word, varies in zip(others, varying[1:], strict=True) if varies)])
+        found.append(Panel(title, verdicts))
+    return found
 
 
 def facets(verdicts: list[Verdict]) -> list[Facet]:

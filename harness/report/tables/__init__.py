@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from harness.analysis import Analysis
+from harness.analysis import Analysis, frames
+from harness.analysis.columns import Column, Table
 from harness.report.tables.changes import changes
-from harness.report.tables.model import Column, Table, cell_text, csv_text, latex_text, markdown_text, sort_value
-from harness.report.tables.tidy import phase_rows, points, quality_times
+from harness.report.tables.model import cell_text, csv_text, latex_text, markdown_text, sort_value
 from harness.report.tables.verdicts import all_tables
 from harness.store.atomic import write_text
 from harness.store.confined import inside
 
 __all__ = [
-    "TEXTS", "Column", "Table", "all_tables", "cell_text", "changes", "columns", "sort_value",
+    "TEXTS", "Column", "Table", "all_tables", "cell_text", "changes", "columns", "sort_value", "tidy_tables",
     "write_tables",
 ]  # fmt: skip
 
@@ -25,10 +26,15 @@ def columns(tables: list[Table]) -> dict[str, str]:
     return {f"{table.name}.{column.name}": column.meaning for table in tables for column in table.columns}
 
 
+def tidy_tables(analysis: Analysis) -> list[Table]:
+    """points, ttq and phases: the frames as csv files hold them, without the name of the contestant."""
+    found = [frames.points(analysis.results), frames.times_to_quality(analysis), frames.cells(analysis.results)]
+    return [replace(table, columns=[c for c in table.columns if c is not frames.CONTESTANT]) for table in found]
+
+
 def write_tables(analysis: Analysis, folder: Path) -> list[Table]:
     """Writes points.csv, ttq.csv, phases.csv and tables/*; returns the tables for people."""
-    tidy = [points(analysis.results), quality_times(analysis), phase_rows(analysis.results)]
-    tables = all_tables(analysis)
+    tidy, tables = tidy_tables(analysis), all_tables(analysis)
     target = inside(folder, "tables", str(folder))
     for table in tidy:
         write_text(folder / f"{table.name}.csv", csv_text(table))

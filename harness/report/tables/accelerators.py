@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import break_evens
+from harness.analysis.columns import Column, Table
 from harness.report.tables.equivalence import CONTENDER, SCENE
-from harness.report.tables.model import Column, Table
 from harness.statistics import Estimate
 from harness.store.results import setting_text
 

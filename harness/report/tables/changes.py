@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from harness.analysis import noise_floors, seconds_per_sample
+from harness.analysis.columns import Column, Table
 from harness.metrics import metric_title
-from harness.report.tables.model import Column, Table
 from harness.statistics import Estimate, unpaired_ratio
 from harness.store.results import Contender, Results, Settings, point_error
 

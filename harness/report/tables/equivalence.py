@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from harness.analysis import Analysis, Verdict
-from harness.report.tables.model import Column, Table
+from harness.analysis.columns import Column, Table
 from harness.statistics import Estimate
 from harness.statistics.equivalence import ALPHA
 

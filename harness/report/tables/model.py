@@ -1,57 +1,23 @@
-"""A table: documented columns and rows of plain values, and its text as csv, Markdown and LaTeX (booktabs)."""
+"""The text of a table as csv, Markdown and LaTeX (booktabs), and that of its cells."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
-ESTIMATES = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never"), "break_even": ("never", "at once")}
+from harness.analysis.columns import Column, Table
+
+INFINITE_AND_ZERO = {
+    "estimate": ("not reached", "0"),
+    "ratio": ("baseline never", "never"),
+    "break_even": ("never", "at once"),
+}
 """Kinds with an interval: the words for infinity and for zero."""
-
-
-class Column(NamedTuple):
-    """`name` carries the unit; `meaning` is a sentence; `kind` says how it is printed.
-
-    Kinds: text, number (3 significant digits), exact (as configured), count, percent (of a share), and `estimate`, a
-    number with its interval: csv gives it three columns (`name`, `name_low`, `name_high`), texts print
-    `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never got there, a `break_even`
-    one whose infinity means that it never pays.
-    """
-
-    name: str
-    meaning: str
-    kind: str = "text"
-    title: str = ""
-
-    @property
-    def heading(self) -> str:
-        return self.title or self.name.replace("_", " ")
-
-
-@dataclass
-class Table:
-    """Rows map column names to values; an estimate's value is an Estimate."""
-
-    name: str
-    title: str
-    note: str
-    columns: list[Column]
-    rows: list[dict[str, Any]] = field(default_factory=list)
 
 
 def csv_text(table: Table) -> str:
     """Full precision, one line of headings; empty where nothing is known, `inf` where a target was not reached."""
-    names = [name for column in table.columns for name in _csv_names(column)]
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(names)
-    for row in table.rows:
-        writer.writerow([value for column in table.columns for value in _csv_values(column, row)])
-    return buffer.getvalue()
+    return table.frame.to_csv(index=False, lineterminator="\n")
 
 
 def markdown_text(table: Table) -> str:
@@ -82,8 +48,8 @@ def cell_text(column: Column, value: Any) -> str:
     """What a reader sees in a cell; `–` for what is not known."""
     if value is None or value == "":
         return "–"
-    if column.kind in ESTIMATES:
-        return estimate_text(value, *ESTIMATES[column.kind])
+    if column.kind in INFINITE_AND_ZERO:
+        return estimate_text(value, *INFINITE_AND_ZERO[column.kind])
     if column.kind == "exact":
         return f"{value:g}"
     if column.kind == "percent":
@@ -144,20 +110,3 @@ def _digits(value: float) -> str:
     rounded = float(f"{value:.3g}")  # 0.09997 is 0.100, not 0.1000
     decimals = max(2 - math.floor(math.log10(abs(rounded))), 0)
     return f"{value:.{decimals}f}"
-
-
-def _csv_names(column: Column) -> list[str]:
-    return [column.name, f"{column.name}_low", f"{column.name}_high"] if column.kind in ESTIMATES else [column.name]
-
-
-def _csv_values(column: Column, row: Mapping[str, Any]) -> list[Any]:
-    value = row.get(column.name)
-    if column.kind not in ESTIMATES:
-        return [_plain(value)]
-    return [_plain(part) for part in (value[:3] if value is not None else (None, None, None))]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float):
-        return "" if math.isnan(value) else repr(float(value))
-    return "" if value is None else value

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from harness.analysis import Analysis
+from harness.analysis.columns import Column, Table
 from harness.analysis.scaling import scaling_exponents
 from harness.report.tables.equivalence import CONTENDER
-from harness.report.tables.model import Column, Table
 
 
 def scaling(analysis: Analysis) -> Table:

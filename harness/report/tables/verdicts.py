@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from harness.analysis import Analysis, Verdict, seconds_per_sample
+import pandas as pd
+
+from harness.analysis import Analysis, frames, seconds_per_sample
+from harness.analysis.columns import Column, Table, rows_of
+from harness.analysis.model import FLAGS
 from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
@@ -20,10 +23,12 @@ from harness.report.tables.equivalence import (
     equivalence_text,
     who,
 )
-from harness.report.tables.model import Column, Table
 from harness.report.tables.scaling import scaling
-from harness.statistics import Estimate, QualityTime, Speedup, amdahl_fit, parallel_speedups
+from harness.statistics import Estimate, Speedup, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
+
+RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speedup"}
+"""Columns of DataFrames by the names that these tables give them."""
 
 
 def all_tables(analysis: Analysis) -> list[Table]:
@@ -49,26 +54,24 @@ def time_to_quality(analysis: Analysis) -> Table:
                 title="verdict"),
          Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
                 "< says what would have been seen."),
-         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
+         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive.",
+                title="image"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
          Column("warnings", "What else to know before believing the row.")],
     )  # fmt: skip
-    for verdict in analysis.verdicts:
-        for index, target in enumerate(results.targets):
-            table.rows.append(_quality_row(verdict, index, target))
+    found = frames.verdicts(analysis).frame
+    seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
+    found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
+    found["speedup_verdict"] = found.verdict.mask(found.baseline.isna(), "baseline")
+    new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
+    words = pd.DataFrame(
+        [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict),
+          "; ".join(FLAGS[flag] for flag in verdict.flags if flag not in ("biased", "other_image")))
+         for verdict in analysis.verdicts],
+        columns=["scene", "contender", "bias", "equivalence", "warnings"], dtype="string",
+    )  # fmt: skip
+    table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
-
-
-def _quality_row(verdict: Verdict, index: int, target: float) -> dict[str, Any]:
-    speedup = verdict.quality_speedups[index] if verdict.quality_speedups else None
-    return {
-        **who(verdict), "target": target, "warm_seconds": _estimate(verdict.warm[index]),
-        "cold_seconds": _estimate(verdict.cold[index]), "reached": verdict.warm[index].verdict(),
-        "speedup": _ratio(speedup), "speedup_verdict": speedup.verdict if speedup else "baseline",
-        "bias": bias_text(verdict), "equivalence": equivalence_text(verdict),
-        "warnings": "; ".join(flag for flag in verdict.flags if not flag.startswith(("biased", "differs"))),
-        "failed_cells": verdict.failures,
-    }  # fmt: skip
 
 
 def speedups(analysis: Analysis) -> Table:
@@ -163,20 +166,12 @@ def failures(analysis: Analysis) -> Table:
          Column("cells", "How many seeds of the contender it concerns.", "count"),
          Column("message", "The reason, as the engine or the harness gave it.")],
     )  # fmt: skip
-    for contender in analysis.results.contenders:
-        reasons: dict[tuple[str, str], int] = {}
-        for cell in contender.cells:
-            if cell["state"] != "done":
-                reason = (str(cell["state"]), str(cell.get("message") or ""))
-                reasons[reason] = reasons.get(reason, 0) + 1
-        for (state, message), count in reasons.items():
-            table.rows.append({"scene": contender.settings.scene, "contender": contender.name, "state": state,
-                               "cells": count, "message": message})  # fmt: skip
+    found = frames.by_contestant(frames.cells(analysis.results).frame, analysis.results)
+    failed = found[found.state != "done"].fillna({"message": ""})
+    cases = failed.groupby(["scene", "contestant", "state", "message"], sort=False)
+    counted = pd.DataFrame({"cells": cases.size()}).reset_index()
+    table.rows = rows_of(counted.rename(columns=RENAMED), table.columns)
     return table
-
-
-def _estimate(quality: QualityTime) -> Estimate:
-    return Estimate(quality.median, quality.low, quality.high, quality.seeds)
 
 
 def _ratio(speedup: Speedup | None) -> Estimate | None:
