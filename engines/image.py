@@ -245,9 +245,7 @@ def _exr_channels(file: Path) -> dict[str, NDArray[Any]]:
             _check_size(file, width, height, limit)
             samples += width * height * len(part.header["channels"])
         if samples > MAX_CHANNELS * limit:
-            raise SceneError(
-                f"{file}: has {samples} values: at most {MAX_CHANNELS * limit} are read from a file of its size"
-            )
+            raise SceneError(f"{file}: has {samples} values: at most {MAX_CHANNELS * limit} are read from a file of its size")
         _check_memory(file, 4.0 * samples)
         opened = _opened_exr(file, header_only=False)
         if len(opened.parts) != len(parts):  # a part that cannot be decoded is left out
@@ -287,9 +285,7 @@ def _bitmap(file: Path) -> NDArray[np.uint8]:
         width, height = image.size
         _check_size(file, width, height, _most_pixels(file))
         tags = getattr(image, "tag_v2", {})
-        if (
-            TILE_WIDTH in tags and TILE_HEIGHT in tags
-        ):  # a TIFF's tiles may be larger than the image, and are decoded whole
+        if TILE_WIDTH in tags and TILE_HEIGHT in tags:  # a TIFF's tiles may be larger than the image, and are decoded whole
             _check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)
         return np.asarray(image.convert("RGB"))
 

@@ -42,9 +42,7 @@ def test_numba_in_float64_equals_the_reference_on_every_scene_with_every_shader(
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_numba_in_float64_equals_the_reference_with_every_sampler(sampler):
-    _assert_equal(
-        engines.load_scene("two_spheres"), ["none", "bvh", "grid"], shader="path_tracer", sampler=sampler, spp=5
-    )
+    _assert_equal(engines.load_scene("two_spheres"), ["none", "bvh", "grid"], shader="path_tracer", sampler=sampler, spp=5)
 
 
 @pytest.mark.parametrize("direct", ["light", "bsdf", "mis"])

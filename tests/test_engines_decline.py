@@ -8,9 +8,7 @@ from engines import Settings, Unsupported
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "dahlquist")
 TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "grey"}
 PARTS = {
-    "disk": {
-        "shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]
-    },
+    "disk": {"shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]},
     "spot": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
     "conductor": {"materials": {"grey": {"conductor": {"metal": "Au", "alpha": 0.2}}}},
 }

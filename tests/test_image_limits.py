@@ -22,7 +22,6 @@ LITTLE, MUCH = 128, 1536
 
 def png(width: int, height: int) -> bytes:
     """A black image of one bit a pixel."""
-
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
@@ -59,9 +58,7 @@ def webp(width: int, height: int) -> bytes:
 
 def windowed(path: Path, window: tuple[int, int, int, int], channels: int = 1) -> None:
     """An EXR that says that its pixels lie in another window than they do."""
-    pixels = {f"c{index}": np.zeros((8, 8), np.float16) for index in range(channels - 1)} | {
-        "Y": np.zeros((8, 8), np.float16)
-    }
+    pixels = {f"c{index}": np.zeros((8, 8), np.float16) for index in range(channels - 1)} | {"Y": np.zeros((8, 8), np.float16)}
     OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, pixels).write(str(path))
     data = bytearray(path.read_bytes())
     at = data.index(b"dataWindow\0box2i\0") + 21

@@ -214,9 +214,7 @@ def test_a_scene_starts_nothing_and_opens_only_what_it_names(tmp_path):
     for index, tag in enumerate(("!!python/object/apply:os.system [touch started]", "!include ../outside.obj")):
         (folder / f"tag{index}.yaml").write_text(f"raybench_scene: 1\nname: {tag}\n")
     (folder / "code.yaml").write_text("raybench_scene: 1\ncamera: {type: 'os:getcwd'}\n")
-    opened, started = json.loads(
-        python(WATCHED, *sorted(folder.glob("*.yaml")), folder=folder, PATH=with_programs(tmp_path))
-    )
+    opened, started = json.loads(python(WATCHED, *sorted(folder.glob("*.yaml")), folder=folder, PATH=with_programs(tmp_path)))
     assert started == [] and not (folder / "started").exists() and not (tmp_path / "started").exists()
     ours = {Path(path) for path in opened if Path(path).is_relative_to(tmp_path.resolve())}
     assert folder.resolve() / "a.mtl" in ours and folder.resolve() / "a.png" in ours, "nothing was watched"

@@ -82,9 +82,7 @@ def _not_promised(engine: Engine) -> Mapping[str, str]:
     """The engine's excuses, by the keys of claims."""
     excuses: Any = getattr(engine, "not_promised", {})
     if not isinstance(excuses, Mapping):
-        raise ConfigError(
-            f"engine {engine.name!r}: not_promised = {excuses!r}: a mapping from claims to reasons is wanted"
-        )
+        raise ConfigError(f"engine {engine.name!r}: not_promised = {excuses!r}: a mapping from claims to reasons is wanted")
     known = [key_of(claim) for claim in CLAIMS]
     for key in excuses:
         if key not in known:

@@ -164,9 +164,7 @@ def _count_rays(renderer: Renderer, before: float, samples: int) -> None:
         except Unsupported:
             continue
         counted, rendered = renderer.counters()["rays"] - rendered, renderer.counters()["rays"]
-        expect(
-            counted == 6, f"6 rays and one without a direction were traced, and counters()['rays'] grew by {counted}"
-        )
+        expect(counted == 6, f"6 rays and one without a direction were traced, and counters()['rays'] grew by {counted}")
 
 
 CLAIMS = (

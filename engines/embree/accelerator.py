@@ -292,7 +292,7 @@ def _store_shadows(rays, scene, memory, variant):
                 shadow_rays(rays), rays.origin_primitive, scene, lane, face, np.int32(-2), variant
             )  # fmt: skip
             unconfirmed = hidden & (face >= 0) & (not confirmed)
-        rays.occluded[lane] = hidden
+        rays.occluded[lane] = 1 if hidden else 0
         words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
     return _marked_lanes(words)
 

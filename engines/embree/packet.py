@@ -219,13 +219,11 @@ def write_rays(rays, embree, memory, width, widening, real):
             numbers[i + T_NEAR * width] = np.float32(0)
             numbers[i + TIME * width] = np.float32(0)
             numbers[i + T_FAR * width] = np.float32(t * scale) * widening
-        for lane in range(np.uint64(first), np.uint64(first + width)):
-            i = base + np.int64(lane) - first
             words[i + MASK * width] = np.int32(-1)
             words[i + ID * width] = np.int32(lane)
             words[i + FLAGS * width] = np.int32(0)
             words[i + GEOM_ID * width] = np.int32(-1)
             words[i + INST_ID * width] = np.int32(-1)
             words[i + INST_PRIM_ID * width] = np.int32(-1)
-            words[i + VALID * width] = np.int32(-1) if rays.t_max[lane] > 0 else np.int32(0)
+            words[i + VALID * width] = np.int32(-1) if t > 0 else np.int32(0)
             words[CANDIDATE + np.int64(lane)] = np.int32(-1)

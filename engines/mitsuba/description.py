@@ -222,9 +222,7 @@ def _round_or_flat(scene: Scene, index: int, shape: Plane | Disk | Sphere | Sphe
     for side, gap in sides:
         if isinstance(shape, Plane):
             point = np.add(shape.point, np.multiply(shape.normal, side * gap))
-            nodes = [
-                {"type": "rectangle", "to_world": facing(point, np.multiply(shape.normal, side), PLANE_EXTENTS * size)}
-            ]
+            nodes = [{"type": "rectangle", "to_world": facing(point, np.multiply(shape.normal, side), PLANE_EXTENTS * size)}]
         elif isinstance(shape, Disk):
             center = np.add(shape.center, np.multiply(shape.normal, side * gap))
             nodes = [{"type": "disk", "to_world": facing(center, np.multiply(shape.normal, side), shape.radius)}]

@@ -64,11 +64,7 @@ class Place:
                 elif found.exists():
                     return found
             except (OSError, ValueError, RuntimeError) as problem:
-                raise node.refuse(
-                    f"{what}not a usable path: {getattr(problem, 'strerror', None) or problem}"
-                ) from problem
+                raise node.refuse(f"{what}not a usable path: {getattr(problem, 'strerror', None) or problem}") from problem
         if outside:
-            raise node.refuse(
-                f"{what}lies outside the scene's folder {self.folder}: move it there, or allow_outside=True"
-            )
+            raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: move it there, or allow_outside=True")
         raise node.refuse(f"{what}no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")

@@ -21,9 +21,7 @@ def bounds(shape: Shape) -> NDArray[np.float64] | None:
         reach = shape.radius * np.sqrt(np.maximum(0.0, 1.0 - np.square(shape.normal)))
         return np.stack([np.subtract(shape.center, reach), np.add(shape.center, reach)])
     if isinstance(shape, (Sphere, SphereSet)):
-        centers, radii = (
-            (shape.center, shape.radius) if isinstance(shape, Sphere) else (shape.centers, shape.radii[:, None])
-        )
+        centers, radii = (shape.center, shape.radius) if isinstance(shape, Sphere) else (shape.centers, shape.radii[:, None])
         low, high = np.atleast_2d(np.subtract(centers, radii)), np.atleast_2d(np.add(centers, radii))
         return np.stack([low.min(axis=0), high.max(axis=0)])
     is_triangle = isinstance(shape, Triangle)

@@ -155,9 +155,7 @@ def threads() -> None:
 
 def first() -> None:
     """A second process: importing the library, and the first pixel from caches."""
-    pixel = (
-        "; r = engines.engine('numba').prepare(engines.load_scene('cornell_box'), engines.Settings(8, 8)); r.render(1)"
-    )
+    pixel = "; r = engines.engine('numba').prepare(engines.load_scene('cornell_box'), engines.Settings(8, 8)); r.render(1)"
     for what, code, wanted in (("import engines", "", "< 0.4 s"), ("first pixel of cornell_box", pixel, "< 2.5 s")):
         command = [sys.executable, "-c", "import engines" + code]
         found = in_turns({"it": lambda command=command: subprocess.run(command, check=True)})

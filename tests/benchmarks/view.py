@@ -85,9 +85,7 @@ def main() -> None:
         with Tab(viewer) as tab:
             (coarse,), (full,) = first_frames(tab, request, 1)
             total = time.perf_counter() - start
-            print(
-                f"a new tab: first frame after {coarse:.2f} s, at full resolution after {full:.2f} s ({total:.2f} s in all)"
-            )
+            print(f"a new tab: first frame after {coarse:.2f} s, at full resolution after {full:.2f} s ({total:.2f} s in all)")
             coarse_warm, full_warm = first_frames(tab, request, 7)
             print(f"warm: first frame {milliseconds(coarse_warm)}; at full resolution {milliseconds(full_warm)}")
             for a_second in MOVES_A_SECOND:

@@ -102,6 +102,7 @@ def test_all_that_is_broken_is_said_at_once(monkeypatch):
     assert sentence_of(rendering.seeds_matter) in str(caught.value)
 
 
+
 def test_an_engine_without_single_rays_declines_what_needs_them_and_is_held_to_all_else():
     class Raster(Renderer):
         """It traces for its own images alone."""
@@ -139,9 +140,7 @@ def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it():
         renderer = Late
 
     found = {finding.key: finding for finding in check_engine(Promising())}
-    assert (
-        found["render_adds_to_the_film"].verdict == "broken" and "not today" in found["render_adds_to_the_film"].detail
-    )
+    assert found["render_adds_to_the_film"].verdict == "broken" and "not today" in found["render_adds_to_the_film"].detail
 
 
 def test_values_that_are_unknown_in_both_films_are_no_difference():

@@ -53,9 +53,7 @@ def test_a_picture_that_is_not_the_scenes_is_seen(found):
 def test_raybenchs_own_command_makes_right_images(monkeypatch):
     """Scenes reach it in files: nothing else would have it show what they hold."""
     monkeypatch.setenv("PATH", os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
-    monkeypatch.setattr(
-        conformance, "CLAIMS", (light.images_are_upright, light.a_point_light_falls_off_with_the_square)
-    )
+    monkeypatch.setattr(conformance, "CLAIMS", (light.images_are_upright, light.a_point_light_falls_off_with_the_square))
     engine = engines.engine(str(ROOT / "configs/renderers/raybench.yaml"))
     monkeypatch.setattr(engine, "not_promised", {})
     assert [(finding.verdict, finding.detail) for finding in check_engine(engine)] == [("holds", "")] * 2

@@ -67,9 +67,7 @@ def _one(asked: argparse.Namespace) -> int:
     faulthandler.dump_traceback_later(asked.limit, exit=True)
     module = importlib.import_module(f"tests.fuzz.{kind}")
     outcome = run_case(module, asked.seed, asked.case, folder)
-    print(
-        f"{outcome.outcome} after {outcome.seconds:.2f} s with {outcome.mebibytes:.0f} MiB: {outcome.what}\ninput: {folder}"
-    )
+    print(f"{outcome.outcome} after {outcome.seconds:.2f} s with {outcome.mebibytes:.0f} MiB: {outcome.what}\ninput: {folder}")
     if outcome.outcome != "failed":
         return 0
     try:
@@ -82,23 +80,13 @@ def _one(asked: argparse.Namespace) -> int:
 def _print_failures(tally: Tally, seed: int, folder: Path) -> None:
     for failure in tally.failures:
         again = f"{Path(sys.executable).name} -m tests.fuzz {tally.kind} --seed {seed} --case {failure.case}"
-        print(
-            f"{tally.kind} {failure.case}: {failure.what[:300]!r}\n    again: {again}    input: {folder / str(failure.case)}"
-        )
+        print(f"{tally.kind} {failure.case}: {failure.what[:300]!r}\n    again: {again}    input: {folder / str(failure.case)}")
 
 
 def table(tallies: list[Tally]) -> str:
     """One row a kind."""
     rows = [HEADINGS] + [
-        (
-            t.kind,
-            f"{t.cases}",
-            f"{t.accepted}",
-            f"{t.refused}",
-            f"{len(t.failures)}",
-            f"{t.seconds:.2f}",
-            f"{t.mebibytes:.0f}",
-        )
+        (t.kind, f"{t.cases}", f"{t.accepted}", f"{t.refused}", f"{len(t.failures)}", f"{t.seconds:.2f}", f"{t.mebibytes:.0f}")
         for t in tallies
     ]
     return "\n".join("  ".join(f"{cell:>10}" for cell in row) for row in rows)

@@ -51,15 +51,7 @@ time: {pattern: "took (?P<s>[0-9.]+)"}
 """
 ALSO_NAMED = ("--set",)
 """A message may say that an override is wrong instead of naming the file."""
-OVERRIDES = (
-    "budget.max_time=5s",
-    "matrix.engine=[numpy]",
-    "repeats=",
-    "=",
-    "a.b.c=1",
-    "quality.targets=[.inf]",
-    "budget.=",
-)
+OVERRIDES = ("budget.max_time=5s", "matrix.engine=[numpy]", "repeats=", "=", "a.b.c=1", "quality.targets=[.inf]", "budget.=")
 
 
 def _damaged(random: Random, text: str) -> bytes:

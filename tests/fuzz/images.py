@@ -38,9 +38,7 @@ def files() -> dict[str, list[bytes]]:
     picture = Pillow.fromarray(gradient)
     found: dict[str, list[bytes]] = {".exr": _exr_files(gradient / 255.0)}
     for suffix, mode, options in SAVED:
-        found.setdefault(f".{suffix}", []).append(
-            _saved(picture.convert("L" if mode == "I;16" else mode), suffix, options)
-        )
+        found.setdefault(f".{suffix}", []).append(_saved(picture.convert("L" if mode == "I;16" else mode), suffix, options))
     found["foreign"] = [_saved(picture, suffix, {}) for suffix in FOREIGN]
     found[".tiff"], found[".jpeg"] = found[".tif"], found[".jpg"]
     return found
@@ -109,3 +107,5 @@ def read(folder: Path) -> None:
     image = read_image(path)
     assert image.dtype == np.float64 and image.ndim == 3 and image.shape[2] == 3
     engines.load_scene(folder / "s.yaml")
+
+

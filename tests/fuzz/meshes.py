@@ -19,11 +19,7 @@ def _exported(kind: str, **options: str) -> bytes:
     return found if isinstance(found, bytes) else found.encode()
 
 
-OBJ = (
-    b"mtllib m.mtl\n"
-    + _exported("obj")
-    + b"\nusemtl a\nvn 0 0 1\nf 1//1 2//1 \\\n-1//-1 4//1\nusemtl b\nf 1/1 2/1 3/1\n"
-)
+OBJ = b"mtllib m.mtl\n" + _exported("obj") + b"\nusemtl a\nvn 0 0 1\nf 1//1 2//1 \\\n-1//-1 4//1\nusemtl b\nf 1/1 2/1 3/1\n"
 FILES = {
     "m.obj": OBJ,
     "m.mtl": b"newmtl a\nKd 0.5 0.4 0.3\nKs 0.1 0.1 0.1\nillum 3\nmap_Kd wood.png\nnewmtl b\nKe 17 12 4\nNi 1.5\nillum 7\n",

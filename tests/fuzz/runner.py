@@ -86,13 +86,7 @@ def _chunk(kind: str, seed: int, first: int, end: int, folder: Path, limit: floa
                 worker.kill()
             if first < end:
                 lost = f"no answer within {limit:g} s" if hung else _death(worker.returncode, log)
-                yield {
-                    "case": first,
-                    "outcome": "failed",
-                    "what": lost,
-                    "seconds": limit if hung else 0.0,
-                    "mebibytes": 0.0,
-                }
+                yield {"case": first, "outcome": "failed", "what": lost, "seconds": limit if hung else 0.0, "mebibytes": 0.0}
                 first += 1
 
 

@@ -46,9 +46,7 @@ class Images:
 
 def main() -> None:
     folder, number, rounds = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-    references.SAVE_EVERY_SECONDS = (
-        0.0  # every replicate is saved: as many chances to disturb each other as there can be
-    )
+    references.SAVE_EVERY_SECONDS = 0.0  # every replicate is saved: as many chances to disturb each other as there can be
     (folder / f"ready-{number}").touch()
     while not (folder / "go").exists():
         sleep(0.001)

@@ -134,7 +134,7 @@ def metrics(error):
 def troubles(block, size):
     """Cells that did not make it: skipped, failed (first block) and timed out (last blocks)."""
     skipped = base_cell(("two_spheres", "numba", "grid", "random", 1, None), block, size)
-    skipped.update(state="skipped", message='grid <small> cannot hold infinite planes & has "no" fallback')
+    skipped.update(state="skipped", message="grid <small> cannot hold infinite planes & has \"no\" fallback")
     timeout = base_cell(("cornell_box", "numpy", "none", "random", 1, None), block, size)
     timeout.update(state="timeout", message="no answer within 5m")
     failed = base_cell(("cornell_box", "mitsuba", "auto", "random", 2, None), block, size)

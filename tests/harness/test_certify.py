@@ -94,6 +94,4 @@ def test_a_second_engine_that_crashes_is_one_line_and_the_reference_stays(tmp_pa
     path = sweeping.write(tmp_path, certified_by("Crashing", spp=8))
     done = raybench("reference", path, "--allow-imports", cwd=tmp_path)
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert (
-        "failed: the engine's process was killed by SIGSEGV" in done.stdout and "ball 12x8 8 spp: made" in done.stdout
-    )
+    assert "failed: the engine's process was killed by SIGSEGV" in done.stdout and "ball 12x8 8 spp: made" in done.stdout

@@ -104,10 +104,7 @@ def test_threads_are_credited_with_what_they_gave(tmp_path):
     made = [cell("bvh", 0.02 * wobble(b) / share * (1 + 0.001 * b), block=b, threads=n)
             for b in range(4) for n, share in ((1, 1.0), (2, 1.6))]  # fmt: skip
     text = chapter(tmp_path, made)
-    assert (
-        "With 2 threads rendering is faster than with 1 thread in 1 of 1 configuration; the median speed-up is 1.60"
-        in text
-    )
+    assert "With 2 threads rendering is faster than with 1 thread in 1 of 1 configuration; the median speed-up is 1.60" in text
     assert "Accelerators" not in text and "Samplers" not in text, "what was not varied is left out"
 
 
@@ -121,7 +118,9 @@ def test_samplers_are_judged_by_error_and_time(tmp_path):
     assert "random and sobol cannot be told apart." in text, "their samples cost the same"
     turned = [event | {"sampler": {"name": {"random": "sobol", "sobol": "random"}[event["sampler"]["name"]]},
                        "cell_id": event["cell_id"] + "t"} for event in made]  # fmt: skip
-    assert "random has a smaller error than sobol by a factor of 3.00." in chapter(tmp_path, turned, "turned")
+    assert "random has a smaller error than sobol by a factor of 3.00." in chapter(
+        tmp_path, turned, "turned"
+    )
 
 
 @pytest.mark.usefixtures("undrawn")

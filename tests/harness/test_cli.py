@@ -35,11 +35,7 @@ def ended(done, code):
 
 def test_help_names_every_verb_and_the_exit_codes():
     said = subprocess.run(
-        [sys.executable, "-m", "harness", "--help"],
-        env=sweeping.environment(),
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-m", "harness", "--help"], env=sweeping.environment(), capture_output=True, text=True, check=True
     ).stdout
     assert all(verb in said for verb in VERBS) and "Exit codes" in said
 

@@ -282,9 +282,7 @@ def test_the_schema_explains_every_key_and_its_defaults_are_those_of_an_empty_fi
     }
     del defaults["verify"]  # without the section nothing is verified
     for key in ("sampler", "accelerator"):
-        assert defaults["reference"].pop(key) == getattr(
-            config.ReferenceAsked(), key
-        )  # a name; with the options when written
+        assert defaults["reference"].pop(key) == getattr(config.ReferenceAsked(), key)  # a name; with the options when written
     lines = [f"{key}: {json.dumps(value)}\n" for key, value in defaults.items()]
     written = parsed(f"{HEAD}engine: numba\n{''.join(lines)}")
     assert (written.resolved, written.combinations) == (empty.resolved, empty.combinations)

@@ -80,9 +80,7 @@ def test_who_draws_makes_no_difference(plots, analysis, folder, tmp_path):
         assert path.read_bytes() == (folder / "plots" / path.name).read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("asked", "written"), [("svg", ["svg"]), ("pdf", ["pdf", "svg"]), ("png, svg", ["png", "svg"])]
-)
+@pytest.mark.parametrize(("asked", "written"), [("svg", ["svg"]), ("pdf", ["pdf", "svg"]), ("png, svg", ["png", "svg"])])
 def test_formats_that_nobody_wants_are_not_written(monkeypatch, tmp_path, asked, written):
     monkeypatch.setenv("RAYBENCH_PLOTS", asked)
     save(new_figure(), tmp_path, "empty")

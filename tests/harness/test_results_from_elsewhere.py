@@ -93,9 +93,7 @@ def test_an_image_that_is_a_link_out_is_not_followed(theirs, whole, tmp_path, re
     assert SECRET.encode() not in files_below(tmp_path / "scratch").values()
 
 
-@pytest.mark.parametrize(
-    "reader", [mutation.merge, mutation.archive, mutation.rescore], ids=lambda reader: reader.__name__
-)
+@pytest.mark.parametrize("reader", [mutation.merge, mutation.archive, mutation.rescore], ids=lambda reader: reader.__name__)
 @pytest.mark.parametrize("what", ["film", "meta", "folder", "named"])
 def test_a_reference_that_leads_out_is_not_followed(theirs, whole, tmp_path, reader, what):
     for meta in (theirs / "references").glob("*/*/meta.json"):
@@ -207,10 +205,7 @@ def test_another_version_of_the_format_is_one_clear_line(theirs, whole, tmp_path
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        (
-            '{"event": "sentinel", "block": "x", "seconds": 1}',
-            r"sentinel\.block = 'x': Input should be a valid integer",
-        ),
+        ('{"event": "sentinel", "block": "x", "seconds": 1}', r"sentinel\.block = 'x': Input should be a valid integer"),
         ('{"event": "later"}', "'later'.*does not match any of the expected tags"),
         ('{"event": "sentinel", "block": 1}', r"sentinel\.seconds: Field required"),
         ('{"event": "run", "x": ' + "[" * 100 + "]" * 100 + "}", "nested deeper than 64"),
@@ -273,9 +268,7 @@ def test_a_refusal_is_one_line_and_exit_code_2(theirs, tmp_path):
     for words in (("report", theirs), ("merge", theirs, "--out", tmp_path / "m")):
         done = sweeping.raybench(*words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1, (words, done.stderr)
-        assert (
-            done.stderr.startswith("raybench: ") and f"events.jsonl:{line}: cell.points[0].spp = 'many'" in done.stderr
-        )
+        assert done.stderr.startswith("raybench: ") and f"events.jsonl:{line}: cell.points[0].spp = 'many'" in done.stderr
 
 
 @pytest.mark.parametrize("name", [store.EVENTS, store.MANIFEST, "meta.json"])

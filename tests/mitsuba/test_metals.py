@@ -91,10 +91,7 @@ def test_a_spot_light_falls_off_linearly_in_the_angle(degrees, share):
 def test_a_disk_lights_what_it_faces(engine):
     """Irradiance on the axis of a disk of radiance L: pi L r^2 / (r^2 + h^2)."""
     above = {"disk": {"center": [0, 0, 6], "normal": [0, 0, -2], "radius": 3}, "material": "lamp"}
-    lit, away = (
-        mean(engine, scene({"kd": 0.5}, [above]), 256),
-        {**above, "disk": {**above["disk"], "normal": [0, 0, 1]}},
-    )
+    lit, away = mean(engine, scene({"kd": 0.5}, [above]), 256), {**above, "disk": {**above["disk"], "normal": [0, 0, 1]}}
     assert np.allclose(lit, 0.5 * np.array([3, 2, 1]) * 9 / (9 + 36), rtol=0.02)
     assert np.all(mean(engine, scene({"kd": 0.5}, [away])) == 0)
     both = {**away, "material": "both"}

@@ -72,11 +72,8 @@ def test_a_sky_that_brightens_upwards_lights_a_floor_by_its_cosine_mean(direct):
     cosine = np.cos(np.pi * (np.arange(512) + 0.5) / 512)
     rows = 0.5 + 1.5 * np.maximum(cosine, 0.0)
     sky = EnvironmentLight((1.0, 1.0, 1.0), np.repeat(rows, 3 * 8).reshape(512, 8, 3))
-    seen = image(
-        scene([FLOOR], [material(kd=0.8)], [sky], floor_view()),
-        path_tracer(2, direct),
-        spp=300 if direct == "light" else 50,
-    )  # half of the light's samples go below the horizon
+    seen = image(scene([FLOOR], [material(kd=0.8)], [sky], floor_view()), path_tracer(2, direct),
+                 spp=300 if direct == "light" else 50)  # half of the light's samples go below the horizon
     assert abs(z_score(seen, 0.8 * (0.5 + 2 * 1.5 / 3))) < 4.5
 
 

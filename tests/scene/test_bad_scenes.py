@@ -188,9 +188,7 @@ def test_paths_that_are_none_are_refused(name):
 def test_a_number_that_is_not_finite_is_refused_where_it_stands(tmp_path, number):
     """Every number of the good scene in turn."""
     file, lines = tmp_path / "box.yaml", GOOD.split("\n")
-    numbers = [
-        (i, found.span()) for i, line in enumerate(lines) for found in re.finditer(r"(?<=[ \[:])[0-9.]+\b", line)
-    ]
+    numbers = [(i, found.span()) for i, line in enumerate(lines) for found in re.finditer(r"(?<=[ \[:])[0-9.]+\b", line)]
     assert len(numbers) > 50
     for index, (start, end) in numbers:
         line = lines[index][:start] + number + lines[index][end:]
@@ -219,9 +217,7 @@ def test_messages_are_short_whatever_they_quote_and_list():
     scene = {"raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
              "materials": {f"m{index}": {} for index in range(1000)},
              "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "m" + "x" * 10_000}]}  # fmt: skip
-    with pytest.raises(
-        SceneError, match=r"shapes\[0\].material = .*unknown material: known: .* and 900 more$"
-    ) as caught:
+    with pytest.raises(SceneError, match=r"shapes\[0\].material = .*unknown material: known: .* and 900 more$") as caught:
         engines.scene_from(scene)
     assert len(str(caught.value)) < 2000
     with pytest.raises(SceneError, match=r"^k{80}: unknown key") as caught:

@@ -51,9 +51,7 @@ SAME = {
                                                 d["shapes"][1].update(material="c")),
 }  # fmt: skip
 OTHER = {
-    "disk": lambda d: d["shapes"].append(
-        {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}
-    ),
+    "disk": lambda d: d["shapes"].append({"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}),
     "spot": lambda d: d["lights"].append({"spot": SPOT}),
     "spot cutoff": lambda d: d["lights"].append({"spot": {**SPOT, "cutoff": 30, "beam_width": 15}}),
     "spot beam": lambda d: d["lights"].append({"spot": {**SPOT, "beam_width": 10}}),

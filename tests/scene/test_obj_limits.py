@@ -41,9 +41,7 @@ def test_two_hundred_thousand_materials_are_read_in_linear_time(tmp_path):
 
 def test_materials_that_all_differ_are_hashed_and_warned_about_in_linear_time(tmp_path):
     count, start = 40_000, time.perf_counter()
-    (tmp_path / "m.mtl").write_text(
-        "".join(f"newmtl n{i}\nKd 0.5 0.5 {i / count:.6f}\nmap_Kd x.png\n" for i in range(count))
-    )
+    (tmp_path / "m.mtl").write_text("".join(f"newmtl n{i}\nKd 0.5 0.5 {i / count:.6f}\nmap_Kd x.png\n" for i in range(count)))
     text = "mtllib m.mtl\n" + CORNERS + "".join(f"usemtl n{index}\nf 1 2 3\n" for index in range(count))
     found = scene(tmp_path, text, material=None)
     assert np.unique(found.shapes[0].materials).size == count and len(found.warnings) == count + 1
@@ -75,9 +73,7 @@ def test_many_libraries_are_listed_in_one_short_message(tmp_path):
     spelled = [f"{'./' * index}m.mtl" for index in range(900)]
     text = "".join(f"mtllib {name}\n" for name in spelled) + CORNERS + "usemtl b\nf 1 2 3\n"
     assert "and 895 more" in refusal(tmp_path, text, None)
-    assert "names 'no.mtl': no such file" in refusal(
-        tmp_path, "mtllib no.mtl\n" + CORNERS + "usemtl b\nf 1 2 3\n", None
-    )
+    assert "names 'no.mtl': no such file" in refusal(tmp_path, "mtllib no.mtl\n" + CORNERS + "usemtl b\nf 1 2 3\n", None)
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])

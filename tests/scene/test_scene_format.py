@@ -87,10 +87,7 @@ def test_disks_and_spot_lights_are_read():
     ("written", "meant"),
     [
         ({"eta": [0.1, 0.2, 0.3], "k": 4}, Conductor((0.1, 0.2, 0.3), (4, 4, 4))),
-        (
-            {"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5},
-            Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3),
-        ),
+        ({"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5}, Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3)),
         ({"reflectance": [1, 0.5, 0], "alpha": [0.1, 1e-4]}, Conductor((0,) * 3, (1,) * 3, (0.1, 1e-4), (1, 0.5, 0))),
         ({"reflectance": 1, "alpha": [0, 0], "distribution": "ggx"}, Conductor((0,) * 3, (1,) * 3)),
     ],

@@ -114,15 +114,7 @@ def test_defaults_are_written_as_in_a_file_and_read_like_it():
     assert given.has("count") and not given.has("switch") and given.at("count").value == 4
     properties = PLAIN.schema()["properties"]
     filled = {key: each["default"] for key, each in properties.items()}
-    assert filled == {
-        "count": 3,
-        "switch": False,
-        "angle": 45,
-        "color": 0.5,
-        "side": "a",
-        "share": 0.25,
-        "toward": [0, 0, 2],
-    }
+    assert filled == {"count": 3, "switch": False, "angle": 45, "color": 0.5, "side": "a", "share": 0.25, "toward": [0, 0, 2]}
 
 
 def test_a_default_out_of_range_is_refused_when_the_record_is_made():
@@ -136,15 +128,10 @@ def test_meanings_and_units_are_in_the_schema():
     assert schema["properties"]["width"] == {
         "type": "number", "exclusiveMinimum": 0, "description": "Its width. Unit: metres.",
     }  # fmt: skip
-    assert (
-        schema["properties"]["height"]["default"] == 2
-        and schema["properties"]["height"]["description"] == "Its height."
-    )
+    assert schema["properties"]["height"]["default"] == 2 and schema["properties"]["height"]["description"] == "Its height."
 
 
 def test_other_tags_may_be_read_by_the_caller():
-    plans = Tagged(
-        "plan", "type", {"box": BOX}, lambda node, named, context: (named.value, context), {"type": "object"}
-    )
+    plans = Tagged("plan", "type", {"box": BOX}, lambda node, named, context: (named.value, context), {"type": "object"})
     assert plans.read(parse_yaml("{type: 'a:b', any: 1}"), 7) == ("a:b", 7)
     assert plans.schema()["anyOf"][-1] == {"type": "object"}

@@ -131,18 +131,7 @@ def test_neither_command_loads_an_engine_into_its_own_process(tmp_path):
         "except SystemExit as end:\n"
         "    print(end.code, [m for m in ('numba', 'embreex', 'engines.numpy_reference') if m in sys.modules])"
     )
-    words = [
-        "equivalence",
-        "cornell_box",
-        "--engines",
-        "numpy,numpy",
-        "--replicates",
-        "2",
-        "--spp",
-        "1",
-        "--size",
-        "8x8",
-    ]
+    words = ["equivalence", "cornell_box", "--engines", "numpy,numpy", "--replicates", "2", "--spp", "1", "--size", "8x8"]
     for arguments in (words, ["verify", "--engine", "numpy", "--quick", "--case", "T6"]):
         command = [sys.executable, "-c", script, *arguments]
         environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}

@@ -37,11 +37,7 @@ def test_a_ray_goes_where_the_engine_sees_and_back_to_its_pixel(camera):
     })  # fmt: skip
     from dataclasses import replace
 
-    film = (
-        engines.engine("numpy")
-        .prepare(replace(scene, camera=camera), engines.Settings(40, 30, "path_tracer"))
-        .render(16)
-    )
+    film = engines.engine("numpy").prepare(replace(scene, camera=camera), engines.Settings(40, 30, "path_tracer")).render(16)
     lit = film.mean()[:, :, 0] > 0.5
     rows, columns = np.nonzero(lit)
     x, y = lens.place(np.array([0.4, 1.1, 0.3]))

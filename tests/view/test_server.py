@@ -107,16 +107,7 @@ def test_what_cannot_be_served_is_said_before_anything_starts(folder, monkeypatc
 
 def test_nonsense_is_answered_and_changes_nothing(viewer):
     with Tab(viewer) as tab:
-        wrong = (
-            "",
-            "[]",
-            "{",
-            '{"do": 1}',
-            "null",
-            '{"do": "open"}',
-            '{"do": "camera", "eye": [1e999, 0, 0]}',
-            '{"do": "x"}',
-        )
+        wrong = ("", "[]", "{", '{"do": 1}', "null", '{"do": "open"}', '{"do": "camera", "eye": [1e999, 0, 0]}', '{"do": "x"}')
         for text in wrong:
             tab.socket.send(text)
             tab.hear(lambda told: told["is"] == "problem")
@@ -159,9 +150,7 @@ def test_the_server_answers_within_50_ms_while_it_renders(viewer):
             assert tab.socket.ping().wait(300)
             waits.append(time.monotonic() - start)
             time.sleep(0.02)
-    assert (
-        sorted(waits)[10] < 0.05
-    )  # a server that waits for its renders is late every time, a busy machine now and then
+    assert sorted(waits)[10] < 0.05  # a server that waits for its renders is late every time, a busy machine now and then
 
 
 # ---- tabs ------------------------------------------------------------------------------------------------------------
@@ -209,7 +198,7 @@ def test_more_tabs_than_are_allowed_are_told_so(viewer):
             tab.close()
 
 
-CRASHES = """
+CRASHES = '''
 import os, signal, time
 import numpy as np
 import engines
@@ -238,7 +227,7 @@ class Dies:
 
 class Deaf(Dies):
     how = "deaf"
-"""
+'''
 
 
 def test_a_render_that_crashes_or_does_not_stop_ends_alone(folder):

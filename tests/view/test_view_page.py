@@ -75,9 +75,7 @@ def saved(page, kind, folder):
 
 def test_it_opens_the_scene_without_errors_and_asks_this_server_alone(page, viewer):
     assert page.problems == []
-    elsewhere = [
-        url for url in page.requests if not url.startswith((viewer.address, "data:", "blob:", "file:", "chrome:"))
-    ]
+    elsewhere = [url for url in page.requests if not url.startswith((viewer.address, "data:", "blob:", "file:", "chrome:"))]
     assert elsewhere == []
     assert page.evaluate("document.title") == "a ball and two lamps – raybench view"
 

@@ -10,7 +10,7 @@ from numba import types
 LANES = 16
 """Lanes of a ray batch: one 512-bit vector of float32."""
 
-REAL = object()
+REAL = "REAL"
 """Stands for the scalar type of the view: float32 or float64."""
 
 

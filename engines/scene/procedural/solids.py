@@ -99,16 +99,12 @@ GENERATORS = {
     "box": generator(
         box,
         {
-            "half_size": Key(
-                _POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"
-            ),
+            "half_size": Key(_POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"),
             "center": CENTER,
             "rotate_y": ROTATE_Y,
         },
     ),
-    "quad": generator(
-        quad, {"points": Key(_FOUR_POINTS, "Corners, counter-clockwise seen from the front.", unit="metres")}
-    ),
+    "quad": generator(quad, {"points": Key(_FOUR_POINTS, "Corners, counter-clockwise seen from the front.", unit="metres")}),
     "rectangle": generator(
         rectangle,
         {

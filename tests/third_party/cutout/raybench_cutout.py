@@ -73,9 +73,7 @@ class Renderer:
         for _ in range(spp):
             inside = np.random.default_rng([self.settings.seed, self.film.spp]).random((2, height * width))
             y, x = np.mgrid[:height, :width].reshape(2, -1) + inside
-            d = forward + half * (
-                (2 * x - width)[:, None] * right + (height - 2 * y)[:, None] * np.cross(right, forward)
-            )
+            d = forward + half * ((2 * x - width)[:, None] * right + (height - 2 * y)[:, None] * np.cross(right, forward))
             seen = self.trace(np.tile(camera.eye, (len(d), 1)), d)
             self.film.add(self.colours[np.where(seen.shape < 0, -1, first[seen.shape] + seen.primitive)])
             if on_pass:
@@ -101,9 +99,7 @@ class Engine:
         shader, sampler = resolve("shader", settings.shader, SHADERS), resolve("sampler", settings.sampler, SAMPLERS)
         resolve("accelerator", settings.accelerator, self.accelerators())
         able = shader.name == "albedo" and sampler.name == "random" and settings.precision != "float32"
-        able = (
-            able and isinstance(scene.camera, Perspective) and all(isinstance(s, Triangle | Mesh) for s in scene.shapes)
-        )
+        able = able and isinstance(scene.camera, Perspective) and all(isinstance(s, Triangle | Mesh) for s in scene.shapes)
         able = able and all(max(*m.ks, *m.kt) == 0 for m in scene.materials)
         return None if able else "cutout shows matte triangles' albedo through a pinhole, drawn at random, in float64"
 

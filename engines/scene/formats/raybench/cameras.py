@@ -66,9 +66,7 @@ _LENS = {
 RECORDS = {
     "perspective": _camera(Perspective, "A pinhole camera.", **_LENS),
     "perspective_arctan": _camera(
-        PerspectiveArctan,
-        "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.",
-        **_LENS,
+        PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
     ),
     "orthographic": _camera(
         Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres")

@@ -31,9 +31,7 @@ def _alpha(node: Located) -> tuple[float, float]:
 def _conductor(given: Given, context: Any) -> Conductor:
     if given["reflectance"] is not None:
         if given.has("specular_reflectance"):
-            raise given.node.refuse_key(
-                "specular_reflectance", "a factor of metal, or eta and k: reflectance is all there is"
-            )
+            raise given.node.refuse_key("specular_reflectance", "a factor of metal, or eta and k: reflectance is all there is")
         return Conductor(BLACK, WHITE, given["alpha"], given["reflectance"])  # Fresnel's equations give 1
     eta, k = METALS[given["metal"]] if given["metal"] else (given["eta"], given["k"])
     return Conductor(eta, k, given["alpha"], given["specular_reflectance"])
