@@ -2,8 +2,8 @@
 
 A shader is a function `step(si, light, bsdf, draws, path, options) -> ScatterResult`, decorated with `inline`, in a
 `Shader` (see `engines.kernels.integrators.interface`); a sampler is `draw(pixel, sample, dimension, seed_key) -> float in
-[0, 1)`. Sixteen lanes run as vector code when the function has no branches: use `select`. With branches it stays right and
-is slower.
+[0, 1)`; a `Light`, a `BSDF` and a `Camera` are named by scenes. Sixteen lanes run as vector code when a function has no
+branches: use `select`. With branches it stays right and is slower.
 """
 
 from __future__ import annotations
@@ -52,11 +52,16 @@ class Sampler:
 @dataclass(frozen=True, slots=True)
 class Camera:
     """A camera as a plugin: `jitted(x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)`, float64, pixels from the
-    top left; `numpy(x, y, width, height, options)` the same over arrays, giving origins and directions (n, 3)."""
+    top left; `numpy(x, y, width, height, options)` the same over arrays, giving origins and directions (n, 3).
+
+    `options` as of a `Light`: `jitted` gets their numbers in order, `numpy` a mapping. None: a scene may give any, and
+    their order there counts.
+    """
 
     name: str
     jitted: Callable[..., Any] | None = None
     numpy: Callable[..., Any] | None = None
+    options: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -274,11 +274,15 @@ class Orthographic:
 
 @dataclass(frozen=True, slots=True)
 class CustomCamera:
-    """A camera plugin (see `engines.plugin.Camera`) with its options."""
+    """A camera plugin (see `engines.plugin.Camera`); `options` as in `CustomBSDF`, or any where the plugin lists none."""
 
     plugin: Any
     options: Mapping[str, Any]
     resolution: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if getattr(self.plugin, "options", None) is not None:
+            object.__setattr__(self, "options", _all_options("camera", self.plugin, self.options))
 
 
 Camera = Perspective | PerspectiveArctan | Orthographic | CustomCamera

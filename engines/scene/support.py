@@ -23,4 +23,4 @@ def plugin_without(scene: Scene, half: str) -> str | None:
 
 def option_numbers(options: Mapping[str, Any]) -> list[float]:
     """The values of a plugin's options in order, those of three numbers one after the other."""
-    return [x for value in options.values() for x in (value if isinstance(value, tuple) else (value,))]
+    return [float(x) for value in options.values() for x in (value if isinstance(value, tuple | list) else (value,))]

@@ -318,6 +318,14 @@ def test_light_and_bsdf_plugins_are_imported_only_with_leave(place):
         of_plugin(place, {"type": "no_such_module_x:y"}, allow_imports=True)
 
 
+def test_a_camera_plugin_that_lists_its_options_has_them_in_order():
+    camera = {"type": Own(), "width": 1, "resolution": [4, 4]}
+    found = engines.scene_from(BASE | {"camera": camera}).camera
+    assert list(found.options.items()) == [("color", (1.0,) * 3), ("position", (0.0,) * 3), ("width", 1.0)]
+    with pytest.raises(SceneError, match=r"camera.widht: unknown key: did you mean 'width'\?"):
+        engines.scene_from(BASE | {"camera": camera | {"widht": 1}})
+
+
 def test_options_that_a_plugin_lacks_are_refused_from_python_too():
     with pytest.raises(UnknownName, match="unknown option of the light 'own' 'with': did you mean 'width'"):
         CustomLight(Own(), {"with": 1})

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from engines.scene.formats.raybench.context import SceneReader
-from engines.scene.formats.raybench.plugins import load_plugin
+from engines.scene.formats.raybench.plugins import load_plugin, read_options
 from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Tagged
@@ -76,7 +76,10 @@ RECORDS = {
 
 def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera:
     plugin = load_plugin(named, "camera", context, RECORDS)
-    options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
+    if getattr(plugin, "options", None) is None:
+        options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
+    else:
+        options = read_options(node, plugin, ("type", "resolution"))
     written = node.value.get("resolution")
     return CustomCamera(plugin, options, DEFAULT_RESOLUTION if written is None else _RESOLUTION.kind.read(written))
 

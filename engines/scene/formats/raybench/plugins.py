@@ -58,22 +58,25 @@ class PluginKind:
             raise node.refuse_key("type", "is missing: module:attribute of a plugin is wanted")
         named = node.value["type"]
         plugin = load_plugin(named, self.what, context)
-        known = getattr(plugin, "options", None)
-        if not isinstance(known, Mapping):
+        if not isinstance(getattr(plugin, "options", None), Mapping):
             raise named.refuse(f"is no {self.what} plugin: it has no `options`, a mapping from names to defaults")
-        options: dict[str, Any] = {}
-        for key, child in node.value.items():
-            if key == "type":
-                continue
-            if key not in known:
-                raise node.unknown_key(key, ("type", *known))
-            options[key] = _option(child, known[key])
-        return self.make(plugin, options)
+        return self.make(plugin, read_options(node, plugin, ("type",)))
 
     def schema(self) -> dict[str, Any]:
         """Any mapping with a type."""
         named = {"type": "string", "pattern": ":", "description": "The plugin. Its options stand beside this key."}
         return {"type": "object", "required": ["type"], "properties": {"type": named}, "description": self.meaning}
+
+
+def read_options(node: Located, plugin: Any, others: Collection[str]) -> dict[str, Any]:
+    """The options of a plugin that a mapping has, beside the keys `others`."""
+    known, options = plugin.options, {}
+    for key, child in node.value.items():
+        if key not in others:
+            if key not in known:
+                raise node.unknown_key(key, (*others, *known))
+            options[key] = _option(child, known[key])
+    return options
 
 
 def _option(node: Located, default: Any) -> Any:
