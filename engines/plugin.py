@@ -2,8 +2,8 @@
 
 A shader is a function `step(si, light, bsdf, draws, path, options) -> ScatterResult`, decorated with `inline`, in a
 `Shader` (see `engines.kernels.integrators.interface`); a sampler is `draw(pixel, sample, dimension, seed_key) -> float in
-[0, 1)`. Sixteen lanes run as vector code when the function has no branches: use `select`. With branches it stays right and
-is slower.
+[0, 1)`; a `Light`, a `BSDF` and a `Camera` are named by scenes. Sixteen lanes run as vector code when a function has no
+branches: use `select`. With branches it stays right and is slower.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Draws, Path, ScatterResult, SurfaceInteraction, finish
+from engines.kernels.lane.bsdf.interface import BSDF as LaneBSDF
 from engines.kernels.lane.bsdf.interface import BSDFSample, Scattering, Spectrum
 from engines.kernels.lane.fresnel import reflect, refract
 from engines.kernels.lane.lights.sample import LightSample
@@ -51,15 +52,66 @@ class Sampler:
 @dataclass(frozen=True, slots=True)
 class Camera:
     """A camera as a plugin: `jitted(x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)`, float64, pixels from the
-    top left; `numpy(x, y, width, height, options)` the same over arrays, giving origins and directions (n, 3)."""
+    top left; `numpy(x, y, width, height, options)` the same over arrays, giving origins and directions (n, 3).
+
+    `options` as of a `Light`: `jitted` gets their numbers in order, `numpy` a mapping. None: a scene may give any, and
+    their order there counts.
+    """
 
     name: str
     jitted: Callable[..., Any] | None = None
     numpy: Callable[..., Any] | None = None
+    options: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """A light as a plugin, which has no surface that rays could hit: a point, or a lamp that is not seen.
+
+    `options`: names and defaults, numbers or three numbers each. `jitted(light, p, normal, u0, u1) -> LightSample` from
+    the point p: `light.color` is the option `color` (white where there is none), `light.parameters` starts with the other
+    options in order, triples as three numbers, at most `engines.kernels.layout.LIGHT_PARAMETERS`. `positions` names the
+    options that are points: the engine may move them, and p, by a vector.
+
+    `numpy(options, p, normal, u0, u1) -> (wi, distance, radiance, pdf)` is the same over arrays: vectors (3, n), numbers
+    (n,), `options` a mapping.
+    """
+
+    name: str
+    jitted: Callable[..., Any] | None = None
+    numpy: Callable[..., Any] | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    positions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class BSDF:
+    """A BSDF as a plugin.
+
+    `options` as of a `Light`, at most `engines.kernels.layout.BSDF_PARAMETERS` numbers. `jitted` are the lane functions,
+    whose `parameters` are the options in order, triples as three numbers. `numpy` is an object with
+
+        evaluate(options, at, wi) -> (3, n)     f, without the cosine
+        pdf(options, at, wi) -> (n,)            per solid angle, of `sample`
+        sample(options, at, uc, u0, u1, lobes) -> (wi (3, n), weight (3, n), pdf (n,))
+        albedos(options) -> (diffuse, albedo)   three numbers each
+
+    of a mapping `options` and an `engines.numpy_reference.interaction.SurfaceInteraction` of n points. The flags say
+    which specular lobes it has, and whether it reads `si.tangent`. What is not specular is reflection.
+    """
+
+    name: str
+    jitted: LaneBSDF | None = None
+    numpy: Any = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    specular_reflection: bool = False
+    specular_transmission: bool = False
+    tangents: bool = False
 
 
 __all__ = [
-    "BSDFSample", "Camera", "Draws", "LightSample", "Path", "Sampler", "ScatterResult", "Scattering", "Shader", "Spectrum",
-    "SurfaceInteraction", "Vec3", "const", "cosine_direction", "cosine_pdf", "cross", "dot", "finish", "inline", "largest",
-    "length", "power_heuristic", "reflect", "refract", "select", "select3", "tangents", "total", "unit",
+    "BSDF", "BSDFSample", "Camera", "Draws", "LaneBSDF", "Light", "LightSample", "Path", "Sampler", "ScatterResult",
+    "Scattering", "Shader", "Spectrum", "SurfaceInteraction", "Vec3", "const", "cosine_direction", "cosine_pdf", "cross",
+    "dot", "finish", "inline", "largest", "length", "power_heuristic", "reflect", "refract", "select", "select3",
+    "tangents", "total", "unit",
 ]  # fmt: skip

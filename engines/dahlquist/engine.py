@@ -22,6 +22,7 @@ from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.scene.model import Camera, Perspective, Scene, Shape, Sphere
+from engines.scene.support import plugins
 
 
 class Engine:
@@ -45,7 +46,8 @@ class Engine:
             isinstance(camera, Perspective) and width == height and abs(camera.fov - view) < 1e-4
             and (camera.eye, camera.target[:2]) == ((0.0, 0.0, 0.0), (0.0, 0.0)) and camera.target[2] < 0
         )  # fmt: skip
-        return None if fits and _are_the_balls(scene) else "the engine dahlquist renders its own five balls alone"
+        fits = fits and _are_the_balls(scene) and not plugins(scene)
+        return None if fits else "the engine dahlquist renders its own five balls alone"
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         lacking = self.why_not(scene, settings)

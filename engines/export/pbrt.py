@@ -49,6 +49,8 @@ def _lacks(scene: model.Scene) -> str | None:
         if lacks:
             return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
     for light in scene.lights:
+        if isinstance(light, model.CustomLight):
+            return "pbrt has no counterpart of light plugins"
         if isinstance(light, model.EnvironmentLight) and light.image is not None:
             return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
         if isinstance(light, model.PointLight) and not light.falloff:
@@ -58,10 +60,12 @@ def _lacks(scene: model.Scene) -> str | None:
     return None
 
 
-def _conductor_lacks(metal: model.Conductor | None) -> str | None:
-    if metal is not None and metal.reflectance != model.WHITE:
+def _conductor_lacks(metal: model.Bsdf | None) -> str | None:
+    if not isinstance(metal, model.Conductor):
+        return None
+    if metal.reflectance != model.WHITE:
         return "a conductor whose reflectance is scaled"
-    if metal is not None and metal.alpha[0] != metal.alpha[1]:
+    if metal.alpha[0] != metal.alpha[1]:
         return "the tangents of an anisotropic conductor"
     return None
 
@@ -102,13 +106,13 @@ def _light(light: model.Light) -> Iterator[str]:
     elif isinstance(light, model.DirectionalLight):
         ends = f'"point3 from" [ 0 0 0 ] "point3 to" [ {numbers(light.direction)} ]'
         yield f'LightSource "distant" {_rgb("L", light.irradiance)} {ends}'
-    else:
+    elif isinstance(light, model.EnvironmentLight):
         yield f'LightSource "infinite" {_rgb("L", light.radiance)}'
 
 
 def _material(name: str, material: model.Material) -> Iterator[str]:
     diffuse, mirror = max(material.kd), max(material.ks)
-    if material.bsdf is not None:
+    if isinstance(material.bsdf, model.Conductor):
         index = f"{_rgb('eta', material.bsdf.eta)} {_rgb('k', material.bsdf.k)}"
         rough = f'"float roughness" [ {material.bsdf.alpha[0]!r} ] "bool remaproughness" [ false ]'
         yield _named(name, "conductor", f"{index} {rough}")

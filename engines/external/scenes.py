@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.scene.model import Scene
+from engines.scene.support import plugins
 
 Format = Callable[[Scene, Settings, Path], Path]
 
@@ -22,6 +23,8 @@ def own_file(scene: Scene, settings: Settings, folder: Path) -> Path:
     """The file that the scene was read from."""
     if not scene.source:
         raise Unsupported(f"the scene {scene.name!r} is not in a file as it is: a program cannot be given it")
+    for what, _ in plugins(scene):
+        raise Unsupported(f"the scene {scene.name!r} has a {what} plugin, which a program cannot be given")
     return Path(scene.source).absolute()
 
 

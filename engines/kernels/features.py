@@ -18,6 +18,8 @@ class SceneFeatures(NamedTuple):
     """Triangles with vertex normals."""
     bsdfs: tuple[int, ...] = ()
     """Kinds of BSDF models."""
+    lobes: bool = False
+    """Some BSDF is a plugin's, which may choose among lobes."""
     diffuse: bool = False
     specular_reflection: bool = False
     specular_transmission: bool = False

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
-from engines.scene.model import CustomCamera, EnvironmentLight, Scene
+from engines.kernels.flatten.lights import plugin_parameters
+from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
+from engines.scene.model import CustomBSDF, CustomLight, EnvironmentLight, Scene
+from engines.scene.support import option_numbers, plugin_without
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
@@ -35,8 +40,21 @@ def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
             return (
                 f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
             )
-    if isinstance(scene.camera, CustomCamera) and getattr(scene.camera.plugin, "jitted", None) is None:
-        return f"the camera has no `jitted` function, which the engine {engine} needs"
+    if lacking := plugin_without(scene, "jitted"):
+        return f"{lacking} has no `jitted` function, which the engine {engine} needs"
+    for plugin, given, most in _numbers_of_plugins(scene):
+        if given > most:
+            return f"the options of {plugin.name!r} are {given} numbers, of which the engine {engine} takes {most}"
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return f"the scene has several environments, of which the engine {engine} renders one"
     return None
+
+
+def _numbers_of_plugins(scene: Scene) -> Iterator[tuple[Any, int, int]]:
+    """Each plugin with how many numbers its lane functions are given, and for how many there is room."""
+    for light in scene.lights:
+        if isinstance(light, CustomLight):
+            yield light.plugin, len(plugin_parameters(light, np.zeros(3))), LIGHT_PARAMETERS
+    for material in scene.materials:
+        if isinstance(material.bsdf, CustomBSDF):
+            yield material.bsdf.plugin, len(option_numbers(material.bsdf.options)), BSDF_PARAMETERS

@@ -19,6 +19,8 @@ from engines.scene.model import (
     BLACK,
     Camera,
     Conductor,
+    CustomBSDF,
+    CustomLight,
     DirectionalLight,
     Disk,
     EnvironmentLight,
@@ -99,6 +101,8 @@ def scene_lacks(scene: Scene) -> str | None:
             return f"material {material.name!r}: Mitsuba has no counterpart of an anisotropic conductor on a plane"
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return "the scene has several environments, of which Mitsuba renders one"
+    if any(isinstance(light, CustomLight) for light in scene.lights):
+        return "Mitsuba has no counterpart of light plugins"
     if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
         return "Mitsuba's point lights fall off with the square of the distance"
     return None
@@ -109,6 +113,8 @@ def scene_lacks(scene: Scene) -> str | None:
 
 def material_lacks(material: Material) -> str | None:
     """What of a material Mitsuba has no counterpart for, or None."""
+    if isinstance(material.bsdf, CustomBSDF):
+        return "BSDF plugins"
     diffuse, mirror, glass = (max(weights) > 0.0 for weights in (material.kd, material.ks, material.kt))
     if glass and not (material.fresnel and not diffuse):
         return "refraction without Fresnel's equations, or beside a diffuse lobe"
@@ -123,7 +129,7 @@ def material_lacks(material: Material) -> str | None:
 
 def bsdf(material: Material) -> Node:
     """The BSDF of a material that `material_lacks` nothing."""
-    if material.bsdf is not None:
+    if isinstance(material.bsdf, Conductor):
         return {"type": "twosided", "bsdf": _conductor(material.bsdf)}
     diffuse, mirror = max(material.kd), max(material.ks)
     if max(material.kt) > 0.0:
@@ -272,6 +278,7 @@ def _light(light: Light, place_image: PlaceImage) -> Node:
             "type": "spot", "to_world": facing(light.position, light.direction, 1.0), "intensity": rgb(light.intensity),
             "cutoff_angle": light.cutoff, "beam_width": light.beam_width,
         }  # fmt: skip
+    assert isinstance(light, EnvironmentLight)
     if light.image is None:
         return {"type": "constant", "radiance": rgb(light.radiance)}
     return {"type": "envmap", "filename": place_image("sky", _knots(light))}

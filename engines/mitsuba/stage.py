@@ -14,7 +14,7 @@ from engines.mitsuba.description import Description, Part, described, extent, se
 from engines.mitsuba.library import activate
 from engines.mitsuba.ply import write_ply
 from engines.scene.geometry import bounds
-from engines.scene.model import BLACK, Material, Plane, Scene, Triple
+from engines.scene.model import BLACK, Conductor, Material, Plane, Scene, Triple
 from engines.temporary import TemporaryFolder
 
 Array = NDArray[Any]
@@ -76,7 +76,7 @@ def _painted(scene: Scene) -> tuple[Scene, float]:
 
 def _first_colour(material: Material) -> Triple:
     """What the shader albedo shows: the first of kd, ks, kt, the conductor's albedo and emission that is not black."""
-    metal = BLACK if material.bsdf is None else material.bsdf.albedo
+    metal = material.bsdf.albedo if isinstance(material.bsdf, Conductor) else BLACK
     weights = (material.kd, material.ks, material.kt, metal, material.emission)
     return next((weight for weight in weights if max(weight) > 0.0), weights[0])
 

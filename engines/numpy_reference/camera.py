@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.errors import Unsupported
 from engines.numpy_reference.vectors import Array, cross, unit
 from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan
 
@@ -56,13 +55,3 @@ def _arctan(angle: Array) -> Array:
     near = np.where(size > 1.0, 1.0 / np.maximum(size, 1.0), size)
     slope = near * np.pi / 4.0 - near * (near - 1.0) * (0.2447 + 0.0663 * near)
     return np.sign(angle) * np.where(size > 1.0, np.pi / 2.0 - slope, slope)
-
-
-def require_numpy(camera: Camera) -> None:
-    """Raises `Unsupported` for a camera plugin without a NumPy function."""
-    if isinstance(camera, CustomCamera) and not callable(getattr(camera.plugin, "numpy", None)):
-        raise Unsupported(f"the camera {_plugin_name(camera.plugin)} has no NumPy function (`numpy`)")
-
-
-def _plugin_name(plugin: object) -> str:
-    return repr(getattr(plugin, "name", type(plugin).__name__))

@@ -8,8 +8,7 @@ from dataclasses import replace
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Settings
-from engines.numpy_reference.camera import require_numpy
-from engines.numpy_reference.renderer import Renderer
+from engines.numpy_reference.renderer import Renderer, require_numpy
 from engines.scene.model import Scene
 
 
@@ -66,7 +65,7 @@ def supported(
         raise Unsupported(f"the engine {name} takes no accelerator plugins")
     for kind in ("shader", "sampler"):
         _require_numpy(kind, chosen[kind])
-    require_numpy(scene.camera)
+    require_numpy(scene)
     return replace(settings, precision="float64", **chosen)
 
 

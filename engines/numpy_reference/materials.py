@@ -13,7 +13,7 @@ from engines.scene.model import Material
 
 
 class Materials:
-    """A column for each material: `kd`, `ks`, `kt`, `emission`, `albedo` (3, m); `ior`, `two_sided`, `lobes` (m,)."""
+    """A column for each material: `kd`, `ks`, `kt`, `emission`, `diffuse`, `albedo` (3, m); `ior`, `two_sided`, `lobes`."""
 
     def __init__(self, materials: Sequence[Material]) -> None:
         def colours(name: str) -> Array:
@@ -24,7 +24,8 @@ class Materials:
         self.two_sided = np.array([material.two_sided for material in materials], bool)
         self.emissive = bool((self.emission > 0.0).any())
         """Whether any surface emits."""
-        self.albedo, self.lobes = self.emission.copy(), np.zeros(len(materials), np.int64)
+        self.albedo, self.diffuse = self.emission.copy(), np.zeros(self.kd.shape)
+        self.lobes = np.zeros(len(materials), np.int64)
         self._models: list[BSDF] = []
         self._model, self._member = np.zeros(len(materials), np.int64), np.zeros(len(materials), np.int64)
         for kind in dict.fromkeys(BSDFS.values()):
@@ -32,7 +33,7 @@ class Materials:
             if mine.size:
                 model = kind([materials[m] for m in mine])
                 self._model[mine], self._member[mine] = len(self._models), np.arange(mine.size)
-                self.lobes[mine] = model.lobes
+                self.lobes[mine], self.diffuse[:, mine] = model.lobes, model.diffuse
                 self.albedo[:, mine] = np.where((model.albedo > 0.0).any(axis=0), model.albedo, self.emission[:, mine])
                 self._models.append(model)
 

@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import Choice
 from engines.concurrency import CallGuard
+from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.numpy_reference.accelerators.tracer import Tracer
-from engines.numpy_reference.camera import camera_rays, require_numpy
+from engines.numpy_reference.camera import camera_rays
 from engines.numpy_reference.context import Context, Stopped
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import barycentric
@@ -23,9 +24,16 @@ from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.vectors import Array, Indices, norm
 from engines.scene.model import Camera, Scene, Shape
+from engines.scene.support import plugin_without
 
 CHUNK = 32_768
 """Paths that are followed together: bounds the memory of a pass to some tens of megabytes."""
+
+
+def require_numpy(scene: Scene) -> None:
+    """Raises `Unsupported` where a plugin of the scene has no half for NumPy."""
+    if lacking := plugin_without(scene, "numpy"):
+        raise Unsupported(f"{lacking} has no NumPy function (`numpy`)")
 
 
 class Renderer:
@@ -84,10 +92,9 @@ class Renderer:
 
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         """Takes another camera or other shapes, and restarts the film."""
-        if camera is not None:
-            require_numpy(camera)
         with self._guard.updating():
             scene = self._scene if camera is None else replace(self._scene, camera=camera)
+            require_numpy(scene)
             width, height = self._wanted.size(scene)
             same_size = (width, height) == (self._film.width, self._film.height)
             film = self._film if same_size else Film(width, height)  # first: it may be refused

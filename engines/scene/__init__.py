@@ -6,7 +6,9 @@ from engines.scene.model import (
     BLACK,
     Camera,
     Conductor,
+    CustomBSDF,
     CustomCamera,
+    CustomLight,
     DirectionalLight,
     Disk,
     EnvironmentLight,
@@ -28,7 +30,8 @@ from engines.scene.model import (
 )  # fmt: skip
 
 __all__ = [
-    "BLACK", "Camera", "Conductor", "CustomCamera", "DirectionalLight", "Disk", "EnvironmentLight", "Light", "Material", "Mesh",
-    "Orthographic", "Perspective", "PerspectiveArctan", "Plane", "PointLight", "Scene", "Shape", "Sphere", "SphereSet",
-    "SpotLight", "Triangle", "Triple", "load_scene", "scene_from", "scene_schema",
+    "BLACK", "Camera", "Conductor", "CustomBSDF", "CustomCamera", "CustomLight", "DirectionalLight", "Disk",
+    "EnvironmentLight", "Light", "Material", "Mesh", "Orthographic", "Perspective", "PerspectiveArctan", "Plane",
+    "PointLight", "Scene", "Shape", "Sphere", "SphereSet", "SpotLight", "Triangle", "Triple", "load_scene",
+    "scene_from", "scene_schema",
 ]  # fmt: skip

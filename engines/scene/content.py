@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Sequence
+import inspect
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Camera, CustomCamera, Light, Material, Mesh, Shape
+from engines.scene.model import Camera, CustomBSDF, CustomCamera, CustomLight, Light, Material, Mesh, Shape
 
 VERSION = b"raybench scene 1"
 CHUNK = 1 << 20
 """Numbers of an array that are copied at a time."""
+_OWN = Path(__file__).parents[1]
 
 
 def content_hash(
@@ -31,21 +35,50 @@ def content_hash(
         else:
             _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
     for light in lights:
-        _feed(digest, _fields(light, set()))
+        _feed(digest, _part(light))
     return digest.hexdigest()
 
 
 def _camera(camera: Camera) -> Any:
     if not isinstance(camera, CustomCamera):
         return _fields(camera, {"resolution"})
-    kind = camera.plugin if hasattr(camera.plugin, "__qualname__") else type(camera.plugin)
-    return ["CustomCamera", f"{kind.__module__}:{kind.__qualname__}", dict(camera.options)]
+    return ["CustomCamera", *_plugin(camera.plugin), dict(camera.options)]
+
+
+def _plugin(plugin: Any) -> list[Any]:
+    """What identifies a plugin: its class and name, and the files that define its two halves."""
+    kind = plugin if hasattr(plugin, "__qualname__") else type(plugin)
+    halves = (kind, getattr(plugin, "jitted", None), getattr(plugin, "numpy", None))
+    files = {file for half in halves for file in _files(half)}
+    found = [f"{kind.__module__}:{kind.__qualname__}", str(getattr(plugin, "name", ""))]
+    return [*found, *sorted(hashlib.sha256(file.read_bytes()).hexdigest() for file in files)]
+
+
+def _files(half: Any) -> Iterator[Path]:
+    """The file of a function, a module, a class or its object, or those of several functions; none of Python's and of
+    raybench's own."""
+    if isinstance(half, tuple):
+        for function in half:
+            yield from _files(function)
+        return
+    module = inspect.getmodule(half) or inspect.getmodule(type(half))
+    file = getattr(module, "__file__", None)
+    known = module is not None and module.__name__.partition(".")[0] in sys.stdlib_module_names
+    if file is not None and not known and not Path(file).is_relative_to(_OWN):
+        yield Path(file)
 
 
 def _material(material: Material) -> list[Any]:
     """Its values; a `bsdf` only where there is one, so that materials without keep the hashes of version 1."""
     values = _fields(material, {"name", "bsdf"})
-    return values if material.bsdf is None else [*values, tuple(_fields(material.bsdf, set()))]
+    return values if material.bsdf is None else [*values, tuple(_part(material.bsdf))]
+
+
+def _part(part: Any) -> list[Any]:
+    """A light or a BSDF by value."""
+    if isinstance(part, CustomLight | CustomBSDF):
+        return [type(part).__name__, *_plugin(part.plugin), *(tuple(option) for option in part.options.items())]
+    return _fields(part, set())
 
 
 def _fields(thing: Any, without: set[str]) -> list[Any]:

@@ -18,7 +18,7 @@ from engines.schema.yaml_file import locate, read_yaml
 def load_scene(path: str | PathLike[str], allow_imports: bool = False, allow_outside: bool = False) -> Scene:
     """The scene of a YAML file: a path, or the bare name of one in `scenes/`.
 
-    Files that it names must lie in its folder, below it, or in the shipped scenes, unless `allow_outside`; a camera
+    Files that it names must lie in its folder, below it, or in the shipped scenes, unless `allow_outside`; a plugin
     `module:attribute` is imported only with `allow_imports`. Raises `SceneError` for whatever is wrong, with file,
     line, key path, value and what is wanted.
     """

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.errors import UnknownName
+
 Triple = tuple[float, float, float]
 BLACK: Triple = (0.0, 0.0, 0.0)
 WHITE: Triple = (1.0, 1.0, 1.0)
@@ -48,7 +50,28 @@ class Conductor:
         return r, g, b
 
 
-Bsdf = Conductor
+@dataclass(frozen=True, slots=True)
+class CustomBSDF:
+    """A BSDF plugin (see `engines.plugin.BSDF`). `options` has a number, or three, for every option of the plugin, in
+    the plugin's order: those that are not given have their defaults. Raises `UnknownName`."""
+
+    plugin: Any
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "options", _all_options("BSDF", self.plugin, self.options))
+
+
+def _all_options(what: str, plugin: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    known = plugin.options
+    for name in given:
+        if name not in known:
+            raise UnknownName(f"option of the {what} {plugin.name!r}", name, known)
+    values = {name: given.get(name, default) for name, default in known.items()}
+    return {name: tuple(map(float, x)) if np.ndim(x) else float(x) for name, x in values.items()}
+
+
+Bsdf = Conductor | CustomBSDF
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +217,18 @@ class EnvironmentLight:
     image: NDArray[np.float64] | None = None
 
 
-Light = PointLight | DirectionalLight | SpotLight | EnvironmentLight
+@dataclass(frozen=True, slots=True)
+class CustomLight:
+    """A light plugin (see `engines.plugin.Light`); `options` as in `CustomBSDF`."""
+
+    plugin: Any
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "options", _all_options("light", self.plugin, self.options))
+
+
+Light = PointLight | DirectionalLight | SpotLight | EnvironmentLight | CustomLight
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,11 +274,15 @@ class Orthographic:
 
 @dataclass(frozen=True, slots=True)
 class CustomCamera:
-    """A camera plugin (see `engines.plugin.Camera`) with its options."""
+    """A camera plugin (see `engines.plugin.Camera`); `options` as in `CustomBSDF`, or any where the plugin lists none."""
 
     plugin: Any
     options: Mapping[str, Any]
     resolution: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if getattr(self.plugin, "options", None) is not None:
+            object.__setattr__(self, "options", _all_options("camera", self.plugin, self.options))
 
 
 Camera = Perspective | PerspectiveArctan | Orthographic | CustomCamera

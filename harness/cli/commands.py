@@ -116,7 +116,7 @@ def render(
     size: Annotated[Optional[str], typer.Option(metavar="WxH", help="[default: the scene's]")] = None,  # noqa: UP045
     seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
     precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
-    tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard or aces; for .png.")] = "srgb",
+    tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard, aces or module:attribute; for .png.")] = "srgb",
     output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,

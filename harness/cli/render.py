@@ -8,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
+import numpy as np
 from rich.console import Console
 
 from engines import memory
@@ -16,9 +17,10 @@ from engines.errors import ConfigError, Unsupported
 from engines.film import BYTES_A_PIXEL_WRITTEN, Film
 from engines.interface import Engine
 from engines.registry import engine as engine_of
+from engines.registry import load_attribute
 from engines.scene import load_scene
 from engines.schema.yaml_file import parse_yaml
-from engines.tonemap import tone_mapper
+from engines.tonemap import ToneMapper, to_bitmap, tone_mapper
 from harness.config import paths
 from harness.config.settings import engine_settings, known, require_commands, require_imports
 from harness.console import allow_here, consoles
@@ -47,13 +49,13 @@ class Request(NamedTuple):
 
 def render(request: Request) -> Film:
     """Renders and writes the image; refuses before rendering what could only fail after it."""
-    tone_mapper(request.tone_mapper)
     if not 1 <= request.spp <= MAX_SPP:
         raise ConfigError(f"--spp {request.spp}: must be in [1, {MAX_SPP}]")
     path = paths.find("scenes", request.scene)
     output = request.output or Path(f"{path.stem}.exr")
     _check_output(output)
     allow_here(request.allow_imports)
+    mapper = _tone_mapper(request.tone_mapper, request.allow_imports)
     require_imports(request.engine, request.allow_imports)
     require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
@@ -74,9 +76,22 @@ def render(request: Request) -> Film:
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
     provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
-    film.save(output, provenance=provenance, tone_mapper=request.tone_mapper)
+    film.save(output, provenance=provenance, tone_mapper=mapper)
     _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
+
+
+def _tone_mapper(name: str, allow_imports: bool) -> ToneMapper:
+    """The tone mapper of a name or of `module:attribute`, after a pixel has shown that it works."""
+    if ":" not in name:
+        return tone_mapper(name)
+    require_imports(name, allow_imports)
+    mapper = tone_mapper(load_attribute(name))
+    try:
+        to_bitmap(np.full((1, 1, 3), 0.5), mapper)
+    except Exception as error:
+        raise ConfigError(f"--tone-mapper {name}: fails: {type(error).__name__}: {error}") from error
+    return mapper
 
 
 def _print_summary(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:

@@ -4,7 +4,9 @@ import os
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from engines import Settings
 from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.external.pictures import read_pfm
 from engines.external.template import filled
+from engines.scene.model import CustomLight
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 MITSUBA = Path(sys.executable).parent / "mitsuba"
@@ -147,6 +150,12 @@ def test_the_shipped_example_makes_the_image_of_its_engine(monkeypatch):
     external, inside = engines.engine(str(ROOT / "configs/renderers/raybench.yaml")), engines.engine("numpy")
     images = [engine.prepare(SCENE, deep).render(2).mean() for engine in (external, inside)]
     assert np.allclose(*images, rtol=1e-6) and images[0].max() > 0
+
+
+def test_a_scene_with_plugins_is_declined_where_it_would_be_read(tmp_path):
+    lamp = CustomLight(SimpleNamespace(name="lamp", options={}, numpy=print, jitted=print))
+    reason = engines.engine(str(described(tmp_path))).why_not(replace(SCENE, lights=(lamp,)), SETTINGS)
+    assert "has a light plugin, which a program cannot be given" in (reason or "")
 
 
 def test_a_scene_that_is_in_no_file_is_declined_where_it_would_be_read(tmp_path):

@@ -21,6 +21,7 @@ from engines.kernels.compile.records import REAL, Row, Table, array, real, rows,
 from engines.kernels.layout import ACCELERATOR, LANES, ray_batch, scene_table
 
 FACTOR = 2.0
+TABLE = np.array([1.0, 2.0])
 
 
 class BoxRow(Row):
@@ -44,7 +45,7 @@ def further(x):
 
 @inline
 def scaled(x):
-    return further(x) * FACTOR
+    return further(x) * FACTOR + TABLE[1]
 
 
 def make(shadow, real):
@@ -58,6 +59,7 @@ def make(shadow, real):
 EDITS = {
     "a function that a function calls": ("x + 1.0", "x + 1.5"),
     "a number": ("FACTOR = 2.0", "FACTOR = 3.0"),
+    "an array": ("[1.0, 2.0]", "[1.0, 3.0]"),
     "the order of a row": ("    low = vector()\n    size = real()", "    size = real()\n    low = vector()"),
     "the order of a table": (
         "    n = scalar()\n    boxes = rows(BoxRow)",

@@ -7,7 +7,8 @@ from small_scenes import material
 
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
-from engines.scene.model import Conductor, Material
+from engines.numpy_reference.vectors import cosine_hemisphere, dot
+from engines.scene.model import Conductor, CustomBSDF, Material
 
 UP = np.array([[0.0], [0.0], [1.0]])
 EAST = np.array([[1.0], [0.0], [0.0]])
@@ -21,12 +22,37 @@ def conductor(alpha, index=WHITE, reflectance=(1.0, 1.0, 1.0)):
     return Material("metal", bsdf=Conductor(*index, alpha, reflectance))
 
 
+class LommelSeeliger:
+    """Dust, as the moon's: f is in proportion to 1 / (cos_o + cos_i). A plugin, with samples by the cosine rule."""
+
+    name = "lommel_seeliger"
+    options = {"albedo": (0.5, 0.5, 0.5)}  # noqa: RUF012
+
+    @property
+    def numpy(self):
+        return self
+
+    def evaluate(self, options, at, wi):
+        return np.reshape(options["albedo"], (3, 1)) / (4.0 * np.pi) / (dot(at.normal, at.wo) + dot(at.normal, wi))
+
+    def pdf(self, options, at, wi):
+        return dot(at.normal, wi) / np.pi
+
+    def sample(self, options, at, uc, u0, u1, lobes):
+        wi = cosine_hemisphere(at.normal, u0, u1)
+        return wi, self.evaluate(options, at, wi) * np.pi, self.pdf(options, at, wi)
+
+    def albedos(self, options):
+        return options["albedo"], options["albedo"]
+
+
 MODELS = {
     "kd": material(kd=0.6),
     "kd ks kt": material(kd=0.3, ks=0.4, kt=0.3, ior=1.5, fresnel=True),
     "rough": conductor(0.5),
     "shiny": conductor(0.08, GOLD),
     "brushed": conductor((0.1, 0.45), GOLD, (0.9, 0.8, 0.7)),
+    "plugin": Material("dust", bsdf=CustomBSDF(LommelSeeliger(), {"albedo": (0.9, 0.6, 0.3)})),
 }
 """Materials with a lobe that is no delta, by name."""
 

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from small_scenes import AHEAD, material, renderer, scene, unit_sphere
+from small_scenes import AHEAD, image, material, path_tracer, point_view, renderer, scene, unit_sphere, z_score
 
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference import Engine
-from engines.scene.model import CustomCamera, EnvironmentLight, Orthographic, Plane, PointLight
+from engines.numpy_reference.vectors import along, norm
+from engines.scene.model import CustomCamera, CustomLight, EnvironmentLight, Orthographic, Plane, PointLight
 
 LIT = scene(
     [unit_sphere(), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0)], [material(kd=0.5)],
@@ -89,6 +90,50 @@ def test_a_camera_plugin_makes_the_rays():
     own = scene(LIT.shapes, LIT.materials, LIT.lights, CustomCamera(Parallel(), {"half": 1.5}, (8, 8)))
     ours = scene(LIT.shapes, LIT.materials, LIT.lights, Orthographic(AHEAD.eye, AHEAD.target, AHEAD.up, 3.0, (8, 8)))
     assert np.allclose(renderer(own).render(2).mean(), renderer(ours).render(2).mean(), rtol=1e-12)
+
+
+class Bulb:
+    """A point light, and a sphere of that intensity that is not seen: sampled by solid angle, with a finite pdf."""
+
+    name = "bulb"
+    options = {"position": (0.0, 4.0, 3.0), "color": (9.0, 9.0, 9.0), "radius": 0.0}  # noqa: RUF012
+
+    @staticmethod
+    def numpy(options, p, normal, u0, u1):
+        to = np.reshape(options["position"], (3, 1)) - p
+        distance = norm(to)
+        wi, pdf = to / distance, np.ones(u0.size)
+        radiance = np.reshape(options["color"], (3, 1)) / distance**2
+        if options["radius"] > 0.0:
+            cut = 1.0 - np.sqrt(1.0 - (options["radius"] / distance) ** 2)  # 1 - cos of the half angle
+            z, phi = 1.0 - u0 * cut, 2.0 * np.pi * u1
+            ring = np.sqrt(1.0 - z * z)
+            wi, pdf = along(ring * np.cos(phi), ring * np.sin(phi), z, wi), 1.0 / (2.0 * np.pi * cut)
+            radiance = np.reshape(options["color"], (3, 1)) / (np.pi * options["radius"] ** 2) / pdf
+        return wi, distance, radiance, pdf
+
+
+@pytest.mark.parametrize("shader", [path_tracer(), path_tracer(direct="bsdf"), path_tracer(direct="light"), "whitted"])
+def test_a_light_plugin_that_is_a_point_light_gives_its_image(shader):
+    """Also where light is sought by scattering alone: a light that no ray can meet is always sampled."""
+    own, ours = CustomLight(Bulb()), PointLight((0.0, 4.0, 3.0), (9.0, 9.0, 9.0))
+    images = [
+        renderer(scene(LIT.shapes, LIT.materials, (light, *LIT.lights[1:])), shader=shader).render(2).mean()
+        for light in (own, ours)
+    ]
+    assert np.allclose(*images, rtol=1e-12) and images[0].max() > 0.1
+
+
+def test_a_light_plugin_may_have_a_density_of_its_own():
+    """A ball seen from its outside, of radiance I / (pi r^2), sheds the light of a point of intensity I on what faces it."""
+    floor = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0)
+    lights = [CustomLight(Bulb(), {"radius": radius, "position": (0.0, 2.0, 0.0)}) for radius in (0.0, 0.5)]
+    point, ball = (
+        image(scene([floor], lights=[light], camera=point_view((0, 1, 0.5), (0, -1, 0), 16)), path_tracer(), spp=4)
+        for light in lights
+    )
+    assert point[0, 0] == pytest.approx(0.5 / np.pi * 9.0 / 9.0, rel=1e-3)
+    assert abs(z_score(ball.reshape(-1), point.mean())) < 5
 
 
 @pytest.mark.parametrize("kind", ["shader", "sampler", "accelerator", "camera"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import sys
 
 import numpy as np
 import pytest
@@ -51,7 +52,9 @@ SAME = {
                                                 d["shapes"][1].update(material="c")),
 }  # fmt: skip
 OTHER = {
-    "disk": lambda d: d["shapes"].append({"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}),
+    "disk": lambda d: d["shapes"].append(
+        {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}
+    ),
     "spot": lambda d: d["lights"].append({"spot": SPOT}),
     "spot cutoff": lambda d: d["lights"].append({"spot": {**SPOT, "cutoff": 30, "beam_width": 15}}),
     "spot beam": lambda d: d["lights"].append({"spot": {**SPOT, "beam_width": 10}}),
@@ -96,3 +99,40 @@ def test_every_other_change_gives_a_hash_of_its_own():
 def test_the_hash_is_pinned():
     """References on disk are filed under it: change `content.VERSION` with the canonical form, on purpose only."""
     assert hash_of() == "3c7cc150cc004d8230ec1f5f3afa8731f525163e37646372a67ae8ff80ce45ee"
+
+
+PLUGIN = """
+class Own:
+    options = {"x": 1, "place": (0, 0, 0)}
+    jitted = numpy = len
+
+    def __init__(self, name):
+        self.name = name
+
+one, other = Own("one"), Own("other")
+"""
+PLACES = {
+    "camera": lambda plugin, **options: {"camera": {"type": plugin, **options}},
+    "light": lambda plugin, **options: {"lights": [{"plugin": {"type": plugin, **options}}]},
+    "BSDF": lambda plugin, **options: {
+        "materials": {**SCENE["materials"], "a": {"plugin": {"type": plugin, **options}}}
+    },
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_plugin_counts_by_its_name_its_options_and_its_source(place, tmp_path, monkeypatch):
+    file = tmp_path / "own_plugin.py"
+    file.write_text(PLUGIN)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_plugin", raising=False)
+
+    def hashed(plugin, **options):
+        return engines.scene_from({**SCENE, **PLACES[place](plugin, **options)}, allow_imports=True).content_hash
+
+    found = [hashed("own_plugin:one"), hashed("own_plugin:other"), hashed("own_plugin:one", x=2)]
+    assert found[0] == hashed("own_plugin:one")
+    if place != "camera":  # whose plugins need not list their options
+        assert found[0] == hashed("own_plugin:one", place=[0, 0, 0], x=1.0)
+    file.write_text(PLUGIN + "# edited")
+    assert len({*found, hashed("own_plugin:one"), engines.scene_from(SCENE).content_hash}) == 5

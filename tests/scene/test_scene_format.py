@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import engines
-from engines.errors import SceneError
+from engines.errors import SceneError, UnknownName
 from engines.image import write_image
 from engines.scene import (
     Conductor,
+    CustomBSDF,
     CustomCamera,
+    CustomLight,
     DirectionalLight,
     Disk,
     EnvironmentLight,
@@ -87,7 +89,10 @@ def test_disks_and_spot_lights_are_read():
     ("written", "meant"),
     [
         ({"eta": [0.1, 0.2, 0.3], "k": 4}, Conductor((0.1, 0.2, 0.3), (4, 4, 4))),
-        ({"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5}, Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3)),
+        (
+            {"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5},
+            Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3),
+        ),
         ({"reflectance": [1, 0.5, 0], "alpha": [0.1, 1e-4]}, Conductor((0,) * 3, (1,) * 3, (0.1, 1e-4), (1, 0.5, 0))),
         ({"reflectance": 1, "alpha": [0, 0], "distribution": "ggx"}, Conductor((0,) * 3, (1,) * 3)),
     ],
@@ -256,6 +261,79 @@ def test_camera_plugins_are_imported_only_with_leave():
     for missing in ("no_such_module_x:y", "collections:nothing", ":", "a:"):
         with pytest.raises(SceneError, match=f"camera.type = '{missing}': cannot be imported"):
             engines.scene_from(BASE | {"camera": camera | {"type": missing}}, allow_imports=True)
+
+
+class Own:
+    name = "own"
+    options = {"color": (1, 1, 1), "position": (0, 0, 0), "width": 0.5}  # noqa: RUF012
+
+
+PLACES = {
+    "light": lambda body: {"lights": [{"plugin": body}]},
+    "BSDF": lambda body: {"materials": {"grey": {"plugin": body}}},
+}
+
+
+def of_plugin(place, body, **leave):
+    made = engines.scene_from(BASE | PLACES[place](body), **leave)
+    return made.lights[0] if place == "light" else made.materials[0].bsdf
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_light_and_bsdf_plugins_have_their_options_in_order(place):
+    found = of_plugin(place, {"type": Own(), "width": 1, "color": 0.25})
+    assert isinstance(found, CustomLight | CustomBSDF)
+    assert list(found.options.items()) == [("color", (0.25,) * 3), ("position", (0.0,) * 3), ("width", 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (
+            {"type": Own(), "widht": 1},
+            r"plugin.widht: unknown key: did you mean 'width'\? known: color, position, type, width",
+        ),
+        ({"type": Own(), "width": [1, 2, 3]}, r"plugin.width: must be a number"),
+        ({"type": Own(), "width": float("inf")}, r"plugin.width = inf: must be finite"),
+        ({"type": Own(), "position": [1, 2]}, r"plugin.position: must be three numbers"),
+        ({"type": Own(), "color": "red"}, r"plugin.color = 'red': must be three numbers"),
+        ({"width": 1}, r"plugin.type: is missing"),
+        ({"type": "own"}, r"plugin.type = 'own': must be module:attribute"),
+        ({"type": 3}, r"plugin.type = 3: must be text"),
+        ({"type": object()}, r"plugin.type = .*: is no (light|BSDF) plugin: it has no `options`"),
+        (4, r"plugin = 4: must be a mapping with a type, module:attribute"),
+    ],
+)
+@pytest.mark.parametrize("place", PLACES)
+def test_what_is_wrong_with_a_plugin_is_said(place, body, said):
+    with pytest.raises(SceneError, match=said):
+        of_plugin(place, body)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_light_and_bsdf_plugins_are_imported_only_with_leave(place):
+    with pytest.raises(SceneError, match=r"plugin.type = 'collections:Counter': imports code: pass --allow-imports"):
+        of_plugin(place, {"type": "collections:Counter"})
+    with pytest.raises(SceneError, match=r"plugin.type = 'no_such_module_x:y': cannot be imported"):
+        of_plugin(place, {"type": "no_such_module_x:y"}, allow_imports=True)
+
+
+def test_a_camera_plugin_that_lists_its_options_has_them_in_order():
+    camera = {"type": Own(), "width": 1, "resolution": [4, 4]}
+    found = engines.scene_from(BASE | {"camera": camera}).camera
+    assert list(found.options.items()) == [("color", (1.0,) * 3), ("position", (0.0,) * 3), ("width", 1.0)]
+    with pytest.raises(SceneError, match=r"camera.widht: unknown key: did you mean 'width'\?"):
+        engines.scene_from(BASE | {"camera": camera | {"widht": 1}})
+
+
+def test_options_that_a_plugin_lacks_are_refused_from_python_too():
+    with pytest.raises(UnknownName, match="unknown option of the light 'own' 'with': did you mean 'width'"):
+        CustomLight(Own(), {"with": 1})
+
+
+def test_a_material_has_a_plugin_or_lobes():
+    with pytest.raises(SceneError, match="kd: either plugin, or kd, ks"):
+        engines.scene_from(BASE | {"materials": {"grey": {"plugin": {"type": Own()}, "kd": 1}}})
 
 
 def test_a_camera_plugin_may_be_given_as_an_object_from_python():

@@ -2,7 +2,9 @@
 
 import json
 import re
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -59,6 +61,8 @@ def objects():
         shape = {"procedural": {"name": name, "zzz": 1}, "material": "grey"}
         yield name, body["properties"], {**SCENE, "shapes": [shape]}
     for kind, body in kinds(SCHEMA, "lights").items():
+        if kind == "plugin":  # whose options are its own
+            continue
         yield kind, body["properties"], {**SCENE, "lights": [{kind: {"zzz": 1}}]}
 
 
@@ -88,11 +92,15 @@ FORMS = {
                           "material": "grey"}]},
     "quad": {"shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]},
                          "material": "grey"}]},
+    "plugins": {"materials": {"m": {"plugin": {"type": "scene_plugin:own"}, "emission": 1}},
+                "lights": [{"plugin": {"type": "scene_plugin:own", "x": 2}}]},
 }  # fmt: skip
 NOT = {
     "two metals": {"materials": {"m": {"conductor": {"metal": "Au", "reflectance": 1}}}},
     "no k": {"materials": {"m": {"conductor": {"eta": 1}}}},
     "unknown metal": {"materials": {"m": {"conductor": {"metal": "Xx"}}}},
+    "no plugin": {"lights": [{"plugin": {"x": 1}}]},
+    "no module": {"materials": {"m": {"plugin": {"type": "own"}}}},
     "neither": {"lights": [{"spot": {"position": [0, 3, 0], "intensity": 1}}]},
     "three points": {"shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]},
                                  "material": "grey"}]},
@@ -101,8 +109,10 @@ NOT = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_every_form_that_is_read_is_accepted(validator, form):
-    assert engines.scene_from({**SCENE, "shapes": [], **FORMS[form]})
+def test_every_form_that_is_read_is_accepted(validator, form, monkeypatch):
+    plugin = SimpleNamespace(name="own", options={"x": 1})
+    monkeypatch.setitem(sys.modules, "scene_plugin", SimpleNamespace(own=plugin))
+    assert engines.scene_from({**SCENE, "shapes": [], **FORMS[form]}, allow_imports=True)
     assert list(validator.iter_errors({**SCENE, "shapes": [], **FORMS[form]})) == []
 
 

@@ -3,7 +3,7 @@ calls.
 
 The sources of raybench's engines are hashed as a whole (`code_cache.source_hash`), so of their functions the name, the
 code and the closure are enough. Of a user's function the globals that it refers to count too: other functions, numbers,
-tuples of them.
+tuples and arrays of them.
 """
 
 from __future__ import annotations
@@ -76,6 +76,8 @@ def _class(value: type, within: tuple[Any, ...]) -> Any:
 def _value(value: Any, within: tuple[Any, ...]) -> Any:
     if value is None or isinstance(value, (bool, int, float, complex, str, bytes, np.number, np.bool_)):
         return type(value).__name__, repr(value)
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        value = "array", value.dtype.str, value.shape, hashlib.sha256(np.ascontiguousarray(value)).hexdigest()
     if isinstance(value, tuple):
         return type(value).__qualname__, [_value(part, within) for part in value]
     if isinstance(value, Dispatcher):

@@ -12,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.flatten import shapes
+from engines.kernels.flatten.plugins import kind_of, light_sample
 from engines.kernels.lane.lights import constant_environment, directional, disk, mesh, point, sphere, spot
 from engines.kernels.layout import LightRow
 from engines.scene.model import (
+    WHITE,
+    CustomLight,
     DirectionalLight,
     Disk,
     EnvironmentLight,
@@ -26,6 +29,7 @@ from engines.scene.model import (
     SpotLight,
     Triangle,
 )
+from engines.scene.support import option_numbers
 
 POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT = range(8)
 
@@ -55,6 +59,7 @@ MODELS: dict[int, LightModel] = {
     DISK: LightModel(disk.sample, 7, disk.pdf, shapes.DISK),
     SPOT: LightModel(spot.sample, 8),
 }
+"""By kind; those of plugins are added where a scene has them."""
 
 
 def _point(light: PointLight, center: Reals) -> list[float]:
@@ -77,11 +82,26 @@ def _environment(light: EnvironmentLight, center: Reals) -> list[float]:
     return LightRow.packed(kind=kind, color=light.radiance)
 
 
+def plugin_parameters(light: CustomLight, center: Reals) -> list[float]:
+    """The options of a plugin in order, but for its colour; points become relative to `center`."""
+    options = {name: value for name, value in light.options.items() if name != "color"}
+    for name in getattr(light.plugin, "positions", ()):
+        options[name] = tuple(np.subtract(options[name], center))
+    return option_numbers(options)
+
+
+def _plugin(light: CustomLight, center: Reals) -> list[float]:
+    plugin, parameters = light.plugin, plugin_parameters(light, center)
+    kind = kind_of(MODELS, plugin.name, LightModel(light_sample(plugin.jitted), len(parameters)))
+    return LightRow.packed(kind=kind, color=light.options.get("color", WHITE), parameters=parameters)
+
+
 ROWS: dict[type, Callable[[Any, Reals], list[float]]] = {
     PointLight: _point,
     DirectionalLight: _directional,
     SpotLight: _spot,
     EnvironmentLight: _environment,
+    CustomLight: _plugin,
 }
 """How a light of the model becomes a row: (light, center) -> numbers."""
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.lane.bsdf import conductor, mixture
+from engines.kernels.lane.bsdf.interface import BSDF
 from engines.kernels.layout import MaterialRow
-from engines.scene.model import Conductor, Material
+from engines.scene.model import Conductor, CustomBSDF, Material
+from engines.scene.support import option_numbers
 
 MIXTURE, CONDUCTOR = range(2)
 
@@ -57,15 +61,40 @@ MODELS: dict[int, BSDFModel] = {
     MIXTURE: BSDFModel(_mixture_parameters, _mixture_features, mixture.columns, mixture.make),
     CONDUCTOR: BSDFModel(_conductor_parameters, _conductor_features, conductor.columns, conductor.make),
 }
+"""By kind; those of plugins are added where a scene has them."""
 
 
-KINDS: dict[type, int] = {type(None): MIXTURE, Conductor: CONDUCTOR}
+@cache
+def _plugin_model(functions: Any, n: int, reflection: bool, transmission: bool, tangents: bool) -> BSDFModel:
+    lane, columns = bsdf_functions(BSDF(*functions), reflection, transmission), tuple(range(n))
+    features = {
+        "specular_reflection": reflection, "specular_transmission": transmission, "tangents": tangents, "lobes": True,
+    }  # fmt: skip
+
+    def parameters(material: Material) -> list[float]:
+        assert isinstance(material.bsdf, CustomBSDF)
+        return option_numbers(material.bsdf.options)
+
+    return BSDFModel(parameters, lambda material: features, lambda features: columns, lambda features: lane)
+
+
+def _plugin_kind(bsdf: CustomBSDF) -> int:
+    plugin, n = bsdf.plugin, len(option_numbers(bsdf.options))
+    flags = (getattr(plugin, name, False) for name in ("specular_reflection", "specular_transmission", "tangents"))
+    return kind_of(MODELS, plugin.name, _plugin_model(plugin.jitted, n, *map(bool, flags)))
+
+
+KINDS: dict[type, Callable[[Any], int]] = {
+    type(None): lambda bsdf: MIXTURE,
+    Conductor: lambda bsdf: CONDUCTOR,
+    CustomBSDF: _plugin_kind,
+}
 """The model of each type of `Material.bsdf`."""
 
 
 def model_of(material: Material) -> int:
     """The kind of a material's BSDF model."""
-    return KINDS[type(material.bsdf)]
+    return KINDS[type(material.bsdf)](material.bsdf)
 
 
 def material_rows(materials: Iterable[Material]) -> NDArray[np.float64]:

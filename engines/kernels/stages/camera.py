@@ -14,6 +14,7 @@ from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane.vector import Vec3, to_real, unit
 from engines.kernels.layout import LANES, CameraRow, ray_batch, scene_table
 from engines.scene.model import CustomCamera, Orthographic, Perspective, PerspectiveArctan
+from engines.scene.support import option_numbers
 
 RAYS: dict[type, Any] = {
     Perspective: lane_camera.perspective, Orthographic: lane_camera.orthographic,
@@ -105,7 +106,7 @@ def _make(ray: Any, normalised: bool, real: Any) -> Any:
 def stage(camera: Any, real: Any) -> Any:
     """The stage of a camera of the scene's model."""
     if isinstance(camera, CustomCamera):
-        options = tuple(float(value) for value in camera.options.values())
+        options = tuple(option_numbers(camera.options))
         return _stage(_of_plugin(camera.plugin.jitted, options), True, real)
     # an orthographic camera's direction is unit as it is, and must not be rounded once more
     return _stage(_on_image(RAYS[type(camera)]), not isinstance(camera, Orthographic), real)

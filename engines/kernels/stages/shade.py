@@ -65,7 +65,8 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
     light = 0b011 | (0b100 if features.many_lights or features.mesh_lights else 0)
     if shader.name != "path_tracer":
         return light
-    lobe = 0b1000 if features.specular_reflection or features.specular_transmission else 0
+    several = features.lobes or features.specular_reflection or features.specular_transmission
+    lobe = 0b1000 if several else 0
     roulette = 0b1000000 if shader.options["rr_depth"] < shader.options["max_depth"] else 0
     return light | lobe | 0b110000 | roulette
 

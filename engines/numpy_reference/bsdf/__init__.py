@@ -5,11 +5,13 @@ from types import NoneType
 from engines.numpy_reference.bsdf.conductor import ConductorBSDF
 from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes
 from engines.numpy_reference.bsdf.mixture import MixtureBSDF
-from engines.scene.model import Conductor
+from engines.numpy_reference.bsdf.plugins import PluginBSDF
+from engines.scene.model import Conductor, CustomBSDF
 
 BSDFS: dict[type, type[BSDF]] = {
     NoneType: MixtureBSDF,
     Conductor: ConductorBSDF,
+    CustomBSDF: PluginBSDF,
 }
 """For each type of `Material.bsdf`, the class that holds all materials of that model; None stands for kd, ks and kt."""
 

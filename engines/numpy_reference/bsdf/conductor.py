@@ -30,6 +30,7 @@ class ConductorBSDF:
         self._alpha = np.array([model.alpha for model in models], np.float64).reshape(-1, 2).T.copy()
         self._smooth: Mask = (self._alpha == 0.0).all(axis=0)
         self.lobes = np.where(self._smooth, Lobes.SPECULAR_REFLECTION.value, Lobes.GLOSSY_REFLECTION.value)
+        self.diffuse = np.zeros((3, len(models)))
         self.albedo = np.array([model.albedo for model in models], np.float64).reshape(-1, 3).T.copy()
 
     def sample(

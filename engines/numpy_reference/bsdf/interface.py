@@ -55,6 +55,8 @@ class BSDF(Protocol):
 
     lobes: NDArray[np.int64]
     """(m,) the `Lobes` that each material has."""
+    diffuse: Array
+    """(3, m) the albedo of the diffuse lobe, which ambient light multiplies."""
     albedo: Array
     """(3, m) the colour that the shader `albedo` shows; 0 for what only emits."""
 

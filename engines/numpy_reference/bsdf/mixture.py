@@ -31,6 +31,7 @@ class MixtureBSDF:
         self._fresnel = np.array([material.fresnel for material in materials], bool)
         diffuse, mirror, refraction = ((colour > 0.0).any(axis=0) for colour in (self._kd, self._ks, self._kt))
         self.lobes = diffuse * LOBES[0].value + mirror * LOBES[1].value + refraction * LOBES[2].value
+        self.diffuse = self._kd
         self.albedo = np.where(diffuse, self._kd, np.where(mirror, self._ks, self._kt))
 
     def sample(

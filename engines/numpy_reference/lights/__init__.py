@@ -3,15 +3,17 @@
 from engines.numpy_reference.lights.directional import DirectionalLights
 from engines.numpy_reference.lights.environment import EnvironmentLights
 from engines.numpy_reference.lights.interface import InfiniteLightSet, LightSample, LightSet
+from engines.numpy_reference.lights.plugins import PluginLights
 from engines.numpy_reference.lights.point import PointLights
 from engines.numpy_reference.lights.spot import SpotLights
-from engines.scene.model import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from engines.scene.model import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
 
 LIGHTS: dict[type, type[LightSet]] = {
     PointLight: PointLights,
     SpotLight: SpotLights,
     DirectionalLight: DirectionalLights,
     EnvironmentLight: EnvironmentLights,
+    CustomLight: PluginLights,
 }
 """For each light of the scene model, the class that holds all of its kind. Area lights are shapes: see `AreaLights`."""
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable
-from typing import Any
 
-from engines.errors import suggestion
 from engines.scene.formats.raybench.context import SceneReader
+from engines.scene.formats.raybench.plugins import load_plugin, read_options
 from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Tagged
@@ -77,31 +75,13 @@ CAMERAS = {
 
 
 def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera:
-    """A camera plugin; from Python `named` may hold the plugin itself."""
-    plugin: Any = named.value
-    if isinstance(plugin, (dict, list, bool, int, float, bytes, type(None))):
-        raise named.refuse("must be text")
-    if isinstance(plugin, str):
-        if ":" not in plugin:
-            raise named.refuse(f"unknown camera: {suggestion(plugin, CAMERAS)}, or module:attribute")
-        if not context.allow_imports:
-            raise named.refuse("imports code: pass --allow-imports (from Python: allow_imports=True) to permit it")
-        plugin = _load_attribute(named)
-    options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
+    plugin = load_plugin(named, "camera", context, CAMERAS)
+    if getattr(plugin, "options", None) is None:
+        options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
+    else:
+        options = read_options(node, plugin, ("type", "resolution"))
     written = node.value.get("resolution")
-    resolution = DEFAULT_RESOLUTION if written is None else _RESOLUTION.kind.read(written)
-    return CustomCamera(plugin() if isinstance(plugin, type) else plugin, options, resolution)
-
-
-def _load_attribute(named: Located) -> Any:
-    module, _, attribute = named.value.partition(":")
-    try:
-        found: Any = importlib.import_module(module)
-        for part in attribute.split("."):
-            found = getattr(found, part)
-    except Exception as problem:
-        raise named.refuse(f"cannot be imported: {problem}") from problem
-    return found
+    return CustomCamera(plugin, options, DEFAULT_RESOLUTION if written is None else _RESOLUTION.kind.read(written))
 
 
 CAMERA = Tagged("camera", "type", CAMERAS, _custom, {

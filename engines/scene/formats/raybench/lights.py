@@ -6,7 +6,8 @@ from typing import Any
 
 from engines.errors import SceneError
 from engines.scene.formats.raybench.context import SceneReader
-from engines.scene.model import DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from engines.scene.formats.raybench.plugins import PluginKind
+from engines.scene.model import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
 from engines.schema.kinds import ANGLE, DIRECTION, POINT, TEXT, color, one_of
@@ -74,4 +75,5 @@ LIGHTS = Variants("light", {
         "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
         "image": Key(TEXT, "File of a latitude-longitude image, +y up, .exr or 8-bit, relative to the scene's folder.", None),
     }, _environment),
+    "plugin": PluginKind("light", "A light of one's own; loaded with --allow-imports alone.", CustomLight),
 })  # fmt: skip

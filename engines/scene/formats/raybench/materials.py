@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from engines.scene.formats.raybench.plugins import PluginKind
 from engines.scene.metals import METALS
-from engines.scene.model import BLACK, ENERGY_TOLERANCE, WHITE, Conductor, Material
+from engines.scene.model import BLACK, ENERGY_TOLERANCE, WHITE, Conductor, CustomBSDF, Material
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, POSITIVE, Kind, color, one_of, within
@@ -77,6 +78,7 @@ MODELS = {
         "distribution": Key(one_of(("ggx",), "distribution"), "Distribution of the microfacets' normals.", "ggx"),
         "specular_reflectance": Key(_SHARE, "Factor of the reflectance that follows from metal, or from eta and k.", 1),
     }, _conductor, either=(("metal",), ("eta", "k"), ("reflectance",))),
+    "plugin": PluginKind("BSDF", "A BSDF of one's own; loaded with --allow-imports alone.", CustomBSDF),
 }  # fmt: skip
 _CHOICE = {name: Key(model, f"Instead of the keys above. {model.meaning}", None) for name, model in MODELS.items()}
 MATERIAL = Record("A surface.", {**LOBES, **_CHOICE, **EMISSION}, _material)

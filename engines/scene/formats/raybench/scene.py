@@ -22,7 +22,7 @@ class MaterialsKind:
     """Materials by names of the user's own, which the context's table learns before the shapes are read."""
 
     def read(self, node: Located, context: Any = None) -> None:
-        for name, material in MATERIALS.read(node).items():
+        for name, material in MATERIALS.read(node, context).items():
             context.table.names[name] = context.table.add(material)
 
     def schema(self) -> dict[str, Any]:

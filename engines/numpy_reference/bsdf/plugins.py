@@ -1,0 +1,64 @@
+"""BSDFs that users bring (`engines.plugin.BSDF`), by their objects for NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes
+from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.vectors import Array, Indices
+from engines.scene.model import CustomBSDF, Material
+
+
+class PluginBSDF:
+    """All materials of plugins in a scene. A plugin's object has the verbs of `BSDF`, with the options of one material
+    in the place of materials, and `albedos(options)`. Nothing leaves below the surface but through delta lobes."""
+
+    def __init__(self, materials: Sequence[Material]) -> None:
+        self._models = [material.bsdf for material in materials if isinstance(material.bsdf, CustomBSDF)]
+        self.lobes = np.array([_lobes(model.plugin).value for model in self._models])
+        albedos = [model.plugin.numpy.albedos(model.options) for model in self._models]
+        self.diffuse, self.albedo = np.moveaxis(np.array(albedos, np.float64).reshape(-1, 2, 3), 0, -1).copy()
+
+    def sample(
+        self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
+    ) -> BSDFSample:
+        """What the plugins answer, in materials that have one of the lobes."""
+        found = BSDFSample.empty(material.size)
+        for model, lanes in self._by_model(material):
+            chosen = _lobes(model.plugin) & lobes
+            if chosen:
+                here = at.take(lanes)
+                wi, weight, pdf = model.plugin.numpy.sample(
+                    model.options, here, uc[lanes], u0[lanes], u1[lanes], chosen
+                )
+                kept = np.isinf(pdf) | here.reflects(wi)
+                found.put(lanes, wi, np.where(kept, weight, 0.0), pdf)
+        return found
+
+    def evaluate(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        return self._ask(material, at, wi, np.zeros(wi.shape), lambda model: model.plugin.numpy.evaluate)
+
+    def pdf(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        return self._ask(material, at, wi, np.zeros(wi.shape[1]), lambda model: model.plugin.numpy.pdf)
+
+    def _ask(
+        self, material: Indices, at: SurfaceInteraction, wi: Array, found: Array, verb: Callable[[CustomBSDF], Any]
+    ) -> Array:
+        """Fills `found` with what each point's model answers of `wi`, 0 below the surface."""
+        for model, lanes in self._by_model(material):
+            here, towards = at.take(lanes), wi.take(lanes, axis=1)
+            found[..., lanes] = np.where(here.reflects(towards), verb(model)(model.options, here, towards), 0.0)
+        return found
+
+    def _by_model(self, material: Indices) -> list[tuple[CustomBSDF, Indices]]:
+        return [(self._models[member], np.flatnonzero(material == member)) for member in np.unique(material)]
+
+
+def _lobes(plugin: Any) -> Lobes:
+    reflection = Lobes.SPECULAR_REFLECTION if getattr(plugin, "specular_reflection", False) else Lobes(0)
+    transmission = Lobes.SPECULAR_TRANSMISSION if getattr(plugin, "specular_transmission", False) else Lobes(0)
+    return Lobes.NON_SPECULAR | reflection | transmission

@@ -1,0 +1,86 @@
+"""Plugins of a scene file: code of the user's, named `module:attribute` and imported only where that is allowed."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from engines.errors import suggestion
+from engines.scene.formats.raybench.context import SceneReader
+from engines.schema import fields
+from engines.schema.yaml_file import Located
+
+
+def load_plugin(named: Located, what: str, context: SceneReader, known: Collection[str] = ()) -> Any:
+    """The plugin that a scene names here; from Python `named` may hold the plugin itself. A class is called.
+
+    `known` are the names of what is built in, for the message about a name without a colon.
+    """
+    plugin: Any = named.value
+    if isinstance(plugin, (dict, list, bool, int, float, bytes, type(None))):
+        raise named.refuse("must be text")
+    if isinstance(plugin, str):
+        if ":" not in plugin:
+            built_in = f"unknown {what}: {suggestion(plugin, known)}, or" if known else "must be"
+            raise named.refuse(f"{built_in} module:attribute")
+        if not context.allow_imports:
+            raise named.refuse("imports code: pass --allow-imports (from Python: allow_imports=True) to permit it")
+        plugin = _load_attribute(named)
+    return plugin() if isinstance(plugin, type) else plugin
+
+
+def _load_attribute(named: Located) -> Any:
+    module, _, attribute = named.value.partition(":")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in attribute.split("."):
+            found = getattr(found, part)
+    except Exception as problem:
+        raise named.refuse(f"cannot be imported: {problem}") from problem
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class PluginKind:
+    """A light or BSDF plugin with its options: `make(plugin, options)` is the part of the scene."""
+
+    what: str
+    meaning: str
+    make: Callable[[Any, Mapping[str, Any]], Any]
+
+    def read(self, node: Located, context: Any = None) -> Any:
+        """The part. The context is a `SceneReader`."""
+        if not isinstance(node.value, dict):
+            raise node.refuse(f"must be a mapping with a type, module:attribute, and the options of that {self.what}")
+        if "type" not in node.value:
+            raise node.refuse_key("type", "is missing: module:attribute of a plugin is wanted")
+        named = node.value["type"]
+        plugin = load_plugin(named, self.what, context)
+        if not isinstance(getattr(plugin, "options", None), Mapping):
+            raise named.refuse(f"is no {self.what} plugin: it has no `options`, a mapping from names to defaults")
+        return self.make(plugin, read_options(node, plugin, ("type",)))
+
+    def schema(self) -> dict[str, Any]:
+        """Any mapping with a type."""
+        named = {"type": "string", "pattern": ":", "description": "The plugin. Its options stand beside this key."}
+        return {"type": "object", "required": ["type"], "properties": {"type": named}, "description": self.meaning}
+
+
+def read_options(node: Located, plugin: Any, others: Collection[str]) -> dict[str, Any]:
+    """The options of a plugin that a mapping has, beside the keys `others`."""
+    known, options = plugin.options, {}
+    for key, child in node.value.items():
+        if key not in others:
+            if key not in known:
+                raise node.unknown_key(key, (*others, *known))
+            options[key] = _option(child, known[key])
+    return options
+
+
+def _option(node: Located, default: Any) -> Any:
+    """A number; three where the default is three, for which one number may stand."""
+    if not isinstance(default, tuple | list):
+        return fields.number(node)
+    return (fields.number(node),) * 3 if isinstance(node.value, int | float) else fields.triple(node)

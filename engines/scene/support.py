@@ -1,0 +1,26 @@
+"""The plugins of a scene: its camera, lights and BSDFs that users have written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from engines.scene.model import CustomBSDF, CustomCamera, CustomLight, Scene
+
+
+def plugins(scene: Scene) -> list[tuple[str, Any]]:
+    """What each plugin of the scene is ("camera", "light" or "BSDF"), and the plugin."""
+    parts = [("camera", scene.camera), *(("light", light) for light in scene.lights)]
+    parts += [("BSDF", material.bsdf) for material in scene.materials]
+    return [(what, part.plugin) for what, part in parts if isinstance(part, CustomCamera | CustomLight | CustomBSDF)]
+
+
+def plugin_without(scene: Scene, half: str) -> str | None:
+    """The first plugin of the scene that lacks its half for an engine (`jitted` or `numpy`), by kind and name."""
+    lacking = ((what, plugin) for what, plugin in plugins(scene) if getattr(plugin, half, None) is None)
+    return next((f"the {what} {getattr(plugin, 'name', type(plugin).__name__)!r}" for what, plugin in lacking), None)
+
+
+def option_numbers(options: Mapping[str, Any]) -> list[float]:
+    """The values of a plugin's options in order, those of three numbers one after the other."""
+    return [float(x) for value in options.values() for x in (value if isinstance(value, tuple | list) else (value,))]

@@ -1,0 +1,125 @@
+"""Light and BSDF plugins in the jitted engines: they give the image of the built-in that does the same."""
+
+import math
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings
+from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION
+from engines.plugin import (
+    BSDF,
+    BSDFSample,
+    LaneBSDF,
+    Light,
+    LightSample,
+    Spectrum,
+    Vec3,
+    const,
+    cosine_direction,
+    cosine_pdf,
+    dot,
+    inline,
+    reflect,
+    select,
+    select3,
+)
+
+
+@inline
+def _bulb(light, p, normal, u0, u1):
+    x, y, z = light.parameters[:3]
+    to, one = Vec3(x, y, z) - p, const(1.0, x)
+    square = dot(to, to)
+    distance = np.sqrt(square)
+    return LightSample(to * (one / distance), distance, light.color * (one / square), one)
+
+
+BULB = Light("bulb", _bulb, options={"position": (0, 0, 0), "color": (1, 1, 1)}, positions=("position",))
+
+
+@inline
+def _evaluate(parameters, si, wi):
+    return Spectrum(Vec3(parameters[0], parameters[1], parameters[2]), cosine_pdf(si.normal, wi))
+
+
+@inline
+def _pdf(parameters, si, wi):
+    share = parameters[0] / (parameters[0] + parameters[3])
+    return share * cosine_pdf(si.normal, wi)
+
+
+@inline
+def _sample(parameters, si, u_lobe, u0, u1, lobes):
+    zero, one = const(0.0, u0), const(1.0, u0)
+    kd, ks = Vec3(parameters[0], parameters[1], parameters[2]), Vec3(parameters[3], parameters[4], parameters[5])
+    share = parameters[0] / (parameters[0] + parameters[3])
+    alone = lobes == SPECULAR_REFLECTION
+    mirror = alone | ((lobes == ALL) & (u_lobe >= share))
+    wi = select3(mirror, reflect(si.direction, si.normal), cosine_direction(si.normal, u0, u1))
+    scale = select(alone, one, one / select(mirror, one - share, share))
+    pdf = select(mirror, const(math.inf, zero), share * cosine_pdf(si.normal, wi))
+    return BSDFSample(wi, Spectrum(select3(mirror, ks, kd), scale), pdf, False, True)
+
+
+@inline
+def _albedos(parameters, si):
+    kd = Vec3(parameters[0], parameters[1], parameters[2])
+    return kd, kd
+
+
+VARNISH = BSDF(
+    "varnish", LaneBSDF(_evaluate, _pdf, _sample, _albedos), options={"kd": (0, 0, 0), "ks": (0, 0, 0)},
+    specular_reflection=True,
+)  # fmt: skip
+
+
+def _image(scene, **settings):
+    renderer = engines.engine("numba").prepare(scene, Settings(48, 36, seed=3, sampler="sobol", **settings))
+    return renderer.render(4).mean()
+
+
+def _scene(material, light, x=0.0):
+    return engines.scene_from({
+        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [x, 1, 5], "target": [x, 0, 0]},
+        "materials": {"varnish": material},
+        "shapes": [
+            {"sphere": {"center": [x, 0, 0], "radius": 1}, "material": "varnish"},
+            {"sphere": {"center": [x + 1.5, -0.5, 1], "radius": 0.5}, "material": "varnish"},
+        ],
+        "lights": [light, {"environment": {"radiance": 0.2}}],
+    })  # fmt: skip
+
+
+def _point(plugin, x=0.0):
+    if plugin:
+        return {"plugin": {"type": BULB, "position": [x + 2, 3, 2], "color": 30}}
+    return {"point": {"position": [x + 2, 3, 2], "intensity": 30}}
+
+
+@pytest.mark.parametrize("shader", ["path_tracer", "whitted"])
+def test_a_bsdf_plugin_of_two_lobes_gives_the_image_of_kd_and_ks(shader):
+    """The same random numbers choose the lobe and the direction. Whitted's rule asks for the mirror alone."""
+    lobes = {"kd": 0.5, "ks": 0.25}
+    own = _image(_scene({"plugin": {"type": VARNISH, **lobes}}, _point(True)), shader=shader)
+    built_in = _image(_scene(lobes, _point(False)), shader=shader)
+    assert np.allclose(own, built_in, rtol=1e-9) and built_in.mean() > 0.05
+
+
+def test_the_specular_lobe_that_a_plugin_does_not_announce_is_not_asked_for():
+    quiet = BSDF("quiet", VARNISH.jitted, options=VARNISH.options)
+    own, built_in = (
+        _image(_scene({"plugin": {"type": plugin, "kd": 0.5, "ks": ks}}, _point(False)), shader="whitted")
+        for plugin, ks in ((quiet, 0.25), (VARNISH, 0.0))
+    )
+    assert np.array_equal(own, built_in)
+
+
+def test_a_light_plugin_moves_with_a_scene_that_lies_far_from_the_origin():
+    """In float32 geometry is moved next to the origin: a light that was left behind would be 10 km away."""
+    images = [
+        _image(_scene({"kd": 0.5}, _point(plugin, 1e4), 1e4), shader="path_tracer", precision="float32")
+        for plugin in (True, False)
+    ]
+    assert np.allclose(*images, rtol=1e-5) and images[0].mean() > 0.05
