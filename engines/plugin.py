@@ -15,8 +15,7 @@ from typing import Any
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Draws, Path, ScatterResult, SurfaceInteraction, finish
-from engines.kernels.lane.bsdf.interface import BSDF as LaneBSDF
-from engines.kernels.lane.bsdf.interface import BSDFSample, Scattering, Spectrum
+from engines.kernels.lane.bsdf.interface import BSDFSample, LaneBSDF, Scattering, Spectrum
 from engines.kernels.lane.fresnel import reflect, refract
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf, power_heuristic

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.lane.bsdf import conductor, mixture
-from engines.kernels.lane.bsdf.interface import BSDF
+from engines.kernels.lane.bsdf.interface import LaneBSDF
 from engines.kernels.layout import MaterialRow
 from engines.scene.model import Conductor, CustomBSDF, Material
 from engines.scene.support import option_numbers
@@ -30,7 +30,7 @@ class BSDFModel(NamedTuple):
     columns: Callable[[SceneFeatures], tuple[int, ...]]
     """Which of the numbers are read, where a scene holds these features."""
     lane: Callable[[SceneFeatures], Any]
-    """Its lane functions (`engines.kernels.lane.bsdf.interface.BSDF`), for a scene of these features."""
+    """Its lane functions (`engines.kernels.lane.bsdf.interface.LaneBSDF`), for a scene of these features."""
 
 
 def _mixture_parameters(material: Material) -> list[float]:
@@ -66,7 +66,7 @@ MODELS: dict[int, BSDFModel] = {
 
 @cache
 def _plugin_model(functions: Any, n: int, reflection: bool, transmission: bool, tangents: bool) -> BSDFModel:
-    lane, columns = bsdf_functions(BSDF(*functions), reflection, transmission), tuple(range(n))
+    lane, columns = bsdf_functions(LaneBSDF(*functions), reflection, transmission), tuple(range(n))
     features = {
         "specular_reflection": reflection, "specular_transmission": transmission, "tangents": tangents, "lobes": True,
     }  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Any
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.lane.bsdf.interface import ALL, BSDF, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION, BSDFSample
+from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION, BSDFSample, LaneBSDF
 from engines.kernels.lane.lights.sample import LightSample
 
 FIRST_KIND, KINDS = 1 << 16, 1 << 20
@@ -48,7 +48,7 @@ def light_sample(sample: Any) -> Any:
 
 
 @cache
-def bsdf_functions(functions: BSDF, reflection: bool, transmission: bool) -> BSDF:
+def bsdf_functions(functions: LaneBSDF, reflection: bool, transmission: bool) -> LaneBSDF:
     """The lane functions of a plugin's BSDF, which has these specular lobes and no others."""
     sample_any = functions.sample
 

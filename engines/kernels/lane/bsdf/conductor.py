@@ -11,7 +11,7 @@ from functools import cache
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
-from engines.kernels.lane.bsdf.interface import ALL, BSDF, SPECULAR_REFLECTION, BSDFSample, Spectrum
+from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.frame import frame_of_normal, frame_of_tangent, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_conductor, reflect
 from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
@@ -42,7 +42,7 @@ def albedos(parameters, si):
 
 
 @cache
-def _make(tangents: bool) -> BSDF:
+def _make(tangents: bool) -> LaneBSDF:
     @inline
     def frame_at(si):
         if tangents:
@@ -88,10 +88,10 @@ def _make(tangents: bool) -> BSDF:
         valid = above & ((which == ALL) | ((which == SPECULAR_REFLECTION) & (not rough)))
         return BSDFSample(world, weight, select(rough, density, const(math.inf, one)), False, valid)
 
-    return BSDF(evaluate, pdf, sample, albedos)
+    return LaneBSDF(evaluate, pdf, sample, albedos)
 
 
-def make(features: SceneFeatures) -> BSDF:
+def make(features: SceneFeatures) -> LaneBSDF:
     """The model's functions in a scene of these features."""
     return _make(features.tangents)
 

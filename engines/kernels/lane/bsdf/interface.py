@@ -53,7 +53,7 @@ class Scattering(NamedTuple):
     """A colour that represents the material where no light is computed."""
 
 
-class BSDF(NamedTuple):
+class LaneBSDF(NamedTuple):
     """A model's lane functions. `parameters` are the numbers of its material, `si` a SurfaceInteraction.
 
     evaluate(parameters, si, wi) -> Spectrum: f cos

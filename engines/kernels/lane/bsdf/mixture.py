@@ -15,9 +15,9 @@ from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import (
     ALL,
-    BSDF,
     SPECULAR_REFLECTION,
     BSDFSample,
+    LaneBSDF,
     Spectrum,
 )
 from engines.kernels.lane.fresnel import reflect, refract
@@ -56,13 +56,13 @@ def columns(features: SceneFeatures) -> tuple[int, ...]:
     )
 
 
-def make(features: SceneFeatures) -> BSDF:
+def make(features: SceneFeatures) -> LaneBSDF:
     """The model's functions in a scene of these features."""
     return _make(features.diffuse, features.specular_reflection, features.specular_transmission)
 
 
 @cache
-def _make(diffuse: bool, reflection: bool, transmission: bool) -> BSDF:
+def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
     specular = reflection or transmission
 
     @inline
@@ -123,7 +123,7 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> BSDF:
         shown = select3(largest(ks) > zero, ks, shown)
         return kd, select3(largest(kd) > zero, kd, shown)
 
-    return BSDF(evaluate, pdf, sample, albedos)
+    return LaneBSDF(evaluate, pdf, sample, albedos)
 
 
 def _make_sample_any(lobes_of: Any, specular: bool) -> Any:
