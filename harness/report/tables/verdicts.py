@@ -54,7 +54,8 @@ def time_to_quality(analysis: Analysis) -> Table:
                 title="verdict"),
          Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
                 "< says what would have been seen."),
-         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive."),
+         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive.",
+                title="image"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
          Column("warnings", "What else to know before believing the row.")],
     )  # fmt: skip
