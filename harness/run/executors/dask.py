@@ -7,21 +7,23 @@ Every machine runs one Dask worker that declares itself, on a checkout or an ins
 
 A timed cell takes a machine for itself, and the cells of a block, which are compared with one another, go to one machine
 after the other in their order. Cells of an experiment with `timing: false`, and replicates of references, go to any that
-has a place for them. Scenes are read from the same path there, or by bare name from the scenes of that installation.
+has a place for them; places are counted on the machine with the fewest threads. Scenes are read from the same path there,
+or by bare name from the scenes of that installation.
 
-Nothing is written on the machines. A cell is recorded when all of it has arrived; one whose machine dies is given to
-another, and has failed when that has happened three times. Events carry the environment id of where they were measured.
+Nothing is written on the machines. A cell is recorded when all of it has arrived. One whose machine dies is given to
+another: by Dask where any machine may have it, here where its block is measured on one. Events carry the environment id of
+where they were measured.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
-from threading import Event
-from time import monotonic
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 
 from engines.errors import ConfigError
@@ -36,13 +38,13 @@ from harness.plan.state import expected_seconds
 from harness.run.recorder import CellRecord, Recorder
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, as_completed
 
     from engines.film import Film
 
 RESOURCE = "machine"
 CONNECT_SECONDS = 10.0
-LOOK_SECONDS = 0.5
+LOOK_SECONDS = 5.0
 """How often the list of machines is looked at while they work."""
 PATIENCE_SECONDS = 60.0
 """How long a cluster may be without any machine before the run gives up."""
@@ -58,6 +60,7 @@ class CellResult:
     """What a machine sends back of a cell: its worker's messages with the films, and how it ended."""
 
     environment: Mapping[str, Any]
+    address: str
     sentinel: float = 0.0
     block_sentinel: float = 0.0
     messages: list[WorkerMessage] = field(default_factory=list)
@@ -80,7 +83,9 @@ def measure_cell(
 
     Without a limit of memory, `most_bytes`, it gets that `share` of the machine's which its place has.
     """
-    result = CellResult(machine.environment())
+    from distributed import get_worker
+
+    result = CellResult(machine.environment(), get_worker().address)
     if first:
         result.block_sentinel = median(sentinel_seconds() for _ in range(3))
     began, result.sentinel = monotonic(), sentinel_seconds()
@@ -114,11 +119,11 @@ def render_replicates(
 
 @dataclass(slots=True)
 class Task:
-    """A cell under way on a machine."""
+    """A cell under way, the cells that follow it on the same machine, and that machine; None: any."""
 
     cell: Cell
-    address: str
-    future: Future
+    rest: list[Cell]
+    address: str | None
 
 
 class Cluster:
@@ -177,7 +182,8 @@ class Cluster:
         for future in self._replicates:
             while not future.done():
                 self.present()
-                _wait_for(future)
+                with suppress(TimeoutError):
+                    next(self.as_completed([future]))
             found = _result(future)
             if isinstance(found, str):
                 raise WorkerFailed(found)
@@ -187,13 +193,21 @@ class Cluster:
         """Measures what a run has left to do."""
         Blocks(recorder, self).run()
 
-    def submit(self, cell: Cell, request: Mapping[str, Any], address: str, share: float, first: bool) -> Task:
-        """Gives a cell to a machine."""
-        future = self.client.submit(
+    def submit(
+        self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float, first: bool
+    ) -> Future:  # fmt: skip
+        """Gives a cell to a machine, or with that share of it to any."""
+        return self.client.submit(
             measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports, first,
-            self._most_bytes, share, workers=[address], resources={RESOURCE: share}, pure=False, retries=0,
+            self._most_bytes, share, workers=[address] if address else None, resources={RESOURCE: share}, pure=False,
+            retries=MOST_LOSSES,
         )  # fmt: skip
-        return Task(cell, address, future)
+
+    def as_completed(self, futures: Sequence[Future]) -> as_completed:
+        """The futures as they finish. Raises `TimeoutError` when it is time to look at the machines again."""
+        from distributed import as_completed
+
+        return as_completed(futures, loop=self.client.loop, timeout=LOOK_SECONDS)
 
 
 def _there(request: Mapping[str, Any]) -> dict[str, Any]:
@@ -214,13 +228,6 @@ def connected(address: str) -> Client:
         raise ConfigError(f"--cluster {address}: no scheduler answers there: {error}") from error
 
 
-def _wait_for(future: Future) -> None:
-    """Until the future is done, or it is time to look at the machines again."""
-    news = Event()
-    future.add_done_callback(lambda _: news.set())
-    news.wait(LOOK_SECONDS)
-
-
 def _result(future: Future) -> Any:
     """A future's result; what Dask itself reports becomes a `WorkerFailed`."""
     try:
@@ -235,112 +242,98 @@ class Blocks:
     def __init__(self, recorder: Recorder, cluster: Cluster) -> None:
         self.recorder, self.cluster = recorder, cluster
         self.timed = recorder.plan.experiment.timing
-        self.todo = recorder.ready()
-        self.waiting = deque(_by_block(self.todo) if self.timed else [[cell] for cell in self.todo])
-        self.queues: dict[str, deque[Cell]] = {}
-        """What is left of the block that a machine is at."""
-        self.running: list[Task] = []
-        self.losses: dict[str, int] = {}
-        self.begun: set[tuple[str, int]] = set()
+        self.left = {cell.cell_id: cell for cell in recorder.ready()}
+        self.total = len(self.left)
+        self.waiting = deque(_by_block(self.left.values()) if self.timed else [[cell] for cell in self.left.values()])
+        self.machines: Mapping[str, Mapping[str, Any]] = {}
+        self.tasks: dict[Future, Task] = {}
+        self.losses: Counter[str] = Counter()
+        self.begun: set[tuple[str | None, int]] = set()
         """(machine, block) whose sentinel is known."""
-        self.news = Event()
-        """Set when a cell has come back."""
-        self.left = {cell.cell_id: cell for cell in self.todo}
 
     def run(self) -> None:
-        """Until every cell has an event, or the run is to stop."""
+        """Until every cell has an event; where the run is to stop, until those under way have one."""
         try:
-            while self.waiting or self.running or any(self.queues.values()):
-                machines = self.cluster.present()
-                self._forget(machines)
-                if not self.recorder.stopped:
-                    for address, info in self._usable(machines).items():
-                        self._feed(address, info)
-                elif not self.running:
-                    return
-                self.news.wait(LOOK_SECONDS)
-                self.news.clear()
-                for task in [task for task in self.running if task.future.done()]:
-                    self._finish(task)
+            while self.tasks or (self.waiting and not self.recorder.stopped):
+                self._look()
+                futures = [*self.tasks, *self._feed()]
+                if not futures:
+                    sleep(LOOK_SECONDS)
+                finished = self.cluster.as_completed(futures)
+                with suppress(TimeoutError):
+                    for future in finished:
+                        finished.update([*self._finish(future), *self._feed()])
         finally:
-            self.cluster.client.cancel([task.future for task in self.running])
+            self.cluster.client.cancel(list(self.tasks))
 
-    def _usable(self, machines: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-        """All of them, or where time counts one a host: two workers on a host would disturb each other."""
-        if not self.timed:
-            return dict(machines)
-        at_work = {task.address for task in self.running} | {address for address, rest in self.queues.items() if rest}
-        one: dict[str, str] = {}
-        for address in sorted(machines, key=lambda address: (address not in at_work, address)):
-            one.setdefault(machines[address]["host"], address)
-        return {address: machines[address] for address in one.values()}
-
-    def _feed(self, address: str, info: Mapping[str, Any]) -> None:
-        """Gives a machine as many cells as it has places for: one where time counts."""
-        while True:
-            queue = self.queues.setdefault(address, deque())
-            if not queue and self.waiting:
-                queue.extend(self.waiting.popleft())
-            if not queue:
-                return
-            threads = max(1, queue[0].settings["threads"])
-            places = 1 if self.timed else max(1, info["nthreads"] // threads)
-            if sum(task.address == address for task in self.running) >= places:
-                return
-            self._start(queue.popleft(), address, 1.0 / places)
-
-    def _start(self, cell: Cell, address: str, share: float) -> None:
-        recorder = self.recorder
-        recorder.begin(cell)
-        first = self.timed and (address, cell.block) not in self.begun
-        self.begun.add((address, cell.block))
-        request = cell.request(recorder.plan.experiment.checkpoints)
-        task = self.cluster.submit(cell, request, address, share, first)
-        task.future.add_done_callback(lambda _: self.news.set())
-        self.running.append(task)
-
-    def _forget(self, machines: Mapping[str, Any]) -> None:
-        """Takes back what machines that are gone had: their cells go to others, the one under way too."""
-        for task in [task for task in self.running if task.address not in machines and not task.future.done()]:
-            self.running.remove(task)
-            task.future.cancel()
-            self._lost(task)
-        for address in [address for address in self.queues if address not in machines]:
-            rest = self.queues.pop(address)
-            if rest:
-                self.waiting.appendleft(list(rest))
+    def _look(self) -> None:
+        """Sees which machines there are, and takes back the cells that only a machine that is gone may measure."""
+        before, self.machines = self.machines, self.cluster.present()
+        for address in before.keys() - self.machines.keys():
+            self.recorder.listener.note(f"{address} is gone: its cells are measured elsewhere")
+        for future, task in list(self.tasks.items()):
+            if task.address is not None and task.address not in self.machines and not future.done():
+                future.cancel()
+                self._lost(self.tasks.pop(future))
 
     def _lost(self, task: Task) -> None:
-        cell = task.cell
-        self.losses[cell.cell_id] = self.losses.get(cell.cell_id, 0) + 1
-        if self.losses[cell.cell_id] >= MOST_LOSSES:
-            message = f"{MOST_LOSSES} machines were lost while they measured this cell"
-            self._failed(cell, message)
-            return
-        self.recorder.listener.note(f"{task.address} is gone: its cell is measured elsewhere")
-        self.begun.discard((task.address, cell.block))
-        queue = self.queues.get(task.address)
-        if queue is None:
-            self.waiting.appendleft([cell])
+        self.begun.discard((task.address, task.cell.block))
+        self.losses[task.cell.cell_id] += 1
+        cells = [task.cell, *task.rest]
+        if self.losses[task.cell.cell_id] >= MOST_LOSSES:
+            self._failed(cells.pop(0), f"{MOST_LOSSES} machines were lost while they measured this cell")
+        if cells:
+            self.waiting.appendleft(cells)
+
+    def _feed(self) -> list[Future]:
+        """Starts what may start now, and returns it.
+
+        Timed: one block on every host that has none, for two workers on a host would disturb each other. Else as many cells
+        as the machines have threads; Dask finds their places.
+        """
+        if self.timed:
+            used = {task.address for task in self.tasks.values()}
+            busy = {info["host"] for address, info in self.machines.items() if address in used}
+            places = list(
+                {i["host"]: address for address, i in self.machines.items() if i["host"] not in busy}.values()
+            )
         else:
-            queue.appendleft(cell)
+            places = [None] * (sum(info["nthreads"] for info in self.machines.values()) - len(self.tasks))
+        cells = [] if self.recorder.stopped else [self.waiting.popleft() for _ in places[: len(self.waiting)]]
+        return [self._start(each, address) for each, address in zip(cells, places, strict=False)]
+
+    def _start(self, cells: Sequence[Cell], address: str | None) -> Future:
+        cell, *rest = cells
+        self.recorder.begin(cell)
+        first = self.timed and (address, cell.block) not in self.begun
+        self.begun.add((address, cell.block))
+        fewest = min((info["nthreads"] for info in self.machines.values()), default=1)
+        share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings["threads"]))
+        request = cell.request(self.recorder.plan.experiment.checkpoints)
+        future = self.cluster.submit(cell, request, address, share, first)
+        self.tasks[future] = Task(cell, rest, address)
+        return future
 
     def _failed(self, cell: Cell, message: str) -> None:
         del self.left[cell.cell_id]
         self.recorder.finish(cell, self.recorder.event(cell, "failed", message))
 
-    def _finish(self, task: Task) -> None:
-        """Records the result of a cell that a machine has sent."""
-        recorder, cell = self.recorder, task.cell
-        self.running.remove(task)
+    def _finish(self, future: Future) -> list[Future]:
+        """Records what a machine has sent, and goes on with the cell that follows there."""
+        task = self.tasks.pop(future)
+        if future.status in ("cancelled", "lost"):
+            self._lost(task)
+            return []
         try:
-            result: CellResult = _result(task.future)
+            self._record(task.cell, _result(future))
         except WorkerFailed as error:
-            if task.future.status == "cancelled" or "KilledWorker" in str(error):
-                self._lost(task)
-            else:
-                self._failed(cell, str(error))
-            return
+            self._failed(task.cell, str(error))
+        if not task.rest or self.recorder.stopped:
+            return []
+        return [self._start(task.rest, task.address)]
+
+    def _record(self, cell: Cell, result: CellResult) -> None:
+        recorder = self.recorder
         env_id = digest(result.environment)
         recorder.record_environment(env_id, result.environment)
         if result.block_sentinel:
@@ -350,19 +343,19 @@ class Blocks:
         if result.log:
             with (recorder.folder / "worker.log").open("ab") as file:
                 file.write(result.log)
-        recorder.listener.cell(cell, len(self.todo) - len(self.left), len(self.todo), self._seconds_left())
+        recorder.listener.cell(cell, self.total - len(self.left), self.total, self._seconds_left())
         del self.left[cell.cell_id]
         event = recorder.measured_as(CellRecord(recorder, cell, env_id), result.again(), result.sentinel)
         if not self.timed:
             event["machine"] = {**event["machine"], "contended": True}
-        recorder.finish(cell, {**event, "wall_seconds": result.wall_seconds, "worker": task.address})
+        recorder.finish(cell, {**event, "wall_seconds": result.wall_seconds, "worker": result.address})
 
     def _seconds_left(self) -> float:
         seconds = sum(seconds for seconds, _ in expected_seconds(self.left.values(), self.recorder.latest).values())
-        return seconds / max(1, len({task.address for task in self.running}))
+        return seconds / max(1, len(self.tasks) if self.timed else len(self.machines))
 
 
-def _by_block(cells: Sequence[Cell]) -> list[list[Cell]]:
+def _by_block(cells: Iterable[Cell]) -> list[list[Cell]]:
     found: dict[int, list[Cell]] = {}
     for cell in cells:
         found.setdefault(cell.block, []).append(cell)
