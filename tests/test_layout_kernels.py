@@ -16,12 +16,12 @@ FLOORS: dict[str, set[str]] = {
     "layout": {"compile.jit", "compile.records"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
-    "flatten": {"compile.jit", "compile.records", "features", "lane", "layout"},
+    "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
     "stages": {*COMPILED, "features", "flatten", "integrators", "lane", "layout"},
     "driver": {*COMPILED, "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {"compile.jit", "driver", "features", "flatten", "layout", "queries", "stages"},
-    "resolve": set(),
+    "resolve": {"flatten", "layout"},
 }
 """Of each room, the rooms and modules of engines/kernels that it may import. It may also import itself."""
 
@@ -31,8 +31,8 @@ OUTSIDE: dict[str, set[str]] = {
     "layout": {"numpy"},
     "lane": {"numpy"},
     "integrators": {"numpy"},
-    "flatten": {"engines.scene.model", "numpy"},
-    "stages": {"engines.choices", "engines.scene.model", "engines.sobol_numbers", "numpy"},
+    "flatten": {"engines.scene.model", "engines.scene.support", "numpy"},
+    "stages": {"engines.choices", "engines.scene.model", "engines.scene.support", "engines.sobol_numbers", "numpy"},
     "driver": {"numpy"},
     "queries": {"numpy"},
 }
