@@ -97,7 +97,7 @@ def scene_lacks(scene: Scene) -> str | None:
             return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
     planes = (scene.materials[shape.material] for shape in scene.shapes if isinstance(shape, Plane))
     for material in planes:
-        if material.bsdf is not None and material.bsdf.alpha[0] != material.bsdf.alpha[1]:
+        if isinstance(material.bsdf, Conductor) and material.bsdf.alpha[0] != material.bsdf.alpha[1]:
             return f"material {material.name!r}: Mitsuba has no counterpart of an anisotropic conductor on a plane"
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return "the scene has several environments, of which Mitsuba renders one"
