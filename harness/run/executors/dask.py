@@ -262,7 +262,9 @@ class Blocks:
                 finished = self.cluster.as_completed(futures)
                 with suppress(TimeoutError):
                     for future in finished:
-                        finished.update([*self._finish(future), *self._feed()])
+                        self._look()
+                        if future in self.tasks:  # else it was cancelled, for its machine is gone
+                            finished.update([*self._finish(future), *self._feed()])
         finally:
             self.cluster.client.cancel(list(self.tasks))
 
