@@ -67,7 +67,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.conformance": _BASE,
     "engines.numpy_reference": {*_BASE, "engines.sobol_numbers"},
     "engines.kernels": {*_BASE, "engines.sobol_numbers"},
-    "engines.plugin": {"engines.choices", "engines.kernels"},
+    "engines.plugin": {"engines.errors", "engines.kernels"},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", "engines.kernels"},

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import engines
-from engines import Settings
+from engines import Settings, UnknownName
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION
 from engines.plugin import (
     BSDF,
@@ -96,6 +96,11 @@ def _point(plugin, x=0.0):
     if plugin:
         return {"plugin": {"type": BULB, "position": [x + 2, 3, 2], "color": 30}}
     return {"point": {"position": [x + 2, 3, 2], "intensity": 30}}
+
+
+def test_a_position_that_is_no_option_is_refused():
+    with pytest.raises(UnknownName, match="option among the positions of the light 'lamp' 'place': did you mean 'places'"):
+        Light("lamp", _bulb, options={"places": (0, 0, 0)}, positions=("place",))
 
 
 @pytest.mark.parametrize("shader", ["path_tracer", "whitted"])
