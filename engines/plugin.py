@@ -28,7 +28,7 @@ class Shader:
     """A shader as a plugin: give it to `Settings.shader`, or name it in YAML as `module:attribute`.
 
     `jitted` is the step of the numba and embree engines, `numpy` the function of the reference (either may be missing:
-    then that engine says so by `why_not`). The step's `options` argument holds eight numbers: the values of `options` in
+    then that engine declines by `why_not`). The step's `options` argument holds eight numbers: the values of `options` in
     order. `lights`: "one" light sample a vertex, or "all" for a call per light.
     """
 

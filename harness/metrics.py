@@ -79,6 +79,13 @@ def metric_name(metric: str, epsilon: float) -> str:
     return f"relmse_e{epsilon:g}" if metric == "relmse" else metric
 
 
+def metric_title(name: str) -> str:
+    """A metric's name for people: `relmse_e0.01` is `relMSE (ε = 0.01)`."""
+    if name.startswith("relmse_e"):
+        return f"relMSE (ε = {name.removeprefix('relmse_e')})"
+    return name.upper()
+
+
 def higher_is_better(metric: str) -> bool:
     return metric in ("psnr", "ssim")
 

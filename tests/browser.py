@@ -115,8 +115,8 @@ class Browser:
 
     def touch(self, kind, points):
         """A touch event of the DevTools protocol, as `touchMove`, of fingers at these places: {id: (x, y)}."""
-        told = [{"x": x, "y": y, "id": finger} for finger, (x, y) in points.items()]
-        self._devtools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": told})
+        touches = [{"x": x, "y": y, "id": finger} for finger, (x, y) in points.items()]
+        self._devtools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": touches})
 
     def picture(self, path, whole=False):
         """Writes a PNG of the window, or of the whole page."""

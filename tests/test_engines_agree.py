@@ -56,7 +56,7 @@ def test_numba_in_float64_equals_the_reference_in_large_meshes():
 
 
 def _everything():
-    """All shapes, materials and lights in one scene, with an image for a sky."""
+    """All shapes, materials and lights in one scene, with an environment image."""
     return {
         "raybench_scene": 1, "name": "everything",
         "camera": {"type": "orthographic", "eye": [0, 2, 8], "target": [0, 1, 0], "up": [0, 1, 0], "height": 4},
@@ -94,9 +94,9 @@ def test_numba_in_float64_equals_the_reference_under_an_image_of_the_sky(tmp_pat
     from engines.image import write_image
 
     rows, columns = np.mgrid[0:16, 0:32]
-    sky = np.stack([0.1 + rows / 40, 0.2 + columns / 80, 0.3 + 8.0 * ((rows == 4) & (columns == 9))], axis=-1)
-    write_image(tmp_path / "sky.exr", sky, {})
-    scene = {**_everything(), "lights": [{"environment": {"image": "sky.exr", "radiance": [1, 0.8, 0.6]}}]}
+    texels = np.stack([0.1 + rows / 40, 0.2 + columns / 80, 0.3 + 8.0 * ((rows == 4) & (columns == 9))], axis=-1)
+    write_image(tmp_path / "environment.exr", texels, {})
+    scene = {**_everything(), "lights": [{"environment": {"image": "environment.exr", "radiance": [1, 0.8, 0.6]}}]}
     _assert_equal(engines.scene_from(scene, folder=tmp_path), ["bvh"], shader="path_tracer", sampler="random")
 
 
@@ -117,7 +117,7 @@ def test_engines_of_other_arithmetic_agree_statistically(name, engine, precision
     theirs = _replicates("numba", scene, range(200, 224), precision="float64")
     with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings(action="ignore"):
         p = stats.ttest_ind(ours, theirs, axis=0, equal_var=False).pvalue
-    # pixels without noise (the sky) differ by float32's rounding of their constant, eps32 relative
+    # pixels without noise (the environment) differ by float32's rounding of their constant, eps32 relative
     rounding = np.abs(ours.mean(axis=0) - theirs.mean(axis=0)) <= np.finfo(np.float32).eps * theirs.mean(axis=0)
     p = np.where(np.isnan(p) | rounding, 1.0, p)
     assert p.min() > 1 - (1 - 1e-3) ** (1 / p.size)
@@ -154,10 +154,10 @@ def test_numba_in_float64_equals_the_reference_on_smooth_mirrors_and_glass(kind)
     corners = np.array([*np.eye(3), *-np.eye(3)]) + np.array((0, 1, 0))  # an octahedron as coarse as can be
     faces = [[a, b, c] for a in (0, 3) for b in (1, 4) for c in (2, 5)]
     faces = [f if sum(x > 2 for x in f) % 2 == 0 else [f[0], f[2], f[1]] for f in faces]
-    ball = {"vertices": corners, "faces": faces, "smooth": True}
+    mesh = {"vertices": corners, "faces": faces, "smooth": True}
     scene = engines.scene_from({
         **_everything(), "materials": {**materials, "floor": {"kd": 0.5}},
-        "shapes": [{"mesh": ball, "material": kind},
+        "shapes": [{"mesh": mesh, "material": kind},
                    {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"}],
     })  # fmt: skip
     for shader in ("path_tracer", "whitted"):

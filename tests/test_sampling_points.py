@@ -17,7 +17,7 @@ from engines.choices import SAMPLERS, resolve
 from engines.numpy_reference.sampler import Sampler, sobol_point
 from engines.plugin import ScatterResult, Shader, Vec3, const, inline, select3
 from engines.scene import Material, Perspective, Scene, Sphere
-from harness.verify.sampling import slope_of
+from harness.verify.checks.sampling import slope_of
 
 CHOICES = ["random", "sobol", {"name": "sobol", "scramble": "none"}, "halton", {"name": "halton", "scramble": "none"},
            {"name": "stratified", "strata": 16}, {"name": "constant", "value": 0.3}]  # fmt: skip

@@ -59,7 +59,7 @@ DENSITY = Shader("density", _density, _numpy(lambda wi, distance, pdf: np.stack(
 
 
 def sampled(engine, shapes, lights=()):
-    """(n, 3) directions, (n,) distances, 0 for the sky, and (n,) pdfs of samples of the origin, whose normal is +y."""
+    """(n, 3) directions, (n,) distances, 0 for the environment, and (n,) pdfs of samples of the origin, whose normal is +y."""
     view = Perspective((2e-6, 4e-6, 1e-6), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1e-4, "y", (SIDE, SIDE))
     floor, materials = (
         Plane((0, 0, 0), (0, 1, 0), 0),
@@ -157,7 +157,7 @@ def test_spheres_are_sampled_uniformly_over_their_surface_from_inside(engine, ce
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_hemisphere_is_sampled_by_its_cosine(engine):
-    """A constant sky, and every diffuse reflection, use it: cos^2 and the turn are uniform."""
+    """A constant environment, and every diffuse reflection, use it: cos^2 and the turn are uniform."""
     wi, _, pdf = sampled(engine, [], [EnvironmentLight((0.5, 0.4, 0.3))])
     assert uniform_p(wi[:, 1] ** 2, turn(wi[:, 0], wi[:, 2])) > 1e-4
     assert np.allclose(pdf, wi[:, 1] / np.pi, rtol=1e-6, atol=1e-12)
@@ -190,7 +190,7 @@ def test_images_of_the_sky_are_sampled_by_texel(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_every_light_is_chosen_as_often_and_its_pdf_counts_that(engine):
-    """Three spheres, a triangle and a sky: a fifth each; the rest of the draw still samples faces uniformly."""
+    """Three spheres, a triangle and an environment: a fifth each; the rest of the draw still samples faces uniformly."""
     balls = [Sphere((x, 3.0, 0.0), 0.2, 1) for x in (-2.0, 0.0, 2.0)]
     lamp = Triangle((-0.5, 1.0, 4.0), (0.5, 1.0, 4.0), (0.0, 2.0, 4.0), 1)
     wi, distance, pdf = sampled(engine, [*balls, lamp], [EnvironmentLight((0.5, 0.4, 0.3))])
@@ -199,8 +199,8 @@ def test_every_light_is_chosen_as_often_and_its_pdf_counts_that(engine):
                       np.abs(points[:, 2] - 4) < 1e-6])  # fmt: skip
     assert (found.sum(axis=0) == 1).all()
     assert stats.chisquare(found.sum(axis=1)).pvalue > 1e-4
-    sky = found[0]
-    assert np.allclose(pdf[sky], wi[sky, 1] / np.pi / 5, rtol=1e-6, atol=1e-12)
+    escaped = found[0]
+    assert np.allclose(pdf[escaped], wi[escaped, 1] / np.pi / 5, rtol=1e-6, atol=1e-12)
     away = math.hypot(2.0, 3.0)
     assert np.allclose(pdf[found[1]], 1 / (2 * np.pi * (1 - math.sqrt(1 - (0.2 / away) ** 2))) / 5, rtol=1e-6)
 

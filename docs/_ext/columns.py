@@ -4,25 +4,27 @@ from pathlib import Path
 
 from markdown import code, plain, table
 
-from harness.analysis import analyse
+from harness.analysis import analyse, frames
+from harness.analysis.columns import ESTIMATES
 from harness.metrics import METRIC_MEANINGS
-from harness.results import results_of
-from harness.tables import all_tables, changes, phase_rows, points, quality_times
-from harness.tables.accelerators import accelerators
-from harness.tables.agreement import accuracy
-from harness.tables.growth import growth
-from harness.tables.model import ESTIMATES
+from harness.report.tables import all_tables, changes
+from harness.report.tables.accelerators import accelerators
+from harness.report.tables.equivalence import accuracy
+from harness.report.tables.scaling import scaling
+from harness.store.results import results_of
 
-KINDS = {"text": "text", "number": "number", "exact": "number", "count": "whole number", "percent": "share"}
+KINDS = {"text": "text", "flag": "true or false", "number": "number", "exact": "number", "count": "whole number",
+         "percent": "share"}  # fmt: skip
 
 
 def text() -> str:
     empty = results_of(Path("results/NAME"), {}, [])
     analysis = analyse(empty)
-    people = [*all_tables(analysis), accelerators(analysis), growth(analysis), accuracy(analysis), changes(empty, empty)]
-    parts = ["## For programs"]
-    parts += [_section(f"{each.name}.csv", each) for each in (points(empty), quality_times(analysis), phase_rows(empty))]
-    parts += ["### Metrics", "Columns of `points.csv`; `_eNUMBER` in a name is the metric's epsilon."]
+    people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes(empty, empty)]
+    parts = ["## DataFrames"]
+    parts += [_section("points", frames.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]
+    parts += [_section("cells", frames.cells(empty)), _section("verdicts", frames.verdicts(analysis))]
+    parts += ["### Metrics", "Columns of `points`; `_eNUMBER` in a name is the metric's epsilon."]
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
     parts += [_section(each.name, each) for each in people]

@@ -5,9 +5,11 @@ import json
 from markdown import code, plain, table
 
 from engines.scene import scene_schema
-from harness.schema import experiment_schema
+from harness.config import experiment_schema
+from harness.config.settings import SETTINGS
 
-SETTINGS = ("scene", "engine", "shader", "sampler", "accelerator", "precision", "threads", "resolution", "budget")
+LARGE = 2**31
+"""Upper bounds from here on are left out."""
 
 
 def experiment() -> str:
@@ -18,7 +20,7 @@ def experiment() -> str:
     top = {key: each for key, each in keys.items() if key not in SETTINGS}
     parts = ["## Top level", _keys({**schema, "properties": top})]
     settings = {key: keys[key] for key in SETTINGS}
-    parts += ["## Settings", "At the top level for all cells, in `matrix` and `zip` as lists, in rules as conditions."]
+    parts += ["## Settings", "At the top level for all cells, in `matrix` and `zip` as lists, in filters as conditions."]
     parts += [_keys({**schema, "properties": settings})]
     for name, each in sections.items():
         if name not in ("exclude", "include"):
@@ -119,6 +121,7 @@ def _list(schema) -> str:
 
 def _range(schema) -> str:
     low, high = (schema.get(key, schema.get(f"exclusive{key.capitalize()}")) for key in ("minimum", "maximum"))
+    high = None if high is not None and high >= LARGE else high
     if low is not None and high is not None:
         return f" in {'[' if 'minimum' in schema else '('}{_short(low)}, {_short(high)}{']' if 'maximum' in schema else ')'}"
     return "" if low is None else f" {'≥' if 'minimum' in schema else '>'} {_short(low)}"

@@ -56,50 +56,62 @@ class Drawing:
 
 
 def house() -> None:
-    d = Drawing(780, 500, "The house: the harness, the public face, the engines, and what they share")
+    d = Drawing(780, 670, "The house: the harness, the public interface, the engines, the kernels and the scene")
     d.text(20, 30, "harness/", bold=True, at="start")
-    d.text(20, 47, "knows public names alone", soft=True, at="start")
+    d.text(20, 47, "knows public names alone; each room imports from those to its right", soft=True, at="start")
     rooms = [
-        ("what to do", ["cli, config,", "plan, catalog"]), ("the clock", ["measure, worker,", "pool, sweep"]),
-        ("what came out", ["metrics, references,", "statistics/"]), ("what to show", ["tables/, plots/,", "report/, chapter/"]),
-        ("and beside", ["verify/,", "view/"]),
+        ("commands", ["cli/, console,", "verify/, view/"]), ("output", ["report/: tables,", "plots, chapter"]),
+        ("running", ["run/: sweep,", "recorder, dask"]), ("conclusions", ["analysis/,", "plan/"]),
+        ("foundation", ["store/, measure/,", "config/, statistics/"]),
     ]  # fmt: skip
     for k, (title, lines) in enumerate(rooms):
         d.box(20 + 150 * k, 60, 140, 70, title, lines, BLUE)
     d.arrow((390, 130), (390, 166))
-    d.box(20, 168, 740, 62, "engines: the public face",
-          ["interface: Engine, Renderer, Settings, Hits  |  registry: a name becomes an engine",
+    d.box(20, 168, 740, 62, "engines: the public interface",
+          ["interface: Engine, Renderer, Settings, Hits  |  registry: from a name to an engine",
            "plugin: shaders, samplers, cameras of yours  |  conformance: what every engine must hold"], AMBER)  # fmt: skip
     d.arrow((390, 230), (390, 262), dashed=True)
-    d.text(398, 251, "imported by name, when asked for", soft=True, at="start")
+    d.text(398, 251, "imported by name, when wanted", soft=True, at="start")
     engines = [
-        ("numpy", ["the oracle"]), ("embreex_batch", ["numpy shades"]), ("numba", ["list, grid,", "tree"]),
-        ("embree", ["Intel's", "Embree"]), ("mitsuba", ["a peer"]), ("external", ["any program"]), ("yours", ["two classes"]),
+        ("numba", ["list, grid,", "tree"]), ("embree", ["Intel's", "Embree"]), ("numpy", ["the reference"]),
+        ("embreex_batch", ["shades as", "numpy does"]), ("mitsuba", ["Mitsuba 3"]), ("external", ["any program"]),
+        ("yours", ["two classes"]),
     ]  # fmt: skip
     for k, (title, lines) in enumerate(engines):
         d.box(20 + 107 * k, 264, 98, 66, title, lines, GREEN if title != "yours" else AMBER)
-    d.arrow((283, 330), (283, 358))
-    d.arrow((390, 330), (390, 358))
-    d.box(234, 360, 205, 52, "engines/kernels", ["lanes, stages, shaders, samplers"], GREEN)
-    for x in (69, 176, 604, 711):
-        d.arrow((x, 330), (x, 432))
-    d.arrow((497, 330), (497, 432))
-    d.arrow((336, 412), (336, 432))
-    d.box(20, 434, 740, 50, "engines/scene, film, errors",
-          ["what is there, what has been seen, what is wrong: they know no engine"], GREY)  # fmt: skip
+    d.arrow((341, 297), (332, 297))
+    d.arrow((69, 330), (69, 362))
+    d.arrow((176, 330), (176, 362))
+    d.parts.append(f"<rect x='20' y='364' width='212' height='218' rx='6' fill='{GREY}' stroke='{LINE}'/>")
+    d.text(126, 381, "engines/kernels", bold=True)
+    floors = [
+        ("renderer, driver, queries", AMBER), ("stages: loops over lanes", GREEN), ("integrators  |  flatten", GREEN),
+        ("lane: shapes, lights, BSDFs", GREEN), ("layout, features", BLUE), ("compile: Numba and LLVM", BLUE),
+    ]  # fmt: skip
+    for k, (words, fill) in enumerate(floors):
+        d.parts.append(
+            f"<rect x='30' y='{390 + 31 * k}' width='192' height='26' rx='4' fill='{fill}' stroke='{LINE}'/>"
+        )
+        d.text(126, 407 + 31 * k, words, size=11)
+    for x in (283, 390, 497, 604, 711):
+        d.arrow((x, 330), (x, 602))
+    d.arrow((126, 582), (126, 602))
+    d.box(20, 604, 740, 50, "engines/scene, film, errors",
+          ["scene files and models, sums of samples, messages: they know no engine"], GREY)  # fmt: skip
     d.save("house")
 
 
 def ray() -> None:
-    d = Drawing(780, 370, "A ray's way through a block of sixteen lanes")
+    d = Drawing(780, 390, "A ray's way through a batch of sixteen lanes")
     top = [
         ("draw", ["two numbers", "for the pixel"], AMBER), ("begin", ["the camera's", "ray"], AMBER),
-        ("closest", ["what does", "it hit?"], BLUE), ("surface", ["point, normal,", "material"], GREEN),
+        ("closest", ["distance and", "primitive"], BLUE), ("surface", ["point, normal,", "material"], GREEN),
+        ("draw", ["numbers of", "the vertex"], AMBER),
     ]  # fmt: skip
     bottom = [
-        ("settle", ["add light,", "end or go on"], GREEN), ("occluded", ["is the light", "hidden?"], BLUE),
-        ("shade", ["the shader's", "step"], AMBER), ("light", ["one sample", "of a light"], GREEN),
-        ("draw", ["seven numbers", "of the vertex"], AMBER),
+        ("finish", ["end, or the", "next segment"], GREEN), ("occluded", ["is the light", "visible?"], BLUE),
+        ("shade", ["the integrator's", "step"], AMBER), ("BSDF", ["value, pdf,", "sample"], GREEN),
+        ("light", ["one sample", "of a light"], GREEN),
     ]  # fmt: skip
     for k, (title, lines, fill) in enumerate(top):
         d.box(20 + 150 * k, 50, 120, 68, title, lines, fill)
@@ -109,22 +121,23 @@ def ray() -> None:
         d.box(20 + 150 * k, 190, 120, 68, title, lines, fill)
         if k:
             d.arrow((20 + 150 * k, 224), (20 + 150 * k - 30, 224))
-    d.arrow((590, 84), (680, 84), (680, 188))
+    d.arrow((680, 118), (680, 188))
     d.arrow((110, 190), (110, 154), (380, 154), (380, 120))
     d.text(245, 148, "alive: the next segment", soft=True)
     d.arrow((50, 190), (50, 120))
-    d.text(56, 148, "ended:", soft=True, at="start")
+    d.text(56, 148, "free:", soft=True, at="start")
     d.text(56, 162, "next", soft=True, at="start")
-    d.text(20, 30, "One block: sixteen paths, one stage after the other for all of them", bold=True, at="start")
-    d.arrow((80, 258), (80, 292))
-    d.box(20, 294, 120, 52, "film", ["sums, a pixel"], GREY)
+    d.text(56, 176, "sample", soft=True, at="start")
+    d.text(20, 30, "One batch: sixteen paths, each stage for all of them", bold=True, at="start")
+    d.arrow((80, 258), (80, 300))
+    d.box(20, 302, 120, 58, "film", ["sums per pixel"], GREY)
     for k, (fill, words) in enumerate([
         (BLUE, "differs between engines: numba's list, grid and tree; Embree; an accelerator of yours"),
         (AMBER, "replaced by a plugin: sampler (draw), camera (begin), shader (shade)"),
         (GREEN, "the same for all jitted engines"),
     ]):  # fmt: skip
-        d.parts.append(f"<rect x='180' y='{291 + 21 * k}' width='14' height='14' fill='{fill}' stroke='{LINE}'/>")
-        d.text(202, 303 + 21 * k, words, soft=True, at="start")
+        d.parts.append(f"<rect x='180' y='{302 + 21 * k}' width='14' height='14' fill='{fill}' stroke='{LINE}'/>")
+        d.text(202, 314 + 21 * k, words, soft=True, at="start")
     d.save("ray")
 
 

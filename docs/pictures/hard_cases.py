@@ -1,6 +1,6 @@
 """Draws the plots of docs/how/hard_cases.md: python docs/pictures/hard_cases.py [FOLDER]
 
-What textbooks say is computed here in a few lines; what raybench does is asked of the engine numpy through `trace`. The
+The textbook formulas are computed here in a few lines; raybench's results come from `trace` of the engine numpy. The
 last plots are of results/stability, or another run of configs/stability.yaml.
 """
 
@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import engines
-from harness.plots import stability
-from harness.plots.style import STYLE
-from harness.results import load_results
+from harness.report.plots import stability
+from harness.report.plots.style import STYLE
+from harness.store.results import load_results
 from harness.verify import oracle
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,17 +71,17 @@ def _nearest(o: np.ndarray, d: np.ndarray) -> Any:
 
 
 def edges() -> Figure:
-    """Share of rays, aimed at shared vertices of a ball of triangles, that slip through."""
-    ball = {"procedural": {"name": "tessellated_sphere", "subdivisions": 4}}
+    """Share of rays, aimed at shared vertices of a sphere of triangles, that slip through."""
+    sphere = {"procedural": {"name": "tessellated_sphere", "subdivisions": 4}}
     scene = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "materials": {"grey": {"kd": 0.5}},
-                                "shapes": [{**ball, "material": "grey"}]})  # fmt: skip
+                                "shapes": [{**sphere, "material": "grey"}]})  # fmt: skip
     mesh = cast(Any, scene.shapes[0])
     rng = np.random.default_rng(2)
     aims = mesh.vertices[rng.integers(0, len(mesh.vertices), 1500)]
     o = unit(rng.normal(size=aims.shape)) * 0.4
     d = unit(aims - o)
     shares = [_slipped(mesh, o, d, np.float32), _slipped(mesh, o, d, np.float64)]
-    shares.append(float(np.isinf(tracer(ball).trace(o, d).t).mean()))
+    shares.append(float(np.isinf(tracer(sphere).trace(o, d).t).mean()))
     figure, axes = _new("", "rays that find a hole [%]")
     names = ["Möller-Trumbore\nfloat32", "Möller-Trumbore\nfloat64", "exact edge signs\nfloat64"]
     bars = axes.bar(names, [100 * share for share in shares], color=[BOOK32, BOOK, OURS], width=0.6)

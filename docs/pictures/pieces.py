@@ -1,6 +1,6 @@
 """Draws the pieces of docs/guides/scene.md: python docs/pictures/pieces.py [NAME ...]
 
-A picture shows the YAML block below it: a whole scene as it is, a piece with a floor, a sky and a lamp around it.
+A picture shows the YAML block below it: a whole scene as it is, a piece with a floor, an environment and an area light.
 """
 
 import os

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 import engines
-from harness.plots.style import ENGINE_COLOURS
+from harness.report.plots.style import ENGINE_COLOURS
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = {"numpy": "numpy (float64)", "numba": "numba (float32)", "embree": "embree (float32)"}

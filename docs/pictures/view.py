@@ -12,16 +12,16 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.browser import Browser  # noqa: E402
-from tests.view.driving import Viewer  # noqa: E402
+from tests.view.viewer_process import Viewer  # noqa: E402
 
 TARGET = Path(__file__).resolve().parent / "view"
-READY = "window.raybench && (raybench.part || raybench.parts || raybench.menu)"
+READY = "window.raybench && (raybench.settingsForm || raybench.settingsForms || raybench.menu)"
 
 
 def rendered(page: Browser, scene: str, size: tuple[int, int], spp: int) -> None:
-    for key, value in {"scene": scene, "width": size[0], "height": size[1], "wanted": spp}.items():
+    for key, value in {"scene": scene, "width": size[0], "height": size[1], "target-spp": spp}.items():
         page.set(f"#{key}", value)
-    page.wait_for(f"raybench.state === 'busy' && raybench.told.spp > {spp // 2} && !raybench.frame.coarse")
+    page.wait_for(f"raybench.state === 'busy' && raybench.status.spp > {spp // 2} && !raybench.frame.preview")
 
 
 def view(page: Browser, address: str) -> None:
@@ -46,7 +46,7 @@ def narrow(page: Browser, address: str) -> None:
 
 def race(page: Browser, address: str) -> None:
     page.open(address + "race.html", 1280, 1400)
-    page.wait_for("window.raybench && raybench.parts.length === 2")
+    page.wait_for("window.raybench && raybench.settingsForms.length === 2")
     page.click("#add")
     for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 512,
                        "max-seconds": 3}.items():  # fmt: skip
@@ -58,7 +58,7 @@ def race(page: Browser, address: str) -> None:
 def dahlquist(page: Browser, address: str) -> None:
     page.open(address + "dahlquist.html", 1280, 1060)
     page.wait_for("window.raybench && raybench.menu")
-    page.wait_for("raybench.told && raybench.told.frames_per_second && raybench.frames > 100")
+    page.wait_for("raybench.status && raybench.status.frames_per_second && raybench.frames > 100")
 
 
 SHOTS: dict[str, Callable[[Browser, str], None]] = {

@@ -149,7 +149,7 @@ def _make_filter(real: Any) -> Any:
 
 
 class Callbacks(NamedTuple):
-    """Machine code; its `.address` is what Embree wants, for as long as the object lives."""
+    """Machine code; `.address` is the C function for Embree, valid as long as the object lives."""
 
     bounds: Any
     intersect: Any

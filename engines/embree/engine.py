@@ -31,7 +31,7 @@ ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIO
 NOT_PROMISED = {
     "ties_go_to_the_lower_index": "among faces that coincide Embree takes the first or the last, as its packets come"
 }
-"""Names of claims of `engines.conformance`, with reasons."""
+"""Keys of the checks of `engines.conformance` that this engine does not promise, with reasons."""
 
 
 class Engine:

@@ -93,7 +93,7 @@ def _opened(path: str) -> ctypes.CDLL:
 
 
 def _version(embree: ctypes.CDLL) -> tuple[int, int]:
-    """Major and minor version, which only a device tells."""
+    """Major and minor version, as the device reports it."""
     device = embree.rtcNewDevice(b"threads=1,user_threads=1,set_affinity=0")
     found = tuple(embree.rtcGetDeviceProperty(device, part) for part in (_VERSION_MAJOR, _VERSION_MINOR))
     embree.rtcReleaseDevice(device)

@@ -147,7 +147,7 @@ def query_closest(scene, embree, tree, memory, batch, width, filtered, coherent,
     """Finds the closest hits of the valid rays of all packets in an RTCScene. `coherent` rays let Embree walk its tree
     once for all of a packet, 1.7 times as fast for camera rays in cornell_box, and half as fast for rays that go all
     ways. In a large tree the others are taken out of their packets and traced one by one; with `prefetching` the memory
-    that the surface stage will want of what one has hit is fetched while the next is traced."""
+    that the surface stage reads of a hit is prefetched while the next ray is traced."""
     _write_arguments(embree, memory, batch, filtered, coherent)
     if not coherent and embree.one_by_one != 0:
         words, before = array_at(memory, np.int32), np.int64(-1)

@@ -1,4 +1,4 @@
-"""The engine `embreex_batch`: embreex as it is shipped, asked for a whole wave of rays at a time, shaded in NumPy.
+"""The engine `embreex_batch`: embreex as it is shipped, which gets a whole wavefront of rays at a time, shaded in NumPy.
 
 What a user of Python has today without compiling anything: `embreex.rtcore_scene.EmbreeScene.run` finds the triangles
 and `engines.numpy_reference` does the rest. The distance to `embree`, which calls the same library from compiled code,

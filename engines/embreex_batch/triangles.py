@@ -14,16 +14,16 @@ from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 
 SLACK = 1e-3
 """How far outside a triangle, in barycentric weights, a hit may lie in float64: float32 cannot see edges exactly, but
-on slivers embreex claims hits that are far away from them."""
+on slivers embreex reports hits that are far away from them."""
 
 
 class BatchTriangles:
     """A part of a tracer. Of a hit only the triangle is taken from embreex; t is computed anew, in float64.
 
-    Shadows are asked for as hits: OCCLUDED does not tell the triangle, without which a claim cannot be checked.
+    Shadow rays are traced as closest hits: OCCLUDED does not give the triangle, without which a hit cannot be checked.
     """
 
-    nbytes = 0  # embreex does not tell
+    nbytes = 0  # embreex does not report it
 
     def __init__(self, triangles: Triangles, robust: bool) -> None:
         self._triangles = triangles
@@ -31,12 +31,12 @@ class BatchTriangles:
         corners = np.stack([(corner - self._center).T for corner in (triangles.a, triangles.b, triangles.c)], axis=1)
         self._scene = EmbreeScene(robust=robust)
         self._mesh = TriangleMesh(self._scene, np.ascontiguousarray(corners, np.float32))
-        self._ask(np.zeros((3, 1)), np.ones((3, 1)), np.ones(1))  # the first query builds the tree
+        self._query(np.zeros((3, 1)), np.ones((3, 1)), np.ones(1))  # the first query builds the tree
 
     def closest(self, origin: Array, direction: Array, nearest: Nearest, check: Callable[[], None]) -> None:
         """Takes over into `nearest` what lies closer, or as close with a lower id."""
         check()
-        found = self._ask(origin, direction, nearest.t)
+        found = self._query(origin, direction, nearest.t)
         lanes = np.flatnonzero(found >= 0)
         hit, origin, direction = found[lanes], origin.take(lanes, axis=1), direction.take(lanes, axis=1)
         normal, corner = self._triangles.normal.take(hit, axis=1), self._triangles.a.take(hit, axis=1)
@@ -52,13 +52,13 @@ class BatchTriangles:
         self.closest(origin, direction, before, check)
         return before.primitive_id >= 0
 
-    def _ask(self, origin: Array, direction: Array, reach: Array) -> Indices:
-        """(n,) triangles that rays (3, n) hit before `reach`, -1 for none."""
-        if not reach.size:
+    def _query(self, origin: Array, direction: Array, t_max: Array) -> Indices:
+        """(n,) triangles that rays (3, n) hit before `t_max`, -1 for none."""
+        if not t_max.size:
             return np.zeros(0, np.int64)
         with np.errstate(over="ignore"):
             start, way = (np.ascontiguousarray(array.T, np.float32) for array in (origin - self._center, direction))
-            return self._scene.run(start, way, dists=reach.astype(np.float32), query="INTERSECT")
+            return self._scene.run(start, way, dists=t_max.astype(np.float32), query="INTERSECT")
 
 
 def _center(low: Array, high: Array) -> Array:

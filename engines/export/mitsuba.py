@@ -18,7 +18,7 @@ VERSION = "3.0.0"
 _TAGS = {
     "sensor": ("perspective", "orthographic"), "film": ("hdrfilm",), "rfilter": ("box",), "integrator": ("path",),
     "sampler": ("independent",), "bsdf": ("diffuse", "conductor", "roughconductor", "dielectric", "twosided", "blendbsdf"),
-    "shape": ("rectangle", "disk", "sphere", "ply"),
+    "shape": ("disk", "sphere", "ply"),
     "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
 }  # fmt: skip
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}

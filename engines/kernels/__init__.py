@@ -1,1 +1,1 @@
-"""Jitted code that the numba and embree engines share: lanes in blocks of sixteen, driven through compiled stages."""
+"""Jitted code that the numba and embree engines share: ray batches of sixteen lanes, driven through compiled stages."""

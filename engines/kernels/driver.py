@@ -32,7 +32,7 @@ RAYS, BAD_SAMPLES = 0, 1
 
 @inline
 def make_idle(rays, lane, sample):
-    """A lane without work still runs through the stages: give it a harmless ray that is not traced. Stages look up tables
+    """A lane without work still runs through the stages: give it a ray that is not traced. Stages look up tables
     by sample, dimension (which follows from the depth) and light, so all of them must exist."""
     rays.alive[lane] = False
     rays.sample[lane] = sample
@@ -98,7 +98,7 @@ class Pass(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What the scene and its integrator ask of the driver."""
+    """Which stages the driver calls for the scene and its integrator."""
 
     lit: bool
     """There are lights to sample."""
@@ -230,7 +230,7 @@ def _finish(rays, stacks, capacity, plan, buffer):
 
 @cache
 def driver(real: Any) -> Any:
-    """The kernel that one thread runs: pulls tiles until there are none, or until it is told to stop."""
+    """The kernel that one thread runs: takes tiles until there are none, or until `control[STOP]` is set."""
     zero = real(0)
 
     def drive(

@@ -248,7 +248,7 @@ class MarginRow(Row):
 
     dtype = np.float64
     offset = real()
-    reach = real()
+    shadow_share = real()
 
 
 class SceneTable(Table):

@@ -1,5 +1,4 @@
-"""Rays asked for from Python, `trace` and `occluded`: a batch of sixteen at a time through the stages of the
-intersector."""
+"""The queries `trace` and `occluded` of Python: sixteen rays at a time through the stages of the intersector."""
 
 from __future__ import annotations
 
@@ -73,11 +72,11 @@ def _load_rays(rays, origin, direction, far, lengths, origins, directions, t_max
         make_idle(rays, lane, 0)
         rays.origin_primitive[lane] = -1
         if i < last:
-            o, d, reach, lengths[lane] = _ray(origins, directions, t_max, center, i)
+            o, d, end, lengths[lane] = _ray(origins, directions, t_max, center, i)
             origin[lane] = o
             direction[lane] = d
-            far[lane] = reach
-            traced += 1 if reach > 0.0 else 0
+            far[lane] = end
+            traced += 1 if end > 0.0 else 0
     return traced
 
 

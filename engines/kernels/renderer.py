@@ -33,7 +33,7 @@ CHUNK = 4
 SAMPLES_A_TABLE = 4096
 """Samples whose quasi-random points are tabulated at once."""
 STACK_CAPACITY, LARGEST_STACK = 32, 1 << 16
-"""Rays that may wait on a lane's stack: at first, and at the most. A stack that is full is doubled, and the pass repeated."""
+"""Rays that may wait on a lane's stack: at first, and at most. A stack that is full is doubled, and the pass repeated."""
 SHARED_RAYS = 4096
 """From so many rays on, `trace` and `occluded` share them among threads."""
 
@@ -92,7 +92,7 @@ class Renderer:
         self._preparing, self._counting = threading.RLock(), threading.Lock()
 
     def _resize(self, scene: Scene) -> None:
-        """An empty film, and tiles, of the size that the settings and the scene's camera want. Raises `ConfigError` where
+        """An empty film, and tiles, of the size that the settings and the scene's camera give. Raises `ConfigError` where
         it does not fit into memory, and then changes nothing."""
         width, height = self._wanted.size(scene)
         self.film = Film(width, height)
@@ -161,18 +161,18 @@ class Renderer:
         closest, occluded = self._accelerator.stages(features, real)
         draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real)
         integrator = shade.integrator_of(self.settings.shader)
-        traits = shade.traits(integrator, features)
-        bsdfs = scattering.stages(features, shade.uses(integrator, traits), real)
-        shaded = shade.stage(integrator, traits, features, real)
-        per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if traits.every else 1
-        self._plan = driver.Plan(traits.lit, traits.shadows, traits.branches, per_vertex, len(bsdfs))
+        shading = shade.shade_features(integrator, features)
+        bsdfs = scattering.stages(features, shade.uses(integrator, shading), real)
+        shaded = shade.stage(integrator, shading, features, real)
+        per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
+        self._plan = driver.Plan(shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs))
         order = [
             draw_pixel,
             camera.stage(self._scene.camera, real),
             closest,
             surface.stage(features, real),
             draw_vertex,
-            light.stage(features, traits.every, real) if traits.lit else shaded,
+            light.stage(features, shading.every, real) if shading.lit else shaded,
             shaded,
             occluded,
         ]
@@ -297,7 +297,7 @@ class Renderer:
         self._count(traced)
         return answer
 
-    def _trace(self, o: Reals, d: Reals, reach: Reals) -> tuple[Hits, int]:
+    def _trace(self, o: Reals, d: Reals, t_max: Reals) -> tuple[Hits, int]:
         n = len(o)
         t, shape, primitive, normal = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
         hits = t, shape, primitive, normal, np.empty(n), np.empty(n)
@@ -308,14 +308,14 @@ class Renderer:
                 self._kept.append(surface.bare_stage(self._flat.features, self._real))
                 stages[driver.BARE_SURFACE] = self._kept[-1].address
                 self._compile_seconds += time.perf_counter() - start
-        traced = self._share(queries.tracer(self._real), n, o, d, reach, (self._flat.first_id, *hits))
+        traced = self._share(queries.tracer(self._real), n, o, d, t_max, (self._flat.first_id, *hits))
         return Hits(*hits), traced
 
-    def _occluded(self, o: Reals, d: Reals, reach: Reals) -> tuple[NDArray[np.bool_], int]:
+    def _occluded(self, o: Reals, d: Reals, t_max: Reals) -> tuple[NDArray[np.bool_], int]:
         answer = np.zeros(len(o), np.bool_)
-        return answer, self._share(queries.shadow_tracer(self._real), len(o), o, d, reach, (answer,))
+        return answer, self._share(queries.shadow_tracer(self._real), len(o), o, d, t_max, (answer,))
 
-    def _share(self, kernel: Any, n: int, o: Reals, d: Reals, reach: Reals, outputs: tuple[Any, ...]) -> int:
+    def _share(self, kernel: Any, n: int, o: Reals, d: Reals, t_max: Reals, outputs: tuple[Any, ...]) -> int:
         """Runs `kernel` over n rays, a stretch a thread, in memory of this call's own, as a render may be under way;
         returns how many of the rays were traced."""
         stages, scene, center = self._stages(), self._flat.address, self._flat.center
@@ -324,7 +324,7 @@ class Renderer:
 
         def work(k: int) -> int:
             memory = aligned(self._batch_bytes)
-            return kernel(stages, memory.ctypes.data, scene, o, d, reach, center, edges[k], edges[k + 1], *outputs)
+            return kernel(stages, memory.ctypes.data, scene, o, d, t_max, center, edges[k], edges[k + 1], *outputs)
 
         return work(0) if threads == 1 else sum(self._tracing_pool.map(work, range(threads)))
 

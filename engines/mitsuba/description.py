@@ -1,7 +1,7 @@
 """A scene in Mitsuba's terms: nested dictionaries that `mitsuba.load_dict` takes and that `raybench export` writes as XML.
 
 Transforms are 4 x 4 float64 arrays and meshes are files, written by a function that the caller gives. What differs:
-planes are rectangles, so large that nothing tells; a surface that emits on both sides is two surfaces a hair apart,
+planes are disks, so large that nothing tells; a surface that emits on both sides is two surfaces a hair apart,
 as Mitsuba's area lights have one side.
 """
 
@@ -47,7 +47,8 @@ PlaceImage = Callable[[str, Array], str]
 NEAR, FAR = 1e-4, 1e7
 """The clipping planes of the camera: nothing of a scene is meant to be cut off."""
 PLANE_EXTENTS = 1e4
-"""Half the side of a plane, in extents of the rest of the scene."""
+"""Radius of the disk that stands for a plane, in extents of the rest of the scene. Hits of a rectangle of that size are so far
+off it in float32 that it shadows itself where it is tilted."""
 GAP = 1e-5
 """Half the distance between the sides of a surface that emits on both, in extents of the scene."""
 
@@ -94,6 +95,10 @@ def scene_lacks(scene: Scene) -> str | None:
     for material in scene.materials:
         if lacks := material_lacks(material):
             return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
+    planes = (scene.materials[shape.material] for shape in scene.shapes if isinstance(shape, Plane))
+    for material in planes:
+        if isinstance(material.bsdf, Conductor) and material.bsdf.alpha[0] != material.bsdf.alpha[1]:
+            return f"material {material.name!r}: Mitsuba has no counterpart of an anisotropic conductor on a plane"
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return "the scene has several environments, of which Mitsuba renders one"
     if any(isinstance(light, CustomLight) for light in scene.lights):
@@ -222,7 +227,7 @@ def _round_or_flat(scene: Scene, index: int, shape: Plane | Disk | Sphere | Sphe
     for side, gap in sides:
         if isinstance(shape, Plane):
             point = np.add(shape.point, np.multiply(shape.normal, side * gap))
-            nodes = [{"type": "rectangle", "to_world": facing(point, np.multiply(shape.normal, side), PLANE_EXTENTS * size)}]
+            nodes = [{"type": "disk", "to_world": facing(point, np.multiply(shape.normal, side), PLANE_EXTENTS * size)}]
         elif isinstance(shape, Disk):
             center = np.add(shape.center, np.multiply(shape.normal, side * gap))
             nodes = [{"type": "disk", "to_world": facing(center, np.multiply(shape.normal, side), shape.radius)}]
@@ -242,14 +247,9 @@ def _round_or_flat(scene: Scene, index: int, shape: Plane | Disk | Sphere | Sphe
 
 
 def facing(point: Any, normal: Any, scale: float) -> Array:
-    """(4, 4) the transform of the plane z = 0 to the one through `point`, `scale` times as large and +z to `normal`.
-
-    x becomes the first tangent of a plane: t1 of the frame of Duff et al. (2017) in docs/transport.md.
-    """
-    x, y, z = (float(part) for part in normal)
-    sign = -1.0 if z < -0.7 else 1.0
-    a = -1.0 / (sign + z)
-    tangent = np.array([1.0 + sign * x * x * a, sign * x * y * a, -sign * x])
+    """(4, 4) the transform of the plane z = 0 to the one through `point`, `scale` times as large and +z to `normal`."""
+    tangent = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
+    tangent /= np.linalg.norm(tangent)
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1] = tangent * scale, np.cross(normal, tangent) * scale
     matrix[:3, 2], matrix[:3, 3] = normal, point

@@ -46,7 +46,8 @@ def _direct(stage: Stage, max_depth: int) -> Radiance:
 
     def lit(sampler: Any, si: Any, bsdf: Any, active: Any) -> Any:
         smooth = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-        total = ambient * bsdf.eval_diffuse_reflectance(si, smooth)
+        diffuse = smooth & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Diffuse)  # of rough metals it gives pi f(n, n)
+        total = dr.select(diffuse, ambient * bsdf.eval_diffuse_reflectance(si, diffuse), 0.0)
         for light in lights:
             ds, weight = light.sample_direction(si, sampler.next_2d(smooth), smooth)
             seen = smooth & (ds.pdf != 0.0)

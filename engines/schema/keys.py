@@ -41,7 +41,7 @@ class Readable(Protocol):
 class Key:
     """A key of a mapping. `default` is what a file would say, None where leaving the key out is no value at all.
 
-    `meaning` is a sentence; the schema adds the `unit` and the default to it.
+    `meaning` is a sentence; the schema adds the `unit` and the default to it, unless the default is None or empty.
     """
 
     kind: Readable
@@ -52,7 +52,8 @@ class Key:
     def schema(self) -> Schema:
         """The kind's, with meaning, unit and default."""
         unit = f" Unit: {self.unit}." if self.unit else ""
-        default = {} if self.default is REQUIRED or self.default is None else {"default": _plain(self.default)}
+        silent = self.default is REQUIRED or self.default in (None, "", {}, [])
+        default = {} if silent else {"default": _plain(self.default)}
         return {**self.kind.schema(), "description": self.meaning + unit, **default}
 
 
@@ -69,6 +70,11 @@ class Given:
 
     def __getitem__(self, key: str) -> Any:
         return self.values[key]
+
+    @property
+    def written(self) -> dict[str, Any]:
+        """The values of the keys that the file has, in the order in which they stand there."""
+        return {key: self.values[key] for key in self.node.value if key in self.values}
 
     def has(self, key: str) -> bool:
         """Whether the file has the key."""

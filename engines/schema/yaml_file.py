@@ -72,10 +72,10 @@ class Located:
         return self.origin.error(f"{self.where}{_found(self.value)}: {wanted}")
 
     def refuse_key(self, key: str, wanted: str) -> RaybenchError:
-        """The error to raise about a key of this mapping, at the key's own line."""
+        """The error to raise about a key of this mapping, at the key's own line and origin."""
         child = self.value.get(key) if isinstance(self.value, dict) else None
-        line = child.key_line if isinstance(child, Located) else self.line
-        return self.origin.error(f"{_where(self.origin, line, (*self.path, key))}: {wanted}")
+        line, origin = (child.key_line, child.origin) if isinstance(child, Located) else (self.line, self.origin)
+        return origin.error(f"{_where(origin, line, (*self.path, key))}: {wanted}")
 
     def unknown_key(self, key: str, known: Iterable[str]) -> RaybenchError:
         """The error to raise for a key of this mapping that does not exist, with the nearest known one."""

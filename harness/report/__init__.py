@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from harness.analysis import analyse
-from harness.atomic import write_text
-from harness.plots import write_plots
-from harness.results import load_results
-from harness.tables import write_tables
+from harness.report.plots import write_plots
+from harness.report.tables import write_tables
+from harness.store.atomic import write_text
+from harness.store.results import load_results
 
 
 def write_derived(folder: str | Path) -> Path:
@@ -16,7 +16,7 @@ def write_derived(folder: str | Path) -> Path:
 
     Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events.
     """
-    from harness.report.assembly import report_html
+    from harness.report.html.assembly import report_html
 
     results = load_results(folder)
     analysis = analyse(results)

@@ -3,7 +3,7 @@
     intervals    median with bootstrap, mean with Student's t
     convergence  log-log slope, monotone fit, first crossing of a target
     quality      censored time-to-quality, efficiency
-    comparison   paired speed-ups between configurations, the noise floor of an A/A control
+    comparison   paired speed-ups between configurations, the noise floor of an A/A twin
     scaling      speed-up over threads, Amdahl's serial fraction
     fronts       Pareto front of intervals, ECDF of targets reached
     bias         bias over pairs of seeds, sanity flags

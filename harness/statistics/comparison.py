@@ -65,7 +65,7 @@ def unpaired_ratio(before: Sequence[float], after: Sequence[float], level: float
 
 
 def noise_floor(first: Mapping[int, float], second: Mapping[int, float], level: float = LEVEL) -> float:
-    """The largest log-ratio that an A/A control (one cell under two labels) leaves open: max |bound| of its interval.
+    """The largest log-ratio that an A/A twin (one cell under two labels) leaves open: max |bound| of its interval.
 
     NaN below two common blocks.
     """

@@ -1,13 +1,15 @@
-"""`raybench verify`: a battery of hard cases and known answers against any engine, through the interface alone.
+"""The accuracy suite of `raybench verify`: hard cases and known answers, for any engine, through its public interface.
 
-    from harness.verify import findings
-    for finding in findings([my_engine], quick=True):
-        print(finding.case, finding.parameter, finding.error, finding.verdict)
+    from harness.verify import run_suite
+    for result in run_suite([my_engine], quick=True):
+        print(result.case, result.parameter, result.error, result.outcome)
 
-A case is a sentence, a source and a function of a `Subject` that yields what it measured (`case.py`); what an engine
-promises, by the precision in which it traces, stands in one table (`promises.py`); exact answers come from `oracle.py`.
+A case (`case`) has a description, a source and a function of a `Subject` (`subject`) that yields measurements. `suite` runs
+the cases, compares each measurement with a tolerance (`tolerances`) and gives a `CheckResult`. Exact answers come from
+`oracle` and `closed_forms`. The cases are in `checks/`, the commands in `commands/`.
 """
 
-from harness.verify.battery import CASES, Finding, findings
+from harness.verify.results_file import read_results
+from harness.verify.suite import CASES, CheckResult, run_suite
 
-__all__ = ["CASES", "Finding", "findings"]
+__all__ = ["CASES", "CheckResult", "read_results", "run_suite"]

@@ -1,4 +1,4 @@
-"""A case of the battery, what it measures, and the table that each section registers its cases in."""
+"""A case of the suite, its measurements, and the sections in which cases are registered."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Errors in the case's unit (see `promises`), one a ray or pixel; NaN and inf count as infinitely wrong.
+class Measurement:
+    """`errors` (n,): one per ray, pixel or sample, in the unit of the case (`tolerances`); NaN and inf are infinitely wrong.
 
-    `parameter` names what was varied. `ulps` is the distribution to report where errors are distances from exact
-    answers: in units in the last place of the tracing precision.
+    `parameter` names what was varied. `ulps` (n,), where errors are distances from exact answers: the same distances in units
+    in the last place of the tracing precision.
     """
 
     errors: Array
@@ -29,24 +29,25 @@ class Measured:
     note: str = ""
 
 
-def measured(errors: Any, parameter: str = "", ulps: Array | None = None, note: str = "") -> Measured:
-    """`Measured` of anything array-like."""
-    return Measured(np.atleast_1d(np.asarray(errors, np.float64)), parameter, ulps, note)
+def measurement(errors: Any, parameter: str = "", ulps: Array | None = None, note: str = "") -> Measurement:
+    """A `Measurement` of anything array-like."""
+    return Measurement(np.atleast_1d(np.asarray(errors, np.float64)), parameter, ulps, note)
 
 
-Check = Callable[["Subject"], Iterable[Measured]]
+Check = Callable[["Subject"], Iterable[Measurement]]
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """`asked` is one sentence; `source` where it comes from. `each_accelerator`: run with every one, else with auto.
+    """`description` is one sentence, `source` the publication or program that the case comes from.
 
-    `full_only` cases are left out of a quick run.
+    With `each_accelerator` the case runs once with every accelerator of an engine, otherwise with `auto`. A quick run leaves
+    out `full_only` cases.
     """
 
     id: str
     section: str
-    asked: str
+    description: str
     source: str
     check: Check
     each_accelerator: bool
@@ -55,17 +56,17 @@ class Case:
 
 @dataclass
 class Section:
-    """Cases in the order in which they are written; `case` is the decorator that adds one."""
+    """Cases on one subject, in the order of their definition; `case` is the decorator that registers one."""
 
     name: str
     cases: list[Case] = field(default_factory=list)
     each_accelerator: bool = False
 
-    def case(self, id: str, asked: str, source: str, full_only: bool = False) -> Callable[[Check], Check]:
-        """Registers the function below it."""
+    def case(self, id: str, description: str, source: str, full_only: bool = False) -> Callable[[Check], Check]:
+        """Registers the decorated function as the check of a case."""
 
         def add(check: Check) -> Check:
-            self.cases.append(Case(id, self.name, asked, source, check, self.each_accelerator, full_only))
+            self.cases.append(Case(id, self.name, description, source, check, self.each_accelerator, full_only))
             return check
 
         return add

@@ -1,4 +1,4 @@
-"""Closed forms for the light that a point receives, per unit of radiance; the floor's normal is up."""
+"""Closed forms of irradiance and form factors, per unit of radiance; the normal of a floor is +y."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 
 def polygon(corners: ArrayLike, normal: Sequence[float]) -> float:
-    """Irradiance at the origin from a polygon (n, 3) that is black behind; the part below the horizon is cut off.
+    """Irradiance at the origin from a one-sided polygon (n, 3); the part below the horizon is clipped.
 
-    Lambert 1760: E = 1/2 sum theta_i (n . unit(v_i x v_{i+1})), theta by atan2.
+    Lambert 1760: E = 1/2 sum theta_i (n . normalize(v_i x v_{i+1})), theta by atan2.
     """
     n, points = np.asarray(normal, np.float64), _above(np.asarray(corners, np.float64), np.asarray(normal, np.float64))
     total = 0.0

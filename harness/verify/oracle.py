@@ -1,7 +1,7 @@
-"""Exact answers: decimals of 80 digits, computed from the very floats that the engine was given.
+"""Exact answers: decimals of 80 digits, computed from the same floats that the engine gets.
 
-Arrays here hold `decimal.Decimal`. A float is lifted without error; sums and products of coordinates between 1e-44 and
-1e30 then lose nothing that float64 could see. Nothing is shared with any engine.
+Arrays here hold `decimal.Decimal`. Floats are converted without error; sums and products of coordinates between 1e-44 and
+1e30 are then more exact than float64 can show. No code is shared with an engine.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Estimates held against a truth by z: over images with seeds of their own, whatever the sampler does inside one."""
+"""z tests of estimates, over independent images that differ in their seeds, for any sampler."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from engines.scene import Light, Material, Shape
-from harness.verify.case import Array, Measured, measured
-from harness.verify.promises import LARGEST_Z, ROUNDING
+from harness.verify.case import Array, Measurement, measurement
 from harness.verify.subject import Subject
+from harness.verify.tolerances import LARGEST_Z, ROUNDING
 
 REPLICATES = 32
 STRATEGIES = ("light", "bsdf", "mis")
 LARGEST_ERROR = 2e-3
-"""A larger standard error could not tell right from wrong: such a case fails."""
+"""A test with a larger standard error would find no bias, and fails."""
 
 
 def means(subject: Subject, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], view: Any,
           shader: Any, spp: int = 1, power: int = 1, **settings: Any) -> Array:  # fmt: skip
-    """(REPLICATES,) means of an image to a power; the images differ in nothing but their seeds."""
+    """(REPLICATES,) means of an image to a power; the images differ in their seeds only."""
     images = (
         subject.image(shapes, materials, lights, view, shader, spp, seed=1 + k, **settings) for k in range(REPLICATES)
     )
@@ -30,12 +30,12 @@ def means(subject: Subject, shapes: Sequence[Shape], materials: Sequence[Materia
 
 def z_score(
     subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR
-) -> Measured:
+) -> Measurement:
     """|mean - truth| in standard errors; infinite where the standard error is above `largest`.
 
-    Where there is hardly any noise, rounding may do what it may do to an image without noise, and no more.
+    The standard error is at least as large as the rounding error of an image without noise.
     """
     rounding = ROUNDING[subject.tracing] / LARGEST_Z * abs(truth)
     error = max(float(replicates.std(ddof=1)) / math.sqrt(replicates.size), rounding)
     z = (replicates.mean() - truth) / error if error < largest else math.inf
-    return measured(z, parameter, note=f"{replicates.mean():.6f} against {truth:.6f}, standard error {error:.1e}")
+    return measurement(z, parameter, note=f"{replicates.mean():.6f} against {truth:.6f}, standard error {error:.1e}")

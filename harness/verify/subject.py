@@ -1,9 +1,9 @@
-"""The engine under examination in one of its precisions and accelerators, and how cases ask it for hits and images."""
+"""The engine under test in one precision and with one accelerator: how cases get hits and images from it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any, TypeVar
 
@@ -14,22 +14,22 @@ from engines.choices import SAMPLERS, SHADERS
 from engines.errors import RaybenchError
 from engines.interface import Engine, Hits, Renderer, Settings
 from engines.scene import Light, Material, Scene, Shape
-from harness.verify.promises import tracing_precision
-from harness.verify.stage import AHEAD, UNIT, scene, sphere
+from harness.verify.scenes import FRONT_CAMERA, UNIT_TRIANGLE, scene, sphere
+from harness.verify.tolerances import tracing_precision
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
 UNBIASED = ("random", "sobol", "halton")
-"""Samplers by any of which an image of few samples has the right mean, the best for statistics first."""
+"""Samplers whose images have the right mean with few samples, the best for statistics first."""
 
 
-class Declined(Exception):
-    """The engine lacks what a case needs; the message is what `why_not` answered."""
+class Skipped(Exception):
+    """The engine lacks what a case needs; the message is the answer of `why_not`."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """`precision` is the setting; `kind` the scalar type in which the engine traces, and to which inputs are cast."""
+    """`precision` is the setting; `tracing` the precision in which the engine intersects; `dtype` its scalar type."""
 
     engine: Engine
     precision: str
@@ -41,60 +41,61 @@ class Subject:
         return tracing_precision(self.engine, self.precision)
 
     @property
-    def kind(self) -> Any:
+    def dtype(self) -> Any:
         return np.dtype(self.tracing).type
 
     @property
     def eps(self) -> float:
-        return float(np.finfo(self.kind).eps)
+        return float(np.finfo(self.dtype).eps)
 
     def count(self, many: int) -> int:
-        """How many rays or trials: a quarter in a quick run."""
+        """The number of rays or trials: a quarter of `many` in a quick run."""
         return max(many // 4, 1) if self.quick else many
 
-    def some(self, values: Sequence[T], quick: int) -> Sequence[T]:
-        """All parameters of a case; the first `quick` of them in a quick run."""
+    def subset(self, values: Sequence[T], quick: int) -> Sequence[T]:
+        """All parameters of a case, or the first `quick` of them in a quick run."""
         return values[:quick] if self.quick else values
 
     def cast(self, values: ArrayLike) -> Array:
-        """The values rounded to the tracing precision, so that this rounding is not charged to the engine."""
+        """The values rounded to the tracing precision, so that this rounding is no error of the engine."""
         with np.errstate(over="ignore"):
-            return np.asarray(values, np.float64).astype(self.kind).astype(np.float64)
+            return np.asarray(values, np.float64).astype(self.dtype).astype(np.float64)
 
-    def place(self, values: ArrayLike) -> tuple[float, float, float]:
-        """A point or direction, cast."""
+    def cast_point(self, values: ArrayLike) -> tuple[float, float, float]:
+        """A point or direction of three floats, rounded likewise."""
         x, y, z = self.cast(values)
         return float(x), float(y), float(z)
 
-    def prepared(self, given: Scene, **settings: Any) -> Renderer:
-        """A renderer, with the first unbiased sampler that the engine has where none is asked for.
+    def renderer(self, given: Scene, **settings: Any) -> Renderer:
+        """A renderer; without a sampler in `settings`, with the first unbiased sampler of the engine.
 
-        Raises `Declined` where `why_not` objects.
+        Raises `Skipped` where `why_not` refuses the scene.
         """
         samplers = [settings["sampler"]] if "sampler" in settings else [*UNBIASED, *own_samplers(self.engine)]
         return self._first(given, [{**settings, "sampler": sampler} for sampler in samplers])
 
     def tracer(self, *shapes: Shape, **settings: Any) -> Renderer:
-        """A renderer of shapes of material 0, to trace rays with: whatever shader and sampler the engine has."""
-        return self._first(scene(shapes, camera=AHEAD), [{**chosen, **settings} for chosen in every_choice(self.engine)])
+        """A renderer for single rays of shapes of material 0, with any shader and sampler that the engine has."""
+        choices = [{**choice, **settings} for choice in shaders_and_samplers(self.engine)]
+        return self._first(scene(shapes, camera=FRONT_CAMERA), choices)
 
     def _first(self, given: Scene, choices: Sequence[dict[str, Any]]) -> Renderer:
-        """A renderer with the first of these settings that the engine accepts; raises `Declined` where there is none."""
+        """A renderer with the first of these settings that the engine accepts. Raises `Skipped` where it accepts none."""
         reasons = []
         for choice in choices:
-            asked = Settings(**{"precision": self.precision, "accelerator": self.accelerator, **choice})
-            reason = objection(self.engine, given, asked)
+            settings = Settings(**{"precision": self.precision, "accelerator": self.accelerator, **choice})
+            reason = refusal(self.engine, given, settings)
             if reason is None:
-                return self.engine.prepare(given, asked)
+                return self.engine.prepare(given, settings)
             reasons.append(reason)
-        raise Declined(reasons[0])
+        raise Skipped(reasons[0])
 
     def accepted(self, samplers: Sequence[Any], given: Scene, shader: Any) -> list[Any]:
-        """Those of these samplers that the engine has; raises `Declined` where it has none."""
+        """Those of these samplers that the engine has. Raises `Skipped` where it has none."""
         base = {"precision": self.precision, "accelerator": self.accelerator, "shader": shader}
-        reasons = [objection(self.engine, given, Settings(sampler=sampler, **base)) for sampler in samplers]
+        reasons = [refusal(self.engine, given, Settings(sampler=sampler, **base)) for sampler in samplers]
         if None not in reasons:
-            raise Declined(reasons[0] or "")
+            raise Skipped(reasons[0] or "")
         return [sampler for sampler, reason in zip(samplers, reasons, strict=True) if reason is None]
 
     def trace(self, shapes: Sequence[Shape], origins: ArrayLike, directions: ArrayLike, t_max: Any = np.inf) -> Hits:
@@ -103,56 +104,50 @@ class Subject:
     def image(self, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], camera: Any,
               shader: Any, spp: int = 1, **settings: Any) -> Array:  # fmt: skip
         """(height, width) red channel of the mean; infinite everywhere where the film holds a bad sample."""
-        film = self.prepared(scene(shapes, materials, lights, camera), shader=shader, **settings).render(spp)
+        film = self.renderer(scene(shapes, materials, lights, camera), shader=shader, **settings).render(spp)
         seen = film.mean()[:, :, 0]
         return np.full_like(seen, np.inf) if film.bad_samples else seen
 
-    def others(self) -> Iterator[Subject]:
-        """The same with the engine's other accelerators."""
-        for name in accelerators(self.engine):
-            if name != self.accelerator:
-                yield replace(self, accelerator=name)
 
-
-def accelerators(engine: Engine) -> list[str]:
-    """The accelerators by their own names; `auto` where there is no other."""
+def accelerator_names(engine: Engine) -> list[str]:
+    """The names of the accelerators without `auto`; `auto` where there is no other."""
     return [name for name in engine.accelerators() if name != "auto"] or ["auto"]
 
 
 def own_samplers(engine: Engine) -> list[str]:
-    """Names of samplers that this engine alone has."""
+    """The names of the samplers that only this engine has."""
     return list(getattr(engine, "samplers", dict)())
 
 
-def every_choice(engine: Engine) -> list[dict[str, Any]]:
-    """Every shader with every sampler, the ones that most engines have first."""
+def shaders_and_samplers(engine: Engine) -> list[dict[str, Any]]:
+    """Settings with every shader and sampler; those that most engines have come first."""
     shaders = ["path_tracer", *(name for name in SHADERS if name != "path_tracer")]
     samplers = dict.fromkeys([*UNBIASED, *SAMPLERS, *own_samplers(engine)])
     return [{"shader": shader, "sampler": sampler} for shader, sampler in product(shaders, samplers)]
 
 
-def objection(engine: Engine, given: Scene, asked: Settings) -> str | None:
-    """What `why_not` answers; a name that the engine does not know is an objection too."""
+def refusal(engine: Engine, given: Scene, settings: Settings) -> str | None:
+    """The answer of `why_not`; a name that the engine does not know is a refusal, too."""
     try:
-        return engine.why_not(given, asked)
+        return engine.why_not(given, settings)
     except RaybenchError as error:
         return str(error)
 
 
 def precisions(engine: Engine) -> list[str]:
-    """The precisions that the engine has, float64 first; raises `Declined` where it renders nothing at all.
+    """The precisions that the engine has, float64 first. Raises `Skipped` where it renders nothing at all.
 
-    It is asked for a scene that is empty, and for one triangle or sphere, with every shader and sampler.
+    A precision counts where `why_not` accepts an empty scene, one triangle or one sphere with any shader and sampler.
     """
-    scenes = [scene(shapes, camera=AHEAD) for shapes in ([], [UNIT], [sphere()])]
+    scenes = [scene(shapes, camera=FRONT_CAMERA) for shapes in ([], [UNIT_TRIANGLE], [sphere()])]
     found, reason = [], ""
     for name in ("float64", "float32"):
-        for given, choice in product(scenes, every_choice(engine)):
-            answer = objection(engine, given, Settings(precision=name, **choice))
+        for given, choice in product(scenes, shaders_and_samplers(engine)):
+            answer = refusal(engine, given, Settings(precision=name, **choice))
             if answer is None:
                 found.append(name)
                 break
             reason = reason or answer
     if not found:
-        raise Declined(reason)
+        raise Skipped(reason)
     return found

@@ -1,8 +1,8 @@
-"""The live viewer: a page served on this machine only, which shows images while they are refined, and races.
+"""The live viewer: pages, served on this machine only, that show images while they are refined, and races.
 
-`server` answers the browser, one `session` a tab. What renders is a process of its own for each tab (`worker`), so that a
-crash ends one tab's render and nothing else. Between them go messages (`messages`); what is drawn in a tab is `live` (one
-image), `race` (lanes side by side) or `demo` (Dahlquist's program). The pages lie in `page/`.
+`server` serves pages and sockets; a tab has a `session` and a worker process of its own (`worker`), so that a crash ends the
+render of one tab only. They exchange `messages`. In the worker a controller runs the page: `view_controller` (one image),
+`race_controller` (contestants one after another) or `dahlquist_controller` (Dahlquist's program). The pages are in `page/`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from engines.errors import ConfigError
 
 
 def open_viewer(scene: str, folder: Path, port: int, engine: str, allow_imports: bool, browser: bool) -> None:
-    """Serves until interrupted. Raises `ConfigError` where the extra `view` is not installed, and as `server.serve` does."""
+    """Serves until interrupted. Raises `ConfigError` where the extra `view` is not installed, and where `server.serve` does."""
     try:
         from harness.view.server import serve
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""Pixels for a canvas: RGBA, 8 bits, from linear radiance."""
+"""Pixels for a canvas: 8-bit RGBA from linear radiance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from engines.tonemap import ToneMapper, tone_mapper
 
 
 class Tone:
-    """A tone mapper after an exposure in stops: itself one."""
+    """A tone mapper that applies an exposure in stops first."""
 
     def __init__(self, mapper: str = "srgb", exposure: float = 0.0) -> None:
         self.name, self.exposure = mapper, exposure
@@ -24,7 +24,7 @@ class Tone:
 
 
 def rgba(film: Film, tone: Tone) -> bytes:
-    """(height, width, 4) uint8 as bytes. In float32: half the time of float64, and no 8-bit value can tell."""
+    """(height, width, 4) uint8 as bytes. Computed in float32, in half the time of float64; 8 bits show no difference."""
     counts = np.maximum(film.counts, 1).astype(np.float32)[:, :, None]
     mean = film.sums.astype(np.float32)
     mean /= counts
@@ -32,13 +32,13 @@ def rgba(film: Film, tone: Tone) -> bytes:
     if not np.isfinite(shown.sum()):
         shown = np.nan_to_num(shown, nan=0.0, posinf=1.0, neginf=0.0)
     scaled = np.clip(shown, 0.0, 1.0) * np.float32(255.0)
-    scaled += np.float32(0.5)  # the cast cuts off
+    scaled += np.float32(0.5)  # the cast truncates
     pixels = np.full((film.height, film.width, 4), 255, np.uint8)
     pixels[:, :, :3] = scaled.astype(np.uint8)
     return pixels.tobytes()
 
 
 def half_floats(film: Film) -> bytes:
-    """(height, width, 3) little-endian float16 of the mean, for views that the page computes itself."""
+    """(height, width, 3) little-endian float16 of the mean, for views that the page computes."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.clip(film.mean(), -65504, 65504).astype("<f2").tobytes()

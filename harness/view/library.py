@@ -1,4 +1,4 @@
-"""Which scenes a page may open: those that come with raybench, and scene files below one folder."""
+"""The scenes that a page may open: the shipped ones, and scene files below one folder."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
 from engines.input_files import open_regular
-from harness import catalog, confined
+from harness.config import paths
+from harness.store import confined
 
-MOST_LISTED = 500
-MOST_SEEN = 20_000
+MAX_LISTED = 500
+MAX_VISITED = 20_000
 HEAD = 4096
-"""Bytes in which a scene file must say that it is one to be listed."""
+"""A file is listed where the key `raybench_scene` is in its first bytes."""
 UNLISTED = ("results", "node_modules", "__pycache__")
 
 
 class Library:
-    """Scenes by the names that a page shows: bare names of shipped ones, paths from `folder` of others."""
+    """Scenes by the names that a page shows: bare names of shipped scenes, paths relative to `folder` of others."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
 
     def names(self) -> list[str]:
-        """Shipped scenes, then files below the folder."""
-        shipped = catalog.shipped("scenes")
+        """The names of shipped scenes, then those of files below the folder."""
+        shipped = paths.shipped("scenes")
         held = {path.resolve() for path in shipped.values()}
         return [*shipped, *(str(p.relative_to(self.folder)) for p in self._files() if p.resolve() not in held)]
 
@@ -38,13 +39,13 @@ class Library:
                 path = Path(place, name)
                 if name.endswith((".yaml", ".yml")) and _is_scene(path):
                     found.append(path)
-            if seen > MOST_SEEN or len(found) >= MOST_LISTED:
+            if seen > MAX_VISITED or len(found) >= MAX_LISTED:
                 break
-        return found[:MOST_LISTED]
+        return found[:MAX_LISTED]
 
     def find(self, name: str) -> Path:
-        """The file of a name. Raises `ConfigError` where there is none, and for paths out of the folder, links followed."""
-        shipped = catalog.shipped("scenes")
+        """The file of a name. Raises `ConfigError` where there is none, or where the path leaves the folder."""
+        shipped = paths.shipped("scenes")
         if name in shipped:
             return shipped[name].resolve()
         if "/" not in name and not name.endswith((".yaml", ".yml")):
@@ -55,18 +56,18 @@ class Library:
         return path
 
     def name_of(self, given: str) -> str:
-        """The name of a scene that a command line gave, as a path from here or by its bare name."""
+        """The name of a scene given on the command line, as a path relative to the working folder or a bare name."""
         here = Path(given).expanduser()
         if ("/" in given or given.endswith((".yaml", ".yml"))) and here.is_file():
             resolved = here.resolve()
             if not resolved.is_relative_to(self.folder):
-                raise ConfigError(f"{given}: lies outside {self.folder}: choose another --folder")
+                raise ConfigError(f"{given}: is outside {self.folder}: choose another --folder")
             return str(resolved.relative_to(self.folder))
         self.find(given)
         return given
 
     def inside(self, name: str) -> Path:
-        """The path that `name` means below the folder, which need not exist; refused where it leads out."""
+        """The path of `name` below the folder, which need not exist. Raises `ConfigError` where it leaves the folder."""
         return confined.inside(self.folder, name, "scene").resolve()
 
 

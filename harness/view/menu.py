@@ -1,4 +1,4 @@
-"""What the page's controls offer, as the engines list it: engines, shaders, samplers, accelerators, and their options."""
+"""What the controls of a page offer, from the engines: shaders, samplers, accelerators, and their options."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from engines.interface import Engine, Settings
 from engines.registry import engine, engine_names
 from engines.scene import scene_from
 from engines.tonemap import TONE_MAPPERS
-from harness import machine
+from harness.measure import machine
 from harness.view.library import Library
-from harness.view.requests import LARGEST_SIDE, MOST_PIXELS, MOST_SPP
+from harness.view.requests import MAX_PIXELS, MAX_SIDE, MAX_SPP
 
 PREFERRED = "embree"
-ASKED = {
+PROBE_SCENE = {
     "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
     "materials": {"white": {"kd": 0.5}}, "lights": [{"point": {"position": [0, 3, 3], "intensity": 4}}],
     "shapes": [{"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "white"}],
 }  # fmt: skip
-"""What engines are asked about: a scene that any of them renders, so that only the part in question can be refused."""
+"""A scene that every engine renders: a refusal is then due to the sampler or shader in question."""
 
 
 def menu(library: Library) -> dict[str, Any]:
-    """All of it, as plain data. An engine that cannot be loaded is listed with the reason."""
+    """The menu as plain data. An engine that cannot be loaded is listed with the reason."""
     listed = engines_listed()
     return {
         "engines": listed, "shaders": _table(SHADERS), "samplers": _table(SAMPLERS), "tone_mappers": list(TONE_MAPPERS),
         "scenes": library.names(), "cores": len(machine.usable_cores()),
-        "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["lacks"]), listed[0]["name"]),
-        "limits": {"side": LARGEST_SIDE, "pixels": MOST_PIXELS, "spp": MOST_SPP},
+        "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["problem"]), listed[0]["name"]),
+        "limits": {"side": MAX_SIDE, "pixels": MAX_PIXELS, "spp": MAX_SPP},
     }  # fmt: skip
 
 
 @cache
 def engines_listed() -> list[dict[str, Any]]:
-    """The engines, each imported and asked; once in a process."""
+    """What each engine offers; engines are imported once per process."""
     return [_engine(name) for name in engine_names()]
 
 
@@ -51,21 +51,21 @@ def _engine(name: str) -> dict[str, Any]:
         own = _table(getattr(found, "samplers", dict)())
         refused = _refused(found, [*SAMPLERS, *(sampler["name"] for sampler in own)])
     except RaybenchError as error:
-        return {"name": name, "lacks": str(error), "accelerators": [], "samplers": [], "refuses": {}}
-    except Exception as error:  # what others wrote may fail in any way
-        lacks = f"{type(error).__name__}: {error}"
-        return {"name": name, "lacks": lacks, "accelerators": [], "samplers": [], "refuses": {}}
-    return {"name": name, "lacks": None, "accelerators": accelerators, "samplers": own, "refuses": refused}
+        return {"name": name, "problem": str(error), "accelerators": [], "samplers": [], "refusals": {}}
+    except Exception as error:  # third-party code may raise anything
+        problem = f"{type(error).__name__}: {error}"
+        return {"name": name, "problem": problem, "accelerators": [], "samplers": [], "refusals": {}}
+    return {"name": name, "problem": None, "accelerators": accelerators, "samplers": own, "refusals": refused}
 
 
 def _refused(engine: Engine, samplers: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Samplers, and shaders with a sampler that is not refused, that the engine lacks: by name, with the reason."""
-    scene = scene_from(ASKED)
-    wrong = {name: engine.why_not(scene, Settings(sampler=name)) for name in samplers}
-    good = next((name for name, reason in wrong.items() if reason is None), samplers[0])
+    """Samplers and shaders that the engine refuses: kind -> name -> reason. Shaders are tried with an accepted sampler."""
+    scene = scene_from(PROBE_SCENE)
+    samplers_refused = {name: engine.why_not(scene, Settings(sampler=name)) for name in samplers}
+    good = next((name for name, reason in samplers_refused.items() if reason is None), samplers[0])
     shaders = {name: engine.why_not(scene, Settings(shader=name, sampler=good)) for name in SHADERS}
-    told = {"sampler": wrong, "shader": shaders}
-    return {kind: {name: reason for name, reason in found.items() if reason} for kind, found in told.items()}
+    refused = {"sampler": samplers_refused, "shader": shaders}
+    return {kind: {name: reason for name, reason in names.items() if reason} for kind, names in refused.items()}
 
 
 def _table(table: Mapping[str, Mapping[str, Option]]) -> list[dict[str, Any]]:
@@ -73,22 +73,23 @@ def _table(table: Mapping[str, Mapping[str, Option]]) -> list[dict[str, Any]]:
             for name, options in table.items()]  # fmt: skip
 
 
-def _literal(word: str) -> Any:
-    """A number, True or False, or else the word itself."""
+def _literal(text: str) -> Any:
+    """A number, True or False, or else the text itself."""
     try:
-        return ast.literal_eval(word)
+        return ast.literal_eval(text)
     except (ValueError, SyntaxError):
-        return word
+        return text
 
 
 def _option(key: str, option: Option) -> dict[str, Any]:
-    """An option with the values that it takes, read from what its check says to a value that is surely wrong."""
-    wanted = option.check(object()) or ""
-    told = {"key": key, "default": option.default, "meaning": option.meaning, "wanted": wanted, "kind": "json"}
-    bounds = re.fullmatch(r"(an integer|a number) in \[(\S+), (\S+)\]", wanted)
+    """An option and the values that it accepts, read from the message of its check for a wrong value."""
+    accepts = option.check(object()) or ""
+    described = {"key": key, "default": option.default, "description": option.meaning, "accepts": accepts, "kind": "json"}
+    bounds = re.fullmatch(r"(an integer|a number) in \[(\S+), (\S+)\]", accepts)
     if bounds:
         kind = "integer" if bounds[1] == "an integer" else "number"
-        return {**told, "kind": kind, "low": float(bounds[2]), "high": float(bounds[3])}
-    if wanted.startswith("one of "):
-        return {**told, "kind": "one", "values": [_literal(word) for word in wanted.removeprefix("one of ").split(", ")]}
-    return told
+        return {**described, "kind": kind, "low": float(bounds[2]), "high": float(bounds[3])}
+    if accepts.startswith("one of "):
+        values = [_literal(text) for text in accepts.removeprefix("one of ").split(", ")]
+        return {**described, "kind": "choice", "values": values}
+    return described

@@ -1,8 +1,8 @@
-"""Messages: a JSON header and bytes, the same from worker to server and from server to page.
+"""Messages of a JSON header and bytes, the same from worker to server and from server to page.
 
     4 bytes, little endian: length of the header | header, UTF-8 JSON | payload (pixels, a file) or nothing
 
-A header's `is` says what it tells. The page answers in JSON text alone, whose `do` says what it wants.
+A header's `type` says what the message is. Requests of the page are JSON texts with a `type` (`requests`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-LONGEST_REQUEST = 1 << 16
-"""Bytes of a message from a page."""
+MAX_REQUEST_BYTES = 1 << 16
+"""Bytes of a request, at most."""
 LENGTH_BYTES = 4
-BEGIN_WORK = frozenset({"open", "resume", "camera", "drag", "race", "demo"})
-"""Requests that have a worker render: they need a turn."""
-LATEST = frozenset({"camera", "drag", "probe", "tone", "switches", "move"})
-"""Requests of which the last of a kind alone counts; of those of fingers, the last of each finger."""
+STARTS_RENDERING = frozenset({"open", "resume", "camera", "drag", "race", "dahlquist"})
+"""Requests that make a worker render: they need a render slot."""
+LATEST_ONLY = frozenset({"camera", "drag", "probe", "tone", "switches", "move"})
+"""Requests that replace a waiting one of the same type (and finger)."""
 
 
 def packed(header: Mapping[str, Any], payload: bytes | memoryview = b"") -> bytes:
@@ -33,14 +33,14 @@ def header_of(message: bytes) -> dict[str, Any]:
     return json.loads(message[LENGTH_BYTES:end])
 
 
-def latest_key(do: str, finger: int | None) -> tuple[str, int | None] | None:
-    """The same for requests of which the later one replaces the earlier; None for those that all count."""
-    return (do, finger) if do in LATEST else None
+def coalescing_key(type: str, finger: int | None) -> tuple[str, int | None] | None:
+    """The key of a request in a coalescing queue; None for a request that replaces no other."""
+    return (type, finger) if type in LATEST_ONLY else None
 
 
-def problem(text: str) -> bytes:
-    """What the page shows as an error."""
-    return packed({"is": "problem", "text": text})
+def error_message(text: str) -> bytes:
+    """A message that the page shows as an error."""
+    return packed({"type": "error", "text": text})
 
 
 def _finite(value: Any) -> Any:

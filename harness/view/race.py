@@ -1,178 +1,156 @@
-"""A race in a tab: lanes take turns of equal time, so that they do not steal each other's cores."""
+"""A race as an experiment: it has a plan, references and events like `raybench run`, in a results folder of its own."""
 
 from __future__ import annotations
 
-import shutil
-import threading
-import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from time import monotonic
+from time import perf_counter
 from typing import Any
 
-import psutil
-
-from engines.errors import ConfigError, RaybenchError
-from engines.registry import is_file
+from engines.errors import ConfigError
+from engines.film import Film
+from engines.interface import Renderer
+from engines.registry import engine as engine_of
+from engines.scene import load_scene
+from engines.schema.yaml_file import locate
+from harness import config, store
+from harness.config.settings import engine_settings
+from harness.measure import clock
+from harness.plan import planner
+from harness.plan.cells import Cell, Plan
+from harness.run.sweep import Options, Sweep
+from harness.store.results import brief_choice
 from harness.view import requests
-from harness.view.contest import Contest, Stopped
-from harness.view.display import half_floats
-from harness.view.lane import Lane
-from harness.view.library import Library
-from harness.view.mailbox import Mailbox
-from harness.view.menu import menu
-from harness.view.messages import packed, problem
-from harness.worker import one_line
+from harness.view.contestant import Contestant
+
+KINDS = ("shader", "sampler", "accelerator")
 
 
-class RaceDesk:
-    """A tab with a race. Its results lie in `scratch`, beside the folders of other results, until they get a name."""
+class Stopped(Exception):
+    """The race was stopped while its references were rendered."""
 
-    def __init__(self, send: Callable[[bytes], None], library: Library, scratch: Path, allow_imports: bool) -> None:
-        self._send, self._library, self._scratch, self._allow_imports = send, library, scratch, allow_imports
-        self._work = Mailbox()
-        self._stopped = threading.Event()
-        self._contest: Contest | None = None
-        self._racing: Lane | None = None
-        self._state, self._doing, self._seq = "idle", "", 0
 
-    def hear(self, request: Any) -> None:
-        if request.do == "stop":
-            self._stopped.set()
-            self._interrupt()
-        self._work.put(request)
+class Listener:
+    """Sends warnings and the progress of references to the page; `send(type, **fields)` sends a message."""
 
-    def _interrupt(self) -> None:
-        contest, lane = self._contest, self._racing
-        if contest is not None:
-            contest.replicates.stop()
-        if lane is not None and lane.renderer is not None:
-            lane.renderer.stop()
+    def __init__(self, send: Callable[..., None]) -> None:
+        self._send = send
 
-    def start(self) -> None:
-        self._tell("menu", **menu(self._library))
+    def note(self, text: str) -> None:
+        self._send("warning", text=text)
 
-    def run(self) -> None:
-        while True:
-            request = self._work.take()
-            self._seq = max(self._seq, request.seq)
-            try:
-                getattr(self, f"_{request.do}", self._unknown)(request)
-            except Stopped:
-                self._to("stopped")
-            except Exception as error:
-                if not isinstance(error, RaybenchError):
-                    traceback.print_exc()
-                self._send(problem(one_line(error)))
-                self._to("stopped")
+    def reference(self, name: str, done: int, wanted: int) -> None:
+        self._send("progress", text=f"reference: {name}", done=done, total=wanted)
 
-    def _unknown(self, request: Any) -> None:
-        raise ConfigError(f"{request.do!r} means nothing in a race")
+    def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
+    def point(self, spp: int, seconds: float) -> None: ...
+    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
 
-    def _stop(self, request: Any) -> None:
-        self._to(self._state)
 
-    def _tell(self, what: str, **told: Any) -> None:
-        self._send(packed({"is": what, **told}))
+class Replicates:
+    """Renders the images of a reference in this process; after `stop` it raises `Stopped`."""
 
-    def _to(self, state: str, doing: str = "") -> None:
-        self._state, self._doing = state, doing
-        memory = psutil.Process().memory_info().rss
-        self._tell("state", state=state, doing=doing, seq=self._seq, memory_bytes=memory)
+    def __init__(self, allow_imports: bool) -> None:
+        self._allow_imports = allow_imports
+        self._renderer: Renderer | None = None
+        self._stopped = False
 
-    # ---- the race ----------------------------------------------------------------------------------------------------
+    def stop(self) -> None:
+        self._stopped = True
+        if self._renderer is not None:
+            self._renderer.stop()
 
-    def _race(self, request: requests.Race) -> None:
-        self._stopped.clear()
-        self._contest = None
-        shutil.rmtree(self._scratch, ignore_errors=True)
-        self._to("busy", "reading the scene")
-        scene = self._library.find(request.scene)
-        for part in request.lanes:
-            if is_file(part.engine):
-                raise ConfigError(f"{part.engine}: programs that are named in files are not run from a page")
-        contest = self._contest = Contest(request, scene, self._scratch, self._allow_imports, self._tell)
-        self._tell("lanes", names=contest.names, targets=request.targets, width=request.width, height=request.height)
-        try:
-            self._to("busy", "making the reference")
-            contest.references()
-            self._tell_references()
-            self._prepare()
-            self._in_turns(request.slice_seconds)
-        finally:
-            self._racing = None
-            contest.close()
-        self._to("stopped" if self._stopped.is_set() else "finished")
-
-    def _tell_references(self) -> None:
-        """Every reference once, with the lanes that are compared with it."""
-        from harness.report.assembly import colour_maps
-
-        assert self._contest is not None
-        users: dict[str, list[int]] = {}
-        for index, lane in enumerate(self._contest.lanes):
-            users.setdefault(str(lane.cell.reference_id), []).append(index)
-        epsilon, maps = self._contest.plan.experiment.quality.epsilon, colour_maps()
-        for reference_id, lanes in users.items():
-            reference = self._contest.sweep.reference(reference_id)
-            height, width, _ = reference.mean.shape
-            told = {"lanes": lanes, "width": width, "height": height, "epsilon": epsilon, "maps": maps}
-            pixels = reference.mean.clip(-65504, 65504).astype("<f2").tobytes()
-            self._send(packed({"is": "reference", **told, "spp": reference.spp}, pixels))
-
-    def _prepare(self) -> None:
-        assert self._contest is not None
-        for lane, name in zip(self._contest.lanes, self._contest.names, strict=True):
-            if self._stopped.is_set():
+    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+        scene = load_scene(request["scene_path"], allow_imports=self._allow_imports)
+        for seed in seeds:
+            settings = engine_settings(request["settings"], seed, self._allow_imports)
+            self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
+            start = perf_counter()
+            film = self._renderer.render(request["spp"]) if not self._stopped else None
+            if film is None or film.spp < request["spp"]:
                 raise Stopped
-            self._to("busy", f"building and compiling {name}")
-            lane.prepare()
-
-    def _in_turns(self, slice_seconds: float) -> None:
-        """The lane that has had the least time goes next."""
-        assert self._contest is not None
-        lanes = self._contest.lanes
-        while not self._stopped.is_set():
-            left = [lane for lane in lanes if not lane.done]
-            if not left:
-                return
-            lane = min(left, key=lambda lane: lane.seconds)
-            index = lanes.index(lane)
-            self._to("busy", f"lane {index + 1} renders, the others wait")
-            self._racing = lane
-            lane.race(slice_seconds)
-            self._racing = None
-            self._tell_lane(index, lane)
-
-    def _tell_lane(self, index: int, lane: Lane) -> None:
-        assert lane.renderer is not None
-        told = {"lane": index, "seconds": lane.seconds, "spp": lane.spp, "done": lane.done, "points": lane.points,
-                "crossings": lane.crossings(), "phases": lane.phases, "rays": _rays(lane)}  # fmt: skip
-        self._send(packed({"is": "lane", **told}, half_floats(lane.renderer.film)))
-
-    # ---- its results -------------------------------------------------------------------------------------------------
-
-    def _save(self, request: requests.Save) -> None:
-        """Gives the results folder its name, and writes tables, plots and the report."""
-        if self._contest is None or not any(lane.points for lane in self._contest.lanes):
-            raise ConfigError("there is no race to save yet")
-        state, target = self._state, self._scratch.parent / request.name
-        if self._contest.folder != self._scratch:
-            raise ConfigError(f"this race is saved already, as {self._contest.folder.name}")
-        if target.exists():
-            raise ConfigError(f"results/{request.name} exists already: choose another name")
-        self._to("busy", "writing tables, plots and report")
-        began = monotonic()
-        self._scratch.rename(target)
-        self._contest.folder = target
-        from harness.report import write_derived
-
-        write_derived(target)
-        folder = str(target.relative_to(self._library.folder))
-        self._tell("saved", name=request.name, folder=folder, seconds=monotonic() - began)
-        self._to(state)
+            yield film, perf_counter() - start
 
 
-def _rays(lane: Lane) -> float | None:
-    found = lane.renderer.counters().get("rays") if lane.renderer is not None else None
-    return None if found is None else float(found)
+class Race:
+    """A running race; `folder` becomes its results folder. Raises `RaybenchError` for a request that cannot be raced."""
+
+    def __init__(
+        self, request: requests.RaceRequest, scene: Path, folder: Path, allow_imports: bool, send: Callable[..., None]
+    ) -> None:  # fmt: skip
+        self.folder, self._allow_imports = folder, allow_imports
+        located = locate(_experiment(request, scene), "race", ConfigError)
+        experiment = config.parse(located, scene.parent, "race", "raybench view")
+        self.plan: Plan = planner.make(experiment, allow_imports)
+        skipped = next((cell.skip for cell in self.plan.cells if cell.skip), None)
+        if skipped:
+            raise ConfigError(skipped)
+        if len(self.plan.cells) < len(request.contestants):
+            raise ConfigError("two contestants have the same settings: change one of them")
+        for warning in self.plan.warnings:
+            send("warning", text=warning)
+        self._events = store.Events(folder)
+        options = Options(allow_imports=allow_imports, command=["raybench", "view"])
+        self.sweep = Sweep(self.plan, folder, options, Listener(send), self._events)
+        self.replicates = Replicates(allow_imports)
+        cells = sorted(self.plan.cells, key=lambda cell: _index_of(cell, request.contestants))
+        self.contestants = [Contestant(self.sweep.recorder, cell, allow_imports) for cell in cells]
+        self.names = _names(cells)
+
+    def references(self) -> None:
+        """Renders the references that are missing. Raises `Stopped`, and `ConfigError` where an engine fails."""
+        self.sweep.record_plan()
+        self.sweep.make_references(self.replicates)
+        failed = [event["message"] for event in self.sweep.recorder.latest.values() if event["state"] == "failed"]
+        if failed:
+            raise ConfigError(failed[0])
+
+    def close(self) -> None:
+        """Writes the events of the contestants. Call it once."""
+        for contestant in self.contestants:
+            contestant.finish()
+        self._events.close()
+
+
+def _experiment(request: requests.RaceRequest, scene: Path) -> dict[str, Any]:
+    """The experiment file of a race."""
+    contestants = []
+    for given in request.contestants:
+        settings = {"engine": given.engine, "threads": requests.limited_threads(given.threads), "precision": given.precision}
+        contestants.append({**settings, **{kind: getattr(given, kind) for kind in KINDS}})
+    return {
+        "raybench_experiment": 1, "name": "race", "question": "Which contestant reaches an error first?", "scene": str(scene),
+        "resolution": [request.width, request.height], "repeats": 1, "seed": request.seed, "aa_twin": False,
+        "include": contestants, "images": "some", "budget": {"max_time": f"{request.max_seconds}s", "max_spp": 2**20},
+        "reference": {"engine": request.reference_engine, "spp": request.reference_spp},
+        "quality": {"metric": "relmse", "targets": list(request.targets)},
+    }  # fmt: skip
+
+
+def _index_of(cell: Cell, contestants: Sequence[requests.RenderSettings]) -> int:
+    """The index of the contestant in the request that a cell belongs to: the one with the most equal settings."""
+
+    def equal_settings(given: requests.RenderSettings) -> int:
+        same = [cell.engine == given.engine, cell.settings["threads"] == requests.limited_threads(given.threads)]
+        same.append(given.precision in (None, cell.settings["precision"]))
+        same += [getattr(given, kind).items() <= cell.settings[kind].items() for kind in KINDS]
+        return sum(same)
+
+    return max(range(len(contestants)), key=lambda index: equal_settings(contestants[index]))
+
+
+def _names(cells: Sequence[Cell]) -> list[str]:
+    """Names of contestants: the engine, and the settings that differ; accelerators are compared within an engine."""
+
+    def setting_text(cell: Cell, key: str) -> str:
+        others = [other for other in cells if key != "accelerator" or other.engine == cell.engine]
+        values = [other.settings[key] for other in others]
+        if all(value == cell.settings[key] for value in values):
+            return ""
+        if key in KINDS:
+            return brief_choice(cell.settings[key], values)
+        return f"{cell.settings[key]}{' threads' if key == 'threads' else ''}"
+
+    keys = (*KINDS, "precision", "threads")
+    return [" ".join(filter(None, [cell.engine_name, *(setting_text(cell, key) for key in keys)])) for cell in cells]

@@ -1,4 +1,4 @@
-"""`raybench view`: the server. It binds to the loopback address and answers its own pages alone (see `guard`)."""
+"""The server of `raybench view`. It binds to the loopback address and answers its own pages only (see `middleware`)."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ from starlette.websockets import WebSocket
 
 from engines.errors import ConfigError, UnknownName
 from engines.registry import engine_names
-from harness.view.guard import HEADERS, Guard, new_token
 from harness.view.library import Library
-from harness.view.messages import LONGEST_REQUEST, problem
-from harness.view.process import Workers
+from harness.view.messages import MAX_REQUEST_BYTES, error_message
+from harness.view.middleware import HEADERS, AccessMiddleware, new_token
+from harness.view.render_slots import MAX_TABS, RenderSlots
 from harness.view.session import Session
-from harness.view.turns import MOST_TABS, Turns
+from harness.view.worker_pool import WorkerPool
 
-DESKS = ("view", "race", "dahlquist")
+PAGES = ("view", "race", "dahlquist")
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
-FROM_THE_REPORT = ("report.css", "colours.js", "decode.js")
+REPORT_ASSETS = ("report.css", "colours.js", "decode.js")
 REPORT_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
 )
-"""A report is one file that is complete in itself: it may run, but not speak to this server."""
+"""A report is a self-contained file: its scripts may run, but not send requests to this server."""
 PING_SECONDS = 20.0
 
 
 class Server:
-    """Pages, sockets and workers of one `raybench view`."""
+    """The pages, sockets and workers of one `raybench view`."""
 
     def __init__(self, folder: Path, scene: str, engine: str = "", allow_imports: bool = False) -> None:
         self.library = Library(folder)
         self._scene, self._engine, self._allow_imports = self.library.name_of(scene), engine, allow_imports
-        self._workers, self._turns = Workers(allow_imports), Turns()
+        self._workers, self._slots = WorkerPool(allow_imports), RenderSlots()
         self._tabs: set[Session] = set()
         self._assets = _assets()
 
     def app(self) -> Starlette:
         routes = [
             Route("/", self._page), Route("/{name}", self._page),
-            Route("/reports/{name}/report.html", self._report), WebSocketRoute("/desk/{desk}", self._desk),
+            Route("/reports/{name}/report.html", self._report), WebSocketRoute("/socket/{page}", self._socket),
         ]  # fmt: skip
         return Starlette(routes=routes, lifespan=self._lifespan)
 
@@ -64,10 +64,10 @@ class Server:
         await self._workers.close()
 
     async def _page(self, request: Request) -> Response:
-        """A page or an asset, out of a table: no path of a request ever reaches the file system."""
+        """A page or an asset, from a table: no path of a request reaches the file system."""
         name = request.path_params.get("name", "view.html")
         if name not in self._assets:
-            return PlainTextResponse("404: there is no such page\n", 404, HEADERS)
+            return PlainTextResponse("404: no such page\n", 404, HEADERS)
         body, kind = self._assets[name]
         if kind == "text/html":
             for key, value in (("scene", self._scene), ("engine", self._engine)):
@@ -79,27 +79,27 @@ class Server:
         name = request.path_params["name"]
         path = self.library.folder / "results" / name / "report.html"
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) or not path.is_file():
-            return PlainTextResponse("404: there is no such report\n", 404, HEADERS)
+            return PlainTextResponse("404: no such report\n", 404, HEADERS)
         if not path.resolve().is_relative_to(self.library.folder):
-            return PlainTextResponse("403: that report lies elsewhere\n", 403, HEADERS)
+            return PlainTextResponse("403: the report is outside the folder\n", 403, HEADERS)
         return FileResponse(path, media_type="text/html", headers={**HEADERS, "Content-Security-Policy": REPORT_POLICY})
 
-    async def _desk(self, websocket: WebSocket) -> None:
-        """A tab's socket."""
-        desk = websocket.path_params["desk"]
-        if desk not in DESKS:
+    async def _socket(self, websocket: WebSocket) -> None:
+        """Serves the socket of a tab until it closes."""
+        page = websocket.path_params["page"]
+        if page not in PAGES:
             await websocket.close(1008)
             return
         await websocket.accept()
-        if len(self._tabs) >= MOST_TABS:
-            await websocket.send_bytes(problem(f"{MOST_TABS} pages are open already: close one and load this one again"))
+        if len(self._tabs) >= MAX_TABS:
+            await websocket.send_bytes(error_message(f"{MAX_TABS} pages are already open: close one and reload this one"))
             await websocket.close(1013)
             return
-        begin: dict[str, Any] = {"do": "begin", "desk": desk, "folder": str(self.library.folder)}
+        begin: dict[str, Any] = {"type": "begin", "page": page, "folder": str(self.library.folder)}
         begin |= {"allow_imports": self._allow_imports, "scratch": None}
-        if desk == "race":
+        if page == "race":
             begin["scratch"] = str(self.library.folder / "results" / f".race-{uuid.uuid4().hex[:12]}")
-        session = Session(websocket, self._workers, self._turns, begin)
+        session = Session(websocket, self._workers, self._slots, begin)
         self._tabs.add(session)
         try:
             await session.run()
@@ -108,22 +108,22 @@ class Server:
 
 
 def _assets() -> dict[str, tuple[bytes, str]]:
-    """Name -> bytes and type of all that pages are made of."""
+    """Name -> (bytes, media type) of the pages and their assets."""
     found = {}
     for item in files("harness.view").joinpath("page").iterdir():
         if (suffix := Path(item.name).suffix) in TYPES:
             found[item.name] = item.read_bytes(), TYPES[suffix]
-    for name in FROM_THE_REPORT:
-        found[name] = files("harness.report").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
+    for name in REPORT_ASSETS:
+        found[name] = files("harness.report.html").joinpath(name).read_bytes(), TYPES[Path(name).suffix]
     return found
 
 
 def serve(
     scene: str, folder: Path, port: int = 0, engine: str = "", allow_imports: bool = False, browser: bool = True
 ) -> None:  # fmt: skip
-    """Serves until interrupted. Raises `ConfigError` for a folder that is none, a scene that is not there, a port in use."""
+    """Serves until interrupted. Raises `ConfigError` for a missing folder or scene, and for a port in use."""
     if not folder.is_dir():
-        raise ConfigError(f"--folder {folder}: is no folder")
+        raise ConfigError(f"--folder {folder}: is not a folder")
     if engine and engine not in engine_names():
         raise UnknownName("engine", engine, engine_names())
     server = Server(folder, scene, engine, allow_imports)
@@ -131,12 +131,12 @@ def serve(
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind(("127.0.0.1", port))
-        listening.listen(128)  # who opens the address before the server runs only waits
+        listening.listen(128)  # a browser that connects before the server runs waits
     except (OSError, OverflowError) as error:
         raise ConfigError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from error
     port, token = listening.getsockname()[1], new_token()
     config = uvicorn.Config(
-        Guard(server.app(), port, token), log_level="warning", ws="websockets-sansio", ws_max_size=LONGEST_REQUEST,
+        AccessMiddleware(server.app(), port, token), log_level="warning", ws="websockets-sansio", ws_max_size=MAX_REQUEST_BYTES,
         ws_ping_interval=PING_SECONDS, ws_per_message_deflate=False, server_header=False, access_log=False,
         timeout_graceful_shutdown=1,
     )  # fmt: skip

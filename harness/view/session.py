@@ -1,4 +1,4 @@
-"""One tab: its socket, its worker, and what goes between them."""
+"""One tab: forwards requests from its socket to its worker, and messages from the worker to the socket."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from harness.view.messages import BEGIN_WORK, LONGEST_REQUEST, header_of, latest_key, packed, problem
-from harness.view.process import Worker, Workers
-from harness.view.turns import Turns
+from harness.view.messages import MAX_REQUEST_BYTES, STARTS_RENDERING, coalescing_key, error_message, header_of, packed
+from harness.view.render_slots import RenderSlots
+from harness.view.worker_pool import Worker, WorkerPool
 
-MOST_WAITING = 64
-MOST_A_SECOND = 400
-"""Requests that are read; a page that sends more has to wait, and nobody else does."""
+MAX_WAITING = 64
+MAX_PER_SECOND = 400
+"""Requests that are read from a page; one that sends more is slowed down, other pages are not."""
 PAUSE_SECONDS = 0.004
-PATIENCE_SECONDS = 3.0
-"""For a stop; a worker that does not hear it by then is ended."""
+STOP_SECONDS = 3.0
+"""A worker that does not stop within this time is killed."""
 Request = dict[str, Any]
 
 
 class Session:
-    """Runs until the tab closes; then its worker is gone, too. `begin` is the worker's first request."""
+    """Runs until the tab closes, then ends its worker. `begin` is the first request to the worker."""
 
-    def __init__(self, socket: WebSocket, workers: Workers, turns: Turns, begin: Request) -> None:
-        self._socket, self._workers, self._turns, self._begin = socket, workers, turns, begin
+    def __init__(self, socket: WebSocket, workers: WorkerPool, slots: RenderSlots, begin: Request) -> None:
+        self._socket, self._workers, self._slots, self._begin = socket, workers, slots, begin
         self._worker: Worker | None = None
         self._waiting: list[Request] = []
         self._arrived = asyncio.Event()
@@ -36,7 +36,7 @@ class Session:
 
     async def run(self) -> None:
         """Serves an accepted socket."""
-        tasks = [asyncio.create_task(part()) for part in (self._read, self._hand_on, self._answer)]
+        tasks = [asyncio.create_task(loop()) for loop in (self._read, self._forward_requests, self._forward_messages)]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -47,10 +47,10 @@ class Session:
                 task.cancel()
             if self._stopping is not None:
                 self._stopping.cancel()
-            self._turns.release(self)
+            self._slots.release(self)
             self._end_worker()
             await asyncio.gather(*tasks, return_exceptions=True)
-            self._end_worker()  # one that was just starting
+            self._end_worker()  # a worker that was just starting
 
     def _end_worker(self) -> None:
         if self._worker is not None:
@@ -62,7 +62,7 @@ class Session:
     # ---- from the page -----------------------------------------------------------------------------------------------
 
     async def _read(self) -> None:
-        """Reads requests at a limited pace: those of a flood wait in the sender's own buffers."""
+        """Reads requests at a limited rate: more of them wait in the buffers of the sender."""
         loop = asyncio.get_running_loop()
         second, count = loop.time(), 0
         while True:
@@ -72,111 +72,110 @@ class Session:
             if loop.time() - second >= 1.0:
                 second, count = loop.time(), 0
             count += 1
-            if count > MOST_A_SECOND:
+            if count > MAX_PER_SECOND:
                 await asyncio.sleep(max(0.0, second + 1.0 - loop.time()))
-            await self._take_in(message.get("text") or "")
+            await self._enqueue(message.get("text") or "")
 
-    async def _take_in(self, text: str) -> None:
+    async def _enqueue(self, text: str) -> None:
         try:
-            request = json.loads(text) if len(text) <= LONGEST_REQUEST else None
+            request = json.loads(text) if len(text) <= MAX_REQUEST_BYTES else None
         except (ValueError, RecursionError):
             request = None
-        if not isinstance(request, dict) or not isinstance(request.get("do"), str):
-            await self._socket.send_bytes(problem("a request is a JSON object with the key 'do'"))
+        if not isinstance(request, dict) or not isinstance(request.get("type"), str):
+            await self._socket.send_bytes(error_message("a request is a JSON object with the key 'type'"))
             return
-        if request["do"] == "stop":
+        if request["type"] == "stop":
             await self._stop()
-        if key := latest_key(request["do"], request.get("finger")):
-            self._waiting = [other for other in self._waiting if (other["do"], other.get("finger")) != key]
-        if len(self._waiting) >= MOST_WAITING:
-            await self._socket.send_bytes(problem("too many requests wait: this one was dropped"))
+        if key := coalescing_key(request["type"], request.get("finger")):
+            self._waiting = [other for other in self._waiting if (other["type"], other.get("finger")) != key]
+        if len(self._waiting) >= MAX_WAITING:
+            await self._socket.send_bytes(error_message("too many requests are waiting: this one was dropped"))
             return
         self._waiting.append(request)
         self._arrived.set()
 
     async def _stop(self) -> None:
-        """Forgets what was to begin; the worker gets some seconds to stop what it does."""
-        begun = [request for request in self._waiting if request["do"] in BEGIN_WORK]
-        self._waiting = [request for request in self._waiting if request["do"] not in BEGIN_WORK]
-        self._turns.give_up(self)
-        if begun and self._worker is None:
-            await self._socket.send_bytes(packed({"is": "state", "state": "stopped", "doing": ""}))
+        """Drops the waiting requests that start rendering; the worker gets some seconds to stop."""
+        dropped = [request for request in self._waiting if request["type"] in STARTS_RENDERING]
+        self._waiting = [request for request in self._waiting if request["type"] not in STARTS_RENDERING]
+        self._slots.cancel(self)
+        if dropped and self._worker is None:
+            await self._socket.send_bytes(packed({"type": "state", "state": "stopped", "activity": ""}))
         if self._worker is not None and self._stopping is None:
             loop = asyncio.get_running_loop()
-            self._stopping = loop.call_later(PATIENCE_SECONDS, self._worker.kill)
+            self._stopping = loop.call_later(STOP_SECONDS, self._worker.kill)
 
-    async def _hand_on(self) -> None:
-        """Gives requests to the worker, which begins work only when it is this tab's turn."""
+    async def _forward_requests(self) -> None:
+        """Sends requests to the worker; one that starts rendering waits for a render slot."""
         while True:
             await self._arrived.wait()
             self._arrived.clear()
             while self._waiting:
                 request = self._waiting[0]
-                if request["do"] in BEGIN_WORK and not await self._turn():
+                if request["type"] in STARTS_RENDERING and not await self._acquire_slot():
                     continue
                 if not self._waiting:
                     break
                 request = self._waiting.pop(0)
-                worker = await self._ready()
-                if request["do"] in BEGIN_WORK:
+                worker = await self._running_worker()
+                if request["type"] in STARTS_RENDERING:
                     self._seq += 1
                     request["seq"] = self._seq
                 await worker.send(request)
             await asyncio.sleep(PAUSE_SECONDS)
 
-    async def _ready(self) -> Worker:
-        """The worker, once there is one."""
+    async def _running_worker(self) -> Worker:
+        """Waits for the worker."""
         while self._worker is None:
             await asyncio.sleep(PAUSE_SECONDS)
         return self._worker
 
-    async def _turn(self) -> bool:
-        """Waits for the tab's turn; False where a stop came first."""
-        if not self._turns.free_for(self):
-            others = self._turns.rendering
-            words = f"{others} other tabs are rendering; this one waits for its turn. Stop or close one of them."
-            await self._socket.send_bytes(packed({"is": "state", "state": "waiting", "doing": words}))
-        return await self._turns.acquire(self)
+    async def _acquire_slot(self) -> bool:
+        """Waits for a render slot; False where a stop came first."""
+        if not self._slots.is_free_for(self):
+            activity = f"{self._slots.in_use} other tabs are rendering; this one waits for them. Stop or close one of them."
+            await self._socket.send_bytes(packed({"type": "state", "state": "waiting", "activity": activity}))
+        return await self._slots.acquire(self)
 
     # ---- to the page -------------------------------------------------------------------------------------------------
 
-    async def _answer(self) -> None:
-        """Hands the worker's messages to the page."""
-        worker = await self._begun()
+    async def _forward_messages(self) -> None:
+        """Sends the messages of the worker to the page; replaces a worker that has ended."""
+        worker = await self._new_worker()
         while True:
             message = await worker.receive()
             if message is None:
-                worker = await self._replaced(worker)
+                worker = await self._replace(worker)
                 continue
-            told = header_of(message)
-            if told["is"] == "state":
-                self._rested(told)
+            header = header_of(message)
+            if header["type"] == "state":
+                self._note_state(header)
             await self._socket.send_bytes(message)
 
-    def _rested(self, told: Request) -> None:
-        """Gives the turn back when the worker rests, and has not been asked for more since."""
-        if told["state"] == "busy":
+    def _note_state(self, header: Request) -> None:
+        """Releases the render slot when the worker has finished the last request that starts rendering."""
+        if header["state"] == "busy":
             return
         if self._stopping is not None:
             self._stopping.cancel()
             self._stopping = None
-        if told.get("seq") == self._seq:
-            self._turns.release(self)
+        if header.get("seq") == self._seq:
+            self._slots.release(self)
 
-    async def _begun(self) -> Worker:
-        """A worker that knows what it is for."""
+    async def _new_worker(self) -> Worker:
+        """Takes a worker from the pool and sends it `begin`."""
         worker = await self._workers.take()
         await worker.send(self._begin)
         self._worker = worker
         return worker
 
-    async def _replaced(self, worker: Worker) -> Worker:
-        """Says that the worker has ended; the next one knows no scene yet."""
+    async def _replace(self, worker: Worker) -> Worker:
+        """Tells the page that the worker has ended, and takes a new one, which has no scene yet."""
         self._worker = None
-        how = await worker.ended()
-        asked, self._stopping = self._stopping is not None, None
-        self._turns.release(self)
-        words = "It did not stop within some seconds and was ended." if asked else f"The process that rendered {how}."
-        await self._socket.send_bytes(packed({"is": "lost", "text": f"{words} Start begins anew."}))
-        await self._socket.send_bytes(packed({"is": "state", "state": "stopped", "doing": ""}))
-        return await self._begun()
+        ending = await worker.ended()
+        stopped, self._stopping = self._stopping is not None, None
+        self._slots.release(self)
+        reason = "The render did not stop within some seconds and was killed." if stopped else f"The worker process {ending}."
+        await self._socket.send_bytes(packed({"type": "worker_lost", "text": f"{reason} Start opens the scene again."}))
+        await self._socket.send_bytes(packed({"type": "state", "state": "stopped", "activity": ""}))
+        return await self._new_worker()

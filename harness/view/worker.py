@@ -1,7 +1,7 @@
-"""The process that renders for one tab: `python -m harness.view.worker`, messages on its pipes (see `messages`).
+"""The worker process of one tab: `python -m harness.view.worker`, with messages on its pipes (see `messages`).
 
-Four bytes of length go before every message. The first request, `begin`, says which desk works here: `view`, `race` or
-`demo`. A thread reads requests as they come, so that a stop is heard while something renders.
+Every message follows four bytes of length. The first request, `begin`, chooses the controller: `view`, `race` or
+`dahlquist`. A thread reads requests, so that a stop is received during a render.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from harness.view.messages import packed, problem
-from harness.worker import die_with_parent, one_line
+from harness.processes import die_with_parent, one_line
+from harness.view.messages import error_message, packed
 
 NICE = 5
-"""Renders stand behind the server, the browser, and the threads that tell of them, so that those answer at once."""
+"""Renders have a lower priority than the server, the browser and the publishing threads, which then answer at once."""
 PIPE_BYTES = 1 << 20
-"""A frame then passes in a write or two; with Linux's 64 KiB every part of it waits for two processes to wake."""
+"""A frame then needs one or two writes; with the 64 KiB of Linux both processes must wake up for each part."""
 F_SETPIPE_SZ = 1031
 
 
-class Desk(Protocol):
-    """What a tab shows. `hear` is called on the reading thread and returns at once; `start` tells what there is and starts
-    threads; `run` works, on the main thread, and never returns."""
+class Controller(Protocol):
+    """What runs a page. `receive` is called on the reading thread and returns at once; `start` sends the menu and starts
+    threads; `run` renders, on the main thread, and never returns."""
 
-    def hear(self, request: Any) -> None: ...
+    def receive(self, request: Any) -> None: ...
 
     def start(self) -> None: ...
 
@@ -37,7 +37,7 @@ class Desk(Protocol):
 
 
 class Pipes:
-    """The server's ends; whatever else prints goes to stderr."""
+    """The pipes to the server, on stdin and stdout; other output goes to stderr."""
 
     def __init__(self) -> None:
         self._requests = open(os.dup(0), "rb")  # noqa: SIM115 (open as long as the process)
@@ -52,7 +52,7 @@ class Pipes:
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
 
     def receive(self) -> dict[str, Any]:
-        """The next request; ends the process when the server has gone."""
+        """The next request; ends the process when the server has ended."""
         length = self._requests.read(4)
         data = self._requests.read(int.from_bytes(length, "little")) if len(length) == 4 else b""
         if not data:
@@ -60,7 +60,7 @@ class Pipes:
         return json.loads(data)
 
     def send(self, message: bytes) -> None:
-        """Writes a message whole; from any thread."""
+        """Writes a whole message, from any thread."""
         view = memoryview(len(message).to_bytes(4, "little") + message)
         try:
             with self._writing:
@@ -73,38 +73,38 @@ class Pipes:
 def main() -> None:
     die_with_parent()
     pipes = Pipes()
-    import harness.view.live  # noqa: F401
+    import harness.view.view_controller  # noqa: F401
     from harness.view.menu import engines_listed
 
-    engines_listed()  # a worker that waits for a tab has its imports behind it
-    pipes.send(packed({"is": "ready"}))
+    engines_listed()  # so that a reserve worker has done its imports
+    pipes.send(packed({"type": "ready"}))
     begin = pipes.receive()
     try:
-        desk = desk_of(begin, pipes.send)
+        controller = controller_of(begin, pipes.send)
     except Exception as error:
         traceback.print_exc()
-        pipes.send(problem(one_line(error)))
+        pipes.send(error_message(one_line(error)))
         return
-    desk.start()
-    threading.Thread(target=listen, args=(pipes, desk), daemon=True).start()
+    controller.start()
+    threading.Thread(target=listen, args=(pipes, controller), daemon=True).start()
     if hasattr(os, "nice"):
         os.nice(NICE)  # on Linux this thread's own, and that of threads it starts: the engines'
-    desk.run()
+    controller.run()
 
 
-def listen(pipes: Pipes, desk: Desk) -> None:
-    """Hands requests on; what is wrong with one is told."""
+def listen(pipes: Pipes, controller: Controller) -> None:
+    """Passes requests to the controller; an invalid one is answered with an error message."""
     from harness.view.requests import checked
 
     while True:
         given = pipes.receive()
         try:
-            desk.hear(checked(given))
+            controller.receive(checked(given))
         except Exception as error:
-            pipes.send(problem(one_line(error)))
+            pipes.send(error_message(one_line(error)))
 
 
-def desk_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Desk:
+def controller_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Controller:
     from pathlib import Path
 
     from harness.view.library import Library
@@ -112,17 +112,17 @@ def desk_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Desk:
     library, allow_imports = Library(Path(begin["folder"])), bool(begin["allow_imports"])
     if allow_imports:
         sys.path.insert(0, os.getcwd())
-    if begin["desk"] == "race":
-        from harness.view.race import RaceDesk
+    if begin["page"] == "race":
+        from harness.view.race_controller import RaceController
 
-        return RaceDesk(send, library, Path(begin["scratch"]), allow_imports)
-    if begin["desk"] == "dahlquist":
-        from harness.view.demo import DemoDesk
+        return RaceController(send, library, Path(begin["scratch"]), allow_imports)
+    if begin["page"] == "dahlquist":
+        from harness.view.dahlquist_controller import DahlquistController
 
-        return DemoDesk(send)
-    from harness.view.live import ViewDesk
+        return DahlquistController(send)
+    from harness.view.view_controller import ViewController
 
-    return ViewDesk(send, library, allow_imports)
+    return ViewController(send, library, allow_imports)
 
 
 if __name__ == "__main__":

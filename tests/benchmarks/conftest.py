@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.sentinel import sentinel_seconds
+from harness.measure.sentinel import sentinel_seconds
 
 BASELINE = Path(__file__).with_name("baseline.json")
 MODE = os.environ.get("RAYBENCH_BASELINE", "")
@@ -50,13 +50,13 @@ def pytest_terminal_summary(terminalreporter, config):
     terminalreporter.section("against the baseline, in units of the sentinel kernel")
     for name, ratio, before, factor in changes(found):
         word = "new" if factor is None else "slower" if factor > NOTABLE else "faster" if factor < 1 / NOTABLE else ""
-        told = "" if factor is None else f"{before:10.3g} before  x {factor:.2f}"
-        terminalreporter.line(f"{name:58} {ratio:10.3g}  {told} {word}")
+        change = "" if factor is None else f"{before:10.3g} before  x {factor:.2f}"
+        terminalreporter.line(f"{name:58} {ratio:10.3g}  {change} {word}")
     if MODE == "update":
         known = json.loads(BASELINE.read_text())["ratios"] if BASELINE.exists() else {}
         least = {name: min(ratio, known.get(name, ratio)) for name, ratio in found.items()}
         merged = {name: float(f"{ratio:.3g}") for name, ratio in sorted({**known, **least}.items())}
-        text = {"unit": "least seconds over those of harness.sentinel in the same session", "ratios": merged}
+        text = {"unit": "least seconds over those of harness.measure.sentinel in the same session", "ratios": merged}
         BASELINE.write_text(json.dumps(text, indent=2) + "\n")
         terminalreporter.line(f"{BASELINE} written")
 

@@ -12,7 +12,7 @@ import time
 from typing import Any, NamedTuple
 
 import engines
-from harness import catalog
+from harness.config import paths
 
 SCENES = ("cornell_box", "cornell_mesh", "two_spheres")
 SHADER = {"name": "path_tracer", "max_depth": 6, "rr_depth": 1000}
@@ -105,7 +105,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=0.4, help="of a turn")
     given = parser.parse_args()
     for name in given.scenes:
-        scene = engines.load_scene(catalog.find("scenes", name))
+        scene = engines.load_scene(paths.find("scenes", name))
         show(name, rates(scene, (given.size, given.size), given.threads, given.turns, given.seconds))
 
 

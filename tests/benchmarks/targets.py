@@ -23,7 +23,7 @@ TURNS = 5
 RAYS = 1_000_000
 
 
-def ball(subdivisions: int) -> engines.Scene:
+def sphere_mesh(subdivisions: int) -> engines.Scene:
     """20 x 4^subdivisions triangles; 7 gives 327,680."""
     return engines.scene_from({
         "raybench_scene": 1,
@@ -43,7 +43,7 @@ def prepared(engine: str, scene: engines.Scene, accelerator: Any = "auto", threa
 
 
 def incoherent(n: int) -> tuple[Any, Any]:
-    """Rays from a sphere of twice the ball's radius through random points within it."""
+    """Rays from a sphere of twice the mesh's radius through random points within it."""
     rng = np.random.default_rng(1)
     start, through = rng.normal(size=(2, n, 3))
     start *= 2 / np.linalg.norm(start, axis=1, keepdims=True)
@@ -53,7 +53,7 @@ def incoherent(n: int) -> tuple[Any, Any]:
 
 
 def coherent(n: int) -> tuple[Any, Any]:
-    """Camera rays, row by row of a square image that the ball fills."""
+    """Camera rays, row by row of a square image that the mesh fills."""
     side = int(n**0.5)
     x, y = np.meshgrid(*(np.linspace(-0.3, 0.3, side),) * 2)
     way = np.stack([x.ravel(), -y.ravel(), np.full(side * side, -1.0)], axis=1)
@@ -73,7 +73,7 @@ def in_turns(calls: dict[str, Callable[[], Any]]) -> dict[str, float]:
     return {name: statistics.median(found) for name, found in seconds.items()}
 
 
-def told(what: str, ratio: float, wanted: str, detail: str = "") -> None:
+def report(what: str, ratio: float, wanted: str, detail: str = "") -> None:
     print(f"{what:64} {ratio:8.3g}   {wanted:12} {detail}", flush=True)
 
 
@@ -89,7 +89,7 @@ def plain_embree(scene: engines.Scene) -> tuple[Any, Any]:
 
 def trace() -> None:
     """Incoherent and camera rays on 327,680 triangles."""
-    scene = ball(7)
+    scene = sphere_mesh(7)
     theirs, kept = plain_embree(scene)
     (origins, directions), eye = incoherent(RAYS), coherent(RAYS)
     narrow = origins.astype(np.float32), directions.astype(np.float32)
@@ -104,15 +104,15 @@ def trace() -> None:
     del kept
     rate = {name: RAYS / seconds / 1e6 for name, seconds in found.items()}
     detail = ", ".join(f"{name} {value:.2f}" for name, value in rate.items()) + " million rays/s"
-    told("trace, embree on 2 threads over embreex.run", rate["embree"] / rate["embreex.run"], ">= 1.9", detail)
-    told("trace, numba bvh over embree", rate["numba bvh"] / rate["embree"], ">= 0.8")
-    told("trace, embree, camera rays over incoherent", rate["embree, camera"] / rate["embree"], ">= 1.5")
+    report("trace, embree on 2 threads over embreex.run", rate["embree"] / rate["embreex.run"], ">= 1.9", detail)
+    report("trace, numba bvh over embree", rate["numba bvh"] / rate["embree"], ">= 0.8")
+    report("trace, embree, camera rays over incoherent", rate["embree, camera"] / rate["embree"], ">= 1.5")
 
 
 def build() -> None:
     """Seconds that prepare spends on the tree."""
     for subdivisions, wanted in ((7, "<= 0.15 s"), (8, "<= 0.79 s")):
-        scene, faces = ball(subdivisions), 20 * 4**subdivisions
+        scene, faces = sphere_mesh(subdivisions), 20 * 4**subdivisions
         seconds: dict[str, list[float]] = {"bvh": [], "embree": [], "whole": []}
         for _ in range(TURNS):
             for engine, name in (("numba", "bvh"), ("embree", "embree")):
@@ -123,25 +123,25 @@ def build() -> None:
                     size = renderer.counters()["accelerator_bytes"] / faces
         found = {name: statistics.median(values) for name, values in seconds.items()}
         detail = f"embree {found['embree']:.3f} s; with flattening {found['whole']:.3f} s; {size:.0f} bytes a triangle"
-        told(f"build of {faces:,} triangles, numba bvh, s", found["bvh"], wanted, detail)
+        report(f"build of {faces:,} triangles, numba bvh, s", found["bvh"], wanted, detail)
 
 
 def growth() -> None:
     """Cost of an incoherent ray from 20,480 to 1,310,720 triangles."""
     origins, directions = incoherent(RAYS // 4)
     for engine, name, wanted in (("numba", "bvh", "<= 2.5"), ("embree", "embree", "<= 2")):
-        small, large = (prepared(engine, ball(k), name) for k in (5, 8))
+        small, large = (prepared(engine, sphere_mesh(k), name) for k in (5, 8))
         found = in_turns({
             "small": lambda small=small: small.trace(origins, directions),
             "large": lambda large=large: large.trace(origins, directions),
         })  # fmt: skip
-        told(f"cost of a ray, 1.3e6 over 2e4 triangles, {engine}", found["large"] / found["small"], wanted)
+        report(f"cost of a ray, 1.3e6 over 2e4 triangles, {engine}", found["large"] / found["small"], wanted)
     narrow = origins.astype(np.float32), directions.astype(np.float32)
-    (small, _one), (large, _other) = (plain_embree(ball(k)) for k in (5, 8))
+    (small, _one), (large, _other) = (plain_embree(sphere_mesh(k)) for k in (5, 8))
     found = in_turns({
         "small": lambda: small.run(*narrow, query="INTERSECT"), "large": lambda: large.run(*narrow, query="INTERSECT")
     })  # fmt: skip
-    told("the same of embreex.run, one thread", found["large"] / found["small"], "-")
+    report("the same of embreex.run, one thread", found["large"] / found["small"], "-")
 
 
 def threads() -> None:
@@ -150,7 +150,7 @@ def threads() -> None:
     for engine, name in (("numba", "auto"), ("numba", "bvh"), ("embree", "auto")):
         one, two = (prepared(engine, scene, name, k, **size) for k in (1, 2))
         found = in_turns({"one": lambda one=one: one.render(8), "two": lambda two=two: two.render(16)})
-        told(f"speed-up with 2 threads, {engine} {name}", 2 * found["one"] / found["two"], ">= 1.85")
+        report(f"speed-up with 2 threads, {engine} {name}", 2 * found["one"] / found["two"], ">= 1.85")
 
 
 def first() -> None:
@@ -159,27 +159,27 @@ def first() -> None:
     for what, code, wanted in (("import engines", "", "< 0.4 s"), ("first pixel of cornell_box", pixel, "< 2.5 s")):
         command = [sys.executable, "-c", "import engines" + code]
         found = in_turns({"it": lambda command=command: subprocess.run(command, check=True)})
-        told(f"second process, {what}, s", found["it"], wanted)
+        report(f"second process, {what}, s", found["it"], wanted)
 
 
 def numpy() -> None:
     rays = incoherent(65_536)
-    renderer = engines.engine("numpy").prepare(ball(4), engines.Settings(accelerator="bvh"))
+    renderer = engines.engine("numpy").prepare(sphere_mesh(4), engines.Settings(accelerator="bvh"))
     found = in_turns({"it": lambda: renderer.trace(*rays)})
-    told("numpy bvh, 5,120 triangles, million rays/s", len(rays[0]) / found["it"] / 1e6, ">= 0.3")
+    report("numpy bvh, 5,120 triangles, million rays/s", len(rays[0]) / found["it"] / 1e6, ">= 0.3")
 
 
 def memory() -> None:
     """Peak of a process that draws 1.3 million triangles at 1920 x 1080 with embree."""
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); import targets; "
-        "targets.prepared('embree', targets.ball(8), width=1920, height=1080).render(1); "
+        "targets.prepared('embree', targets.sphere_mesh(8), width=1920, height=1080).render(1); "
         # not getrusage: a child's begins with what its parent held
         "print(next(int(line.split()[1]) for line in open('/proc/self/status') if line.startswith('VmHWM')) / 2**20)"
     )
     command = [sys.executable, "-c", code, os.path.dirname(os.path.abspath(__file__))]
     peak = float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    told("peak memory, 1.3e6 triangles, 1920x1080, embree, GiB", peak, "< 1.2")
+    report("peak memory, 1.3e6 triangles, 1920x1080, embree, GiB", peak, "< 1.2")
 
 
 ROWS = {f.__name__: f for f in (trace, build, growth, threads, first, numpy, memory)}

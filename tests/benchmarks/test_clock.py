@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from harness import measure
-from harness.machine import Disturbance
+from harness.measure import clock
+from harness.measure.contention import Disturbance
 
 pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=20)
 
@@ -25,13 +25,13 @@ def test_bare_pass(benchmark):
 
 
 def test_pass_on_the_clock(benchmark):
-    benchmark(measure.timed_call, Busy().render, 1, Disturbance())
+    benchmark(clock.timed_call, Busy().render, 1, Disturbance())
 
 
 def test_clock_alone(benchmark):
     """Its bookkeeping included, most of which `perf_counter` does not see; all of it is below 1 % of a pass of 10 ms."""
     disturbance = Disturbance()
-    benchmark(measure.timed_call, lambda spp: None, 1, disturbance)
-    seen = [measure.timed_call(lambda spp: None, 1, disturbance)[1] for _ in range(200)]
+    benchmark(clock.timed_call, lambda spp: None, 1, disturbance)
+    seen = [clock.timed_call(lambda spp: None, 1, disturbance)[1] for _ in range(200)]
     benchmark.extra_info["seconds_on_the_clock"] = float(np.median(seen))
     assert np.median(seen) < benchmark.stats.stats.median < 1e-4

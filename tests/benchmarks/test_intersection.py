@@ -24,7 +24,7 @@ pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
 
 
 @cache
-def ball(size):
+def sphere_mesh(size):
     return scene_from({
         "raybench_scene": 1,
         "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
@@ -37,7 +37,7 @@ def ball(size):
 
 @cache
 def prepared(name, accelerator, size, precision=None, threads=None):
-    renderer = engine(name).prepare(ball(size), settings(name, accelerator, precision, threads))
+    renderer = engine(name).prepare(sphere_mesh(size), settings(name, accelerator, precision, threads))
     renderer.warm_up()
     for query in (renderer.trace, renderer.occluded):
         query(*rays())
@@ -51,7 +51,7 @@ def settings(name, accelerator, precision, threads):
 
 @cache
 def rays(n=RAYS):
-    """From a sphere about the ball to points about it: two thirds hit."""
+    """From a sphere around the mesh to points near it: two thirds hit."""
     rng = np.random.default_rng(1)
     origins = rng.normal(size=(n, 3))
     origins *= 3 / np.linalg.norm(origins, axis=1, keepdims=True)
@@ -86,19 +86,19 @@ def test_closest_of_many_incoherent_rays(benchmark, name, size):
 @pytest.mark.parametrize("name", ["numba", "embree"])
 @pytest.mark.parametrize("size", ["327680", "1310720"])
 def test_build_of_a_large_tree(benchmark, name, size):
-    """Two threads. The benchmark is `prepare`, with the world's arrays; `build_seconds` is there as extra information."""
+    """Two threads. The benchmark is `prepare`, with flattening the scene; `build_seconds` is there as extra information."""
     chosen, wanted = engine(name), settings(name, "auto", "float32", 2)
-    renderer = benchmark.pedantic(chosen.prepare, (ball(size), wanted), rounds=5, warmup_rounds=1)
+    renderer = benchmark.pedantic(chosen.prepare, (sphere_mesh(size), wanted), rounds=5, warmup_rounds=1)
     benchmark.extra_info["build_seconds"] = renderer.counters()["build_seconds"]
     benchmark.extra_info["accelerator_bytes"] = renderer.counters()["accelerator_bytes"]
 
 
 @pytest.mark.parametrize(("name", "accelerator", "size"), [case for case in CASES if case[1] != "none"])
 def test_build(benchmark, name, accelerator, size):
-    """`prepare` whole: the tree is most of it on large scenes, the world's arrays on small ones."""
+    """`prepare` whole: the tree is most of it on large scenes, flattening on small ones."""
     prepared(name, accelerator, size)
     chosen = engine(name)
     renderer = benchmark.pedantic(
-        chosen.prepare, (ball(size), Settings(accelerator=accelerator)), rounds=7, warmup_rounds=1
+        chosen.prepare, (sphere_mesh(size), Settings(accelerator=accelerator)), rounds=7, warmup_rounds=1
     )
     benchmark.extra_info["build_seconds"] = renderer.counters()["build_seconds"]

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from harness import config, plan, store, sweep
+from harness import config, store
+from harness.plan import planner
+from harness.run import sweep
 
 HERE = Path(__file__).resolve().parent
 PASSES, ROUNDS = 40, 4
@@ -45,7 +47,7 @@ def measured(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(HERE))
     (tmp_path / "ball.yaml").write_text(SCENE)
     (tmp_path / "busy.yaml").write_text(EXPERIMENT)
-    made = plan.make(config.load(str(tmp_path / "busy.yaml")), allow_imports=True)
+    made = planner.make(config.load(str(tmp_path / "busy.yaml")), allow_imports=True)
     folders = (tmp_path / str(number) for number in range(100))
 
     def cell():

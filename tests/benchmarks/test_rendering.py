@@ -9,7 +9,7 @@ from engines.film import Film
 from engines.interface import Settings
 from engines.registry import engine
 from engines.scene import load_scene
-from harness import catalog
+from harness.config import paths
 from harness.metrics import Reference, measure
 
 SCENE = "cornell_box"
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
 
 @cache
 def scene():
-    return load_scene(catalog.find("scenes", SCENE))
+    return load_scene(paths.find("scenes", SCENE))
 
 
 @pytest.mark.parametrize(

@@ -8,14 +8,14 @@ from engines import Settings, dahlquist
 from engines.dahlquist import physical
 from engines.image import read_image
 from engines.scene import load_scene
-from harness import catalog
+from harness.config import paths
 
 FRAME = {"shader": {"name": "whitted", "max_depth": 6, "ambient": 0.0}, "sampler": {"name": "constant", "value": 0.0}}
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return load_scene(catalog.find("scenes", "dahlquist"))
+    return load_scene(paths.find("scenes", "dahlquist"))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_the_shipped_scene_is_the_eleventh_call(scene, eleventh):
     assert np.allclose([shape.center for shape in scene.shapes], centers, rtol=1e-7)
     assert np.array_equal(physical.from_world([shape.center for shape in scene.shapes]), eleventh)
     assert scene.camera.fov == pytest.approx(mapping["camera"]["fov"], rel=1e-8)
-    sky = read_image(catalog.find("scenes", "dahlquist").parent / "dahlquist_sky.exr")
+    sky = read_image(paths.find("scenes", "dahlquist").parent / "dahlquist_sky.exr")
     assert np.abs(sky - physical.sky(dahlquist.smooth_probe())).max() < 1e-3
 
 
@@ -67,7 +67,7 @@ def test_the_reference_comes_near_the_ports_balls(scene):
 def test_the_port_declines_other_scenes():
     engine = engines.engine("dahlquist")
     for name in ("two_spheres", "cornell_box"):
-        assert "five balls" in (engine.why_not(load_scene(catalog.find("scenes", name)), Settings()) or "")
+        assert "five balls" in (engine.why_not(load_scene(paths.find("scenes", name)), Settings()) or "")
 
 
 def test_the_port_declines_an_image_that_is_not_square(scene):

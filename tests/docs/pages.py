@@ -20,8 +20,8 @@ def follow(page: str, folder: Path) -> None:
         (folder / name).symlink_to(ROOT / name)
     if "results/baseline" in TEXT[page]:
         shutil.copytree(ROOT / "results/baseline", folder / "results/baseline")
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-m", "tests.docs.story", str(ROOT / page)],
         cwd=folder, env=environment(folder), capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert told.returncode == 0, told.stderr[-8000:]
+    assert done.returncode == 0, done.stderr[-8000:]

@@ -70,15 +70,15 @@ def console(block: Block, here: str) -> str:
         line = command.text.partition("  #")[0] + added
         code, shown = run(line)
         everything += shown
-        told = f"{here}: $ {line}\n{shown[-4000:]}"
-        assert code == wanted, f"exit code {code}: {told}"
+        context = f"{here}: $ {line}\n{shown[-4000:]}"
+        assert code == wanted, f"exit code {code}: {context}"
         lacking = missing(command.output, shown)
-        assert lacking is None, f"{lacking!r} was not printed: {told}"
+        assert lacking is None, f"{lacking!r} was not printed: {context}"
     return everything
 
 
 FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["harness.cli", "harness.commands", "harness.report"])
+FORKS.set_forkserver_preload(["harness.cli", "harness.cli.experiments", "harness.report"])
 """A process that has imported what our commands need and forks for each: importing it would take longer than most of them."""
 
 

@@ -56,8 +56,8 @@ def site(tmp_path_factory) -> Path:
     """The site, built as `make docs` builds it."""
     folder = tmp_path_factory.mktemp("site")
     build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(folder / "trees"), str(DOCS)]
-    told = subprocess.run([*build, str(folder / "html")], capture_output=True, text=True, check=False)
-    assert (told.returncode, told.stderr) == (0, "")
+    done = subprocess.run([*build, str(folder / "html")], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
     return folder / "html"
 
 
@@ -72,7 +72,7 @@ def test_the_site_needs_no_network(site):
 @pytest.mark.parametrize(
     ("page", "words"),
     [
-        ("reference/command_line", ("raybench equivalence", "--set KEY=VALUE", "Samples a pixel.")),
+        ("reference/command_line", ("raybench equivalence", "--set KEY=VALUE", "Samples per pixel.")),
         ("reference/experiment", ("budget", "certify", "in [1, 1000]")),
         ("reference/scene", ("sphereflake", "tessellated_sphere", "two_sided", "degrees")),
         ("reference/names", ("path_tracer", "embreex_batch", "rr_depth", "leaf_size", "aces")),

@@ -10,7 +10,7 @@ import pytest
 import engines
 from engines import Settings, Unsupported
 from engines.export import export
-from harness import catalog
+from harness.config import paths
 from harness.statistics import equivalence
 from tests.harness.sweeping import raybench
 
@@ -18,7 +18,7 @@ SIDE, SPP, REPLICATES = 24, 16, 12
 
 
 def _scene(name):
-    return engines.load_scene(catalog.find("scenes", name))
+    return engines.load_scene(paths.find("scenes", name))
 
 
 def _by_mitsuba(file):

@@ -9,7 +9,10 @@ import sweeping
 from describing import described
 
 from engines.errors import ConfigError
-from harness import config, machine, measure, plan, store, sweep
+from harness import config, store
+from harness.measure import clock, contention
+from harness.plan import planner
+from harness.run import sweep
 
 MODES = ("well", "crash", "garbage", "nan", "hang")
 
@@ -24,7 +27,7 @@ def swept(tmp_path_factory):
     text = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", f"{files}")
     text = text.replace("timeout: 20s", "timeout: 8s").replace("repeats: 2", "repeats: 1") + "sampler: random\n"
     path = sweeping.write(folder, text)
-    made = plan.make(config.load(path), allow_imports=True, allow_commands=True)
+    made = planner.make(config.load(path), allow_imports=True, allow_commands=True)
     start = time.monotonic()
     outcome = sweep.run(made, folder / "out", sweep.Options(allow_imports=True, allow_commands=True), sweeping.Quiet())
     return path, folder / "out", outcome, time.monotonic() - start
@@ -49,7 +52,7 @@ def test_the_seconds_are_those_of_the_processes_alone(swept):
     assert [point["spp"] for point in event["points"]] == [1, 2, 4, 8]
     assert 0 < event["points"][-1]["seconds"] < wall
     assert event["points"][-1]["seconds"] == pytest.approx(event["counters"]["told_seconds"])
-    assert "/" not in event["asked"]["engine"] and event["engine_version"].startswith("1-")
+    assert "/" not in event["spec"]["engine"] and event["engine_version"].startswith("1-")
     assert event["command"].endswith("--allow-commands")
 
 
@@ -65,7 +68,7 @@ def test_no_program_outlives_its_timeout(swept):
 def test_a_program_is_run_only_where_that_is_allowed(swept):
     path, out, _, _ = swept
     with pytest.raises(ConfigError, match="--allow-commands"):
-        plan.make(config.load(path), allow_imports=True)
+        planner.make(config.load(path), allow_imports=True)
     for refused in ("run", "plan"):
         done = sweeping.raybench(refused, path, "--out", out, "--allow-imports")
         assert done.returncode == 2 and "--allow-commands" in done.stderr and "Traceback" not in done.stderr
@@ -93,13 +96,13 @@ def test_what_a_renderer_tells_replaces_what_was_waited_for():
         def counters(self):
             return {"told_seconds": self.seconds}
 
-    schedule = measure.Schedule(2.0, 1, 8, 100.0)
-    points = list(measure.timed_points(Told(), schedule, measure.one_sample(Told()), measure.Disturbance()))  # pyright: ignore
+    schedule = clock.Schedule(2.0, 1, 8, 100.0)
+    points = list(clock.timed_points(Told(), schedule, clock.one_sample(Told()), clock.Disturbance()))  # pyright: ignore
     assert [point.seconds for point in points] == [1.0, 2.0, 4.0, 8.0]
 
 
 def test_a_programs_work_counts_as_the_cells_own():
     """Else every cell of a renderer by process would seem to be disturbed by others."""
-    before = machine.sample().own
+    before = contention.sample().own
     subprocess.run([sys.executable, "-c", "while __import__('time').process_time() < 0.3: pass"], check=True)
-    assert machine.sample().own - before > 0.25
+    assert contention.sample().own - before > 0.25

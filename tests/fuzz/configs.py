@@ -32,7 +32,7 @@ order: {policy: blocks, seed: 1}
 reference: {engine: numba, spp: 128, seed: 9000}
 quality: {metric: relmse, epsilon: 1e-2, targets: [1.0e-1, 1e-2, 0.001]}
 images: last
-control: true
+aa_twin: true
 verify: {cases: [stability], quick: true, timeout: 5m}
 """
 TREE = yaml.safe_load(FULL)

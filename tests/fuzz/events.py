@@ -10,9 +10,9 @@ from random import Random
 from typing import Any
 
 from harness.analysis import analyse
-from harness.report.assembly import report_html
-from harness.results import load_results
-from harness.tables import write_tables
+from harness.report.html.assembly import report_html
+from harness.report.tables import write_tables
+from harness.store.results import load_results
 from tests.fuzz.mutate import mutated_bytes, mutated_text, mutated_tree
 from tests.harness.synthetic import Size, write_folder
 

@@ -17,16 +17,22 @@ TREE = {
     "camera": {"type": "perspective", "eye": [0.1, 1.0, 5.0], "target": [0.0, 1.0, 0.0], "up": [0.0, 1.0, 0.0], "fov": 40.0,
                "fov_axis": "x", "resolution": [8, 8]},
     "materials": {"m": {"kd": [0.5, 0.4, 0.3]}, "lamp": {"emission": 1e-3, "two_sided": True},
-                  "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True}},
+                  "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
+                  "gold": {"conductor": {"metal": "Au", "alpha": [0.1, 0.2]}},
+                  "metal": {"conductor": {"eta": [0.5, 1.5, 2.5], "k": 3.5, "alpha": 0.5, "specular_reflectance": 0.5}}},
     "shapes": [],
     "lights": [
         {"point": {"position": [0.5, 3.0, 0.5], "intensity": 10.0, "falloff": "none"}},
         {"directional": {"direction": [0.1, -1.0, 0.1], "irradiance": 1.0}},
         {"environment": {"radiance": [1.0, 0.5, 0.25]}},
+        {"spot": {"position": [0.5, 3.0, 0.5], "target": [0.5, 0.5, 0.0], "intensity": 1.0, "cutoff": 30.0,
+                  "beam_width": 20.0}},
     ],
 }  # fmt: skip
 SHAPES = [
     {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 1.5}, "material": "m"},
+    {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.5}, "material": "metal"},
+    {"disk": {"center": [0.5, 1.5, 0.5], "normal": [0.1, 1.0, 0.1], "radius": 0.5}, "material": "gold"},
     {"plane": {"point": [0.0, -1.0, 0.0], "normal": [0.1, 1.0, 0.1]}, "material": "m"},
     {"triangle": {"a": [0.5, 0.5, 0.5], "b": [1.5, 0.5, 0.5], "c": [0.5, 1.5, 0.5]}, "material": "lamp"},
     {"mesh": {"vertices": [[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [0.5, 1.5, 0.5]], "faces": [[0, 1, 2]], "smooth": True,

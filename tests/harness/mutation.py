@@ -26,9 +26,8 @@ WRONG = (
 
 def write_whole(folder: Path) -> Path:
     """A small results folder in which every kind of event stands."""
-    from harness import conclusions
-    from harness.analysis import analyse
-    from harness.results import load_results
+    from harness.analysis import analyse, archived_verdicts
+    from harness.store.results import load_results
     from tests.harness.synthetic import Size, write_folder
 
     write_folder(folder, Size(16, 12), seeds=2, threads=(1,))
@@ -47,26 +46,26 @@ def write_whole(folder: Path) -> Path:
     }  # fmt: skip
     finding = {
         "engine": "numba", "version": "1", "precision": "float64", "tracing": "float64", "accelerator": "bvh",
-        "section": "stability", "case": "sphere-distance", "asked": "?", "source": "here", "parameter": "t, 1e3",
-        "count": 100, "error": 1e-9, "unit": "1", "allowed": 1e-6, "verdict": "kept", "median": 0.5, "tail": 1.0,
-        "worst": 2.0, "seconds": 0.1, "note": "", "typical": 1e-10,
+        "section": "stability", "case": "sphere-distance", "description": "?", "source": "here", "parameter": "t, 1e3",
+        "count": 100, "error": 1e-9, "unit": "1", "tolerance": 1e-6, "outcome": "pass", "median_ulp": 0.5,
+        "p999_ulp": 1.0, "worst_ulp": 2.0, "seconds": 0.1, "note": "", "median_error": 1e-10,
     }  # fmt: skip
     kept += [
         {"event": "environment", "env_id": "env0", "preimage": {"cpu": "One", "usable_cores": 2, "libraries": {"a": "1"}}},
         {"event": "start", "cell_id": cell["cell_id"], "time": "2026-01-01"},
         {"event": "certificate", "certificate_id": "c0", "reference_id": reference["reference_id"], "engine": "numba",
          "scene": "cornell_box", "spp": 64, "message": "", "alpha": 1e-3, **verdict},
-        {"event": "examination", "examination_id": "x0", "asked": {"case": "sphere-distance"}, "env_id": "env0",
-         "state": "done", "message": "", "findings": [finding], "wall_seconds": 1.0, "time": "2026-01-01"},
+        {"event": "verify_job", "verify_job_id": "x0", "spec": {"case": "sphere-distance"}, "env_id": "env0",
+         "state": "done", "message": "", "results": [finding], "wall_seconds": 1.0, "time": "2026-01-01"},
     ]  # fmt: skip
     write_events(folder, kept)
     manifest = json.loads((folder / store.MANIFEST).read_text())
     ids = [event["cell_id"] for event in kept if event["event"] == "cell"]
     combinations = [{"scene": {"name": name, "path": f"scenes/{name}.yaml"}} for name in ("cornell_box", "two_spheres")]
-    manifest |= {"name": "synthetic", "cell_ids": ids, "examination_ids": ["x0"]}
+    manifest |= {"name": "synthetic", "cell_ids": ids, "verify_job_ids": ["x0"]}
     manifest["config"] |= {"combinations": combinations, "baseline": "numba"}
     (folder / store.MANIFEST).write_text(json.dumps(manifest))
-    write_events(folder, [*kept, conclusions.event(analyse(load_results(folder)))])
+    write_events(folder, [*kept, archived_verdicts.event(analyse(load_results(folder)))])
     return folder
 
 
@@ -137,48 +136,48 @@ def mutate(folder: Path, draw: random.Random) -> str:
 
 def report(folder: Path, other: Path, scratch: Path) -> None:
     from harness.analysis import analyse
-    from harness.report.assembly import report_html
-    from harness.results import load_results
-    from harness.tables import write_tables
+    from harness.report.html.assembly import report_html
+    from harness.report.tables import write_tables
+    from harness.store.results import load_results
 
     analysis = analyse(load_results(folder))
     report_html(analysis, write_tables(analysis, folder), []).encode()
 
 
 def status(folder: Path, other: Path, scratch: Path) -> None:
-    from harness import commands
+    from harness.cli import experiments
 
     with contextlib.redirect_stdout(io.StringIO()):
-        commands.status(folder)
+        experiments.status(folder)
 
 
 def compare(folder: Path, other: Path, scratch: Path) -> None:
-    from harness import commands
+    from harness.cli import results
 
     with contextlib.redirect_stdout(io.StringIO()):
-        commands.compare(other, folder, True, scratch / "changes.csv")
+        results.compare(other, folder, True, scratch / "changes.csv")
 
 
 def merge(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.merge import merge as merged
+    from harness.store.merge import merge as merged
 
     merged([folder, other], scratch / "merged")
 
 
 def archive(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.archive import archive as archived
+    from harness.report.archive import archive as archived
 
     archived(folder, scratch / "archived")
 
 
 def rescore(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.rescore import rescore as again
+    from harness.run.rescore import rescore as again
 
     again(folder)
 
 
 def chapter(folder: Path, other: Path, scratch: Path) -> None:
-    from harness.chapter import write_chapter
+    from harness.report.chapter import write_chapter
 
     write_chapter([folder], scratch / "chapter")
 

@@ -16,17 +16,18 @@ from typing import Any
 import numpy as np
 
 from engines.film import Film
-from harness import reference_files, references
+from harness.run import references
+from harness.store import reference_files
 
 REPLICATES = 6
 
 
-def wanted(number: int, replicates: int = REPLICATES) -> references.ReferenceWanted:
+def wanted(number: int, replicates: int = REPLICATES) -> references.PlannedReference:
     asked = {
         "scene": "s", "replicates": replicates, "replicate_spp": 4, "engine": "fake", "width": 24, "height": 16,
         "shader": {"name": "albedo"}, "seed": 100 * number,
     }  # fmt: skip
-    return references.ReferenceWanted("ball", "ball.yaml", "5ce4e", asked, {})
+    return references.PlannedReference("ball", "ball.yaml", "5ce4e", asked, {})
 
 
 def image(seed: int) -> np.ndarray:
@@ -57,7 +58,7 @@ def main() -> None:
         references.make(asked, folder / "kept", Images(), lambda done, count: None)
         assert references.ready(asked, folder / "kept")
         told = reference_files.read(asked.folder(folder / "kept"), asked.reference_id, asked.scene_hash)
-        expected = np.mean([image(asked.asked["seed"] + i) for i in range(asked.asked["replicates"])], axis=0)
+        expected = np.mean([image(asked.spec["seed"] + i) for i in range(asked.spec["replicates"])], axis=0)
         assert np.allclose(told.mean, expected)
     print(f"{time() - began:.2f} s")
 

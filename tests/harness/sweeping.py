@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from harness import config, plan, store, sweep
+from harness import config, store
+from harness.plan import planner
+from harness.run import sweep
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -56,7 +58,7 @@ class Quiet:
     def finished(self, cell: Any, event: Mapping[str, Any]) -> None:
         self.cells.append(cell.cell_id)
 
-    def examination(self, name: str, number: int, total: int) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
 def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Path:
@@ -70,7 +72,7 @@ def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Pat
 def run(path: Path, out: Path, overrides: Sequence[str] = (), **options: Any) -> tuple[sweep.Outcome, Quiet]:
     """A sweep in this process, without derived files."""
     listener = Quiet()
-    made = plan.make(config.load(path, overrides), allow_imports=True)
+    made = planner.make(config.load(path, overrides), allow_imports=True)
     with store.locked(out):
         return sweep.run(made, out, sweep.Options(allow_imports=True, **options), listener), listener
 

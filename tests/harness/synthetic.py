@@ -15,7 +15,7 @@ SECONDS_PER_SPP = {"numpy": 0.4, "numba": 0.02, "embree": 0.0125}
 COMPILE_SECONDS = {"numpy": 0.0, "numba": 2.5, "embree": 3.1}
 BUILD_SECONDS = {"numpy": 0.05, "numba": 0.01, "embree": 0.004}
 SCENES = {"cornell_box": 0.5, "two_spheres": 0.2}
-"""Scene: relMSE at one sample a pixel."""
+"""Scene: relMSE at one sample per pixel."""
 TARGETS = [1e-1, 1e-2, 1e-3]
 SPP = [2**k for k in range(9)]
 BIASED = ("two_spheres", "embree")
@@ -144,7 +144,7 @@ def troubles(block, size):
 
 def manifest():
     return {
-        "raybench_results": 1,
+        "raybench_results": 2,
         "config": {"raybench_experiment": 1, "name": "synthetic", "resolution": [48, 36], "repeats": 5,
                    "quality": {"metric": "relmse", "epsilon": 0.01, "targets": TARGETS}},
         "command": ["raybench", "run", "synthetic.yaml"], "git": {"commit": "0123abc", "dirty": True},
@@ -169,11 +169,11 @@ def write_image(folder, cell, spp, error, size, rng):
 
 
 def write_reference(folder, scene, size, rng):
-    """A reference of two replicates in the format of harness.references."""
+    """A reference of two replicates in the format of harness.run.references."""
     from engines.film import Film
-    from harness import references
+    from harness.run import references
 
-    wanted = references.ReferenceWanted(scene, scene, "s" + scene, reference_asked(scene, size), {})
+    wanted = references.PlannedReference(scene, scene, "s" + scene, reference_asked(scene, size), {})
     truth = picture(scene, size)
     film = Film(size.width, size.height)
     for _ in range(2):
@@ -190,6 +190,6 @@ def reference_asked(scene, size):
 
 
 def reference_id(scene, size):
-    from harness.identity import digest
+    from harness.hashing import digest
 
     return digest(reference_asked(scene, size))

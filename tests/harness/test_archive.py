@@ -8,13 +8,14 @@ import sweeping
 from synthetic import Size, write_folder
 
 from engines.errors import ConfigError
-from harness import machine, store
+from harness import store
 from harness.analysis import analyse
-from harness.archive import archive
-from harness.report.assembly import report_html
-from harness.results import load_results
-from harness.tables import all_tables
-from harness.tables.model import markdown_text
+from harness.measure import machine
+from harness.report.archive import archive
+from harness.report.html.assembly import report_html
+from harness.report.tables import all_tables
+from harness.report.tables.model import markdown_text
+from harness.store.results import load_results
 
 
 def size_of(folder):
@@ -86,7 +87,7 @@ def test_nothing_that_is_stored_names_the_machine_or_where_it_ran(tmp_path):
     assert not {"host", "executable"} & set(machine.provenance())
     assert str(sweeping.ROOT) not in stored
     archive(tmp_path / "out", tmp_path / "archived")
-    for name in (store.EVENTS, store.MANIFEST, *tmp_path.glob("archived/references/*/*/meta.json")):
+    for name in (store.EVENTS, store.MANIFEST, *tmp_path.glob("archived/references/*/*/reference.json")):
         assert str(tmp_path) not in (tmp_path / "archived" / name).read_text()
     command = store.read_manifest(tmp_path / "archived")["command"]
     assert command == ["raybench", "run", path.name, "--out=out"]

@@ -10,8 +10,8 @@ import engines
 from engines import Settings, dahlquist
 from engines.film import Film
 from engines.image import write_image
-from harness import references
-from harness.chapter import figures, write_chapter
+from harness.report.chapter import figures, write_chapter
+from harness.run import references
 from tests.harness.synthetic import Size, base_cell, manifest, reference_asked
 
 SIZE = Size(40, 40)
@@ -55,7 +55,7 @@ def chapter(folder, made, reference=None, cell_ids=()):
     events = [*made]
     if reference is not None:
         asked = reference_asked("dahlquist", SIZE)
-        wanted = references.ReferenceWanted("dahlquist", "dahlquist", "sdahlquist", asked, {})
+        wanted = references.PlannedReference("dahlquist", "dahlquist", "sdahlquist", asked, {})
         film = Film(*SIZE)
         for _ in range(2):
             film.add(reference)
@@ -82,7 +82,7 @@ def test_turned_times_turn_the_sentences(tmp_path):
 
 def test_equal_times_are_a_tie(tmp_path):
     text = chapter(tmp_path, cells((0.01, 0.01, 0.03), noise=0.03))
-    assert re.search(r"- (numba bvh and dahlquist area_hierarchy) cannot be told apart", text)
+    assert re.search(r"- (numba bvh and dahlquist area_hierarchy) are not separated", text)
     assert "numba bvh is faster" not in text and "faster than numba bvh" not in text
 
 

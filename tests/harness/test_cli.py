@@ -147,7 +147,7 @@ def test_the_second_run_touches_nothing(finished):
 
 def test_plan_shows_states_reasons_and_time(finished):
     path, folder, _ = finished
-    more = ["--set", "repeats=3", "--set", "control=false"]
+    more = ["--set", "repeats=3", "--set", "aa_twin=false"]
     said = ended(raybench("plan", path, "--allow-imports", *more, cwd=folder), 0)
     assert "9 cells in 3 blocks: 4 done, 2 queued, 3 skipped" in said
     assert "it never feels like it" in said and "2 to measure:" in said and "as measured before" in said

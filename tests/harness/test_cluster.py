@@ -88,9 +88,10 @@ def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_p
     assert again.measured == 0, "resuming is the same as on one machine"
 
 
-def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_path):
+@pytest.mark.parametrize("timing", ["false", "true"])
+def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_path, timing):
     path, out, killed = (
-        sweeping.write(tmp_path, TEXT.replace("repeats: 2", "repeats: 1") + "timing: false\n"),
+        sweeping.write(tmp_path, TEXT.replace("repeats: 2", "repeats: 1") + f"timing: {timing}\n"),
         tmp_path / "out",
         [],
     )
@@ -120,9 +121,9 @@ def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_
 
 
 def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
-    from harness import cluster
+    from harness.run.executors import dask
 
-    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.5)
+    monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.5)
     with pytest.raises(ConfigError, match=r"--cluster tcp://127.0.0.1:9: no scheduler answers there"):
         sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster="tcp://127.0.0.1:9")
 
@@ -141,13 +142,14 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
     """What is under way then is not waited for without end."""
     from distributed import LocalCluster
 
-    from harness import cluster
+    from harness.run.executors import dask
 
-    monkeypatch.setattr(cluster, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(dask, "PATIENCE_SECONDS", 0.2)
+    monkeypatch.setattr(dask, "LOOK_SECONDS", 0.1)
     one = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     with (
         LocalCluster(**one, resources={"machine": 1}) as machines,
-        cluster.Cluster(machines.scheduler_address, allow_imports=True) as ours,
+        dask.Cluster(machines.scheduler_address, allow_imports=True) as ours,
     ):
         machines.scale(0)
         deadline = time.monotonic() + 300
@@ -157,18 +159,47 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
             list(ours.replicates("fake_engines:Steady", {"scene_path": "nowhere.yaml", "settings": {}}, [1, 2]))
 
 
-def test_a_host_finishes_its_block_on_the_worker_that_began_it():
-    """Of two workers on a host one gets timed cells; a third that comes later does not take its place in mid-block."""
-    from collections import deque
+def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back():
+    """A host of two workers, another of one; then the worker at a block is gone."""
     from types import SimpleNamespace
 
-    from harness.cluster import Blocks
+    from harness.run.executors.dask import MOST_LOSSES, Blocks
 
-    blocks = Blocks.__new__(Blocks)
-    blocks.timed, blocks.running = True, [SimpleNamespace(address="tcp://b:2")]
-    blocks.queues = {"tcp://a:9": deque(["a cell"]), "tcp://b:1": deque(), "tcp://b:2": deque()}
-    hosts = {"tcp://a:1": "a", "tcp://a:9": "a", "tcp://b:1": "b", "tcp://b:2": "b", "tcp://c:1": "c"}
-    chosen = blocks._usable({address: {"host": host} for address, host in hosts.items()})
-    assert set(chosen) == {"tcp://a:9", "tcp://b:2", "tcp://c:1"}
-    blocks.timed = False
-    assert set(blocks._usable({address: {"host": host} for address, host in hosts.items()})) == set(hosts)
+    class Pending:
+        def done(self):
+            return False
+
+        def cancel(self): ...
+
+    cells = [[SimpleNamespace(cell_id=f"{block}-{k}", block=block) for k in range(2)] for block in range(3)]
+    machines = {"tcp://a:1": {"host": "a"}, "tcp://a:9": {"host": "a"}, "tcp://b:1": {"host": "b"}}
+    notes, failed = [], []
+    recorder = SimpleNamespace(
+        stopped=False, listener=SimpleNamespace(note=notes.append), ready=lambda: [c for block in cells for c in block],
+        plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
+    )  # fmt: skip
+    blocks = Blocks(recorder, SimpleNamespace(present=lambda: dict(machines)))
+    started = []
+
+    def start(given, address):
+        started.append((given[0].cell_id, address))
+        made = Pending()
+        blocks.tasks[made] = SimpleNamespace(cell=given[0], rest=given[1:], address=address)
+        return made
+
+    blocks._start, blocks._failed = start, lambda cell, message: failed.append((cell.cell_id, message))
+    blocks._look()
+    blocks._feed()
+    blocks._feed()
+    assert started == [("0-0", "tcp://a:9"), ("1-0", "tcp://b:1")], "one block a host"
+    for _ in range(MOST_LOSSES):
+        gone = next(task.address for task in blocks.tasks.values() if task.cell.block == 0)
+        info = machines.pop(gone)
+        blocks._look()
+        assert notes[-1].startswith(f"{gone} is gone")
+        blocks._feed()
+        machines[gone] = info
+        blocks._look()
+        blocks._feed()
+    assert [cell for cell, _ in failed] == ["0-0"] and f"{MOST_LOSSES} machines were lost" in failed[0][1]
+    assert [each for each in started if each[0] == "0-1"], "the rest of its block is measured"

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 
 from engines.errors import ConfigError
 from engines.schema.yaml_file import parse_yaml
@@ -21,16 +22,18 @@ from tests.fuzz.mutate import WRONG, parent_of, places
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PLACES = places(TREE)
+VALIDATOR = Draft202012Validator(config.experiment_schema())
 
 
 def reads_or_refuses(text, overrides=()):
-    """The message of the refusal, or None."""
+    """The message of the refusal, or None; what is read fits the schema."""
     start, problem = time.perf_counter(), None
     try:
         root = parse_yaml(text, "a.yaml", ConfigError)
         for given_override in overrides:
             root = config.override(root, given_override)
         config.parse(root, ROOT)
+        assert list(VALIDATOR.iter_errors(root.plain())) == []
     except ConfigError as error:
         problem = str(error)
         assert "\n" not in problem and len(problem) < 2000

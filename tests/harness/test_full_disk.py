@@ -11,7 +11,9 @@ import sweeping
 from engines import memory
 from engines.errors import ConfigError
 from engines.film import Film
-from harness import atomic, config, plan, store
+from harness import config, store
+from harness.plan import planner
+from harness.store import atomic
 
 KIB = 1024
 
@@ -192,4 +194,4 @@ def test_a_plan_names_the_file_whose_cells_do_not_fit(tmp_path, monkeypatch):
     path = sweeping.write(tmp_path)
     monkeypatch.setattr(memory, "limit_bytes", lambda: 2**30)
     with pytest.raises(ConfigError, match=r"small\.yaml resolution: a cell of 4096x2048 pixels: takes"):
-        plan.make(config.load(path, ["resolution=[4096, 2048]"]), allow_imports=True)
+        planner.make(config.load(path, ["resolution=[4096, 2048]"]), allow_imports=True)

@@ -5,8 +5,8 @@ import os
 import subprocess
 import time
 
-from harness import machine
-from harness.identity import digest
+from harness.hashing import digest
+from harness.measure import contention, machine
 
 
 def test_the_environment_is_plain_stable_and_names_the_libraries():
@@ -72,10 +72,10 @@ def test_the_repository_of_a_hook_that_calls_is_not_looked_at(tmp_path, monkeypa
 
 def test_work_of_others_is_told_from_our_own(monkeypatch):
     def report(others, steal, wall):
-        before = machine.Sample(10.0, 1.0, 3.0, 4)
-        samples = iter([before, before, machine.Sample(10.0 + wall + others, 1.0 + steal, 3.0 + wall, 6)])
-        monkeypatch.setattr(machine, "sample", lambda: next(samples))
-        disturbance = machine.Disturbance()
+        before = contention.Sample(10.0, 1.0, 3.0, 4)
+        samples = iter([before, before, contention.Sample(10.0 + wall + others, 1.0 + steal, 3.0 + wall, 6)])
+        monkeypatch.setattr(contention, "sample", lambda: next(samples))
+        disturbance = contention.Disturbance()
         disturbance.start()
         disturbance.stop(wall)
         return disturbance.report()
@@ -87,10 +87,10 @@ def test_work_of_others_is_told_from_our_own(monkeypatch):
 
 
 def test_our_own_work_is_not_somebody_else_s():
-    before = machine.sample()
+    before = contention.sample()
     end = time.process_time() + 0.2  # of this process's own time: on a busy machine a wall clock says little
     while time.process_time() < end:
         pass
-    after = machine.sample()
+    after = contention.sample()
     assert 0.1 < after.own - before.own < 0.4
     assert after.busy - before.busy > 0.1

@@ -12,7 +12,8 @@ import sweeping
 
 from engines import memory as allocation
 from engines.errors import ConfigError
-from harness import config, memory, store
+from harness import config, store
+from harness.measure import memory
 
 LIMIT = "512 MiB"
 MIB = 1 << 20

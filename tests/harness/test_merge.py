@@ -9,9 +9,9 @@ from sweeping import raybench
 from engines.errors import ConfigError
 from harness import store
 from harness.analysis import analyse
-from harness.merge import merge
-from harness.plots.panels import panels
-from harness.results import load_results
+from harness.report.plots.panels import panels
+from harness.store.merge import merge
+from harness.store.results import load_results
 from tests.harness.synthetic import Size, write_folder
 
 
@@ -121,7 +121,7 @@ def test_the_same_folder_twice_counts_once(here, tmp_path):
 
 
 def test_different_conditions_on_one_machine_are_refused(here, tmp_path):
-    other = changed(here, tmp_path / "other", lambda e: e | {"cell_id": e["cell_id"] + "x", "asked": {"max_spp": 9}})
+    other = changed(here, tmp_path / "other", lambda e: e | {"cell_id": e["cell_id"] + "x", "spec": {"max_spp": 9}})
     with pytest.raises(ConfigError, match=r"on one machine under different conditions \(max_spp\)"):
         merge([here, other], tmp_path / "out")
 

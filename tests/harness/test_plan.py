@@ -9,13 +9,14 @@ import pytest
 import sweeping
 
 from engines.errors import RaybenchError
-from harness import config, plan
-from harness.catalog import shipped
-from harness.identity import canonical_json, digest
+from harness import config
+from harness.config.paths import shipped
+from harness.hashing import canonical_json, digest
+from harness.plan import planner, state
 
 
 def planned(folder, text=sweeping.EXPERIMENT, overrides=()):
-    return plan.make(config.load(sweeping.write(folder, text), overrides), allow_imports=True)
+    return planner.make(config.load(sweeping.write(folder, text), overrides), allow_imports=True)
 
 
 def ids(made):
@@ -24,7 +25,7 @@ def ids(made):
 
 def test_a_command_names_a_shipped_scene_by_its_name_and_others_by_path(tmp_path):
     shipped, own = (
-        plan.make(config.load(sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("ball.yaml", name))), True)
+        planner.make(config.load(sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("ball.yaml", name))), True)
         for name in ("cornell_box", "ball.yaml")
     )
     assert shipped.cells[0].command(4).startswith("raybench render cornell_box --engine")
@@ -70,7 +71,7 @@ def test_a_changed_scene_changes_every_id_and_the_reference(tmp_path):
     before = planned(tmp_path)
     path = sweeping.write(tmp_path)
     (tmp_path / "ball.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 0.9"))
-    after = plan.make(config.load(path), allow_imports=True)
+    after = planner.make(config.load(path), allow_imports=True)
     assert not ids(before) & ids(after) and not set(before.references) & set(after.references)
 
 
@@ -101,8 +102,8 @@ def test_the_random_state_of_the_program_is_not_touched(tmp_path):
 
 
 def test_a_control_runs_one_configuration_under_two_labels(tmp_path):
-    made = planned(tmp_path, overrides=["control=true"])
-    control = [cell for cell in made.cells if cell.label == plan.CONTROL_LABEL]
+    made = planned(tmp_path, overrides=["aa_twin=true"])
+    control = [cell for cell in made.cells if cell.label == planner.AA_LABEL]
     assert len(control) == 2
     for cell in control:
         same = [c for c in made.cells if c.configuration == cell.configuration and c.seed == cell.seed]
@@ -155,18 +156,18 @@ def test_names_that_nobody_knows_are_errors_before_anything_runs(tmp_path, overr
 
 def test_code_named_in_a_file_is_not_imported_unless_allowed(tmp_path):
     with pytest.raises(RaybenchError, match="run with --allow-imports if you trust it"):
-        plan.make(config.load(sweeping.write(tmp_path)), allow_imports=False)
+        planner.make(config.load(sweeping.write(tmp_path)), allow_imports=False)
 
 
 def test_an_event_answers_its_cell_only_with_today_s_reference_and_metric(tmp_path):
     cell = planned(tmp_path).cells[0]
     event = {"state": "done", "reference_id": cell.reference_id, "points": [{"metrics": {"relmse_e0.01": 1.0}}]}
-    assert plan.state_of(cell, None, "mse") == "queued"
-    assert plan.state_of(cell, event, "relmse_e0.01") == "done"
-    assert plan.state_of(cell, event, "relmse_e0.1") == "outdated"
-    assert plan.state_of(cell, {**event, "reference_id": "old"}, "relmse_e0.01") == "outdated"
-    assert plan.state_of(cell, {**event, "state": "timeout", "points": []}, "mse") == "timeout"
-    assert plan.state_of(replace(cell, skip="no"), event, "mse") == "skipped"
+    assert state.state_of(cell, None, "mse") == "queued"
+    assert state.state_of(cell, event, "relmse_e0.01") == "done"
+    assert state.state_of(cell, event, "relmse_e0.1") == "outdated"
+    assert state.state_of(cell, {**event, "reference_id": "old"}, "relmse_e0.01") == "outdated"
+    assert state.state_of(cell, {**event, "state": "timeout", "points": []}, "mse") == "timeout"
+    assert state.state_of(replace(cell, skip="no"), event, "mse") == "skipped"
 
 
 def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tmp_path):
@@ -174,15 +175,15 @@ def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tm
     twin = next(cell for cell in rest if cell.configuration == first.configuration)
     other = next(cell for cell in rest if cell.configuration != first.configuration)
     events = {first.cell_id: {"state": "done", "configuration": first.configuration, "wall_seconds": 0.7}}
-    expected = plan.expected_seconds([twin, other], events)
+    expected = state.expected_seconds([twin, other], events)
     assert expected[twin.cell_id] == (0.7, True)
-    assert expected[other.cell_id] == (5.0 + plan.OVERHEAD_SECONDS, False)
+    assert expected[other.cell_id] == (5.0 + state.OVERHEAD_SECONDS, False)
 
 
 def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
     for cell in planned(tmp_path).cells:
-        assert digest(json.loads(json.dumps(cell.asked))) == cell.cell_id
-        assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.asked)
+        assert digest(json.loads(json.dumps(cell.spec))) == cell.cell_id
+        assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.spec)
 
 
 @pytest.mark.parametrize("name", sorted(shipped("configs")))
@@ -191,7 +192,7 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name):
     text = shipped("configs")[name].read_text()
     assert experiment.name == name and experiment.question and text.startswith(f"# {experiment.question}")
     assert experiment.warnings == ()
-    made = plan.make(experiment)
+    made = planner.make(experiment)
     assert made.warnings == () and not [cell.skip for cell in made.cells if cell.skip]
 
 

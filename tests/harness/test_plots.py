@@ -12,13 +12,22 @@ import pytest
 
 from engines.errors import ConfigError
 from harness.analysis import analyse
-from harness.plots import Palette, draw, write_plots
-from harness.plots.beside import Beside
-from harness.plots.curves import band, error_curves, pareto
-from harness.plots.growth import cost_over_pixels, cost_over_primitives
-from harness.plots.panels import facets, panels
-from harness.plots.style import ENGINE_COLOURS, OTHER_COLOURS, STYLE, file_stem, formats, log_scales, new_figure, save
-from harness.results import load_results, results_of
+from harness.report.plots import Palette, draw, write_plots
+from harness.report.plots.curves import band, error_curves, pareto
+from harness.report.plots.panels import facets, panels
+from harness.report.plots.parallel import Beside
+from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
+from harness.report.plots.style import (
+    ENGINE_COLOURS,
+    OTHER_COLOURS,
+    STYLE,
+    file_stem,
+    formats,
+    log_scales,
+    new_figure,
+    save,
+)
+from harness.store.results import load_results, results_of
 from tests.harness.synthetic import SMALL, done_cell
 
 

@@ -10,17 +10,22 @@ import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers
-from harness import config, plan, reference_files, references, store
-from harness.pool import Pool
+from engines.schema.yaml_file import locate
+from harness import config, store
+from harness.config.sections import REFERENCE
+from harness.measure.pool import Pool
+from harness.plan import planner
+from harness.run import references
+from harness.store import reference_files
 
 
 @pytest.fixture
 def made(tmp_path):
-    """Makes a reference of some samples a pixel: (what was wanted, its metadata, replicates rendered)."""
+    """Makes a reference of some samples per pixel: (what was wanted, its metadata, replicates rendered)."""
     path = sweeping.write(tmp_path)
 
     def make(spp, reports=None):
-        (wanted,) = plan.make(config.load(path, [f"reference.spp={spp}"]), True).references.values()
+        (wanted,) = planner.make(config.load(path, [f"reference.spp={spp}"]), True).references.values()
         rendered = [] if reports is None else reports
         with Pool(True, tmp_path / "log") as pool:
             meta = references.make(wanted, tmp_path / "refs", pool, lambda done, count: rendered.append(done))
@@ -38,7 +43,7 @@ def read(wanted, root):
     [(2, (1, 2)), (8, (1, 8)), (32, (4, 8)), (100, (8, 14)), (2048, (256, 8)), (8192, (256, 32)), (10_000, (256, 40))],
 )
 def test_replicates_are_even_in_number_powers_of_two_and_enough(spp, replicates):
-    each, count = config.ReferenceAsked(spp=spp).replicates
+    each, count = REFERENCE.read(locate({"spp": spp})).replicates
     assert (each, count) == replicates
     assert each * count >= spp and count % 2 == 0
 
@@ -105,7 +110,7 @@ def test_a_stale_reference_is_refused(made, tmp_path):
     root = tmp_path / "refs"
     with pytest.raises(ConfigError, match="the scene has changed since this reference was made"):
         reference_files.read(wanted.folder(root), wanted.reference_id, "0" * 64)
-    moved = replace(wanted, asked={**wanted.asked, "seed": 1})
+    moved = replace(wanted, spec={**wanted.spec, "seed": 1})
     moved.folder(root).parent.mkdir(parents=True, exist_ok=True)
     wanted.folder(root).rename(moved.folder(root))
     with pytest.raises(ConfigError, match="stale: it holds another reference"):
@@ -120,7 +125,7 @@ def test_a_damaged_reference_is_refused_with_what_to_do(made, tmp_path):
     (folder / meta["file"]).write_bytes(data)
     with pytest.raises(ConfigError, match=f"its checksum is not the recorded one: remove {folder}"):
         read(wanted, tmp_path / "refs")
-    (folder / "meta.json").write_text("{")
+    (folder / "reference.json").write_text("{")
     with pytest.raises(ConfigError, match=f"remove {folder} to make it anew"):
         references.ready(wanted, tmp_path / "refs")
 
@@ -135,8 +140,8 @@ def test_results_find_their_references(tmp_path, monkeypatch):
     reference = store.reference_arrays(out, event["reference_id"])
     assert reference.mean.shape == (8, 12, 3)
     assert np.allclose(read_film_layers(folder / "reference.exr").mean, reference.mean, atol=1e-6)
-    meta = json.loads((folder / "meta.json").read_text())
-    assert meta["machine"]["cpu"] and meta["asked"]["seed"] == 9000
+    meta = json.loads((folder / "reference.json").read_text())
+    assert meta["machine"]["cpu"] and meta["spec"]["seed"] == 9000
     with pytest.raises(ConfigError, match="no reference 'nothing' is named"):
         store.reference_arrays(out, "nothing")
 
@@ -147,7 +152,7 @@ def test_nothing_appears_beside_the_results_and_sibling_results_share_one_refere
     for name in ("a", "b"):
         sweeping.run(path, tmp_path / "results" / name, ["repeats=1"])
     assert sorted(place.name for place in (tmp_path / "results").iterdir()) == ["a", "b"]
-    assert len(list((tmp_path / "kept").glob("*/*/meta.json"))) == 1
+    assert len(list((tmp_path / "kept").glob("*/*/reference.json"))) == 1
 
 
 def test_references_beside_results_of_earlier_versions_are_still_read(tmp_path, monkeypatch):

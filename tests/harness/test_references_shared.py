@@ -9,7 +9,8 @@ import shared_references
 import sweeping
 from shared_references import Images, wanted
 
-from harness import locks, reference_files, references
+from harness.run import references
+from harness.store import locks, reference_files
 
 PROCESSES, ROUNDS = 8, 5
 
@@ -39,7 +40,7 @@ def test_of_many_processes_none_dies_and_every_reference_is_usable(tmp_path):
             folder = asked.folder(tmp_path / "kept")
             assert reference_files.read(folder, asked.reference_id, asked.scene_hash).spp == asked.spp
             names = sorted(path.name for path in folder.iterdir())
-            assert names == [f"film-{count:04d}.npz", "meta.json", "reference.exr"], "nothing else is left"
+            assert names == [f"film-{count:04d}.npz", "reference.exr", "reference.json"], "nothing else is left"
 
 
 def test_who_comes_second_waits_is_told_so_and_renders_nothing(tmp_path):
@@ -80,7 +81,7 @@ def test_the_lock_of_a_killed_process_is_free(tmp_path):
     script = f"""
 import os, signal
 from pathlib import Path
-from harness import locks
+from harness.store import locks
 with locks.exclusive(Path({str(tmp_path / "a.lock")!r})):
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -102,7 +103,7 @@ def test_a_relative_that_vanishes_while_it_is_read_is_no_error(tmp_path):
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one_and_no_rest(tmp_path):
     from engines.errors import ConfigError
-    from harness import atomic
+    from harness.store import atomic
 
     atomic.write_text(tmp_path / "a", "old")
     with (

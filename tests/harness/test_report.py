@@ -12,12 +12,12 @@ import pytest
 
 from engines.errors import ConfigError
 from harness.analysis import analyse
-from harness.plots import Plot
 from harness.report import write_derived
-from harness.report.assembly import inline_svg, repeat_command, report_html
-from harness.report.pictures import busiest, packed, shrunk
-from harness.results import load_results
-from harness.tables import all_tables
+from harness.report.html.assembly import inline_svg, repeat_command, report_html
+from harness.report.html.pictures import busiest, packed, shrunk
+from harness.report.plots import Plot
+from harness.report.tables import all_tables
+from harness.store.results import load_results
 
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", "report.html", "tables/time_to_quality.md", "tables/columns.md")
 
@@ -110,7 +110,7 @@ def test_pictures_decode_to_the_images(page, folder):
     assert [group["title"] for group in payload["groups"]] == ["cornell_box", "two_spheres"]
     group = payload["groups"][0]
     assert group["has_reference"] and (group["width"], group["height"], group["factor"]) == (64, 48, 1)
-    from harness.results import load_results
+    from harness.store.results import load_results
 
     results = load_results(folder)
     reference = results.reference(results.contenders[0].cells[0]["reference_id"])

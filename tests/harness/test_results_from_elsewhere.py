@@ -10,7 +10,8 @@ import pytest
 import sweeping
 
 from engines.errors import ConfigError
-from harness import confined, store
+from harness import store
+from harness.store import confined
 from tests.harness import mutation, once
 
 SECRET = "not for others"
@@ -26,7 +27,7 @@ def theirs(whole, tmp_path):
     """A copy of it, beside which lies something that must not be read or written."""
     (tmp_path / "secret.exr").write_text(SECRET)
     (tmp_path / "private" / "deep").mkdir(parents=True)
-    (tmp_path / "private" / "meta.json").write_text(SECRET)
+    (tmp_path / "private" / "reference.json").write_text(SECRET)
     return shutil.copytree(whole, tmp_path / "theirs")
 
 
@@ -96,7 +97,7 @@ def test_an_image_that_is_a_link_out_is_not_followed(theirs, whole, tmp_path, re
 @pytest.mark.parametrize("reader", [mutation.merge, mutation.archive, mutation.rescore], ids=lambda reader: reader.__name__)
 @pytest.mark.parametrize("what", ["film", "meta", "folder", "named"])
 def test_a_reference_that_leads_out_is_not_followed(theirs, whole, tmp_path, reader, what):
-    for meta in (theirs / "references").glob("*/*/meta.json"):
+    for meta in (theirs / "references").glob("*/*/reference.json"):
         told = json.loads(meta.read_text())
         if what == "named":
             meta.write_text(json.dumps({**told, "file": "../../../../secret.exr"}))
@@ -128,7 +129,7 @@ def test_links_in_a_folder_are_not_written_through(theirs, tmp_path, name):
 
 
 def test_a_report_that_is_a_link_is_replaced_not_followed(theirs, tmp_path):
-    from harness.atomic import write_text
+    from harness.store.atomic import write_text
 
     (theirs / "report.html").symlink_to(tmp_path / "secret.exr")
     write_text(theirs / "report.html", "mine")
@@ -139,7 +140,7 @@ def test_clearing_a_folder_removes_links_and_not_what_they_name(theirs, tmp_path
     shutil.rmtree(theirs / "images")
     (theirs / "images").symlink_to(tmp_path / "private")
     store.clear(theirs)
-    assert (tmp_path / "private" / "meta.json").read_text() == SECRET and not (theirs / "images").is_symlink()
+    assert (tmp_path / "private" / "reference.json").read_text() == SECRET and not (theirs / "images").is_symlink()
 
 
 @pytest.mark.parametrize("reader", [mutation.merge, mutation.archive], ids=lambda reader: reader.__name__)
@@ -188,9 +189,9 @@ def _refusal(folder):
 
 @pytest.mark.parametrize(
     ("version", "words"),
-    [(0, "results of format 0, and this raybench reads 1: an older raybench wrote it"),
-     (2, "results of format 2, and this raybench reads 1: a newer raybench wrote it"),
-     (None, "'raybench_results: 1' is wanted"), ("1", "'raybench_results: 1' is wanted"), (True, "is wanted")],
+    [(1, "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"),
+     (3, "results of format 3, and this raybench reads 2: a newer raybench wrote it"),
+     (None, "'raybench_results: 2' is wanted"), ("2", "'raybench_results: 2' is wanted"), (True, "is wanted")],
 )  # fmt: skip
 def test_another_version_of_the_format_is_one_clear_line(theirs, whole, tmp_path, version, words):
     manifest = json.loads((theirs / store.MANIFEST).read_text()) | {"raybench_results": version}
@@ -200,6 +201,18 @@ def test_another_version_of_the_format_is_one_clear_line(theirs, whole, tmp_path
         with pytest.raises(ConfigError, match=re.escape(words)) as told:
             reader(theirs, whole, tmp_path / "scratch")
         assert str(told.value).startswith(str(theirs / store.MANIFEST)) and "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("verb", ["status", "report", "rescore"])
+def test_a_folder_of_the_first_format_ends_in_one_line(theirs, verb):
+    """Its version is said before anything in its events is found to be wrong."""
+    manifest = json.loads((theirs / store.MANIFEST).read_text()) | {"raybench_results": 1, "examination_ids": []}
+    (theirs / store.MANIFEST).write_text(json.dumps(manifest))
+    with (theirs / store.EVENTS).open("a") as file:
+        file.write('{"event": "conclusions", "bias": []}\n')
+    done = sweeping.raybench(verb, theirs)
+    said = "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"
+    assert (done.returncode, done.stderr) == (2, f"raybench: {theirs / store.MANIFEST}: {said}\n")
 
 
 @pytest.mark.parametrize(
@@ -230,7 +243,7 @@ def test_what_a_run_writes_is_what_is_read(tmp_path):
     text = sweeping.EXPERIMENT.replace("'fake_engines:Other'", "'fake_engines:Broken', 'fake_engines:Picky'")
     sweeping.run(sweeping.write(tmp_path, text.replace("images: none", "images: all")), tmp_path / "out")
     states = {event.get("state") for event in store.read_events(tmp_path / "out")}
-    assert {"done", "failed", "skipped"} <= states and store.read_manifest(tmp_path / "out")["raybench_results"] == 1
+    assert {"done", "failed", "skipped"} <= states and store.read_manifest(tmp_path / "out")["raybench_results"] == 2
 
 
 @pytest.mark.parametrize("folder", ["baseline", "dissertation"])
@@ -239,14 +252,14 @@ def test_the_committed_results_are_read(folder):
     assert len(store.read_events(results)) > 200 and store.read_manifest(results)["name"]
 
 
-@pytest.mark.parametrize("kind", ["Finding", "Bias", "Verdict"])
+@pytest.mark.parametrize("kind", ["CheckResult", "Bias", "Verdict"])
 def test_records_that_become_objects_have_their_very_fields(kind):
-    from harness import record_types
     from harness.statistics import BiasEstimate, Equivalence
-    from harness.verify.battery import Finding
+    from harness.store import event_types
+    from harness.verify.suite import CheckResult
 
-    fields = {"Finding": Finding.__slots__, "Bias": (*BiasEstimate._fields, "of"), "Verdict": Equivalence.__slots__}
-    assert set(getattr(record_types, kind).model_fields) == set(fields[kind])
+    fields = {"CheckResult": CheckResult.__slots__, "Bias": (*BiasEstimate._fields, "of"), "Verdict": Equivalence.__slots__}
+    assert set(getattr(event_types, kind).model_fields) == set(fields[kind])
 
 
 SEEDS = 60
@@ -271,9 +284,9 @@ def test_a_refusal_is_one_line_and_exit_code_2(theirs, tmp_path):
         assert done.stderr.startswith("raybench: ") and f"events.jsonl:{line}: cell.points[0].spp = 'many'" in done.stderr
 
 
-@pytest.mark.parametrize("name", [store.EVENTS, store.MANIFEST, "meta.json"])
+@pytest.mark.parametrize("name", [store.EVENTS, store.MANIFEST, "reference.json"])
 def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(theirs, whole, tmp_path, name):
-    path = next(theirs.glob("references/*/*/meta.json")) if name == "meta.json" else theirs / name
+    path = next(theirs.glob("references/*/*/reference.json")) if name == "reference.json" else theirs / name
     path.unlink()
     os.mkfifo(path)
     done = sweeping.raybench("rescore", theirs)
@@ -281,10 +294,10 @@ def test_a_pipe_in_the_place_of_a_file_is_refused_at_once(theirs, whole, tmp_pat
 
 
 def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
-    from harness import reference_files
+    from harness.store import reference_files
 
-    folder = next(theirs.glob("references/*/*/meta.json")).parent
-    meta = json.loads((folder / "meta.json").read_text())
+    folder = next(theirs.glob("references/*/*/reference.json")).parent
+    meta = json.loads((folder / "reference.json").read_text())
     film = folder / meta["file"]
     with np.load(film) as arrays:
         held = dict(arrays)
@@ -296,14 +309,14 @@ def test_a_film_that_unpacks_to_more_than_its_size_is_refused(theirs, tmp_path):
 
 def test_what_an_engine_tells_never_makes_a_folder_unreadable(tmp_path, monkeypatch):
     """Figures that no reader takes are one failed cell each; the others stay, and so does what can be read."""
-    from harness import recording
+    from harness.run import recorder
 
-    told = recording.Recording._point
+    told = recorder.CellRecord._point
 
     def _point(self, answer, film, reference):
         told(self, {**answer, "seconds": -1.0} if self.cell.engine_name == "other" else answer, film, reference)
 
-    monkeypatch.setattr(recording.Recording, "_point", _point)
+    monkeypatch.setattr(recorder.CellRecord, "_point", _point)
     outcome, _ = sweeping.run(sweeping.write(tmp_path), tmp_path / "out")
     assert outcome.states == {"done": 2, "failed": 2}
     messages = {event["message"] for _, event in outcome.failures}

@@ -15,7 +15,7 @@ import pytest
 import sweeping
 
 from harness import store
-from harness.pool import Pool
+from harness.measure.pool import Pool
 
 HANG_SECONDS = 300
 MOMENTS = 20
@@ -52,7 +52,7 @@ def ours(out):
     found = []
     for process in psutil.process_iter(["cmdline"]):
         try:
-            if "harness.worker" in (process.info["cmdline"] or []) and str(out) in str(process.open_files()):
+            if "harness.measure.worker" in (process.info["cmdline"] or []) and str(out) in str(process.open_files()):
                 found.append(process.pid)
         except psutil.Error:
             continue

@@ -8,8 +8,10 @@ import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers, read_provenance
-from harness import config, plan, store, targets
-from harness.results import load_results
+from harness import config, store
+from harness.analysis import targets
+from harness.plan import planner
+from harness.store.results import load_results
 
 ENGINES = "['fake_engines:Steady', 'fake_engines:Other']"
 
@@ -34,7 +36,7 @@ def finished(tmp_path_factory):
 
 def test_every_cell_is_measured_in_the_planned_order(finished):
     path, _, outcome, listener = finished
-    made = plan.make(config.load(path), allow_imports=True)
+    made = planner.make(config.load(path), allow_imports=True)
     assert outcome.states == {"done": 9} and outcome.measured == 9, "two engines and a control, three blocks"
     assert listener.cells == [cell.cell_id for cell in made.cells]
 
@@ -81,7 +83,7 @@ def test_images_hold_the_layers_and_where_they_come_from(finished):
         path = out / event["points"][-1]["image"]
         layers, told = read_film_layers(path), read_provenance(path)
         assert np.allclose(layers.mean, (layers.half0 + layers.half1) / 2, atol=1e-5)
-        assert told["cell_id"] == event["cell_id"] and told["spp"] == 8 and told["asked"]["seed"] == event["seed"]
+        assert told["cell_id"] == event["cell_id"] and told["spp"] == 8 and told["spec"]["seed"] == event["seed"]
 
 
 def test_the_second_run_does_nothing(finished):
@@ -102,7 +104,7 @@ def test_manifest_and_run_event_tell_what_ran_where(finished):
 
 
 def test_rescoring_changes_no_number_but_by_float32(finished):
-    from harness.rescore import rescore
+    from harness.run.rescore import rescore
 
     out = finished[1]
     before = {e["cell_id"]: [p["metrics"]["mse"] for p in e["points"]] for e in cells(out)}
@@ -113,7 +115,7 @@ def test_rescoring_changes_no_number_but_by_float32(finished):
 
 
 def test_rescoring_for_another_quality_is_recorded_and_loses_no_score(finished, tmp_path):
-    from harness.rescore import rescore
+    from harness.run.rescore import rescore
 
     out = shutil.copytree(finished[1], tmp_path / "out")
     changes = ["quality.epsilon=0.1", "quality.targets=auto"]
@@ -228,9 +230,9 @@ def test_automatic_targets_are_round_falling_and_reachable():
 
 def test_a_scene_that_changes_while_the_sweep_runs_is_noticed(tmp_path):
     path, out = sweeping.write(tmp_path), tmp_path / "out"
-    made = plan.make(config.load(path), allow_imports=True)
+    made = planner.make(config.load(path), allow_imports=True)
     (tmp_path / "ball.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 2"))
-    from harness import sweep
+    from harness.run import sweep
 
     with store.locked(out):
         outcome = sweep.run(made, out, sweep.Options(allow_imports=True), sweeping.Quiet())

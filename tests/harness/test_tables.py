@@ -11,11 +11,10 @@ from itertools import pairwise
 import pytest
 
 from harness.analysis import analyse, baseline_engine_of
-from harness.plots.panels import Panel, panels
-from harness.report.assembly import _headline
-from harness.results import brief_choice, choice_text, load_results
-from harness.tables import all_tables, columns, write_tables
-from harness.tables.model import (
+from harness.report.html.assembly import _headline
+from harness.report.plots.panels import Panel, panels
+from harness.report.tables import all_tables, columns, write_tables
+from harness.report.tables.model import (
     Column,
     Table,
     cell_text,
@@ -25,6 +24,7 @@ from harness.tables.model import (
     markdown_text,
     number_text,
 )
+from harness.store.results import brief_choice, choice_text, load_results
 from tests.harness.synthetic import COMPILE_SECONDS, SCENES, SECONDS_PER_SPP, write_folder
 
 
@@ -60,7 +60,7 @@ def test_time_to_quality_is_that_of_the_power_law(tables):
     assert row["warm_seconds"].value == pytest.approx(expected, rel=0.1)
     start = row["cold_seconds"].value - row["warm_seconds"].value
     assert start == pytest.approx(0.86 + COMPILE_SECONDS["numba"], rel=0.02)
-    assert row["reached"] == "5/5" and row["bias"].startswith("< ") and row["agreement"] == "equivalent"
+    assert row["reached"] == "5/5" and row["bias"].startswith("< ") and row["equivalence"] == "equivalent"
 
 
 def test_an_unreached_target_is_counted_and_not_extrapolated(tables):
@@ -69,7 +69,7 @@ def test_an_unreached_target_is_counted_and_not_extrapolated(tables):
 
 
 def test_the_biased_engine_is_flagged_and_the_others_are_not(tables):
-    for row in tables["agreement"].rows:
+    for row in tables["bias_and_equivalence"].rows:
         if row["scene"] == "two_spheres" and row["contender"].startswith("embree"):
             assert "flagged" in row["bias"] and row["verdict"] == "different"
             assert row["difference"].value == pytest.approx(0.03, abs=0.005)

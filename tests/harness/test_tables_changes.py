@@ -5,8 +5,8 @@ import json
 import pytest
 from sweeping import raybench
 
-from harness.results import load_results
-from harness.tables import changes
+from harness.report.tables import changes
+from harness.store.results import load_results
 from tests.harness.synthetic import write_folder
 
 
@@ -77,7 +77,7 @@ def test_other_machines_metrics_and_scenes_are_said(before, tmp_path):
     assert "different machines" not in changes(first, load_results(before)).note
     table = changes(first, remade(altered(before, tmp_path / "after", move)))
     assert "different machines" in table.note and "content has changed: two_spheres." in table.note
-    assert "relmse_e0.01 before and mse after" in table.note
+    assert "relMSE (ε = 0.01) before and MSE after" in table.note
     assert {row["verdict"] for row in table.rows if row["measure"] == "error"} == {"unknown"}
 
 

@@ -11,9 +11,10 @@ import wrong_engines
 
 from engines.errors import RendererFailed
 from engines.film import Film
-from harness import films, pool, protocol, store
+from harness import store
 from harness.analysis import analyse
-from harness.results import load_results
+from harness.measure import films, pool, protocol
+from harness.store.results import load_results
 
 RIGHT = ("Steady", "Unsure", "Talkative")
 
@@ -71,8 +72,8 @@ def test_what_is_not_finite_is_flagged_in_the_verdicts(tmp_path):
     outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
     assert outcome.states == {"done": 3, "failed": 1}
     verdicts = {v.contender.settings.engine: v for v in analyse(load_results(tmp_path / "out")).verdicts}
-    assert {"non-finite pixels", "bad samples"} <= set(verdicts["now_and_then"].flags)
-    assert not {"non-finite pixels", "bad samples"} & set(verdicts["steady"].flags)
+    assert {"nonfinite_pixels", "bad_samples"} <= set(verdicts["now_and_then"].flags)
+    assert not {"nonfinite_pixels", "bad_samples"} & set(verdicts["steady"].flags)
     assert verdicts["now_and_then"].failures == 1
 
 

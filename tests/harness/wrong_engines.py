@@ -331,7 +331,7 @@ WORDS: Mapping[str, str] = {
     "Objects": "film.sums is of dtype object: floating-point numbers are wanted",
     "Complex": "film.squares is of dtype complex128: floating-point numbers are wanted",
     "FloatCounts": "film.counts is of dtype float64: integers are wanted",
-    "NegativeCounts": "film.counts are -1: 1 is wanted, the samples asked for",
+    "NegativeCounts": "film.counts are -1: 1 is wanted, the samples requested",
     "SomeMore": "film.counts are 1 to 2: 1 is wanted",
     "BadSamples": "film.bad_samples is -1: an integer from 0 on is wanted",
     "NoFilm": "render returned NoneType, which lacks sums, squares, even_sums, counts, bad_samples: a Film is wanted",

@@ -9,6 +9,7 @@ import pytest
 
 import engines
 from engines import Settings
+from engines.embree.accelerator import Accelerator as EmbreeAccelerator
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
 from engines.kernels.flatten import flatten
@@ -55,7 +56,8 @@ def rings(monkeypatch):
 
 
 def triple(values):
-    return tuple(float(x) for x in values)
+    x, y, z = values
+    return float(x), float(y), float(z)
 
 
 def flat_shapes(kind, n, seed):
@@ -82,11 +84,11 @@ def scene_of(shapes):
     return replace(engines.scene_from(EMPTY), shapes=tuple(shapes))
 
 
-def answers(scene, accelerator, precision):
+def answers(scene, accelerator, precision, engine="numba"):
     """All that a renderer finds: by rays from anywhere, by rays from the eye, and in an image with shadows."""
     random = np.random.default_rng(2)
     settings = Settings(16, 16, shader="whitted", accelerator=accelerator, precision=precision)
-    renderer = engines.engine("numba").prepare(scene, settings)
+    renderer = engines.engine(engine).prepare(scene, settings)
     origins, directions = random.uniform(-1.5, 1.5, (1500, 3)), random.normal(size=(1500, 3))
     eye = np.tile([0.0, 0.0, 4.0], (1500, 1)), 0.2 * directions - [0, 0, 1]
     found = [getattr(hits, field) for hits in (renderer.trace(origins, directions), renderer.trace(*eye))
@@ -94,20 +96,35 @@ def answers(scene, accelerator, precision):
     return [*found, renderer.occluded(origins, directions, 0.8), renderer.render(1).sums]
 
 
+def disks_and_rings(mixed):
+    shapes = [*flat_shapes(Disk, 40, 5), *flat_shapes(Ring, 40, 6)]
+    shapes = [*shapes, *shapes[38:42]]  # the same once more: of two hits at one place the first counts
+    return [*shapes[:20], *others(7), *shapes[20:]] if mixed else shapes
+
+
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("accelerator", ACCELERATORS)
 @pytest.mark.parametrize("mixed", [False, True], ids=["alone", "among others"])
 def test_every_accelerator_finds_the_lists_hits_bit_for_bit(mixed, accelerator, precision, rings):
-    shapes = [*flat_shapes(Disk, 40, 5), *flat_shapes(Ring, 40, 6)]
-    shapes = [*shapes, *shapes[38:42]]  # the same once more: of two hits at one place the first counts
-    if mixed:
-        shapes = [*shapes[:20], *others(7), *shapes[20:]]
+    shapes = disks_and_rings(mixed)
     scene = scene_of(shapes)
     plain, ours = answers(scene, "none", precision), answers(scene, accelerator, precision)
     met = np.unique(plain[1][np.isfinite(plain[0])])
     assert {type(shapes[k]) for k in met} == {type(shape) for shape in shapes}
     for a, b in zip(plain, ours, strict=True):
         assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("mixed", [False, True], ids=["alone", "among others"])
+def test_embree_finds_the_lists_hits(mixed, precision, rings):
+    scene = scene_of(disks_and_rings(mixed))
+    plain, ours = answers(scene, "none", "float64"), answers(scene, "embree", precision, "embree")
+    tolerance = 1e-12 if precision == "float64" else 1e-5
+    for field, a, b in zip(("t", "shape", "primitive", "normal") * 2, plain, ours, strict=False):
+        exact = field in ("shape", "primitive")
+        assert np.array_equal(a, b) if exact else np.allclose(a, b, rtol=tolerance, atol=tolerance), field
+    assert np.array_equal(plain[8], ours[8])
 
 
 def test_a_disk_and_a_ring_are_where_they_are_said_to_be(rings):
@@ -123,8 +140,11 @@ def test_a_disk_and_a_ring_are_where_they_are_said_to_be(rings):
 
 def run_batch(accelerator, shapes, fields):
     """(closest ids, occluded) of sixteen rays, straight from the accelerator's stages."""
-    flat = flatten(scene_of(shapes), np.float64, np.float64)
-    made = MADE[accelerator]({"density": 4.0})
+    if accelerator == "embree":
+        made = EmbreeAccelerator({"quality": "medium", "robust": True}, refine=True)
+    else:
+        made = MADE[accelerator]({"density": 4.0})
+    flat = flatten(scene_of(shapes), np.float64, made.precision or np.float64)
     made.build(flat, 1)
     stages = made.stages(flat.features, np.float64)
     memory = aligned(batch_bytes(np.float64, made.scratch))
@@ -138,7 +158,7 @@ def run_batch(accelerator, shapes, fields):
     return words[first["primitive"]].copy(), words[first["occluded"]].copy()
 
 
-@pytest.mark.parametrize("accelerator", ["none", *ACCELERATORS])
+@pytest.mark.parametrize("accelerator", ["none", *ACCELERATORS, "embree"])
 def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(accelerator):
     here = Disk((0, 0, 0), (0, 0, 1.0), 1.0, 0)
     left = np.array([-1, 0, 1, -1] * 4)

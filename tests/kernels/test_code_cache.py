@@ -1,4 +1,4 @@
-"""The disk cache of machine code gives each process the code it asked for, or none."""
+"""The disk cache of machine code gives each process the code of its key, or none."""
 
 import shutil
 import subprocess
@@ -84,7 +84,7 @@ place = np.zeros(1, np.int64)
 for k in wanted:
     compiled = compile_stage(make(k))
     compiled.ctypes(place.ctypes.data, 0)
-    assert place[0] == k, f"asked stage {k} got {place[0]}"
+    assert place[0] == k, f"stage {k} gave {place[0]}"
 """
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from engines import Settings
-from engines.embree.packet import LARGE
+from engines.embree.packet import EmbreeTable
 from engines.registry import engine
 from engines.scene import scene_from
 from harness.verify import oracle
-from harness.verify.stage import mesh, scene, unit
+from harness.verify.scenes import mesh, normalize, scene
 
 N = 100
 
@@ -16,12 +16,12 @@ N = 100
 def needles():
     """Corners (n, 3, 3) of triangles 1e-4 thin, and rays that pass beside most of them, almost in their planes."""
     rng = np.random.default_rng(18)
-    a, along = rng.uniform(-1, 1, (N, 3)), unit(rng.normal(size=(N, 3)))
-    aside = unit(np.cross(along, rng.normal(size=(N, 3))))
+    a, along = rng.uniform(-1, 1, (N, 3)), normalize(rng.normal(size=(N, 3)))
+    aside = normalize(np.cross(along, rng.normal(size=(N, 3))))
     corners = np.stack([a, a + along, a + 0.5 * along + 1e-4 * aside], 1)
     target = corners.mean(axis=1) + aside * rng.normal(size=(N, 1)) * 1e-4
     out = 1e-3 * rng.normal(size=(N, 1)) * np.cross(along, aside)
-    directions = unit(aside + out + 0.3 * rng.normal(size=(N, 1)) * along)
+    directions = normalize(aside + out + 0.3 * rng.normal(size=(N, 1)) * along)
     return (part.astype(np.float32).astype(float) for part in (corners, target - 3 * directions, directions))
 
 
@@ -33,7 +33,7 @@ def found(refine):
     shapes, dark = [], []
     for i in np.flatnonzero(np.minimum(np.minimum(u, v), 1 - u - v) < -1e-9):
         o, d = origins[i : i + 1], directions[i : i + 1]
-        aside = unit(np.cross(d[0], (0.6, 0.0, 0.8)))
+        aside = normalize(np.cross(d[0], (0.6, 0.0, 0.8)))
         up = np.cross(aside, d[0])
         wall = o[0] + 8 * d[0] + 9 * np.array([-aside - up, aside - up, up])
         held = scene([mesh(corners[i], [[0, 1, 2]]), mesh(wall, [[0, 1, 2]])])
@@ -70,7 +70,7 @@ def test_shadows_are_seen_at_every_scale(scale):
 def test_rays_one_by_one_see_what_packets_see(precision):
     """Trees large and small take different ways; a path that leaves a face must not meet it again on either."""
     faces = {"procedural": {"name": "tessellated_sphere", "subdivisions": 3}, "material": "white"}
-    ball = scene_from({
+    scene = scene_from({
         "raybench_scene": 1,
         "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
                    "resolution": [24, 24]},
@@ -84,8 +84,8 @@ def test_rays_one_by_one_see_what_packets_see(precision):
     seen = []
     for large in (0, 1):
         settings = Settings(precision=precision, sampler="sobol", threads=1)
-        renderer = engine("embree").prepare(ball, settings)
-        renderer._world.bind(LARGE, large)
+        renderer = engine("embree").prepare(scene, settings)
+        renderer._flat.bind(EmbreeTable.one_by_one, large)
         hits = renderer.trace(origins, ways)
         seen.append((hits.t, hits.primitive, renderer.occluded(origins, ways), renderer.render(2).mean()))
     (t, primitive, hidden, image), (t1, primitive1, hidden1, image1) = seen

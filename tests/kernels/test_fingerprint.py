@@ -6,9 +6,11 @@ import sys
 import types
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from engines.kernels.compile.fingerprint import NotFingerprinted, fingerprint
+from engines.kernels.compile.jit import inline
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = """
@@ -96,6 +98,51 @@ def test_an_edit_gives_another_name(edit):
 def test_what_a_factory_was_given_counts():
     names = {fingerprint_of(SOURCE, shadow, real) for shadow in (False, True) for real in ("float32", "float64")}
     assert len(names) == 2  # `shadow` is not used by the stage, so it is not part of it
+
+
+def composed(function, factor=2.0):
+    @inline
+    def inner(x):
+        return function(x) * factor
+
+    return inner
+
+
+@inline
+def half(x):
+    return x * 0.5
+
+
+@inline
+def double(x):
+    return x * 2.0
+
+
+def test_functions_and_numbers_that_a_function_closes_over_count():
+    names = [fingerprint(composed(*given).py_func) for given in ((half,), (double,), (half, 3.0), (composed(half),))]
+    assert len(set(names)) == 4
+    assert fingerprint(composed(half).py_func) == names[0]
+
+
+def test_a_function_that_calls_itself_has_a_name():
+    def countdown(n):
+        return countdown(n - 1) if n else 0
+
+    assert fingerprint(countdown) == fingerprint(countdown)
+
+
+class Opaque:
+    """Of no layout, and no NamedTuple."""
+
+
+@pytest.mark.parametrize(
+    "value",
+    [object(), [1, 2], {"a": 1}, np.zeros(3), Opaque, Opaque(), (1, object())],
+    ids=lambda value: str(type(value)),
+)
+def test_values_without_a_name_are_refused(value):
+    with pytest.raises(NotFingerprinted, match="name"):
+        fingerprint(composed(half, value).py_func)
 
 
 def test_a_value_without_a_name_is_refused():

@@ -148,18 +148,18 @@ def _wild(pixel, sample, dimension, seed):
 
 
 def _lit_by_an_image(camera):
-    sky = np.linspace(0, 1, 8 * 4 * 3).reshape(4, 8, 3)
+    image = np.linspace(0, 1, 8 * 4 * 3).reshape(4, 8, 3)
     lights = [{"environment": {"radiance": 1}}, {"point": {"position": [0, 3, 0], "intensity": 1}}]
     scene = engines.scene_from(
         {
-            "raybench_scene": 1, "name": "sky", "camera": camera, "materials": {"white": {"kd": 0.5}},
+            "raybench_scene": 1, "name": "image", "camera": camera, "materials": {"white": {"kd": 0.5}},
             "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"}], "lights": lights,
         },
         allow_imports=True,
     )  # fmt: skip
     from dataclasses import replace
 
-    return replace(scene, lights=(replace(scene.lights[0], image=sky), *scene.lights[1:]))
+    return replace(scene, lights=(replace(scene.lights[0], image=image), *scene.lights[1:]))
 
 
 @pytest.mark.parametrize("engine", JITTED)

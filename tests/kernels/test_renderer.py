@@ -1,4 +1,4 @@
-"""What the jitted engines promise beyond the conformance claims: plugins, caches, stopping, changing scenes."""
+"""What the jitted engines promise beyond `engines.conformance`: plugins, caches, stopping, changing scenes."""
 
 import os
 import subprocess

@@ -9,7 +9,7 @@ import pytest
 
 import engines
 from engines import Settings
-from harness import catalog
+from harness.config import paths
 from harness.statistics import equivalence
 
 pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
@@ -47,10 +47,10 @@ def _assert_equivalent(theirs, ours, power=0.1):
 
 
 def _scene(name):
-    return engines.load_scene(catalog.find("scenes", name))
+    return engines.load_scene(paths.find("scenes", name))
 
 
-@pytest.mark.parametrize("name", sorted(catalog.shipped("scenes")))
+@pytest.mark.parametrize("name", sorted(paths.shipped("scenes")))
 def test_the_wavefront_agrees_with_embree_on_every_shipped_scene(name):
     scene = _scene(name)
     if sum(len(getattr(shape, "radii", [0])) for shape in scene.shapes) > MANY:

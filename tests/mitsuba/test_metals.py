@@ -1,4 +1,4 @@
-"""Conductors, disks and spot lights in Mitsuba: what reaches it is what the scene says, against closed forms."""
+"""Conductors, disks, planes and lights in Mitsuba: what reaches it is what the scene says, against closed forms."""
 
 import math
 
@@ -67,12 +67,12 @@ def test_a_rough_conductor_reflects_a_spot_light_by_its_formula(engine):
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_first_roughness_is_along_the_first_tangent(axis):
-    """Of a plane facing +z that is +x; the rougher way spreads light further off the mirror direction."""
-    plane = {"plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}, "material": "floor"}
+    """Of a triangle from its first corner to its second; the rougher way spreads light further off the mirror direction."""
+    triangle = {"triangle": {"a": [-5, -2, 0], "b": [5, -2, 0], "c": [0, 5, 0]}, "material": "floor"}
     light = {"directional": {"direction": [-0.5 if axis == 0 else 0, -0.5 if axis == 1 else 0, -1], "irradiance": 1}}
     values = []
     for alpha in ([0.5, 0.05], [0.05, 0.5]):
-        held = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "shapes": [plane], "lights": [light],
+        held = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "shapes": [triangle], "lights": [light],
                                    "materials": {"floor": {"conductor": {"reflectance": 1, "alpha": alpha}}}})  # fmt: skip
         values.append(mean("mitsuba", held)[0])
     assert (values[0] > 10 * values[1]) == (axis == 0), values
@@ -123,3 +123,38 @@ def test_a_transform_that_faces_a_normal_is_a_rotation(normal):
     matrix = facing((1, 2, 3), normal, 1.0)
     assert np.allclose(matrix @ [0, 0, 1, 0], [*normal, 0]) and np.allclose(matrix @ [0, 0, 0, 1], [1, 2, 3, 1])
     assert np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3)) and np.linalg.det(matrix) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0.3, 0.2, 1), (0, -0.5, 1), (0.4, 0.1, 0.5)])
+def test_a_tilted_plane_does_not_shadow_itself(engine, normal):
+    """Every pixel of a diffuse plane under a point light, in closed form."""
+    light, side = np.array([1.0, 1.0, 4.0]), 16
+    held = engines.scene_from({
+        "raybench_scene": 1, "camera": {**CAMERA, "height": 1}, "materials": {"floor": {"kd": 0.5}},
+        "shapes": [{"plane": {"point": [0, 0, 0], "normal": normal}, "material": "floor"}],
+        "lights": [{"point": {"position": light.tolist(), "intensity": math.pi}}],
+    })  # fmt: skip
+    settings = Settings(side, side, sampler="random", precision="float32", threads=2)
+    found = engines.engine(engine).prepare(held, settings).render(4).mean()[:, :, 0]
+    x = (np.arange(side) + 0.5) / side - 0.5
+    unit = np.array(normal) / np.linalg.norm(normal)
+    points = np.stack([*np.meshgrid(x, -x), np.zeros((side, side))], axis=-1)
+    points[..., 2] = -(points[..., :2] @ unit[:2]) / unit[2]
+    away = light - points
+    distance = np.linalg.norm(away, axis=-1)
+    assert np.allclose(found, 0.5 * (away @ unit) / distance**3, rtol=0.05)
+
+
+def test_ambient_light_is_for_diffuse_lobes_alone():
+    shader = {"name": "whitted", "ambient": 0.3}
+    assert np.allclose(mean("mitsuba", scene({"kd": 0.5}), shader=shader), 0.15, rtol=1e-4)
+    assert np.all(mean("mitsuba", scene({"conductor": {"metal": "Au", "alpha": 0.3}}), shader=shader) == 0)
+
+
+def test_an_anisotropic_plane_is_declined_by_name():
+    plane = {"plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}, "material": "floor"}
+    held, even = (scene({"conductor": {"metal": "Au", "alpha": alpha}}, [plane]) for alpha in ([0.1, 0.2], 0.1))
+    reason = engines.engine("mitsuba").why_not(held, Settings(4, 4, sampler="random"))
+    assert reason == "material 'floor': Mitsuba has no counterpart of an anisotropic conductor on a plane"
+    assert engines.engine("mitsuba").why_not(even, Settings(4, 4, sampler="random")) is None

@@ -112,9 +112,15 @@ def test_defaults_are_written_as_in_a_file_and_read_like_it():
         "count": 4, "switch": False, "angle": 45.0, "color": (0.5, 0.5, 0.5), "side": "a", "share": 0.25, "toward": (0, 0, 1),
     }  # fmt: skip
     assert given.has("count") and not given.has("switch") and given.at("count").value == 4
+    assert given.written == {"count": 4}
     properties = PLAIN.schema()["properties"]
     filled = {key: each["default"] for key, each in properties.items()}
     assert filled == {"count": 3, "switch": False, "angle": 45, "color": 0.5, "side": "a", "share": 0.25, "toward": [0, 0, 2]}
+
+
+def test_empty_defaults_are_not_in_the_schema():
+    record = Record("Empty.", {"none": Key(TEXT, "None.", None), "part": Key(Record("A part.", {}), "A part.", {})})
+    assert [key for key, each in record.schema()["properties"].items() if "default" in each] == []
 
 
 def test_a_default_out_of_range_is_refused_when_the_record_is_made():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from engines import Settings
 from engines.registry import engine
-from harness.verify.stage import mesh, scene
+from harness.verify.scenes import mesh, scene
 
 NUMBERS = st.integers(-4, 4)
 POINTS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
@@ -51,7 +51,7 @@ def _prepared(corners, name, accelerator):
 @pytest.mark.parametrize(("name", "other"), [("numba", "grid"), ("numba", "bvh"), ("numpy", "bvh")])
 @OPTIONS
 @given(data=st.data())
-def test_trees_and_grids_find_what_the_list_finds(name, other, data):
+def test_trees_and_grids_agree_with_brute_force(name, other, data):
     corners = data.draw(triangles())
     origins, directions = rays(data.draw, corners)
     every, tree = (_prepared(corners, name, accelerator) for accelerator in ("none", other))
@@ -65,7 +65,7 @@ def test_trees_and_grids_find_what_the_list_finds(name, other, data):
 
 @OPTIONS
 @given(data=st.data())
-def test_embree_finds_what_the_list_finds_but_at_edges(data):
+def test_embree_agrees_with_brute_force_except_at_edges(data):
     """Embree rounds directions to float32, so a ray at an outer edge may pass it; and of equal distances it takes any."""
     corners = data.draw(triangles(largest=0))
     origins, directions = rays(data.draw, corners)

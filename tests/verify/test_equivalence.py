@@ -43,16 +43,16 @@ class Changed:
 
 
 def two_lamps():
-    lamp = {"emission": 4, "two_sided": True}
+    emitter = {"emission": 4, "two_sided": True}
     return engines.scene_from({
-        "raybench_scene": 1, "name": "two lamps",
+        "raybench_scene": 1, "name": "two emitters",
         "camera": {"type": "perspective", "eye": [0, 2, 6], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40},
-        "materials": {"white": {"kd": 0.7}, "lamp": lamp},
+        "materials": {"white": {"kd": 0.7}, "emitter": emitter},
         "shapes": [
             {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
             {"sphere": {"center": [0, 0.7, 0], "radius": 0.7}, "material": "white"},
-            {"sphere": {"center": [-2, 3, 1], "radius": 0.5}, "material": "lamp"},
-            {"sphere": {"center": [2, 3, 1], "radius": 0.5}, "material": "lamp"},
+            {"sphere": {"center": [-2, 3, 1], "radius": 0.5}, "material": "emitter"},
+            {"sphere": {"center": [2, 3, 1], "radius": 0.5}, "material": "emitter"},
         ],
     })  # fmt: skip
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from harness.verify import closed_forms, oracle
-from harness.verify.glass import fresnel
-from harness.verify.sampling import slope_of
+from harness.verify.checks.glass import fresnel
+from harness.verify.checks.sampling import slope_of
 
 
 def test_sphere_roots_agree_with_mpmath():

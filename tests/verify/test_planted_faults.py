@@ -1,7 +1,7 @@
-"""Every planted fault is caught by the case that is there for it; without it the case is kept.
+"""Every planted fault is caught by the case that is meant for it; without the fault the case passes.
 
-The sources of the reference, or of the jitted engine, are copied and changed by text (`mutated.FAULTS`), and the copy is
-examined as an engine of its own: what the battery finds, it finds through the interface.
+The sources of the reference, or of the jitted engine, are copied and changed by text (`mutated.FAULTS`). The suite checks the
+copy as an engine of its own, through the interface alone.
 """
 
 import os
@@ -11,39 +11,39 @@ import pytest
 from mutated import FAULTS, mutated
 
 import engines
-from harness.verify.battery import BROKEN, CASES, KEPT, examined
 from harness.verify.subject import Subject
+from harness.verify.suite import CASES, FAIL, PASS, run_case
 
 BY_ID = {case.id: case for case in CASES}
 
 
-def _verdicts(engine, fault):
-    """As they are found: a fault is caught by the first that is broken."""
+def _outcomes(engine, fault):
+    """One by one: the first failure catches a fault."""
     subject = Subject(engine, "float64", fault.accelerator)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        yield from (finding.verdict for finding in examined(BY_ID[fault.case], subject))
+        yield from (result.outcome for result in run_case(BY_ID[fault.case], subject))
 
 
-DEAR = pytest.mark.skipif(
+SLOW = pytest.mark.skipif(
     "RAYBENCH_ALL_FAULTS" not in os.environ, reason="compiles for half a minute: RAYBENCH_ALL_FAULTS=1"
 )
-ASKED = {(fault.jitted, fault.case, fault.accelerator): fault for fault in FAULTS}
+CHECKS = {(fault.jitted, fault.case, fault.accelerator): fault for fault in FAULTS}
 
 
 def _each(faults, name):
-    """Of the faults in the jitted engine only those in spheres by default: a changed copy of it is compiled anew."""
-    return [pytest.param(fault, id=name(fault), marks=[DEAR] if fault.jitted and fault.case != "S1" else [])
+    """By default only the sphere faults of the jitted engine run: every changed copy of it is compiled anew."""
+    return [pytest.param(fault, id=name(fault), marks=[SLOW] if fault.jitted and fault.case != "S1" else [])
             for fault in faults]  # fmt: skip
 
 
 @pytest.mark.parametrize("fault", _each(FAULTS, lambda fault: fault.name))
 def test_a_planted_fault_is_caught(fault, tmp_path):
-    assert BROKEN in _verdicts(mutated(fault, tmp_path), fault)
+    assert FAIL in _outcomes(mutated(fault, tmp_path), fault)
 
 
 @pytest.mark.parametrize(
-    "fault", _each(ASKED.values(), lambda fault: f"{fault.case} {fault.accelerator} {fault.jitted}")
+    "fault", _each(CHECKS.values(), lambda fault: f"{fault.case} {fault.accelerator} {fault.jitted}")
 )
-def test_the_same_case_is_kept_without_it(fault):
-    assert set(_verdicts(engines.engine("numba" if fault.jitted else "numpy"), fault)) == {KEPT}
+def test_the_case_passes_without_the_fault(fault):
+    assert set(_outcomes(engines.engine("numba" if fault.jitted else "numpy"), fault)) == {PASS}

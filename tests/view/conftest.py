@@ -1,11 +1,13 @@
-"""A folder with a small scene, and a viewer on it, which ends with its file: what it renders would go on beside other
-tests. Nothing here compiles: the numpy engine renders."""
+"""A folder with a small scene, and a viewer on it for each test file, so that no render continues beside other tests.
+
+The numpy engine renders, so nothing is compiled.
+"""
 
 from pathlib import Path
 
 import pytest
 
-from tests.view.driving import SCENE, Viewer
+from tests.view.viewer_process import SCENE, Viewer
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""A page's socket, without the page."""
+"""The socket of a page, without the page."""
 
 import json
 import time
@@ -6,19 +6,19 @@ from contextlib import ExitStack
 
 from websockets.sync.client import connect
 
-from harness.view.messages import BEGIN_WORK, header_of
+from harness.view.messages import STARTS_RENDERING, header_of
 
 
 class Tab:
-    """Opens it; use it as a context."""
+    """An open socket; use it as a context."""
 
-    def __init__(self, viewer, desk="view", **headers):
+    def __init__(self, viewer, page="view", **headers):
         host = f"127.0.0.1:{viewer.port}"
         headers = {"Origin": f"http://{host}", **headers}
         self.seq = 0
         self._stack = ExitStack()
         self.socket = self._stack.enter_context(connect(
-            f"ws://{host}/{viewer.token}/desk/{desk}", additional_headers=headers, max_size=None, compression=None,
+            f"ws://{host}/{viewer.token}/socket/{page}", additional_headers=headers, max_size=None, compression=None,
             close_timeout=2, open_timeout=300,
         ))  # fmt: skip
 
@@ -32,20 +32,20 @@ class Tab:
         self._stack.close()
 
     def send(self, **request):
-        """Sends a request; the number under which the worker knows it, where it makes work."""
+        """Sends a request and returns the `seq` of the latest request that starts rendering."""
         self.socket.send(json.dumps(request))
-        self.seq += request["do"] in BEGIN_WORK
+        self.seq += request["type"] in STARTS_RENDERING
         return self.seq
 
-    def hear(self, wanted, seconds=300):
-        """The next message that `wanted` accepts; frames are acknowledged on the way."""
+    def receive(self, wanted, seconds=300):
+        """The header of the next message that `wanted` accepts; acknowledges the frames before it."""
         end = time.monotonic() + seconds
         while True:
-            told = header_of(self.socket.recv(timeout=max(0.01, end - time.monotonic())))
-            if told["is"] == "frame":
-                self.send(do="ack")
-            if wanted(told):
-                return told
+            header = header_of(self.socket.recv(timeout=max(0.01, end - time.monotonic())))
+            if header["type"] == "frame":
+                self.send(type="ack")
+            if wanted(header):
+                return header
 
     def state(self, *states, seconds=300):
-        return self.hear(lambda told: told["is"] == "state" and told["state"] in states, seconds)
+        return self.receive(lambda header: header["type"] == "state" and header["state"] in states, seconds)

@@ -1,25 +1,25 @@
-"""The page with a race: to a target, saved as results, and opened as a report."""
+"""The page with a race: it reaches a target, is saved as results, and opens as a report."""
 
 import json
 
 import pytest
 
-from harness.results import load_results
 from harness.store import read_events
+from harness.store.results import load_results
 
-LANES = """raybench.lanes.map(({seconds, points, crossings, frames, name}) =>
+CONTESTANTS = """raybench.contestants.map(({seconds, points, crossings, frames, name}) =>
     ({seconds, points, crossings, frames, name}))"""
-PROBLEM = "document.getElementById('problem')"
+ERROR = "document.getElementById('error')"
 
 
 @pytest.fixture(scope="module")
 def raced(browser, viewer):
-    """The page after a race of two lanes to an error of 0.5, which a sample or two reach."""
+    """The page after a race of two contestants to an error of 0.5, which a sample or two reach."""
     browser.problems.clear()
     browser.open(viewer.address + "race.html")
-    browser.wait_for("window.raybench && raybench.parts.length === 2")
-    for lane, sampler in enumerate(("sobol", "random")):
-        place = f"#parts > div:nth-child({lane + 1})"
+    browser.wait_for("window.raybench && raybench.settingsForms.length === 2")
+    for contestant, sampler in enumerate(("sobol", "random")):
+        place = f"#settings-forms > div:nth-child({contestant + 1})"
         browser.set(f"{place} [name=engine]", "numpy")
         browser.set(f"{place} [name=sampler]", sampler)
         browser.set(f"{place} [name='shader.max_depth']", 2)
@@ -32,20 +32,20 @@ def raced(browser, viewer):
     return browser
 
 
-def test_lanes_have_had_equal_time_and_reached_what_they_could(raced):
-    lanes = raced.evaluate(LANES)
-    assert [lane["name"] for lane in lanes] == ["numpy sobol", "numpy random"]
-    assert all(1.0 <= lane["seconds"] < 20 and lane["frames"] >= 3 for lane in lanes)  # hours, were it for the targets
-    for lane in lanes:
-        states = {crossing["target"]: crossing["state"] for crossing in lane["crossings"]}
+def test_contestants_use_their_budget_and_reach_the_target_that_they_can_reach(raced):
+    contestants = raced.evaluate(CONTESTANTS)
+    assert [contestant["name"] for contestant in contestants] == ["numpy sobol", "numpy random"]
+    assert all(contestant["seconds"] >= 1.0 and contestant["frames"] >= 3 for contestant in contestants)  # the budget
+    for contestant in contestants:
+        states = {crossing["target"]: crossing["state"] for crossing in contestant["crossings"]}
         assert states[0.5] in ("reached", "at_first") and states[1e-7] == "censored"
-        assert lane["points"][-1][1] < lane["points"][0][1]
-    words = raced.evaluate("document.querySelector('.lane').textContent")
-    assert "✓ target 0.5" in words and "not reached" in words
+        assert contestant["points"][-1][1] < contestant["points"][0][1]
+    text = raced.evaluate("document.querySelector('.contestant').textContent")
+    assert "✓ target 0.5" in text and "not reached" in text
 
 
-def test_pictures_error_maps_and_plot_are_drawn(raced):
-    script = """Array.from(document.querySelectorAll('.lane canvas'), c => {
+def test_images_error_maps_and_plot_are_drawn(raced):
+    script = """Array.from(document.querySelectorAll('.contestant canvas'), c => {
         const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; return new Set(d).size; })"""
     assert min(raced.evaluate(script)) > 5
     assert raced.evaluate("document.querySelectorAll('#plot .target').length") == 2
@@ -59,7 +59,7 @@ def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     raced.click("#save")
     raced.wait_for("raybench.saved")
     results = load_results(folder / "results/derby")
-    shown = raced.evaluate("raybench.lanes.map(lane => lane.points)")
+    shown = raced.evaluate("raybench.contestants.map(contestant => contestant.points)")
     assert [len(c.done) for c in results.contenders] == [1, 1] and results.targets == [0.5, 1e-7]
     recorded = {c.settings.sampler: c.done[0]["points"] for c in results.contenders}
     for points, sampler in zip(shown, ("sobol(scramble=owen)", "random"), strict=True):
@@ -75,16 +75,16 @@ def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     assert "derby" in raced.evaluate("location.href") and raced.evaluate("document.querySelectorAll('.plot svg').length") > 3
 
 
-def test_what_cannot_be_raced_is_a_message(browser, viewer):
+def test_a_request_that_cannot_be_raced_is_an_error_message(browser, viewer):
     browser.open(viewer.address + "race.html")
-    browser.wait_for("window.raybench && raybench.parts.length === 2")
-    for lane in (1, 2):
-        browser.set(f"#parts > div:nth-child({lane}) [name=engine]", "numpy")
-        browser.set(f"#parts > div:nth-child({lane}) [name=sampler]", "sobol")
+    browser.wait_for("window.raybench && raybench.settingsForms.length === 2")
+    for contestant in (1, 2):
+        browser.set(f"#settings-forms > div:nth-child({contestant}) [name=engine]", "numpy")
+        browser.set(f"#settings-forms > div:nth-child({contestant}) [name=sampler]", "sobol")
     browser.set("#reference-engine", "numpy")
     browser.click("#start")
-    browser.wait_for(f"{PROBLEM}.textContent.includes('same settings')")
+    browser.wait_for(f"{ERROR}.textContent.includes('same settings')")
     browser.set("#targets", "none")
     browser.click("#start")
-    browser.wait_for(f"{PROBLEM}.textContent.includes('above zero')")
+    browser.wait_for(f"{ERROR}.textContent.includes('above zero')")
     assert json.loads(browser.evaluate("JSON.stringify(raybench.state)")) == "stopped"

@@ -1,4 +1,4 @@
-"""The server without a browser: who is refused, what a flood and a crash do, and what a closed tab leaves behind."""
+"""The server without a browser: refused requests, floods, crashes, and closed tabs."""
 
 import asyncio
 import http.client
@@ -10,13 +10,13 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from harness.cli import main
-from harness.view.turns import MOST_RENDERS, MOST_TABS, Turns
-from tests.view.driving import Viewer
+from harness.view.render_slots import MAX_RENDERS, MAX_TABS, RenderSlots
 from tests.view.tab import Tab
+from tests.view.viewer_process import Viewer
 
-PART = {"engine": "numpy", "shader": {"name": "path_tracer", "max_depth": 4}, "sampler": {"name": "sobol"},
+SETTINGS = {"engine": "numpy", "shader": {"name": "path_tracer", "max_depth": 4}, "sampler": {"name": "sobol"},
         "accelerator": {"name": "auto"}, "threads": 1}  # fmt: skip
-ENDLESS = {"do": "open", "scene": "ball.yaml", "part": PART, "spp": 1_000_000}
+ENDLESS = {"type": "open", "scene": "ball.yaml", "settings": SETTINGS, "spp": 1_000_000}
 
 
 def get(viewer, path, **headers):
@@ -40,10 +40,10 @@ def is_alive(process):
         return False
 
 
-# ---- who may speak ---------------------------------------------------------------------------------------------------
+# ---- access ---------------------------------------------------------------------------------------------------
 
 
-def test_pages_come_with_a_policy_that_lets_nothing_else_in(viewer):
+def test_pages_have_a_content_security_policy(viewer):
     status, body, headers = get(viewer, f"/{viewer.token}/")
     assert status == 200 and b'data-scene="ball.yaml"' in body
     assert "default-src 'none'" in headers["content-security-policy"] and headers["referrer-policy"] == "no-referrer"
@@ -67,7 +67,7 @@ def test_another_origin_is_refused(viewer, origin):
 
 
 def test_a_socket_without_an_origin_is_refused(viewer):
-    with pytest.raises(InvalidStatus), connect(f"ws://127.0.0.1:{viewer.port}/{viewer.token}/desk/view"):
+    with pytest.raises(InvalidStatus), connect(f"ws://127.0.0.1:{viewer.port}/{viewer.token}/socket/view"):
         pass
 
 
@@ -89,10 +89,10 @@ def test_no_path_leads_out(viewer, path):
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["nothing"], "unknown scene"), (["--folder", "nowhere"], "is no folder"), (["--engine", "nume"], "did you mean 'numpy'"),
-    (["deep/other.yaml", "--folder", "results"], "--folder"),
+    (["nothing"], "unknown scene"), (["--folder", "nowhere"], "is not a folder"),
+    (["--engine", "nume"], "did you mean 'numpy'"), (["deep/other.yaml", "--folder", "results"], "--folder"),
 ])  # fmt: skip
-def test_what_cannot_be_served_is_said_before_anything_starts(folder, monkeypatch, capsys, arguments, words):
+def test_wrong_options_are_refused_before_anything_starts(folder, monkeypatch, capsys, arguments, words):
     (folder / "results").mkdir(exist_ok=True)
     monkeypatch.chdir(folder)
     monkeypatch.setattr("sys.argv", ["raybench", "view", "--no-browser", *arguments])
@@ -102,19 +102,19 @@ def test_what_cannot_be_served_is_said_before_anything_starts(folder, monkeypatc
     assert ended.value.code == 2 and words in capsys.readouterr().err
 
 
-# ---- what pages may ask ----------------------------------------------------------------------------------------------
+# ---- requests ----------------------------------------------------------------------------------------------
 
 
-def test_nonsense_is_answered_and_changes_nothing(viewer):
+def test_invalid_requests_are_answered_and_change_nothing(viewer):
     with Tab(viewer) as tab:
-        wrong = ("", "[]", "{", '{"do": 1}', "null", '{"do": "open"}', '{"do": "camera", "eye": [1e999, 0, 0]}', '{"do": "x"}')
-        for text in wrong:
+        camera = '{"type": "camera", "eye": [1e999, 0, 0]}'
+        for text in ("", "[]", "{", '{"type": 1}', "null", '{"type": "open"}', camera, '{"type": "x"}'):
             tab.socket.send(text)
-            tab.hear(lambda told: told["is"] == "problem")
+            tab.receive(lambda header: header["type"] == "error")
         tab.send(**{**ENDLESS, "width": 4096, "height": 4096})
-        assert "pixels" in tab.hear(lambda told: told["is"] == "problem")["text"]
-        tab.send(**{**ENDLESS, "part": {**PART, "engine": "os:system"}})
-        assert "--allow-imports" in tab.hear(lambda told: told["is"] == "problem")["text"]
+        assert "pixels" in tab.receive(lambda header: header["type"] == "error")["text"]
+        tab.send(**{**ENDLESS, "settings": {**SETTINGS, "engine": "os:system"}})
+        assert "--allow-imports" in tab.receive(lambda header: header["type"] == "error")["text"]
         tab.send(**{**ENDLESS, "spp": 1})
         assert tab.state("finished")["spp"] == 1
 
@@ -126,7 +126,7 @@ def test_a_scene_outside_the_folder_is_refused(viewer, folder, tmp_path, name):
         (folder / "link.yaml").symlink_to(tmp_path / "secret.yaml")
     with Tab(viewer) as tab:
         tab.send(**{**ENDLESS, "scene": name})
-        assert tab.hear(lambda told: told["is"] in ("problem", "opened"))["is"] == "problem"
+        assert tab.receive(lambda header: header["type"] in ("error", "opened"))["type"] == "error"
 
 
 def test_a_flood_keeps_neither_the_server_nor_another_tab_from_answering(viewer):
@@ -134,23 +134,21 @@ def test_a_flood_keeps_neither_the_server_nor_another_tab_from_answering(viewer)
         noisy.send(**ENDLESS)
         noisy.state("busy")
         for index in range(3000):
-            noisy.send(do="camera", eye=[0, 1, 5 + index * 1e-4], target=[0, 1, 0], up=[0, 1, 0])
+            noisy.send(type="camera", eye=[0, 1, 5 + index * 1e-4], target=[0, 1, 0], up=[0, 1, 0])
         assert get(viewer, f"/{viewer.token}/")[0] == 200
         calm.send(**{**ENDLESS, "spp": 1})
         calm.state("finished")
 
 
-def test_the_server_answers_within_50_ms_while_it_renders(viewer):
+def test_the_server_answers_during_a_render(viewer):
+    """The render has no end: a server that waited for it would never answer. tests/benchmarks/view.py measures latencies."""
     with Tab(viewer) as tab:
         tab.send(**{**ENDLESS, "width": 512, "height": 384})
         tab.state("busy")
-        waits = []
-        for _ in range(40):
-            start = time.monotonic()
+        for _ in range(10):
             assert tab.socket.ping().wait(300)
-            waits.append(time.monotonic() - start)
-            time.sleep(0.02)
-    assert sorted(waits)[10] < 0.05  # a server that waits for its renders is late every time, a busy machine now and then
+            assert get(viewer, f"/{viewer.token}/")[0] == 200
+        assert tab.state("busy", "finished", "stopped")["state"] == "busy"
 
 
 # ---- tabs ------------------------------------------------------------------------------------------------------------
@@ -168,31 +166,31 @@ def test_a_closed_tab_ends_its_render(viewer):
     assert len(running) >= 2 and len(workers(viewer)) <= max(1, len(before))
 
 
-def test_ten_tabs_render_in_turn_and_say_so(viewer):
+def test_of_ten_tabs_some_wait_for_a_render_slot(viewer):
     tabs = [Tab(viewer) for _ in range(10)]
     try:
         for tab in tabs:
             tab.send(**ENDLESS)
-        told = [tab.state("busy", "waiting") for tab in tabs]
-        waiting = [state for state in told if state["state"] == "waiting"]
-        assert len(waiting) == 10 - MOST_RENDERS and "waits for its turn" in waiting[0]["doing"]
+        states = [tab.state("busy", "waiting") for tab in tabs]
+        waiting = [state for state in states if state["state"] == "waiting"]
+        assert len(waiting) == 10 - MAX_RENDERS and "waits for them" in waiting[0]["activity"]
         assert get(viewer, f"/{viewer.token}/")[0] == 200
-        first = next(tab for tab, state in zip(tabs, told, strict=True) if state["state"] == "busy")
-        first.send(do="stop")
+        first = next(tab for tab, state in zip(tabs, states, strict=True) if state["state"] == "busy")
+        first.send(type="stop")
         first.state("stopped")
-        late = next(tab for tab, state in zip(tabs, told, strict=True) if state["state"] == "waiting")
+        late = next(tab for tab, state in zip(tabs, states, strict=True) if state["state"] == "waiting")
         late.state("busy")
     finally:
         for tab in tabs:
             tab.close()
 
 
-def test_more_tabs_than_are_allowed_are_told_so(viewer):
+def test_too_many_tabs_are_refused(viewer):
     tabs = []
     try:
-        tabs.extend(Tab(viewer) for _ in range(MOST_TABS))
+        tabs.extend(Tab(viewer) for _ in range(MAX_TABS))
         with Tab(viewer) as last:
-            assert "pages are open already" in last.hear(lambda told: told["is"] == "problem")["text"]
+            assert "pages are already open" in last.receive(lambda header: header["type"] == "error")["text"]
     finally:
         for tab in tabs:
             tab.close()
@@ -230,63 +228,63 @@ class Deaf(Dies):
 '''
 
 
-def test_a_render_that_crashes_or_does_not_stop_ends_alone(folder):
+def test_a_render_that_crashes_or_does_not_stop_ends_only_its_worker(folder):
     (folder / "crashes.py").write_text(CRASHES)
     with Viewer(folder, "ball.yaml", "--allow-imports") as viewer, Tab(viewer) as tab:
-        tab.send(**{**ENDLESS, "part": {**PART, "engine": "crashes:Dies"}})
-        assert "SIGSEGV" in tab.hear(lambda told: told["is"] == "lost")["text"]
-        tab.send(**{**ENDLESS, "part": {**PART, "engine": "crashes:Deaf"}})
+        tab.send(**{**ENDLESS, "settings": {**SETTINGS, "engine": "crashes:Dies"}})
+        assert "SIGSEGV" in tab.receive(lambda header: header["type"] == "worker_lost")["text"]
+        tab.send(**{**ENDLESS, "settings": {**SETTINGS, "engine": "crashes:Deaf"}})
         tab.state("busy")
         time.sleep(0.5)
-        tab.send(do="stop")
-        assert "did not stop" in tab.hear(lambda told: told["is"] == "lost")["text"]
+        tab.send(type="stop")
+        assert "did not stop" in tab.receive(lambda header: header["type"] == "worker_lost")["text"]
         tab.send(**{**ENDLESS, "spp": 1})
         assert tab.state("finished")["spp"] == 1
 
 
-def test_turns_are_given_in_the_order_of_asking():
+def test_render_slots_are_given_in_the_order_of_requests():
     async def scene():
-        turns, order = Turns(1), []
+        slots, order = RenderSlots(1), []
 
         async def tab(name):
-            if await turns.acquire(name):
+            if await slots.acquire(name):
                 order.append(name)
 
         waiting = []
         for name in "abcd":
             waiting.append(asyncio.create_task(tab(name)))
             await asyncio.sleep(0)
-        assert order == ["a"] and not turns.free_for("b")
-        turns.give_up("b")
-        turns.release("a")
+        assert order == ["a"] and not slots.is_free_for("b")
+        slots.cancel("b")
+        slots.release("a")
         await asyncio.sleep(0)
-        assert order == ["a", "c"] and turns.rendering == 1
-        turns.release("c")
+        assert order == ["a", "c"] and slots.in_use == 1
+        slots.release("c")
         await asyncio.gather(*waiting)
         assert order == ["a", "c", "d"]
 
     asyncio.run(scene())
 
 
-RACE = {"do": "race", "scene": "ball.yaml", "lanes": [PART, {**PART, "sampler": {"name": "random"}}], "width": 48, "height": 36,
-        "targets": [1e-9], "reference_engine": "numpy", "max_seconds": 60}  # fmt: skip
+RACE = {"type": "race", "scene": "ball.yaml", "contestants": [SETTINGS, {**SETTINGS, "sampler": {"name": "random"}}],
+        "width": 48, "height": 36, "targets": [1e-9], "reference_engine": "numpy", "max_seconds": 60}  # fmt: skip
 
 
 def test_a_race_is_stopped_at_any_time_and_leaves_nothing_behind(viewer, folder):
     scratch = list((folder / "results").glob(".race-*")) if (folder / "results").is_dir() else []
-    with Tab(viewer, desk="race") as tab:
+    with Tab(viewer, page="race") as tab:
         tab.send(**RACE, reference_spp=100_000)
-        tab.hear(lambda told: told["is"] == "progress")
-        tab.send(do="stop")
+        tab.receive(lambda header: header["type"] == "progress")
+        tab.send(type="stop")
         tab.state("stopped")
-        tab.send(do="save", name="early")
-        assert "no race" in tab.hear(lambda told: told["is"] == "problem")["text"]
+        tab.send(type="save", name="early")
+        assert "no race" in tab.receive(lambda header: header["type"] == "error")["text"]
         tab.send(**RACE, reference_spp=8)
-        tab.hear(lambda told: told["is"] == "lane" and told["points"])
-        tab.send(do="stop")
+        tab.receive(lambda header: header["type"] == "contestant" and header["points"])
+        tab.send(type="stop")
         tab.state("stopped")
-        tab.send(**{**RACE, "lanes": [PART, PART]}, reference_spp=8)
-        assert "same settings" in tab.hear(lambda told: told["is"] == "problem")["text"]
+        tab.send(**{**RACE, "contestants": [SETTINGS, SETTINGS]}, reference_spp=8)
+        assert "same settings" in tab.receive(lambda header: header["type"] == "error")["text"]
         assert len(list((folder / "results").glob(".race-*"))) >= len(scratch)
     end = time.monotonic() + 300
     while time.monotonic() < end and len(list((folder / "results").glob(".race-*"))) > len(scratch):

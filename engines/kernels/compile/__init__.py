@@ -1,5 +1,5 @@
-"""The one place that knows Numba's internals and LLVM: how kernels are compiled and kept, and the types of values that they
-work on."""
+"""The only package that uses Numba's internals and LLVM: compilation, the disk cache of machine code, and the types of values
+in kernels."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def word_of(real: Any) -> Any:
 
 
 class Layout:
-    """Collects the fields that a class declares, in order, and tells each its name."""
+    """Collects the fields that a class declares, in order, and gives each its name."""
 
     fields: ClassVar[dict[str, Any]]
 

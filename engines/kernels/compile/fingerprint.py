@@ -70,7 +70,7 @@ def _class(value: type, within: tuple[Any, ...]) -> Any:
         return name
     if issubclass(value, tuple) and hasattr(value, "_fields"):
         return name, value._fields
-    raise NotFingerprinted(f"{value!r}: a class of one's own has no name that tells what is in it")
+    raise NotFingerprinted(f"{value!r}: the name of a class does not identify its contents")
 
 
 def _value(value: Any, within: tuple[Any, ...]) -> Any:

@@ -1,8 +1,8 @@
-"""How kernels are compiled: Numba's options in one place, and stages that are called by address.
+"""How kernels are compiled: Numba's options in one place, and stages, which are called through function pointers.
 
 A *stage* is a C function `void(batch, scene)` of two addresses. A factory makes it from plain values (a scalar type,
 ints, bools, tuples of them) and from jitted functions; both are part of the key under which its machine code is kept on
-disk. The driver calls stages by address, so compile times add up rather than multiply.
+disk. The driver calls stages through function pointers, so compile times add up rather than multiply.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _timed_compilation() -> Iterator[None]:
 @contextmanager
 def _without_early_unrolling() -> Iterator[None]:
     """Numba optimises each function before what it calls is inlined. A loop over lanes that does little but call is then
-    unrolled at once, and never becomes vector code; LLVM unrolls loops again after inlining, when it knows what is in them."""
+    unrolled at once, and never becomes vector code; LLVM unrolls loops again after inlining, when it sees what is in them."""
     codegen: Any = cpu_target.target_context.codegen()
 
     def function_passes() -> tuple[Any, Any]:
@@ -90,8 +90,8 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inline(function: Callable[..., Any]) -> Any:
     """A jitted function of one lane, inlined into the loop over lanes so that the loop can become vector code.
 
-    What compiled code calls has no way in from Python, which saves a fifth of a cold start; a call from Python compiles
-    the function once more.
+    No Python wrapper is generated, which saves a fifth of a cold start; a call from Python compiles the function once
+    more.
     """
     dispatcher = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
 

@@ -19,7 +19,7 @@ from engines.kernels.compile.vec3 import vec3_of
 
 
 class LaneRecord(Layout):
-    """Base class of the layouts of lanes: see the module. `size` is the numbers a lane has."""
+    """Base class of the layouts of lanes: see `records`. `size` is the count of numbers of a lane."""
 
     size: ClassVar[int]
 
@@ -42,13 +42,13 @@ class LaneRecord(Layout):
 class LaneView(types.Type):
     def __init__(self, layout: type[LaneRecord], scalar_type: Any) -> None:
         self.layout, self.real = layout, scalar_type
-        super().__init__(name=f"{layout.__name__}({scalar_type})")
+        super().__init__(name=f"{layout.__module__}.{layout.__qualname__}({scalar_type})")
 
 
 class LaneField(types.Type):
-    def __init__(self, layout: str, scalar_type: Any, field: Field) -> None:
+    def __init__(self, layout: type[LaneRecord], scalar_type: Any, field: Field) -> None:
         self.real, self.field = scalar_type, field
-        super().__init__(name=f"{layout}.{field.name}({scalar_type})")
+        super().__init__(name=f"{layout.__module__}.{layout.__qualname__}.{field.name}({scalar_type})")
 
 
 @register_model(LaneView)
@@ -64,7 +64,7 @@ class _LaneFields(AttributeTemplate):
 
     def generic_resolve(self, view: Any, name: str) -> Any:
         field = view.layout.fields.get(name)
-        return None if field is None else LaneField(view.layout.__name__, view.real, field)
+        return None if field is None else LaneField(view.layout, view.real, field)
 
 
 @lower_getattr_generic(LaneView)

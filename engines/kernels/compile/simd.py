@@ -1,7 +1,7 @@
 """Vectors of eight numbers as values of compiled code: one ray against eight boxes, or eight primitives.
 
-Loops over lanes are left to LLVM; where one ray meets many things there is no such loop, and these types say what is meant.
-They take the operators of plain numbers (a plain number beside one stands for eight copies), so a formula written once, such as
+Loops over lanes are left to LLVM; where one ray meets many primitives there is no such loop, and vectors are explicit.
+They take the operators of plain numbers (a plain number beside one is eight copies), so a formula written once, such as
 `triangle_distance`, serves both and gives the same bits. Nothing here depends on the processor: LLVM splits or
 joins the vectors as it has registers. `select`, `fma` and `const` of `values` take these as well as scalars.
 """
@@ -272,7 +272,7 @@ def _place(context: Any, builder: Any, array: Any, arguments: Any) -> Any:
 
 @intrinsic
 def load8(typing, array, index):
-    """`array[index : index + 8]` of an array that is not a ray batch; no alignment is asked for."""
+    """`array[index : index + 8]` of an array that is not a ray batch; no alignment is needed."""
 
     def generate(context, builder, signature, arguments):
         place = _place(context, builder, array, arguments)
@@ -297,7 +297,7 @@ def store8(typing, array, index, value):
 
 @intrinsic
 def prefetch(typing, address):
-    """Asks for the cache line at `address` and does not wait for it."""
+    """Starts loading the cache line at `address` and does not wait for it."""
 
     def generate(context, builder, signature, arguments):
         byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)

@@ -18,8 +18,7 @@ from engines.kernels.compile.vec3 import vec3_of
 
 
 class Row(Layout):
-    """Base class of the layouts of rows: see the module. `size` numbers of `dtype`, REAL unless the class says
-    otherwise."""
+    """Base class of the layouts of rows: see `records`. `size` numbers of `dtype`, REAL unless the class sets another."""
 
     size: ClassVar[int]
     dtype: ClassVar[Any] = REAL
@@ -46,7 +45,7 @@ class Row(Layout):
 
 
 class Table(Layout):
-    """Base class of the layouts of tables: see the module. With `first` its slots start there."""
+    """Base class of the layouts of tables: see `records`. With `first` its slots start there."""
 
     slots: ClassVar[int]
 
@@ -61,7 +60,7 @@ class Table(Layout):
 class TableView(types.Type):
     def __init__(self, layout: type[Table], scalar_type: Any) -> None:
         self.layout, self.real = layout, scalar_type
-        super().__init__(name=f"{layout.__module__}.{layout.__name__}({scalar_type})")
+        super().__init__(name=f"{layout.__module__}.{layout.__qualname__}({scalar_type})")
 
 
 class Vectors(types.Type):
@@ -75,13 +74,13 @@ class Vectors(types.Type):
 class Rows(types.Type):
     def __init__(self, row: type[Row], dtype: Any) -> None:
         self.row, self.dtype = row, dtype
-        super().__init__(name=f"Rows({row.__module__}.{row.__name__}, {dtype})")
+        super().__init__(name=f"Rows({row.__module__}.{row.__qualname__}, {dtype})")
 
 
 class RowView(types.Type):
     def __init__(self, row: type[Row], dtype: Any) -> None:
         self.row, self.dtype = row, dtype
-        super().__init__(name=f"{row.__module__}.{row.__name__}({dtype})")
+        super().__init__(name=f"{row.__module__}.{row.__qualname__}({dtype})")
 
 
 @register_model(TableView)

@@ -1,6 +1,6 @@
 """Operations on numbers that compiled code has and Python lacks: selection without a branch, fused multiply-add,
-constants of a given type, bits of words; and calls by address. `select`, `fma` and `const` take vectors (`simd`) as
-well."""
+constants of a given type, bits of words, and calls through function pointers. `select`, `fma` and `const` take vectors
+(`simd`) as well."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def fetch_add(typing, address, amount):
 @intrinsic
 def select(typing, condition, yes, no):
     """`yes` where `condition` holds, else `no`, both evaluated: never a branch, so loops over lanes stay vector code.
-    Of a mask (`simd`) it selects number by number, and a plain number stands for eight. The result has the type of
+    Of a mask (`simd`) it selects number by number, and a plain number is eight equal ones. The result has the type of
     `yes`, or of the vector."""
     result = no if isinstance(no, Simd) else yes
     scalar = result.kind if isinstance(result, Simd) else result

@@ -21,7 +21,7 @@ def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray
     tall = tall[:-2] + tall[1:-1] + tall[2:]
     weight = (np.roll(tall, 1, axis=1) + tall + np.roll(tall, -1, axis=1)) / 9
     weight = weight * np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
-    if not weight.sum() > 0:  # a black sky: any density will do
+    if not weight.sum() > 0:  # a black image: any density will do
         weight = np.ones_like(weight)
     sums = weight.sum(axis=1)
     rows = np.cumsum(sums) / sums.sum()

@@ -1,4 +1,4 @@
-"""A scene as arrays, and the table of addresses through which stages reach them (`engines.kernels.layout.SceneTable`)."""
+"""A scene as arrays, and the table of addresses through which stages read them (`engines.kernels.layout.SceneTable`)."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Uses(NamedTuple):
 
 
 class Integrator(NamedTuple):
-    """A step, and what stages must know of it."""
+    """A step, and its properties that stages depend on."""
 
     step: Any
     uses: Uses

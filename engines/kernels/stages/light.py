@@ -39,8 +39,8 @@ def _make_sample(kinds: tuple[int, ...]) -> Any:
 
 @cache
 def _make_load(kinds: tuple[int, ...], many: bool, every: bool) -> Any:
-    """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies all that the scene knows
-    of it: searches and plain loads, so in a loop of their own."""
+    """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene
+    holds of it: searches and plain loads, so in a loop of their own."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
     meshes = MESH in kinds
 
@@ -124,12 +124,12 @@ def _image_environment(rays, scene, share, real):
             column = environment.first_above(columns, row * width, width, u0)
             below = columns[row * width + column - 1] if column > 0 else 0.0
             u = (column + (u0 - below) / (columns[row * width + column] - below)) / width
-            sky = environment.radiance(scene.environment, width, height, u, v)
+            radiance = environment.radiance(scene.environment, width, height, u, v)
             pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v) * np.float64(share)
             scale = 1.0 / pdf if pdf > 0.0 else 0.0
             rays.wi[lane] = environment.uv_to_direction(u, v)
             rays.light_distance[lane] = real(np.inf)
-            rays.li[lane] = sky * scale
+            rays.li[lane] = radiance * scale
             rays.light_sample_pdf[lane] = pdf
 
 

@@ -1,4 +1,4 @@
-"""The BSDF at a vertex: what its three functions say of the light's direction and of this vertex's random numbers.
+"""The BSDF at a vertex: its value and pdf for the light's direction, and a sample by this vertex's random numbers.
 
 Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, each
 model has a stage of its own that runs only in batches of which some lane has hit it, and the shade stage loads the

@@ -32,7 +32,7 @@ OPTIONS = 8
 
 def integrator_of(shader: Choice) -> Integrator:
     """The built-in integrator, or that of a plugin, of which nothing is known but whether it is called for every light:
-    so it may branch, send shadow rays anywhere and read all that the BSDF says."""
+    so it may branch, send shadow rays anywhere and read every part of `Scattering`."""
     if shader.plugin is None:
         return INTEGRATORS[shader.name]
     every = getattr(shader.plugin, "lights", "one") == "all"
@@ -71,7 +71,7 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
     return light | lobe | 0b110000 | roulette
 
 
-class Traits(NamedTuple):
+class ShadeFeatures(NamedTuple):
     """What the stage of an integrator is compiled for, besides the features of the scene's BSDFs."""
 
     lit: bool
@@ -94,7 +94,7 @@ def _next_light(rays, lane, working, miss, n_lights):
 
 
 @inline
-def _store_shadow_ray(rays, lane, si, light, direct, offset, reach, working, shadows):
+def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, shadows):
     """What waits for the shadow ray, and the ray: aimed anew from where it starts, since a parallel one would meet a
     light that is seen from the side too early."""
     zero, infinite = const(0.0, offset), const(math.inf, offset)
@@ -103,7 +103,7 @@ def _store_shadow_ray(rays, lane, si, light, direct, offset, reach, working, sha
     aim = light.wi * light.distance - si.geometric_normal * offset
     way, endless = length(aim), light.distance == infinite
     rays.wi[lane] = select3(endless, light.wi, aim * (const(1.0, way) / way))
-    way = select(endless, infinite, way * reach - offset)
+    way = select(endless, infinite, way * share - offset)
     rays.shadow_t_max[lane] = select(sent & shadows, way, const(-1.0, way))
 
 
@@ -144,23 +144,23 @@ def _load(rays, lane, lit, real):
 
 
 @inline
-def _store(rays, lane, before, result, n_lights, traits, reach, real):
+def _store(rays, lane, before, result, n_lights, shading, share, real):
     """What the lane does next."""
     working, depth, si = before.working, before.depth, before.si
-    light, per_vertex, stays = depth - depth, np.int64(1), False
-    if traits.every:
+    light, per_vertex, stays = np.int64(0), np.int64(1), False
+    if shading.every:
         per_vertex = n_lights
         light, stays = _next_light(rays, lane, working, si.miss, n_lights)
     added = select3(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.offset[lane]
     rays.shadow_origin[lane] = si.point + si.geometric_normal * offset
-    if traits.lit:
-        _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, reach, working, traits.shadows)
+    if shading.lit:
+        _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading.shadows)
     ends = working & (not stays)
     goes = ends & result.alive
     rays.done[lane] = ends & (not result.alive)
-    if traits.branches:
+    if shading.branches:
         rays.branch[lane] = goes & result.branch
         rays.branch_direction[lane] = result.branch_direction
         rays.branch_throughput[lane] = result.branch_throughput
@@ -177,40 +177,40 @@ def _eight_options(scene, real):
     )  # fmt: skip
 
 
-def _make(step: Any, scattering: Any, traits: Traits, real: Any) -> Any:
-    lit = traits.lit
+def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
+    lit = shading.lit
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         options, n_lights = _eight_options(scene, real), scene.n_lights
-        reach = real(scene.margins[0].reach)
+        share = real(scene.margins[0].shadow_share)
         for lane in range(np.uint64(LANES)):
             before, draws = _load(rays, lane, lit, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             result = step(before.si, before.light, bsdf, draws, before.path, options)
-            _store(rays, lane, before, result, n_lights, traits, reach, real)
+            _store(rays, lane, before, result, n_lights, shading, share, real)
 
     return shade
 
 
-def traits(integrator: Integrator, features: SceneFeatures) -> Traits:
+def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeatures:
     """What the stage of `integrator` is compiled for in a scene of these features."""
     lit = integrator.lit and len(features.lights) > 0
     both = features.specular_reflection and features.specular_transmission
     branches = integrator.branches or (integrator.branches_at_specular and both)
-    return Traits(lit, lit and integrator.every_light, branches, integrator.shadows)
+    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows)
 
 
-def uses(integrator: Integrator, traits: Traits) -> Uses:
+def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:
     """What the integrator reads of the BSDF, in a scene that may have no lights."""
-    return integrator.uses._replace(value=integrator.uses.value and traits.lit)
+    return integrator.uses._replace(value=integrator.uses.value and shading.lit)
 
 
-def stage(integrator: Integrator, traits: Traits, features: SceneFeatures, real: Any) -> Any:
+def stage(integrator: Integrator, shading: ShadeFeatures, features: SceneFeatures, real: Any) -> Any:
     """The shade stage of an integrator."""
-    return _stage(integrator.step, make_scattering(features, uses(integrator, traits)), traits, real)
+    return _stage(integrator.step, make_scattering(features, uses(integrator, shading)), shading, real)
 
 
 @cache
-def _stage(step: Any, scattering: Any, traits: Traits, real: Any) -> Any:
-    return compile_stage(_make(step, scattering, traits, real))
+def _stage(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
+    return compile_stage(_make(step, scattering, shading, real))

@@ -35,7 +35,7 @@ _FEATURES = (
 def margins(tracing: Any) -> NDArray[np.float64]:
     """The row (1, 2) of `SceneTable.margins`, by the precision in which rays are traced."""
     share = OFFSET_ULPS * float(np.finfo(tracing).eps)
-    return np.array([MarginRow.packed(offset=share, reach=1.0 - share)])
+    return np.array([MarginRow.packed(offset=share, shadow_share=1.0 - share)])
 
 
 # ---- from the scene into the batch -----------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ def _make_load_shape(features: SceneFeatures) -> Any:
 
 @cache
 def _make_load_hit(features: SceneFeatures) -> Any:
-    """The function (rays, scene) that copies all that the scene knows of what the lanes hit."""
+    """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
     several_shapes = features.spheres or features.planes or len(features.analytic) > 0
     several_bsdfs, emission = len(features.bsdfs) > 1, features.emission
     load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
@@ -309,9 +309,9 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         n_lights = real(scene.n_lights)
         offset_scale = real(scene.margins[0].offset)
         none = Vec3(zero, zero, zero)
-        sky = none
+        environment_radiance = none
         if constant_environment:
-            sky = scene.environment_radiance[0]
+            environment_radiance = scene.environment_radiance[0]
         for lane in range(np.uint64(LANES)):
             o, d = rays.origin[lane], rays.direction[lane]
             found = intersection(rays, lane, o, d)
@@ -329,7 +329,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                     parameters, shape = light_parameters(rays, lane), rays.shape[lane]
                     light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, n_lights), zero)
             if constant_environment:
-                emitted = select3(miss, sky, emitted)
+                emitted = select3(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / n_lights, light_pdf)
             rays.emission[lane] = emitted
             rays.light_pdf[lane] = light_pdf
@@ -347,8 +347,7 @@ def _image_environment(rays, scene, n_lights, real):
         if rays.miss[lane]:
             d = to_float64(rays.direction[lane])
             u, v = environment.direction_to_uv(d.x, d.y, d.z)
-            sky = environment.radiance(scene.environment, width, height, u, v)
-            rays.emission[lane] = sky
+            rays.emission[lane] = environment.radiance(scene.environment, width, height, u, v)
             pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v)
             rays.light_pdf[lane] = real(pdf) / n_lights
 

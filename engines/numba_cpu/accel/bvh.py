@@ -62,7 +62,7 @@ class Accelerator:
 
 
 class Grown(NamedTuple):
-    """The two-wide tree, boxes in multiples of `unit`; and what `grow_tree` says of its places."""
+    """The two-wide tree, boxes in multiples of `unit`; and the places that `grow_tree` returns."""
 
     unit: float
     order: Any
@@ -73,7 +73,7 @@ class Grown(NamedTuple):
 
 
 def _build(flat: FlatScene, unit: float, threads: int, pool: Executor) -> tuple[Any, Any]:
-    """Wide nodes, and leaves. What a step no longer needs is gone before the next asks for memory: 200 bytes a triangle."""
+    """Wide nodes, and leaves. What a step no longer needs is freed before the next allocates: 200 bytes a triangle."""
     grown = _grown(flat, unit, threads, pool)
     nodes, leaves = _widened(grown, _first_of_kinds(flat), pool)
     order = grown.order

@@ -1,4 +1,4 @@
-"""The two stages that walk the eight-wide tree, in which the sixteen rays of a batch take turns.
+"""The two stages that traverse the eight-wide tree, the sixteen rays of a batch interleaved.
 
 In each round every ray takes one step: eight boxes of a node, or up to eight primitives of a leaf, in vector code without a
 branch. A ray alone would wait at each step for memory and for the next branch; sixteen steps that do not depend on one
@@ -71,7 +71,7 @@ SCRATCH = LANES * RECORD + 2 * (LANES + 1)
 STEP_LINES = 5
 """Cache lines of a step: four of a node, five of a leaf."""
 SLOT = 7
-"""The bits of a key that say which child it is; the others are those of the distance to it, rounded down."""
+"""The bits of a key that hold the child's number; the others are those of the distance to it, rounded down."""
 
 
 class Ray(NamedTuple):
@@ -83,7 +83,7 @@ class Ray(NamedTuple):
 
 
 class Rule(NamedTuple):
-    """What the tree holds besides analytic shapes, and what is asked."""
+    """What the tree holds besides analytic shapes, and which query is answered."""
 
     triangles: bool
     spheres: bool
@@ -208,9 +208,7 @@ def _slab(planes, node, row, ray, axis, offset):
 def _enter_node(ray, tree):
     """Puts the children that the ray meets on its stack, the nearest on top, and takes the top; returns the child."""
     node, height = NODE_WORDS * np.int64(ray.words[CHILD]), np.int64(ray.words[HEIGHT])
-    x, y, z = (
-        np.int64(ray.words[ROW]), np.int64(ray.words[ROW + 1]), np.int64(ray.words[ROW + 2]),
-    )  # fmt: skip
+    x, y, z = np.int64(ray.words[ROW]), np.int64(ray.words[ROW + 1]), np.int64(ray.words[ROW + 2])
     near = _most(
         _most(_slab(tree.planes, node, x, ray, 0, NEAR), _slab(tree.planes, node, y, ray, 1, NEAR)),
         _most(_slab(tree.planes, node, z, ray, 2, NEAR), splat(np.float32(0))),
@@ -256,8 +254,8 @@ def _spheres(o, d, base, n, real):
 
 @inline
 def _send(ray, child, lane, queues, waiting, tree, bytes_each):
-    """Puts a lane into the queue where its next step is (written to both, counted in one, or none), and asks for the memory
-    that the step will want: some 1.4 times the rays in a tree beyond the second cache."""
+    """Puts a lane into the queue where its next step is (written to both, counted in one, or none), and prefetches the memory
+    that the step reads: some 1.4 times the rays in a tree beyond the second cache."""
     ray.words[CHILD] = child
     place = np.int64(child)
     wanted = select(place >= 0, tree.nodes + 4 * NODE_WORDS * place, tree.leaves + ((-1 - place) >> 5) * bytes_each)
@@ -335,8 +333,7 @@ def _start_rays(scratch, origin, direction, t_max, triangles, queues, real):
     """Sets every ray up at the root; returns how many wait there."""
     waiting = np.int64(0)
     for lane in range(np.uint64(LANES)):
-        ray, t = _ray(scratch, lane, real), t_max[lane]
-        o, d = origin[lane], direction[lane]
+        ray, o, d, t = _ray(scratch, lane, real), origin[lane], direction[lane], t_max[lane]
         _start(ray, o, d, t)
         if triangles:
             _start_shear(ray, o, d)
@@ -388,11 +385,10 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                     else:
                         child = _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each)
                     waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each)
-        if planes:
-            if shadow:
-                occluded_planes(rays, scene, real)
-            else:
-                closest_planes(rays, scene, real)
+        if planes and shadow:
+            occluded_planes(rays, scene, real)
+        elif planes:
+            closest_planes(rays, scene, real)
 
     return stage
 

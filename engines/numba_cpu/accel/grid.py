@@ -50,7 +50,7 @@ DENSITY = 4.0
 MOST_CELLS = 32
 """Cells that a primitive may touch on average; where large ones overlap, the grid is made coarser until they do not."""
 LARGEST = 512
-"""Cells on an axis at the most."""
+"""Largest number of cells on an axis."""
 
 
 class Accelerator:
@@ -180,15 +180,6 @@ class Grid(NamedTuple):
     nz: int
 
 
-class Rule(NamedTuple):
-    """What the grid holds, and whether any hit will do."""
-
-    triangles: bool
-    spheres: bool
-    analytic: bool
-    any_hit: bool
-
-
 @inline
 def _wall(low, high, cells, cell, forward, o, inverse):
     """Distance at which the ray leaves a cell on one axis, computed from the wall itself so that errors do not add up."""
@@ -197,27 +188,24 @@ def _wall(low, high, cells, cell, forward, o, inverse):
 
 
 @inline
-def _test(ray, scene, grid, rule, i, this, origin_primitive, distance_to_analytic, t, real):
-    """(distance, whether it counts) of primitive number i, whose id is `this`; t where it has none."""
+def _test(ray, t, left, scene, grid, i, this, triangles, spheres, analytic, distance_to_analytic, real):
+    """(distance, whether it counts) of primitive number i, whose id is `this`, for a ray that leaves the primitive `left`."""
     distance, valid = t, False
-    if rule.triangles and (not (rule.spheres or rule.analytic) or i < grid.first_sphere):
+    if triangles and (not (spheres or analytic) or i < grid.first_sphere):
         distance = distance_to_triangle(ray, grid.corners, i)
-        valid = distance > real(0) and this != origin_primitive
-    if (
-        rule.spheres
-        and (not rule.triangles or i >= grid.first_sphere)
-        and (not rule.analytic or i < grid.first_analytic)
-    ):
+        valid = distance > real(0) and this != left
+    if spheres and (not triangles or i >= grid.first_sphere) and (not analytic or i < grid.first_analytic):
         distance = distance_to_sphere(ray, grid.spheres, i - grid.first_sphere, real)
         valid = True
-    if rule.analytic and (not (rule.triangles or rule.spheres) or i >= grid.first_analytic):
-        distance = real(distance_to_analytic(scene, i - grid.first_analytic, to_float64(ray.o), to_float64(ray.d)))
-        valid = distance < real(np.inf) and this != origin_primitive
+    if analytic and (not (triangles or spheres) or i >= grid.first_analytic):
+        k = i - grid.first_analytic
+        distance = real(distance_to_analytic(scene, k, to_float64(ray.o), to_float64(ray.d)))
+        valid = distance < real(np.inf) and this != left
     return distance, valid
 
 
 @inline
-def _walk(ray, t, origin_primitive, scene, grid, rule, distance_to_analytic, widen, real):
+def _walk(ray, t, left, scene, grid, triangles, spheres, analytic, distance_to_analytic, any_hit, widen, real):
     """(distance, id) of the closest hit nearer than t, or with `any_hit` of any such; id -1 for none."""
     primitive = np.int64(-1)
     lx, ly, lz = grid.box[0], grid.box[1], grid.box[2]
@@ -239,10 +227,12 @@ def _walk(ray, t, origin_primitive, scene, grid, rule, distance_to_analytic, wid
         for k in range(grid.cells[cell], grid.cells[cell + 1]):
             i = np.int64(grid.members[k])
             this = np.int64(grid.primitives[i])
-            distance, valid = _test(ray, scene, grid, rule, i, this, origin_primitive, distance_to_analytic, t, real)
+            distance, valid = _test(
+                ray, t, left, scene, grid, i, this, triangles, spheres, analytic, distance_to_analytic, real
+            )
             if valid and (distance < t or (distance == t and this < primitive)):
                 t, primitive = distance, this
-                if rule.any_hit:
+                if any_hit:
                     return t, primitive
         tx = _wall(lx, hx, grid.nx, x, px, ray.o.x, ray.inverse.x)
         ty = _wall(ly, hy, grid.ny, y, py, ray.o.y, ray.inverse.y)
@@ -287,14 +277,26 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
             own.box, own.cells, own.members, own.corners, own.primitives, scene.spheres, scene.n_triangles,
             scene.n_triangles + scene.n_spheres, own.size_x, own.size_y, own.size_z,
         )  # fmt: skip
-        rule = Rule(triangles, spheres, has_analytic, shadow)
         for lane in range(np.uint64(LANES)):
             t = t_max[lane]
             primitive = np.int64(-1)
             if bounded and t > real(0):
                 ray = make_ray(origin[lane], direction[lane], eps, real)
                 left = np.int64(rays.origin_primitive[lane])
-                t, primitive = _walk(ray, t, left, scene, grid, rule, distance_to_analytic, widen, real)
+                t, primitive = _walk(
+                    ray,
+                    t,
+                    left,
+                    scene,
+                    grid,
+                    triangles,
+                    spheres,
+                    has_analytic,
+                    distance_to_analytic,
+                    shadow,
+                    widen,
+                    real,
+                )
             if shadow:
                 rays.occluded[lane] = primitive >= 0
             else:

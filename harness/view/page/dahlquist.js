@@ -1,22 +1,22 @@
-// The page with Dahlquist's program: its animation, its switches, and balls that are dragged.
+// The page with Dahlquist's program: its animation, its switches, and spheres that are dragged.
 
-import { Link, byId, count, duration, lastOfFrame, showProblem, themeButton } from "./link.js";
+import { WorkerSocket, byId, count, duration, throttled, showError, themeButton } from "./socket.js";
 
 const SWITCHES = ["reflections", "environment", "interlaced", "redraw"];
-const KEYBOARD = 20; // the finger that keys move
+const KEYBOARD = 20; // the finger number of the keyboard
 const STEP = 8;
 const canvas = byId("canvas");
 const context = canvas.getContext("2d", { alpha: false });
-const page = { frames: 0, state: "idle", touched: [] };
+const page = { frames: 0, state: "idle", touchedSpheres: [] };
 window.raybench = page;
-let held = null; // where the keyboard's finger is
+let held = null; // the position of the keyboard's finger
 
-const link = new Link("dahlquist", {
+const socket = new WorkerSocket("dahlquist", {
   menu, frame, state,
-  touched: (header) => page.touched.push(header.ball),
-  problem: (header) => showProblem(header.text),
-  lost: (header) => showProblem(header.text),
-  closed: () => state({ state: "stopped", doing: "no connection" }),
+  touched: (header) => page.touchedSpheres.push(header.sphere),
+  error: (header) => showError(header.text),
+  worker_lost: (header) => showError(header.text),
+  closed: () => state({ state: "stopped", activity: "no connection" }),
 });
 
 function menu(header) {
@@ -32,17 +32,17 @@ function menu(header) {
     row.append(heading);
     for (const text of [duration(seconds), count(rays), (1 / seconds).toFixed(1)]) row.insertCell().textContent = text;
   }
-  if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("doing").textContent = "Start animates it";
+  if (matchMedia("(prefers-reduced-motion: reduce)").matches) byId("activity").textContent = "Start animates it";
   else begin();
 }
 
 function frame(header, bytes) {
   const pixels = new Uint8ClampedArray(bytes);
-  for (let i = 3; i < pixels.length; i += 4) pixels[i] = 255; // alpha is the original's flag
+  for (let i = 3; i < pixels.length; i += 4) pixels[i] = 255; // the original stores a flag in alpha
   if (canvas.width !== header.width || canvas.height !== header.height) resize(header.width, header.height);
   context.putImageData(new ImageData(pixels, header.width, header.height), 0, 0);
   page.frames += 1;
-  link.send({ do: "ack" });
+  socket.send({ type: "ack" });
 }
 
 function resize(width, height) {
@@ -52,9 +52,9 @@ function resize(width, height) {
 
 function state(header) {
   page.state = header.state;
-  page.told = header;
+  page.status = header;
   if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
-  byId("doing").textContent = header.doing;
+  byId("activity").textContent = header.activity;
   const running = ["busy", "waiting"].includes(header.state);
   byId("stop").disabled = !running;
   byId("start").disabled = running;
@@ -66,60 +66,60 @@ function state(header) {
 }
 
 function begin() {
-  showProblem(null);
+  showError(null);
   const value = (id) => Number(byId(id).value);
-  link.send({ do: "demo", width: value("width"), height: value("height"), engine: byId("engine").value, threads: value("threads") });
+  socket.send({ type: "dahlquist", width: value("width"), height: value("height"), engine: byId("engine").value, threads: value("threads") });
   switches();
 }
 
 function switches() {
   const speed = Number(byId("speed").value);
-  byId("speed-told").textContent = speed;
+  byId("speed-value").textContent = speed;
   const chosen = Object.fromEntries(SWITCHES.map((name) => [name, byId(name).checked]));
-  link.send({ do: "switches", ...chosen, speed });
+  socket.send({ type: "switches", ...chosen, speed });
 }
 
-function at(event) {
+function position(event) {
   const box = canvas.getBoundingClientRect();
   return { x: ((event.clientX - box.left) / box.width) * canvas.width, y: ((event.clientY - box.top) / box.height) * canvas.height };
 }
 
-const fingers = new Map(); // pointer -> number of the finger
+const fingers = new Map(); // pointer id -> finger number
 const sendMoves = new Map();
 
 canvas.addEventListener("pointerdown", (event) => {
   canvas.setPointerCapture(event.pointerId);
   const finger = [...Array(10).keys()].find((free) => ![...fingers.values()].includes(free)) ?? 9;
   fingers.set(event.pointerId, finger);
-  sendMoves.set(event.pointerId, lastOfFrame((place) => { if (fingers.has(event.pointerId)) link.send({ do: "move", finger, ...place }); }));
-  link.send({ do: "touch", finger, ...at(event) });
+  sendMoves.set(event.pointerId, throttled((point) => { if (fingers.has(event.pointerId)) socket.send({ type: "move", finger, ...point }); }));
+  socket.send({ type: "touch", finger, ...position(event) });
 });
-canvas.addEventListener("pointermove", (event) => sendMoves.get(event.pointerId)?.(at(event)));
+canvas.addEventListener("pointermove", (event) => sendMoves.get(event.pointerId)?.(position(event)));
 for (const end of ["pointerup", "pointercancel"]) {
   canvas.addEventListener(end, (event) => {
-    if (fingers.has(event.pointerId)) link.send({ do: "release", finger: fingers.get(event.pointerId) });
+    if (fingers.has(event.pointerId)) socket.send({ type: "release", finger: fingers.get(event.pointerId) });
     fingers.delete(event.pointerId);
     sendMoves.delete(event.pointerId);
   });
 }
 
-// Keys hold a ball by its number, and move it as a finger would.
+// Keys 1 to 5 hold a sphere, and arrow keys move it like a finger.
 canvas.addEventListener("keydown", (event) => {
   const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-  if (/^[1-5]$/.test(event.key)) link.send({ do: "hold", finger: KEYBOARD, ball: Number(event.key) - 1 });
+  if (/^[1-5]$/.test(event.key)) socket.send({ type: "hold", finger: KEYBOARD, sphere: Number(event.key) - 1 });
   else if (arrows[event.key] && held) {
     held = { x: held.x + STEP * arrows[event.key][0], y: held.y + STEP * arrows[event.key][1] };
-    link.send({ do: "move", finger: KEYBOARD, ...held });
-  } else if (event.key === "Escape") { held = null; link.send({ do: "release", finger: KEYBOARD }); }
+    socket.send({ type: "move", finger: KEYBOARD, ...held });
+  } else if (event.key === "Escape") { held = null; socket.send({ type: "release", finger: KEYBOARD }); }
   else return;
   event.preventDefault();
 });
-link.hear.held = (header) => { held = { x: header.x, y: header.y }; page.held = header; };
+socket.handlers.held = (header) => { held = { x: header.x, y: header.y }; page.held = header; };
 
 themeButton();
-byId("start").addEventListener("click", () => (page.told?.size ? link.send({ do: "resume" }) : begin()));
-byId("stop").addEventListener("click", () => link.send({ do: "stop" }));
+byId("start").addEventListener("click", () => (page.status?.size ? socket.send({ type: "resume" }) : begin()));
+byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
 for (const name of [...SWITCHES, "speed"]) byId(name).addEventListener("input", switches);
 for (const name of ["width", "height", "engine", "threads"]) byId(name).addEventListener("change", begin);
 byId("form").addEventListener("submit", (event) => event.preventDefault());
-addEventListener("pagehide", () => { link.leaving = true; link.socket.close(); });
+addEventListener("pagehide", () => { socket.close(); });

@@ -1,4 +1,4 @@
-// The camera: how it turns around its target, shifts and goes nearer. Vectors are arrays of three numbers.
+// An orbit camera: it orbits around its target, pans and zooms. Vectors are arrays of three numbers.
 
 const add = (a, b, s = 1) => a.map((x, i) => x + s * b[i]);
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -7,9 +7,9 @@ const scaled = (a, s) => a.map((x) => s * x);
 const length = (a) => Math.hypot(...a);
 const unit = (a) => scaled(a, 1 / length(a));
 
-const STEEPEST = 1.55; // radians above or below; at the pole there is no right
+const MAX_ELEVATION = 1.55; // radians; at the pole the right vector is undefined
 
-// `axis` is unit (Rodrigues' formula).
+// `axis` is a unit vector (Rodrigues' formula).
 function rotated(v, axis, angle) {
   const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
   return add(add(scaled(v, cos), cross(axis, v), sin), axis, dot(axis, v) * (1 - cos));
@@ -30,24 +30,24 @@ export class Orbit {
     return length(add(this.target, this.eye, -1));
   }
 
-  // Turns by angles in radians: `around` the up axis, `over` towards it.
+  // Orbits by angles in radians: `around` the up axis, `over` towards it.
   turn(around, over) {
     const pole = unit(this.up);
-    let arm = rotated(add(this.eye, this.target, -1), pole, -around);
-    const height = Math.asin(Math.min(Math.max(dot(unit(arm), pole), -1), 1));
-    const wanted = Math.min(Math.max(height + over, -STEEPEST), STEEPEST);
-    const right = unit(cross(scaled(arm, -1), pole));
-    arm = rotated(arm, right, height - wanted);
-    this.eye = add(this.target, arm);
+    let offset = rotated(add(this.eye, this.target, -1), pole, -around);
+    const elevation = Math.asin(Math.min(Math.max(dot(unit(offset), pole), -1), 1));
+    const limited = Math.min(Math.max(elevation + over, -MAX_ELEVATION), MAX_ELEVATION);
+    const right = unit(cross(scaled(offset, -1), pole));
+    offset = rotated(offset, right, elevation - limited);
+    this.eye = add(this.target, offset);
   }
 
-  // Shifts by shares of the window's height, so that what is at the target's distance follows the pointer.
-  shift(right, up, aspect) {
+  // Pans by fractions of the window height: what is as far away as the target follows the pointer.
+  pan(right, up, aspect) {
     const axes = this.axes();
     const window = this.windowHeight(aspect);
-    const way = add(scaled(axes.right, -right * window), axes.upwards, -up * window);
-    this.eye = add(this.eye, way);
-    this.target = add(this.target, way);
+    const motion = add(scaled(axes.right, -right * window), axes.upwards, -up * window);
+    this.eye = add(this.eye, motion);
+    this.target = add(this.target, motion);
   }
 
   windowHeight(aspect) {
@@ -57,13 +57,13 @@ export class Orbit {
     return axis === "x" ? extent / aspect : extent;
   }
 
-  // Goes to `factor` times the distance, or shows as many times more.
+  // Multiplies the distance to the target, or the window of an orthographic camera, by `factor`.
   zoom(factor) {
     if (this.height) this.height *= factor;
     else this.eye = add(this.target, add(this.eye, this.target, -1), factor);
   }
 
   request() {
-    return { do: "camera", eye: this.eye, target: this.target, up: this.up, height: this.height ?? null };
+    return { type: "camera", eye: this.eye, target: this.target, up: this.up, height: this.height ?? null };
   }
 }

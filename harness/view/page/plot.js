@@ -1,4 +1,4 @@
-// The live plot: error over seconds, both logarithmic, with targets as lines. SVG, so that it is sharp at any size.
+// The live plot: error over seconds on logarithmic axes, with the targets as lines, in SVG.
 
 const SPACE = "http://www.w3.org/2000/svg";
 const EDGE = { left: 58, right: 14, top: 16, bottom: 44 };
@@ -14,17 +14,17 @@ function element(name, attributes, text) {
   return made;
 }
 
-// Places of ticks between two powers of ten, as [logarithm, words]: whole powers, and 2 and 5 times them where few fit.
+// Ticks between two powers of ten, as [logarithm, label]: whole powers, and on short axes 2 and 5 times them.
 function ticks(low, high) {
-  const found = [];
+  const made = [];
   for (let exponent = Math.floor(low); exponent <= Math.ceil(high); exponent++) {
     for (const digit of high - low < 2 ? [1, 2, 5] : [1]) {
       const plain = exponent >= -3 && exponent <= 3;
-      const words = plain ? String(Number((digit * 10 ** exponent).toPrecision(1))) : `${digit}e${exponent}`;
-      found.push([exponent + Math.log10(digit), words]);
+      const label = plain ? String(Number((digit * 10 ** exponent).toPrecision(1))) : `${digit}e${exponent}`;
+      made.push([exponent + Math.log10(digit), label]);
     }
   }
-  return found.filter(([place]) => place >= low && place <= high);
+  return made.filter(([place]) => place >= low && place <= high);
 }
 
 function markPath(kind, x, y, r) {
@@ -34,12 +34,12 @@ function markPath(kind, x, y, r) {
   return `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
 }
 
-// Lanes: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state}]}].
-export function drawPlot(svg, lanes, targets) {
-  const width = Math.max(svg.clientWidth, 240); // drawn at its own size, so that letters keep theirs
+// Contestants: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state}]}].
+export function drawPlot(svg, contestants, targets) {
+  const width = Math.max(svg.clientWidth, 240); // drawn at its display size, so that text keeps its size
   const height = Math.min(Math.max(0.45 * width, 260), 460);
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-  const points = lanes.flatMap((lane) => lane.points).filter(([seconds, error]) => seconds > 0 && error > 0);
+  const points = contestants.flatMap((contestant) => contestant.points).filter(([seconds, error]) => seconds > 0 && error > 0);
   svg.replaceChildren();
   if (points.length === 0) return;
   const xs = points.map(([seconds]) => Math.log10(seconds));
@@ -49,15 +49,15 @@ export function drawPlot(svg, lanes, targets) {
   const px = (x) => EDGE.left + ((x - x0) / (x1 - x0)) * (width - EDGE.left - EDGE.right);
   const py = (y) => EDGE.top + ((y1 - y) / (y1 - y0)) * (height - EDGE.top - EDGE.bottom);
   const right = width - EDGE.right;
-  for (const [place, said] of ticks(x0, x1)) {
+  for (const [place, label] of ticks(x0, x1)) {
     const x = px(place);
     svg.append(element("line", { x1: x, x2: x, y1: EDGE.top, y2: height - EDGE.bottom, class: "grid" }));
-    svg.append(element("text", { x, y: height - EDGE.bottom + 18, "text-anchor": "middle" }, said));
+    svg.append(element("text", { x, y: height - EDGE.bottom + 18, "text-anchor": "middle" }, label));
   }
-  for (const [place, said] of ticks(y0, y1)) {
+  for (const [place, label] of ticks(y0, y1)) {
     const y = py(place);
     svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "grid" }));
-    svg.append(element("text", { x: EDGE.left - 8, y: y + 4, "text-anchor": "end" }, said));
+    svg.append(element("text", { x: EDGE.left - 8, y: y + 4, "text-anchor": "end" }, label));
   }
   svg.append(element("text", { x: (EDGE.left + right) / 2, y: height - 6, "text-anchor": "middle", class: "faint" }, "seconds of rendering"));
   svg.append(element("text", { x: 14, y: (height - EDGE.bottom) / 2, "text-anchor": "middle", class: "faint", transform: `rotate(-90 14 ${(height - EDGE.bottom) / 2})` }, "relative mean squared error"));
@@ -66,30 +66,30 @@ export function drawPlot(svg, lanes, targets) {
     svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "target" }));
     svg.append(element("text", { x: right, y: y - 5, "text-anchor": "end" }, `target ${target}`));
   }
-  lanes.forEach((lane, index) => drawLane(svg, lane, index, px, py));
-  svg.setAttribute("aria-label", words(lanes));
+  contestants.forEach((contestant, index) => drawContestant(svg, contestant, index, px, py));
+  svg.setAttribute("aria-label", description(contestants));
 }
 
-function drawLane(svg, lane, index, px, py) {
-  const colour = `var(--lane-${index + 1})`;
-  const places = lane.points.filter(([seconds, error]) => seconds > 0 && error > 0).map(([s, e]) => [px(Math.log10(s)), py(Math.log10(e))]);
+function drawContestant(svg, contestant, index, px, py) {
+  const colour = `var(--contestant-${index + 1})`;
+  const places = contestant.points.filter(([seconds, error]) => seconds > 0 && error > 0).map(([s, e]) => [px(Math.log10(s)), py(Math.log10(e))]);
   if (places.length === 0) return;
   const path = places.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
   svg.append(element("path", { d: path, fill: "none", style: `stroke: ${colour}`, "stroke-width": 2 }));
   for (const [x, y] of places) svg.append(element("path", { d: markPath(index, x, y, 3), style: `fill: ${colour}` }));
-  for (const crossing of lane.crossings.filter((c) => c.state === "reached" || c.state === "at_first")) {
+  for (const crossing of contestant.crossings.filter((c) => c.state === "reached" || c.state === "at_first")) {
     const [x, y] = [px(Math.log10(crossing.seconds)), py(Math.log10(crossing.target))];
     svg.append(element("path", { d: markPath(index, x, y, 8), fill: "none", style: `stroke: ${colour}`, "stroke-width": 2.5 }));
   }
 }
 
-// What the plot says, for those who hear it.
-function words(lanes) {
-  const said = lanes.filter((lane) => lane.points.length).map((lane) => {
-    const [seconds, error] = lane.points.at(-1);
-    return `${lane.name}: error ${error?.toPrecision(2)} after ${seconds.toPrecision(2)} seconds`;
+// A description for screen readers.
+function description(contestants) {
+  const sentences = contestants.filter((contestant) => contestant.points.length).map((contestant) => {
+    const [seconds, error] = contestant.points.at(-1);
+    return `${contestant.name}: error ${error?.toPrecision(2)} after ${seconds.toPrecision(2)} seconds`;
   });
-  return `Error over time. ${said.join("; ")}`;
+  return `Error over time. ${sentences.join("; ")}`;
 }
 
 export const markName = (index) => MARKS[index];

@@ -1,36 +1,36 @@
-// The page with one image: controls, the image as it is refined, and what the state line says.
+// The page with one image: controls, the image while it is refined, and the state.
 
-import { Link, byId, count, download, duration, showProblem, themeButton } from "./link.js";
+import { WorkerSocket, byId, count, download, duration, showError, themeButton } from "./socket.js";
 import { Orbit } from "./orbit.js";
-import { PartForm } from "./part.js";
-import { Hand } from "./hand.js";
+import { SettingsForm } from "./settings_form.js";
+import { ImageInput } from "./input.js";
 
 const canvas = byId("canvas");
 const context = canvas.getContext("2d", { alpha: false });
-const page = { state: "idle", part: null, opened: null, frames: 0, hand: null };
-window.raybench = page; // for whoever looks at the page from outside, tests among them
+const page = { state: "idle", settingsForm: null, opened: null, frames: 0, input: null };
+window.raybench = page; // for tests and other scripts
 
-const link = new Link("view", {
-  menu, opened, scene, frame, state, probe, grabbed: (header) => page.hand.grabbed(header),
-  problem: (header) => showProblem(header.text),
-  lost: (header) => { page.opened = null; showProblem(header.text); },
-  note: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("notes").append(item); },
+const socket = new WorkerSocket("view", {
+  menu, opened, scene, frame, state, probe, picked: (header) => page.input.picked(header),
+  error: (header) => showError(header.text),
+  worker_lost: (header) => { page.opened = null; showError(header.text); },
+  warning: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("warnings").append(item); },
   file: (header, bytes) => { page.saved = { name: header.name, size: bytes.byteLength, bytes }; download(header.name, bytes, "application/octet-stream"); },
   yaml: copyText,
-  closed: () => state({ state: "stopped", doing: "no connection" }),
+  closed: () => state({ state: "stopped", activity: "no connection" }),
 });
 
-// ---- what the worker tells
+// ---- messages of the worker
 
 function menu(header) {
-  const first = page.part === null;
-  if (!first) return; // a worker after one that was lost: the page keeps what was chosen
+  const first = page.settingsForm === null;
+  if (!first) return; // a new worker after a lost one: the page keeps its settings
   page.menu = header;
-  page.part = new PartForm(byId("part"), header, "Renderer", document.body.dataset.engine || header.preferred);
+  page.settingsForm = new SettingsForm(byId("render-settings"), header, "Renderer", document.body.dataset.engine || header.preferred);
   byId("scenes").append(...header.scenes.map((name) => new Option(name)));
   byId("mapper").append(...header.tone_mappers.map((name) => new Option(name, name, false, name === "srgb")));
   byId("scene").value = document.body.dataset.scene;
-  byId("wanted").max = header.limits.spp;
+  byId("target-spp").max = header.limits.spp;
   for (const side of ["width", "height"]) byId(side).max = header.limits.side;
   open(false);
 }
@@ -45,50 +45,48 @@ function opened(header) {
 }
 
 function scene(header) {
-  page.hand.scene(header.camera ? new Orbit(header.camera) : null, header.movables);
+  page.input.scene(header.camera ? new Orbit(header.camera) : null, header.draggables);
 }
 
-let small = null;
+let preview = null;
 
 function frame(header, bytes) {
   const image = new ImageData(new Uint8ClampedArray(bytes), header.width, header.height);
   if (header.width === canvas.width && header.height === canvas.height) {
     context.putImageData(image, 0, 0);
   } else {
-    small ??= document.createElement("canvas");
-    small.width = header.width;
-    small.height = header.height;
-    small.getContext("2d").putImageData(image, 0, 0);
+    preview ??= document.createElement("canvas");
+    preview.width = header.width;
+    preview.height = header.height;
+    preview.getContext("2d").putImageData(image, 0, 0);
     context.imageSmoothingQuality = "high";
-    context.drawImage(small, 0, 0, canvas.width, canvas.height);
+    context.drawImage(preview, 0, 0, canvas.width, canvas.height);
   }
   page.frames += 1;
   page.frame = { ...header, time: performance.now() };
-  page.hand.handles(header.handles);
-  link.send({ do: "ack" });
+  page.input.showHandles(header.handles);
+  socket.send({ type: "ack" });
 }
-
-const WORDS = { idle: "idle", busy: "busy", finished: "finished", stopped: "stopped", waiting: "waiting" };
 
 function state(header) {
   page.state = header.state;
-  page.told = header;
-  if (byId("state").textContent !== WORDS[header.state]) byId("state").textContent = WORDS[header.state];
-  byId("doing").textContent = header.doing;
+  page.status = header;
+  if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
+  byId("activity").textContent = header.activity;
   const resting = !["busy", "waiting"].includes(header.state);
   byId("stop").disabled = resting;
   byId("start").disabled = !resting;
   byId("restart").disabled = page.opened === null;
-  byId("start").textContent = header.state === "stopped" && page.opened ? "Go on" : "Start";
+  byId("start").textContent = header.state === "stopped" && page.opened ? "Continue" : "Start";
   if (header.memory_bytes === undefined) return;
   const done = header.spp ?? 0;
-  if (page.probe && done < page.probe.spp) { // of an image that is no more
+  if (page.probe && done < page.probe.spp) { // the probed image was replaced
     page.probe = null;
     byId("probe").textContent = UNPROBED;
   }
-  byId("spp").textContent = header.spp === undefined ? "–" : `${done} of ${header.wanted}`;
-  byId("progress").value = header.wanted ? done / header.wanted : 0;
-  byId("seconds").textContent = duration(header.seconds);
+  byId("spp").textContent = header.spp === undefined ? "–" : `${done} of ${header.target_spp}`;
+  byId("progress").value = header.target_spp ? done / header.target_spp : 0;
+  byId("seconds").textContent = duration(header.render_seconds);
   byId("samples").textContent = count(header.samples_per_second);
   byId("rays").textContent = count(header.rays_per_second);
   byId("build").textContent = duration(header.build_seconds);
@@ -100,13 +98,13 @@ const UNPROBED = byId("probe").textContent;
 
 function probe(header) {
   page.probe = header;
-  const words = (values) => values.map((value) => (value === null ? "?" : Number(value).toPrecision(3))).join(" ");
-  const share = header.mean.reduce((a, b) => a + b, 0);
+  const text = (values) => values.map((value) => (value === null ? "?" : Number(value).toPrecision(3))).join(" ");
+  const total = header.mean.reduce((a, b) => a + b, 0);
   const error = header.error.reduce((a, b) => a + (b ?? NaN), 0);
-  const relative = share > 0 && error === error ? ` (${((100 * error) / share).toPrecision(2)} %)` : "";
+  const relative = total > 0 && error === error ? ` (${((100 * error) / total).toPrecision(2)} %)` : "";
   byId("probe").textContent =
-    `(${header.x}, ${header.y}) after ${header.spp} samples: ${words(header.mean)} | variance of the mean ${words(header.variance)}` +
-    ` | standard error ${words(header.error)}${relative}`;
+    `(${header.x}, ${header.y}) after ${header.spp} samples: ${text(header.mean)} | variance of the mean ${text(header.variance)}` +
+    ` | standard error ${text(header.error)}${relative}`;
 }
 
 async function copyText(header) {
@@ -121,56 +119,56 @@ async function copyText(header) {
   setTimeout(() => { byId("copy-yaml").textContent = "Copy scene as YAML"; }, 2000);
 }
 
-// ---- what the page asks for
+// ---- requests of the page
 
 function number(id) {
   return byId(id).value === "" ? null : Number(byId(id).value);
 }
 
-function open(keep) {
-  if (page.part === null) return;
-  showProblem(null);
-  byId("notes").replaceChildren();
+function open(keepEdits) {
+  if (page.settingsForm === null) return;
+  showError(null);
+  byId("warnings").replaceChildren();
   try {
-    const request = { do: "open", scene: byId("scene").value.trim(), part: page.part.value(), keep };
+    const request = { type: "open", scene: byId("scene").value.trim(), settings: page.settingsForm.value(), keep_edits: keepEdits };
     request.width = number("width");
     request.height = number("height");
-    request.spp = number("wanted") ?? 256;
+    request.spp = number("target-spp") ?? 256;
     request.seed = number("seed") ?? 1;
-    link.send(request);
+    socket.send(request);
   } catch (error) {
-    showProblem(error.message);
+    showError(error.message);
   }
 }
 
 function start() {
-  showProblem(null);
-  if (page.state === "stopped" && page.opened) link.send({ do: "resume" });
+  showError(null);
+  if (page.state === "stopped" && page.opened) socket.send({ type: "resume" });
   else open(true);
 }
 
 function tone() {
   const exposure = Number(byId("exposure").value);
-  byId("exposure-told").textContent = `${exposure > 0 ? "+" : ""}${exposure} EV`;
-  link.send({ do: "tone", mapper: byId("mapper").value, exposure });
+  byId("exposure-value").textContent = `${exposure > 0 ? "+" : ""}${exposure} EV`;
+  socket.send({ type: "tone", mapper: byId("mapper").value, exposure });
 }
 
 function toggle() {
-  if (["busy", "waiting"].includes(page.state)) link.send({ do: "stop" });
+  if (["busy", "waiting"].includes(page.state)) socket.send({ type: "stop" });
   else start();
 }
 
-page.hand = new Hand(canvas, byId("handles"), byId("moves"), link, toggle);
+page.input = new ImageInput(canvas, byId("handles"), byId("moves"), socket, toggle);
 themeButton();
 byId("start").addEventListener("click", start);
-byId("stop").addEventListener("click", () => link.send({ do: "stop" }));
+byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
 byId("restart").addEventListener("click", () => open(true));
 byId("reset").addEventListener("click", () => open(false));
-for (const kind of ["png", "exr"]) byId(`save-${kind}`).addEventListener("click", () => link.send({ do: "save", kind }));
-byId("copy-yaml").addEventListener("click", () => link.send({ do: "yaml" }));
+for (const kind of ["png", "exr"]) byId(`save-${kind}`).addEventListener("click", () => socket.send({ type: "save", kind }));
+byId("copy-yaml").addEventListener("click", () => socket.send({ type: "yaml" }));
 for (const id of ["mapper", "exposure"]) byId(id).addEventListener("input", tone);
 byId("form").addEventListener("change", (event) => {
   if (!["mapper", "exposure", "moves"].includes(event.target.id)) open(event.target.id !== "scene");
 });
 byId("form").addEventListener("submit", (event) => { event.preventDefault(); open(true); });
-addEventListener("pagehide", () => { link.leaving = true; link.socket.close(); });
+addEventListener("pagehide", () => { socket.close(); });

@@ -1,1 +1,1 @@
-"""BSDFs: sample, evaluate and pdf of each model. One module a model; `interface` says what each offers."""
+"""BSDFs: sample, evaluate and pdf of each model. One module a model; `interface` has their signatures."""

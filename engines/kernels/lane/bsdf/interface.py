@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import const
 from engines.kernels.compile.vec3 import Vec3
-from engines.kernels.lane.vector import select3
 
 ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION = range(3)
 """Which lobes `sample` chooses from: by chance among all, or one of the specular ones with certainty."""
@@ -37,7 +36,7 @@ class BSDFSample(NamedTuple):
 
 
 class Scattering(NamedTuple):
-    """All that an integrator is told of the BSDF at a vertex. A light's direction is that of the vertex's light
+    """What an integrator reads of the BSDF at a vertex. A light's direction is that of the vertex's light
     sample."""
 
     value: Spectrum
@@ -51,7 +50,7 @@ class Scattering(NamedTuple):
     diffuse: Vec3
     """Albedo of the diffuse part."""
     albedo: Vec3
-    """A colour that stands for the material where no light is computed."""
+    """A colour that represents the material where no light is computed."""
 
 
 class LaneBSDF(NamedTuple):
@@ -75,9 +74,3 @@ def no_sample(like):
     zero = const(0.0, like)
     none = Vec3(zero, zero, zero)
     return BSDFSample(none, Spectrum(none, zero), zero, False, False)
-
-
-@inline
-def choose_spectrum(condition, yes, no):
-    """One of two, without a branch."""
-    return Spectrum(select3(condition, yes.color, no.color), select(condition, yes.scale, no.scale))

@@ -1,4 +1,4 @@
-"""What a shape tells of the point where a ray meets it."""
+"""The point where a ray meets a shape."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras of a scene file: those of `RECORDS`, or a plugin named `module:attribute`. A camera is one entry."""
+"""Cameras of a scene file: those of `CAMERAS`, or a plugin named `module:attribute`. A camera is one entry."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
     "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
 }
-RECORDS = {
+CAMERAS = {
     "perspective": _camera(Perspective, "A pinhole camera.", **_LENS),
     "perspective_arctan": _camera(
         PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
@@ -75,7 +75,7 @@ RECORDS = {
 
 
 def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera:
-    plugin = load_plugin(named, "camera", context, RECORDS)
+    plugin = load_plugin(named, "camera", context, CAMERAS)
     if getattr(plugin, "options", None) is None:
         options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
     else:
@@ -84,7 +84,7 @@ def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera
     return CustomCamera(plugin, options, DEFAULT_RESOLUTION if written is None else _RESOLUTION.kind.read(written))
 
 
-CAMERA = Tagged("camera", "type", RECORDS, _custom, {
+CAMERA = Tagged("camera", "type", CAMERAS, _custom, {
     "type": "object", "required": ["type"], "properties": {"type": {"type": "string", "pattern": ":"}},
     "description": "A plugin, module:attribute, with options of its own; loaded with --allow-imports alone.",
 })  # fmt: skip

@@ -1,0 +1,260 @@
+"""Results as DataFrames: `open_results(folder)`, and the documented tables behind them.
+
+points.csv, ttq.csv and phases.csv are three of them, written to the results folder; the tables for people are made from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from harness.analysis.columns import Column, Table
+from harness.analysis.model import FLAGS, Analysis, Verdict, possible_winners, ranked_together
+from harness.analysis.verdicts import analyse
+from harness.metrics import METRIC_MEANINGS
+from harness.store.results import PHASES, Event, Results, load_results, phase_seconds, settings_of
+
+CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
+IDENTITY = [
+    Column("scene", "Scene that was rendered."),
+    Column("engine", "Engine."),
+    Column("engine_version", "The engine's version."),
+    Column("accelerator", "Accelerator with its options."),
+    Column("shader", "Shader with its options."),
+    Column("sampler", "Sampler with its options."),
+    Column("precision", "float64 or float32."),
+    Column("threads", "Threads.", "count"),
+    Column("width", "Pixels.", "count"),
+    Column("height", "Pixels.", "count"),
+    Column("label", "A/A label, empty for ordinary cells."),
+]
+CELL = [
+    Column("cell_id", "Hash of the spec."),
+    Column("env_id", "Hash of the machine and library versions."),
+    *IDENTITY,
+    Column("block", "Which repeat of the whole experiment it belongs to.", "count"),
+    Column("seed", "Seed of the sampler.", "count"),
+]
+
+
+class ResultFrames:
+    """A results folder as four DataFrames; each is made when it is first asked for.
+
+    `points`: one row a checkpoint. `cells`: one row a cell, whatever became of it. `times_to_quality`: one row a contestant,
+    target and start (warm or cold). `verdicts`: one row a scene, target and contestant. Two rows belong to one contestant where
+    `scene` and `contestant` are equal. `times_to_quality` and `verdicts` read the images of the folder, which takes longer.
+    """
+
+    def __init__(self, results: Results) -> None:
+        self.results = results
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """What is concluded from the results."""
+        return analyse(self.results)
+
+    @cached_property
+    def points(self) -> pd.DataFrame:
+        return points(self.results).frame
+
+    @cached_property
+    def cells(self) -> pd.DataFrame:
+        return cells(self.results).frame
+
+    @cached_property
+    def times_to_quality(self) -> pd.DataFrame:
+        return times_to_quality(self.analysis).frame
+
+    @cached_property
+    def verdicts(self) -> pd.DataFrame:
+        return verdicts(self.analysis).frame
+
+    def columns(self, name: str) -> dict[str, str]:
+        """What each column of a frame means: `columns("points")["seconds"]`. Raises `KeyError` for another name."""
+        tables = {"points": (points, self.results), "cells": (cells, self.results),
+                  "times_to_quality": (times_to_quality, self.analysis), "verdicts": (verdicts, self.analysis)}  # fmt: skip
+        make, source = tables[name]
+        return {name: meaning for column in make(source).columns for name, meaning in column.fields.items()}
+
+
+def open_results(folder: str | Path) -> ResultFrames:
+    """The results in a folder, as DataFrames: that of a run, a merged one, or an archive.
+
+    Raises `engines.errors.ConfigError`, one line, where there is no such folder, where no run has written to it, where its
+    events are damaged, and where they are of another version of the format.
+    """
+    return ResultFrames(load_results(folder))
+
+
+def points(results: Results) -> Table:
+    """One row a checkpoint of every cell that has one."""
+    measured = [cell for cell in results.cells if cell.get("points")]
+    before = [
+        CONTESTANT, *CELL, Column("state", "done, or timeout where the cell was cut short."),
+        Column("order", "Position of the cell in the run.", "count"),
+        Column("spp", "Samples per pixel so far.", "count"),
+        Column("seconds", "Seconds inside render calls so far (warm).", "number"),
+        Column("cold_seconds", "The same with import, load, build and compilation.", "number"),
+        Column("rays", "Rays so far.", "number"),
+    ]  # fmt: skip
+    after = [Column("contended", "Whether another worker ran beside it.", "flag"),
+             Column("image", "The checkpoint's image, relative to the results folder.")]  # fmt: skip
+    names = dict.fromkeys(key for cell in measured for point in cell["points"] for key in point.get("metrics") or {})
+    metrics = [Column(name, metric_meaning(name), "number") for name in names]
+    contestants = _contestants(results)
+    rows = []
+    for cell in measured:
+        fixed = sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
+        contended = (cell.get("machine") or {}).get("contended")
+        shared = {**_cell(cell), "contestant": contestants[cell["cell_id"]],
+                  "contended": None if contended is None else bool(contended)}  # fmt: skip
+        rows += [{**(point.get("metrics") or {}), **point, **shared, "cold_seconds": fixed + point["seconds"]}
+                 for point in cell["points"]]  # fmt: skip
+    taken = {column.name for column in (*before, *after)}
+    columns = [*before, *(column for column in metrics if column.name not in taken), *after]
+    return Table("points", "Checkpoints", "One row a checkpoint.", columns, rows)
+
+
+def times_to_quality(analysis: Analysis) -> Table:
+    """One row a contestant, target and start (warm or cold)."""
+    table = Table(
+        "ttq", "Time to quality", "One row a contestant, target and start.",
+        [CONTESTANT, *IDENTITY, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
+         Column("start", "warm: rendering alone; cold: with import, load, build and compilation."),
+         Column("seconds", "Median over seeds; inf where the median seed did not get there.", "estimate"),
+         Column("reached", "Seeds that reached the target.", "count"),
+         Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
+         Column("seeds", "Seeds that were run.", "count")],
+    )  # fmt: skip
+    for verdict in analysis.verdicts:
+        who = {
+            **_cell(verdict.contender.done[0]),
+            "contestant": verdict.contender.name,
+            "metric": analysis.results.metric,
+        }
+        for start, times in (("warm", verdict.warm), ("cold", verdict.cold)):
+            for target, time in zip(analysis.results.targets, times, strict=True):
+                table.rows.append({
+                    **who, "target": target, "start": start, "seconds": (time.median, time.low, time.high),
+                    "reached": time.reached, "at_first": time.at_first, "seeds": time.seeds,
+                })  # fmt: skip
+    return table
+
+
+def cells(results: Results) -> Table:
+    """One row a cell, whatever became of it."""
+    counters = dict.fromkeys(key for cell in results.cells for key in cell.get("counters") or {})
+    machine: dict[str, list[Any]] = {}
+    for cell in results.cells:
+        for key, value in (cell.get("machine") or {}).items():
+            machine.setdefault(key, []).append(value)
+    columns = [
+        CONTESTANT, *CELL, Column("state", "done, failed, timeout or skipped."),
+        Column("order", "Position of the cell in the run.", "count"),
+        *(Column(f"{phase}_seconds", f"Seconds of the phase {phase}.", "number") for phase in PHASES),
+        *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
+        *(Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
+          for name, values in machine.items()),
+        Column("sentinel_seconds", "Seconds of the fixed sentinel kernel beside the cell.", "number"),
+        Column("message", "Why it has no result."),
+    ]  # fmt: skip
+    contestants = _contestants(results)
+    rows = [
+        {**(cell.get("phases") or {}), **_cell(cell), "contestant": contestants[cell["cell_id"]],
+         **{f"counter_{name}": value for name, value in (cell.get("counters") or {}).items()},
+         **{f"machine_{name}": value for name, value in (cell.get("machine") or {}).items()},
+         "sentinel_seconds": cell.get("sentinel_seconds"), "message": cell.get("message")}
+        for cell in results.cells
+    ]  # fmt: skip
+    return Table("phases", "Phases", "One row a cell.", columns, rows)
+
+
+def verdicts(analysis: Analysis) -> Table:
+    """One row a scene, target and contestant."""
+    flags = "; ".join(f"{name}: {words}" for name, words in FLAGS.items())
+    table = Table(
+        "verdicts", "Verdicts", "One row a scene, target and contestant that has a measured cell.",
+        [IDENTITY[0], CONTESTANT, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
+         *IDENTITY[1:],
+         Column("seconds", "Seconds of rendering alone (warm) until the target: median over seeds, 95 % interval; inf where "
+                "the median seed did not get there.", "estimate"),
+         Column("cold_seconds", "The same with import, load, build and compilation.", "estimate"),
+         Column("reached", "Seeds that reached the target.", "count"),
+         Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
+         Column("seeds", "Seeds that were run.", "count"),
+         Column("failed_cells", "Cells that failed or ran out of time.", "count"),
+         Column("baseline", "Contestant compared with: the baseline engine's nearest relative; unknown for itself."),
+         Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster.", "ratio"),
+         Column("verdict", "faster, slower, tie (interval holds 1 or the noise floor), unknown; empty for the baseline."),
+         Column("possible_winner", "Whether it is the fastest, or not surely slower than the fastest, of its scene, shader, "
+                "size and machine.", "flag"),
+         Column("flags", f"Names joined by spaces. {flags}.")],
+    )  # fmt: skip
+    winners = [_winners(analysis, index) for index in range(len(analysis.results.targets))]
+    table.rows = [
+        {**_verdict(verdict, index), "metric": analysis.results.metric, "target": target,
+         "possible_winner": id(verdict) in winners[index]}
+        for verdict in analysis.verdicts for index, target in enumerate(analysis.results.targets)
+    ]  # fmt: skip
+    return table
+
+
+def _winners(analysis: Analysis, index: int) -> set[int]:
+    """The ids of all verdicts that may be the fastest of those they are ranked with."""
+    groups = ranked_together(analysis.verdicts)
+    found = [possible_winners(group, index, analysis.floors.get(scene, 0.0)) for (scene, *_), group in groups.items()]
+    return {id(winner) for group in found for winner in group}
+
+
+def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
+    """A verdict on the target of `index`."""
+    warm, cold = verdict.warm[index], verdict.cold[index]
+    ratio = verdict.quality_speedups[index] if verdict.quality_speedups else None
+    return {
+        **_cell(verdict.contender.done[0]), "contestant": verdict.contender.name,
+        "seconds": (warm.median, warm.low, warm.high), "cold_seconds": (cold.median, cold.low, cold.high),
+        "reached": warm.reached, "at_first": warm.at_first, "seeds": warm.seeds, "failed_cells": verdict.failures,
+        "baseline": verdict.baseline.name if verdict.baseline else None,
+        "ratio": ratio[:3] if ratio and not math.isnan(ratio.ratio) else None,
+        "verdict": ratio.verdict if ratio else "", "flags": " ".join(verdict.flags),
+    }  # fmt: skip
+
+
+def by_contestant(frame: pd.DataFrame, results: Results) -> pd.DataFrame:
+    """The rows of `cells` or `points` in the order of the contestants, and of each by block."""
+    keys = ["scene", "contestant"]
+    order = pd.DataFrame([(c.settings.scene, c.name) for c in results.contenders], columns=keys, dtype="string")
+    return order.drop_duplicates().merge(frame.sort_values("block", kind="stable"), on=keys)
+
+
+def metric_meaning(name: str) -> str:
+    """The sentence for a metric column: `relmse_e0.01_se` is looked up as `relmse_se`."""
+    base, _, rest = name.partition("_e")
+    if rest[:1].isdigit():
+        _, _, suffix = rest.partition("_")
+        return METRIC_MEANINGS.get(f"{base}_{suffix}" if suffix else base, name)
+    return METRIC_MEANINGS.get("mean" if name.startswith("mean_") else name, name)
+
+
+def _contestants(results: Results) -> dict[str, str]:
+    """Cell id -> the name of its contestant."""
+    return {cell["cell_id"]: contender.name for contender in results.contenders for cell in contender.cells}
+
+
+def _cell(cell: Event) -> Mapping[str, Any]:
+    settings = settings_of(cell)._asdict()
+    plain = ("cell_id", "env_id", "engine_version", "width", "height", "block", "seed", "state", "order")
+    return {**settings, **{key: cell.get(key) for key in plain}}
+
+
+def _kind_of(values: Sequence[Any]) -> str:
+    """The kind of a column that the machine, not raybench, has named."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {bool}:
+        return "flag"
+    return "count" if kinds == {int} else "number" if kinds <= {int, float} else "text"

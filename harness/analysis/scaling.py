@@ -1,0 +1,116 @@
+"""How cost grows: families of contenders that differ in one size alone, and the exponents of their times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.analysis.model import Analysis, seconds_per_sample
+from harness.statistics import Estimate, mean_interval, median_interval
+from harness.store.results import Contender, Event, Results, phase_seconds
+
+FEWEST = 3
+"""Sizes from which on an exponent is shown."""
+Samples = dict[int, dict[int, float]]
+"""Size -> block -> seconds."""
+
+
+class ScalingExponent(NamedTuple):
+    """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks."""
+
+    contender: Contender
+    cost: str
+    over: str
+    smallest: int
+    largest: int
+    whole: Estimate
+    last: Estimate
+
+
+def primitives(contender: Contender) -> int:
+    return int(contender.cells[0].get("primitives") or 0)
+
+
+def pixels(cell: Event) -> int:
+    return int(cell["width"]) * int(cell["height"])
+
+
+def families(analysis: Analysis, axis: str, size: Callable[[Contender], int]) -> list[list[Contender]]:
+    """Contenders that differ in one setting alone, three or more different sizes, the smallest first."""
+    groups: dict[object, list[Contender]] = {}
+    for verdict in analysis.verdicts:
+        contender = verdict.contender
+        if not contender.settings.label and seconds_per_sample(contender) and size(contender):
+            groups.setdefault(contender.settings._replace(**{axis: ""}), []).append(contender)
+    ordered = [sorted(group, key=size) for group in groups.values()]
+    return [group for group in ordered if len({size(contender) for contender in group}) >= FEWEST]
+
+
+def name_of(family: Sequence[Contender]) -> str:
+    """The name that the family's members share."""
+    first = family[0]
+    return " ".join(word for word in first.name.split() if word != first.settings.size)
+
+
+def microseconds_a_path(contender: Contender) -> Estimate:
+    """Median over seeds of the warm time of a path (a sample of a pixel)."""
+    return median_interval([1e6 * seconds for seconds in path_seconds(contender).values()])
+
+
+def path_seconds(contender: Contender) -> dict[int, float]:
+    """Block -> warm seconds of a path."""
+    return {block: s / pixels(contender.done[0]) for block, s in seconds_per_sample(contender).items()}
+
+
+def passes(contender: Contender) -> Samples:
+    """Samples per pixel so far -> block -> seconds of a path in the pass that ended there."""
+    found: Samples = {}
+    for cell in contender.done:
+        before = (0, 0.0)
+        for point in cell["points"]:
+            spp, seconds = point["spp"] - before[0], point["seconds"] - before[1]
+            found.setdefault(point["spp"], {})[cell["block"]] = seconds / (spp * pixels(cell))
+            before = point["spp"], point["seconds"]
+    return dict(sorted(found.items()))
+
+
+def scaling_exponents(analysis: Analysis) -> Iterator[ScalingExponent]:
+    """Time of a path and of the build over primitives; time of a path over pixels and over samples."""
+    over_scenes = families(analysis, "scene", primitives)
+    over_sizes = families(analysis, "size", lambda contender: pixels(contender.done[0]))
+    for family in over_scenes:
+        yield from _exponents(family[-1], "path", "primitives", {primitives(c): path_seconds(c) for c in family})
+        built = {primitives(c): {cell["block"]: phase_seconds(cell, "build") for cell in c.done} for c in family}
+        yield from _exponents(family[-1], "build", "primitives", built)
+    for family in over_sizes:
+        yield from _exponents(family[-1], "path", "pixels", {pixels(c.done[0]): path_seconds(c) for c in family})
+        yield from _exponents(family[-1], "path", "samples per pixel", passes(family[-1]))
+
+
+def _exponents(contender: Contender, cost: str, over: str, seconds: Samples) -> Iterator[ScalingExponent]:
+    """Nothing below `FEWEST` sizes with a time."""
+    timed = {size: {b: s for b, s in blocks.items() if s > 0} for size, blocks in sorted(seconds.items())}
+    sizes = [size for size, blocks in timed.items() if blocks]
+    if len(sizes) >= FEWEST:
+        yield ScalingExponent(contender, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
+
+
+def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
+    """Least-squares slope of log seconds over log size in each block that has all of them, averaged over blocks."""
+    blocks = sorted(set.intersection(*(set(seconds[size]) for size in sizes)))
+    x = np.log(np.array(sizes, np.float64))
+    lever = (x - x.mean()) / ((x - x.mean()) ** 2).sum()
+    slopes = [float(lever @ np.log([seconds[size][block] for size in sizes])) for block in blocks]
+    return mean_interval(slopes)
+
+
+def thread_families(results: Results) -> list[list[Contender]]:
+    """Measured contenders that differ in threads alone, two or more, by rising thread count."""
+    families: dict[Any, list[Contender]] = {}
+    for contender in results.contenders:
+        if seconds_per_sample(contender):
+            families.setdefault(contender.settings._replace(threads=0), []).append(contender)
+    found = [sorted(family, key=lambda c: c.settings.threads) for family in families.values()]
+    return [family for family in found if len(family) > 1]

@@ -1,0 +1,395 @@
+"""The command line: `raybench` and `python -m harness`. Only names and help live here; work is imported when asked for.
+
+Exit codes: 0 all is well, 1 a cell failed or ran out of time, 2 the input cannot be used or a file cannot be written,
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+app = typer.Typer(
+    name="raybench", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    help="Races ray tracers to quality: the error of an image against the time it took.",
+    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out; 2 the input cannot be used, or a file cannot "
+    "be written; 130 interrupted.",
+)  # fmt: skip
+
+Config = Annotated[str, typer.Argument(help="An experiment: a path, or a bare name from configs/.")]
+Folder = Annotated[Path, typer.Argument(help="A results folder.")]
+Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder. [default: results/<name>]")]  # noqa: UP045
+Set = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
+]
+
+
+def _keep_references(folder: Path | None) -> Path | None:
+    if folder is not None:
+        os.environ["RAYBENCH_REFERENCES"] = str(folder)
+    return folder
+
+
+References = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option(
+        metavar="DIR", callback=_keep_references,
+        help="Where references are kept; else in $RAYBENCH_REFERENCES, else in raybench/references of the user's cache.",
+    ),
+]  # fmt: skip
+AllowImports = Annotated[
+    bool, typer.Option("--allow-imports", help="Import code that files name as module:attribute. Only if you trust it.")
+]
+
+AllowCommands = Annotated[
+    bool, typer.Option("--allow-commands", help="Run the programs that renderers' files name. Only if you trust them.")
+]
+
+
+@app.command()
+def run(
+    config: Config,
+    out: Out = None,
+    overrides: Set = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Throw away earlier results in the folder first.")] = False,
+    retry: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--retry", metavar="failed", help="Measure failed and timed-out cells again."),
+    ] = None,
+    fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+    cluster: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786."),
+    ] = None,
+    references: References = None,
+) -> None:
+    """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
+    from engines.errors import ConfigError
+    from harness.cli import experiments
+    from harness.run.sweep import Options
+
+    if retry not in (None, "failed"):
+        raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
+    options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]], cluster)
+    raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
+
+
+@app.command()
+def plan(
+    config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False, references: References = None,
+) -> None:  # fmt: skip
+    """Show what an experiment would do: every configuration, its state, why it is skipped, and how long it may take."""
+    from harness.cli import experiments
+
+    experiments.plan(config, out, overrides or [], allow_imports, allow_commands)
+
+
+@app.command()
+def reference(
+    config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False, references: References = None,
+) -> None:  # fmt: skip
+    """Render the references of an experiment, and nothing else. Those that are there are kept or extended."""
+    from harness.cli import experiments
+
+    raise typer.Exit(experiments.reference(config, out, overrides or [], allow_imports, allow_commands))
+
+
+@app.command()
+def render(
+    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    engine: Annotated[str, typer.Option(help="`raybench list` names them.")] = "numba",
+    shader: Annotated[str, typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'.")] = "path_tracer",
+    sampler: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "sobol",
+    accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
+    threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
+    spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
+    size: Annotated[Optional[str], typer.Option(metavar="WxH", help="[default: the scene's]")] = None,  # noqa: UP045
+    seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
+    precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
+    tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard, aces or module:attribute; for .png.")] = "srgb",
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+) -> None:
+    """Render one image: .exr (linear, with variance and both halves) or .png."""
+    from harness.cli.render import Request
+    from harness.cli.render import render as rendered
+
+    chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
+    rendered(
+        Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
+                allow_commands)
+    )  # fmt: skip
+
+
+@app.command()
+def dahlquist(
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "320x480",
+    calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
+    time_elapsed: Annotated[
+        int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")
+    ] = 3000,
+    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
+    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
+    interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")
+    ] = False,
+    redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
+    probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
+    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
+    background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
+    engine: Annotated[str, typer.Option(help="numpy or numba; the frames are the same.")] = "numba",
+    threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
+    animate: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Write N frames, of that call and the next, to a folder, .gif or .mp4."),
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second of a .gif or .mp4.")] = 25.0,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="PNG; its alpha says 255 for a ball, 254 for the background.")
+    ] = Path("dahlquist.png"),
+) -> None:
+    """Draw what N. Dahlquist's Android ray tracer (2012) draws, byte for byte."""
+    from harness.cli.dahlquist import Request, draw
+
+    request = Request(
+        size, calls, time_elapsed, not no_reflections, not no_probe, interlaced, exact, redraw, probe, probe_image,
+        background_image, engine, threads, animate, fps, output,
+    )  # fmt: skip
+    draw(request)
+
+
+@app.command()
+def view(
+    scene: Annotated[str, typer.Argument(help="A scene below the folder, or a bare name from scenes/.")] = "cornell_box",
+    folder: Annotated[Path, typer.Option(help="What the page may read, and save races in.")] = Path("."),
+    engine: Annotated[str, typer.Option(help="The one chosen at first. [default: embree]")] = "",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="[default: one that is free]")] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
+    allow_imports: AllowImports = False,
+    references: References = None,
+) -> None:
+    """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
+    from harness.view import open_viewer
+
+    open_viewer(scene, folder, port, engine, allow_imports, browser=not no_browser)
+
+
+@app.command()
+def report(
+    folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
+    chapter: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            "--chapter",
+            metavar="DIR",
+            help="Write the chapter there instead, a section a folder. [default folders: "
+            "results/dissertation and results/dahlquist]",
+        ),
+    ] = None,
+    references: References = None,
+) -> None:
+    """Write tables, plots and report.html of results folders anew, without rendering; or a chapter about them."""
+    from harness.cli import results
+
+    if chapter is None:
+        results.report(folders or [])
+    else:
+        results.chapter(folders or [], chapter)
+
+
+@app.command()
+def rescore(
+    folder: Folder,
+    overrides: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--set", metavar="KEY=VALUE", help="Another quality: --set quality.epsilon=0.1. May be repeated."),
+    ] = None,
+    references: References = None,
+) -> None:
+    """Compute all metrics again from the images of a results folder, without rendering; then write the report."""
+    from harness.cli import results
+
+    results.rescore(folder, overrides or [], ["raybench", *sys.argv[1:]])
+
+
+@app.command()
+def merge(
+    folders: Annotated[list[Path], typer.Argument(help="Results folders.")],
+    out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
+    references: References = None,
+) -> None:
+    """Put results of several machines into one folder and report; their times are kept apart."""
+    from harness.cli import results
+
+    results.merge(folders, out)
+
+
+@app.command()
+def archive(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("--out", help="A new folder, or an archive that is to be replaced.")],
+    references: References = None,
+) -> None:
+    """Copy results into a small folder of their own, to commit or to attach: few images, references included."""
+    from harness.cli import results
+
+    results.archive(folder, out)
+
+
+@app.command()
+def compare(
+    before: Folder,
+    after: Folder,
+    everything: Annotated[bool, typer.Option("--all", help="Show what did not change, too.")] = False,
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write it all: .csv, .md or .tex.")] = None,  # noqa: UP045
+) -> None:
+    """Say what changed significantly between two results folders: speed, start-up, error."""
+    from harness.cli import results
+
+    results.compare(before, after, everything, output)
+
+
+@app.command()
+def status(folder: Folder) -> None:
+    """Say how far the run of a results folder is, and what failed."""
+    from harness.cli import experiments
+
+    experiments.status(folder)
+
+
+@app.command()
+def verify(
+    engine: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(
+            "--engine",
+            metavar="NAME",
+            help="An engine, ours or module:attribute, or all that are installed. May be repeated. "
+            "[default: numpy, numba, embree]",
+        ),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
+    only: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--case", metavar="ID", help="A case or a section alone. May be repeated."),
+    ] = None,
+    out: Annotated[Optional[Path], typer.Option("--out", help="[default: results/verify]")] = None,  # noqa: UP045
+    jobs: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(min=1, help="Processes side by side. [default: one a core, 8 at most]"),
+    ] = None,
+    allow_imports: AllowImports = False,
+) -> None:
+    """Check engines with hard cases and known answers; exit code 1 where a check fails, 2 where nothing was checked."""
+    from harness.verify.commands.verify import VerifyOptions
+    from harness.verify.commands.verify import verify as run_verify
+
+    raise typer.Exit(run_verify(VerifyOptions(engine or [], quick, only or [], out, jobs, allow_imports)))
+
+
+@app.command()
+def equivalence(
+    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more; one twice is an A/A test.")],
+    replicates: Annotated[int, typer.Option(help="Independent images an engine.")] = 16,
+    spp: Annotated[int, typer.Option(help="Samples per pixel of each.")] = 16,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "64x64",
+    shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
+    margin: Annotated[float, typer.Option(help="Means within this share of each other count as equal.")] = 0.01,
+    seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+) -> None:
+    """Test whether engines make the same image: by pixels, by tiles and as a whole. Exit code 1 where they do not."""
+    from harness.verify.commands.equivalence import EquivalenceOptions, compare
+
+    names = [name.strip() for name in engines.split(",") if name.strip()]
+    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands)
+    raise typer.Exit(compare(options))
+
+
+@app.command()
+def export(
+    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    to: Annotated[str, typer.Option("--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
+    max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,
+    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
+    allow_imports: AllowImports = False,
+) -> None:
+    """Write a scene for another renderer, with its camera and a path integrator."""
+    from engines.export import export as exported
+    from engines.scene import load_scene
+    from harness.config import paths
+
+    held = load_scene(paths.find("scenes", scene), allow_imports=allow_imports)
+    typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
+
+
+@app.command(name="list")
+def list_() -> None:
+    """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""
+    from harness.cli.listing import show
+
+    show()
+
+
+@app.command()
+def schema(
+    kind: Annotated[str, typer.Argument(metavar="[experiment|scene]", help="Of which files.")] = "experiment",
+) -> None:
+    """Print the JSON schema of experiment or scene files, for editors."""
+    import json
+
+    from engines.errors import UnknownName
+    from engines.scene import scene_schema
+    from harness.config import experiment_schema
+
+    schemas = {"experiment": experiment_schema, "scene": scene_schema}
+    if kind not in schemas:
+        raise UnknownName("kind of file", kind, schemas)
+    typer.echo(json.dumps(schemas[kind](), indent=2))
+
+
+def main() -> None:
+    """Runs the command line; an error that the user caused is one message and exit code 2."""
+    # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be; it
+    # is part of the key of its cache, so every process of ours says the same.
+    os.environ.setdefault("NUMBA_CPU_NAME", "")
+    warnings.formatwarning = lambda message, *_, **__: f"raybench: warning: {message}\n"
+    try:
+        app()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        sys.exit(141)
+    except Exception as error:
+        message = _as_one_line(error)
+        if message is None:
+            raise
+        print(f"raybench: {message}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _as_one_line(error: Exception) -> str | None:
+    """An error that the user or the machine caused as one line; None for a mistake of ours."""
+    from engines.errors import RaybenchError
+
+    if isinstance(error, RaybenchError):
+        return str(error)
+    if isinstance(error, OSError) and error.strerror:  # a full disk, a file that may not be written
+        return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
+    if isinstance(error, MemoryError):
+        return f"there is not enough memory: {error}" if str(error) else "there is not enough memory"
+    return None

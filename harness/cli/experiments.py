@@ -1,0 +1,238 @@
+"""What the commands about experiments do; the exit code is the return value where one is needed."""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from engines.errors import ConfigError
+from harness import config, store
+from harness.cli.results import require_results, write_derived
+from harness.config import Experiment
+from harness.console import allow_here, consoles
+from harness.measure.pool import Pool, WorkerFailed
+from harness.plan import planner, verify_jobs
+from harness.plan.cells import Cell, Plan, words
+from harness.plan.state import expected_seconds, state_of
+from harness.run import certificates, progress, references, sweep
+from harness.run.sweep import Options, Outcome
+from harness.store import reference_files
+
+
+def results_folder(experiment: Experiment, out: Path | None) -> Path:
+    """Where an experiment's results go: `out`, else `results/` and its name as a folder's name."""
+    return out or Path("results") / (re.sub(r"[^A-Za-z0-9._-]+", "-", experiment.name).strip("-.") or "experiment")
+
+
+def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
+    """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted."""
+    stdout, stderr = consoles()
+    allow_here(options.allow_imports)
+    experiment = config.load(given, overrides)
+    folder = results_folder(experiment, out)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        with store.locked(folder):
+            if fresh:
+                store.clear(folder)
+            _refuse_merged(folder)
+            plan = planner.make(experiment, options.allow_imports, options.allow_commands)
+            _warn(plan, stderr)
+            with progress.Terminal(stderr) as terminal:
+                outcome = sweep.run(plan, folder, options, terminal)
+            if not store.derived_is_fresh(folder):
+                stderr.print(f"{outcome.measured} cells measured; writing tables, plots and report ...")
+                write_derived(folder)
+    except KeyboardInterrupt:
+        stderr.print(f"\nInterrupted. What was measured is in {folder}; the same command goes on from there.")
+        return 130
+    _summary(stdout, outcome, folder)
+    return 1 if outcome.failures or outcome.failed_verify_jobs else 0
+
+
+def _refuse_merged(folder: Path) -> None:
+    """A merged folder's cells have other ids: a run would put them all aside."""
+    if (folder / store.MANIFEST).exists() and "merged" in store.read_manifest(folder):
+        raise ConfigError(f"{folder}: was made by `raybench merge`: run into another folder and merge again")
+
+
+def _interrupt(signum: int, frame: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def _warn(plan: Plan, console: Console) -> None:
+    for warning in plan.warnings:
+        console.print(f"warning: {escape(warning)}", style="yellow", soft_wrap=True)
+
+
+def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
+    counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
+    console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
+    for cell, event in outcome.failures:
+        words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
+        console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
+    for words in outcome.failed_verify_jobs:
+        console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
+    if outcome.failures or outcome.failed_verify_jobs:
+        console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
+
+
+# --- plan -----------------------------------------------------------------------------------------------------------
+
+
+def plan(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+) -> None:  # fmt: skip
+    """Prints the configurations of an experiment with their states, and how long what is left may take."""
+    stdout, stderr = consoles()
+    made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
+    experiment = made.experiment
+    events = store.read_events(folder) if (folder / store.EVENTS).exists() else []
+    latest = store.latest_cells(events)
+    metric = experiment.quality.name
+    states = {cell.cell_id: state_of(cell, latest.get(cell.cell_id), metric) for cell in made.cells}
+    _plan_table(stdout, made, states)
+    left = [cell for cell in made.cells if states[cell.cell_id] in ("queued", "outdated")]
+    expected = expected_seconds(left, latest).values()
+    seconds, measured = sum(s for s, _ in expected), sum(known for _, known in expected)
+    basis = "as measured before" if measured == len(left) else f"at most; {measured} of them by earlier measurements"
+    counted = ", ".join(f"{count} {state}" for state, count in sorted(Counter(states.values()).items()))
+    stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
+    if left:
+        stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
+    _plan_references(stdout, made)
+    if made.verify_jobs:
+        left = len(verify_jobs.todo(made.verify_jobs, events, retry=False))
+        stdout.print(
+            f"{len(made.verify_jobs)} verify jobs, {left} of them not yet run."
+        )
+
+
+def _planned(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool, console: Console
+) -> tuple[Plan, Path]:  # fmt: skip
+    """The plan of an experiment, its warnings said, and its results folder."""
+    allow_here(allow_imports)
+    experiment = config.load(given, overrides)
+    made = planner.make(experiment, allow_imports, allow_commands)
+    _warn(made, console)
+    return made, results_folder(experiment, out)
+
+
+def _plan_references(console: Console, made: Plan) -> None:
+    for wanted in made.references.values():
+        state = "ready" if references.ready(wanted, reference_files.cache_folder()) else "to be rendered"
+        what = f"{wanted.describe()}, {words(wanted.spec['shader'])}, by {wanted.spec['engine']}"
+        console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
+
+
+def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None:
+    """One row a configuration; what is the same in all rows is said once above."""
+    rows: dict[tuple[str, ...], list[Cell]] = {}
+    for cell in sorted(made.cells, key=lambda cell: cell.order):
+        rows.setdefault(_columns(cell), []).append(cell)
+    names = ("scene", "engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label")
+    varying = [i for i, name in enumerate(names) if len({row[i] for row in rows}) > 1 or name in ("scene", "engine")]
+    fixed = [(names[i], next(iter(rows), ("",) * 9)[i]) for i in range(len(names)) if i not in varying]
+    same = ", ".join(f"{name} {value}" for name, value in fixed if value)
+    if rows and same:
+        console.print(f"The same for all: {escape(same)}", soft_wrap=True)
+    table = Table(*[names[i] for i in varying], "seeds", "state", "why", box=None, header_style="bold")
+    for row, cells in sorted(rows.items()):
+        counted = Counter(states[cell.cell_id] for cell in cells)
+        shown = ", ".join(f"[{progress.COLOURS[state]}]{state}[/]" + (f" {n}" if len(counted) > 1 else "")
+                          for state, n in sorted(counted.items()))  # fmt: skip
+        table.add_row(*[escape(row[i]) for i in varying], str(len(cells)), shown, escape(cells[0].skip or ""))
+    console.print(table)
+
+
+def _columns(cell: Cell) -> tuple[str, ...]:
+    settings = cell.settings
+    return (
+        cell.scene.name, cell.engine_name, words(settings["accelerator"]), words(settings["shader"]),
+        words(settings["sampler"]), settings["precision"], str(settings["threads"]),
+        f"{settings['width']}x{settings['height']}", cell.label or "",
+    )  # fmt: skip
+
+
+# --- references, status ---------------------------------------------------------------------------------------------
+
+
+def reference(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+) -> int:  # fmt: skip
+    """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
+    stdout, stderr = consoles()
+    made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
+    root, most_bytes = reference_files.cache_folder(), made.experiment.limits.memory_bytes
+    failed = 0
+    try:
+        with store.locked(folder), Pool(allow_imports, folder / "worker.log", most_bytes) as pool:
+            for wanted in made.references.values():
+                where = wanted.folder(root)
+                name = wanted.describe()
+                try:
+                    ready = references.ready(wanted, root)
+                    if not ready:
+                        with progress.Terminal(stderr) as terminal:
+                            _make_reference(wanted, root, pool, terminal, name)
+                    stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}", soft_wrap=True)
+                    failed += _certified(wanted, root, pool, stdout, stderr)
+                except WorkerFailed as error:
+                    failed += 1
+                    stdout.print(f"{name}: failed: {error}", markup=False, soft_wrap=True)
+    except KeyboardInterrupt:
+        stderr.print("\nInterrupted. What was rendered is kept; the same command goes on from there.")
+        return 130
+    return 1 if failed else 0
+
+
+def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
+    references.make(
+        wanted, root, pool, lambda done, count: terminal.reference(name, done, count),
+        lambda: terminal.note(f"reference of {name}: another run makes it: waiting for that one"),
+    )  # fmt: skip
+
+
+def _certified(
+    wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console
+) -> bool:  # fmt: skip
+    """Certifies a reference if the config has `certify`; whether the second engine makes another image."""
+    if wanted.certifier is None:
+        return False
+    found = certificates.existing(wanted, root)
+    if found is None:
+        name = f"certificate of {wanted.describe()}"
+        with progress.Terminal(stderr) as terminal:
+            found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
+    stdout.print(f"{wanted.describe()}: {certificates.words(found)}", markup=False, soft_wrap=True)
+    return found["verdict"] == "different"
+
+
+def status(folder: Path) -> None:
+    """Prints states of the planned cells, what runs now, and what failed."""
+    console = consoles()[0]
+    require_results(folder)
+    manifest, events = store.read_manifest(folder), store.read_events(folder)
+    latest = store.latest_cells(events)
+    planned = {cell_id: latest.get(cell_id) for cell_id in manifest.get("cell_ids", latest)}
+    counted = Counter("queued" if event is None else event["state"] for event in planned.values())
+    started = store.last_event(events, "start")
+    running = store.is_locked(folder)
+    if running and started is not None and counted["queued"] and latest.get(started["cell_id"]) is None:
+        counted.update(queued=-1, running=1)
+    counts = ", ".join(f"{count} {state}" for state, count in sorted(counted.items()) if count)
+    now = "running" if running else "not running"
+    console.print(f"{manifest.get('name') or folder.name}: {counts or 'no cells'}; {now}.", soft_wrap=True)
+    for event in planned.values():
+        if event is not None and event["state"] in ("failed", "timeout"):
+            words = f"{event['state']}: {event['scene']} {event['engine']} seed {event['seed']}: {event['message']}"
+            console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)

@@ -1,0 +1,79 @@
+"""`raybench list`: everything that can be named in an experiment or on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from engines import engine_names
+from engines.choices import SAMPLERS, SHADERS
+from engines.errors import RaybenchError
+from engines.registry import engine
+from engines.tonemap import TONE_MAPPERS
+from harness.config import paths
+from harness.console import consoles
+
+
+def show() -> None:
+    """Prints the lists. An engine that cannot be loaded is listed with the reason."""
+    console = consoles()[0]
+    accelerators: dict[str, Mapping[str, Any]] = {}
+    samplers: dict[str, Mapping[str, Any]] = {}
+    engines = _table("engines", "", "")
+    for name in engine_names():
+        try:
+            found = engine(name)
+            accelerators[name] = found.accelerators()
+            samplers[name] = getattr(found, "samplers", dict)()
+            engines.add_row(name, f"version {found.version}")
+        except RaybenchError as error:
+            engines.add_row(name, f"cannot be loaded: {escape(str(error))}")
+        except Exception as error:  # what others wrote may fail in any way
+            engines.add_row(name, f"fails: {escape(f'{type(error).__name__}: {error}')}")
+    console.print(engines)
+    for title, table in (("shaders", SHADERS), ("samplers", SAMPLERS)):
+        _options(console, title, table)
+    for name, table in samplers.items():
+        if table:
+            _options(console, f"samplers of {name} alone", table)
+    for name, table in accelerators.items():
+        _options(console, f"accelerators of {name}", table)
+    console.print(f"\n[bold]tone mappers[/]\n  {', '.join(TONE_MAPPERS)}")
+    scenes = _table("scenes", "", "")
+    for name, path in paths.shipped("scenes").items():
+        scenes.add_row(name, str(path))
+    console.print(scenes)
+    experiments = _table("experiments", "", "")
+    for name, path in paths.shipped("configs").items():
+        experiments.add_row(name, _question(path))
+    console.print(experiments)
+
+
+def _table(title: str, *columns: str) -> Table:
+    heading = f"\n[bold]{title}[/]"
+    return Table(*columns, title=heading, title_justify="left", title_style="", box=None, show_header=False)
+
+
+def _options(console: Console, title: str, table: Mapping[str, Any]) -> None:
+    shown = _table(title, "", "", "", "")
+    for name, options in table.items():
+        shown.add_row(name, "", "", "")
+        for key, option in options.items():
+            shown.add_row("", key, f"default {option.default!r}", option.meaning)
+    console.print(shown)
+
+
+def _question(path: Any) -> str:
+    """The question that an experiment says it answers."""
+    from engines.errors import ConfigError
+    from engines.schema.yaml_file import read_yaml
+
+    try:
+        root = read_yaml(path, ConfigError).value
+    except RaybenchError as error:
+        return str(error)
+    return str(root["question"].value) if isinstance(root, dict) and "question" in root else str(path)

@@ -1,0 +1,151 @@
+"""`raybench render`: one image, in this process, with what it took on stderr."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Console
+
+from engines import memory
+from engines.choices import SAMPLERS, SHADERS, resolve
+from engines.errors import ConfigError, Unsupported
+from engines.film import BYTES_A_PIXEL_WRITTEN, Film
+from engines.interface import Engine
+from engines.registry import engine as engine_of
+from engines.registry import load_attribute
+from engines.scene import load_scene
+from engines.schema.yaml_file import parse_yaml
+from engines.tonemap import ToneMapper, to_bitmap, tone_mapper
+from harness.config import paths
+from harness.config.settings import engine_settings, known, require_commands, require_imports
+from harness.console import allow_here, consoles
+from harness.measure import clock, machine
+from harness.run.progress import duration
+
+MAX_SPP = 2**31
+
+
+class Request(NamedTuple):
+    """The command line. `chosen` has shader, sampler and accelerator as YAML text."""
+
+    scene: str
+    engine: str
+    chosen: Mapping[str, str]
+    threads: int | None
+    spp: int
+    size: str | None
+    seed: int
+    precision: str | None
+    tone_mapper: str
+    output: Path | None
+    allow_imports: bool
+    allow_commands: bool = False
+
+
+def render(request: Request) -> Film:
+    """Renders and writes the image; refuses before rendering what could only fail after it."""
+    if not 1 <= request.spp <= MAX_SPP:
+        raise ConfigError(f"--spp {request.spp}: must be in [1, {MAX_SPP}]")
+    path = paths.find("scenes", request.scene)
+    output = request.output or Path(f"{path.stem}.exr")
+    _check_output(output)
+    allow_here(request.allow_imports)
+    mapper = _tone_mapper(request.tone_mapper, request.allow_imports)
+    require_imports(request.engine, request.allow_imports)
+    require_commands(request.engine, request.allow_commands)
+    engine = engine_of(request.engine)
+    settings = _settings(request)
+    scene = load_scene(path, allow_imports=request.allow_imports)
+    console = consoles()[1]
+    for warning in scene.warnings:
+        console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
+    plain = engine_settings(settings, request.seed, request.allow_imports)
+    width, height = plain.size(scene)
+    memory.require(BYTES_A_PIXEL_WRITTEN * width * height, f"an image of {width}x{height} pixels")
+    why_not = engine.why_not(scene, plain)
+    if why_not:
+        raise Unsupported(why_not)
+    renderer, build, compilation = clock.prepare(engine, scene, plain)
+    console.print(f"{scene.name}: built in {duration(build)}, compiled in {duration(compilation)}", markup=False)
+    start = perf_counter()
+    film = renderer.render(spp=request.spp)
+    seconds = perf_counter() - start
+    provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
+    film.save(output, provenance=provenance, tone_mapper=mapper)
+    _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
+    return film
+
+
+def _tone_mapper(name: str, allow_imports: bool) -> ToneMapper:
+    """The tone mapper of a name or of `module:attribute`, after a pixel has shown that it works."""
+    if ":" not in name:
+        return tone_mapper(name)
+    require_imports(name, allow_imports)
+    mapper = tone_mapper(load_attribute(name))
+    try:
+        to_bitmap(np.full((1, 1, 3), 0.5), mapper)
+    except Exception as error:
+        raise ConfigError(f"--tone-mapper {name}: fails: {type(error).__name__}: {error}") from error
+    return mapper
+
+
+def _print_summary(console: Console, film: Film, seconds: float, rays: float | None, output: Path) -> None:
+    paths = film.width * film.height * film.spp
+    speed = f"{paths / seconds / 1e6:.3g} million paths/s"
+    if rays is not None:
+        speed += f", {rays / seconds / 1e6:.3g} million rays/s"
+    words = f"{film.width}x{film.height}, {film.spp} spp in {duration(seconds)}: {speed} -> {output}"
+    console.print(words, markup=False, soft_wrap=True)
+    if film.bad_samples:
+        console.print(f"warning: {film.bad_samples} samples were not finite; they count as black", style="yellow")
+
+
+def _check_output(output: Path) -> None:
+    from engines.image import SUFFIXES
+
+    if output.suffix.lower() not in SUFFIXES:
+        raise ConfigError(f"-o {output}: must end in one of {', '.join(SUFFIXES)}")
+    if not output.absolute().parent.is_dir():
+        raise ConfigError(f"-o {output}: the folder {output.parent} does not exist")
+
+
+def _settings(request: Request) -> dict[str, Any]:
+    """The cell's plain data, as an experiment would have it."""
+    width, height = _size(request.size)
+    tables = {"shader": SHADERS, "sampler": SAMPLERS}
+    settings: dict[str, Any] = {
+        "width": width, "height": height, "precision": request.precision,
+        "threads": request.threads if request.threads is not None else len(machine.usable_cores()),
+    }  # fmt: skip
+    for kind, text in request.chosen.items():
+        given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
+        if not isinstance(given, dict) or not isinstance(given.get("name"), str):
+            raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is wanted")
+        if kind in tables and ":" not in given["name"]:
+            given = resolve(kind, given, known(kind, given["name"], tables[kind])).describe()
+        settings[kind] = given
+    return settings
+
+
+def _size(text: str | None) -> tuple[int | None, int | None]:
+    if text is None:
+        return None, None
+    found = re.fullmatch(r"([0-9]{1,5})[xX]([0-9]{1,5})", text)
+    if found is None:
+        raise ConfigError(f"--size {text}: must look like 256x256")
+    return int(found[1]), int(found[2])
+
+
+def _provenance(
+    request: Request, settings: Mapping[str, Any], scene_hash: str, engine: Engine, seconds: float
+) -> dict[str, Any]:
+    return {
+        "scene": request.scene, "scene_hash": scene_hash, "engine": request.engine,
+        "engine_version": str(engine.version), "settings": dict(settings), "seed": request.seed,
+        "spp": request.spp, "render_seconds": seconds, "machine": machine.environment(),
+    }  # fmt: skip

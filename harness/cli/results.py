@@ -1,0 +1,125 @@
+"""What the commands about results folders do."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+from rich.table import Table
+
+from engines.errors import ConfigError
+from harness import store
+from harness.console import consoles
+from harness.store import atomic
+
+CHAPTER_FOLDERS = (Path("results/dissertation"), Path("results/dahlquist"))
+
+
+def require_results(folder: Path) -> None:
+    if not (folder / store.EVENTS).exists():
+        raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is wanted")
+
+
+def write_derived(folder: Path) -> None:
+    """Writes tables, plots and report of a results folder."""
+    from harness.report import write_derived as write
+
+    write(folder)
+
+
+def report(folders: Sequence[Path]) -> None:
+    """Writes everything derived from results folders anew."""
+    if not folders:
+        raise ConfigError("report: a results folder is missing")
+    for folder in folders:
+        require_results(folder)
+    for folder in folders:
+        write_derived(folder)
+        consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def chapter(folders: Sequence[Path], target: Path) -> None:
+    """Writes the chapter; without folders it is about those of `CHAPTER_FOLDERS` that have results."""
+    from harness.report.chapter import write_chapter
+
+    chosen = folders or [folder for folder in CHAPTER_FOLDERS if (folder / store.EVENTS).exists()]
+    if not chosen:
+        wanted = " nor ".join(map(str, CHAPTER_FOLDERS))
+        raise ConfigError(
+            f"--chapter {target}: neither {wanted} has results: name results folders, or run their configs"
+        )
+    for folder in chosen:
+        require_results(folder)
+    if target.exists() and not target.is_dir():
+        raise ConfigError(f"--chapter {target}: is a file; a folder is wanted")
+    for written in write_chapter(chosen, target):
+        consoles()[0].print(str(written), soft_wrap=True)
+
+
+def rescore(folder: Path, overrides: Sequence[str], command: Sequence[str]) -> None:
+    """Measures every stored image again, against the reference and quality of its results, or another quality."""
+    from harness.run.rescore import rescore as again
+
+    require_results(folder)
+    with store.locked(folder):
+        scored, without = again(folder, overrides, command)
+        write_derived(folder)
+    console = consoles()[0]
+    console.print(f"{scored} checkpoints scored again, {without} kept as they were: they have no image.")
+    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def merge(folders: Sequence[Path], out: Path) -> None:
+    """Puts results folders together, machine beside machine, and reports."""
+    from harness.store.merge import merge as merged
+
+    for folder in folders:
+        require_results(folder)
+    with store.locked(out):
+        counts = merged(folders, out)
+        write_derived(out)
+    console = consoles()[0]
+    for env_id, count in counts.items():
+        console.print(f"{count} measured cells of machine {env_id}", soft_wrap=True)
+    if len(counts) > 1:
+        console.print("Times of different machines must not be compared; the report keeps them apart.")
+    console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
+
+
+def archive(folder: Path, out: Path) -> None:
+    """Writes a small copy of a results folder, and its report."""
+    from harness.report.archive import archive as archived
+
+    require_results(folder)
+    with store.locked(out):
+        size = archived(folder, out)
+        write_derived(out)
+    consoles()[0].print(f"{size / 1e6:.1f} MB besides what `raybench report {out}` makes again.", soft_wrap=True)
+
+
+def compare(before: Path, after: Path, everything: bool, output: Path | None) -> None:
+    """Prints what changed significantly between two results folders, or all that was compared."""
+    from harness.report.tables import TEXTS, cell_text, changes
+    from harness.store.results import load_results
+
+    text = None if output is None else TEXTS.get(output.suffix.removeprefix("."))
+    if output is not None and text is None:
+        raise ConfigError(f"--output {output}: must end in one of {', '.join(f'.{name}' for name in TEXTS)}")
+    for folder in (before, after):
+        require_results(folder)
+    found = changes(load_results(before), load_results(after))
+    shown = [row for row in found.rows if everything or row["verdict"] not in ("no change", "unknown")]
+    console = consoles()[0]
+    console.print(found.note, markup=False, soft_wrap=True)
+    if shown:
+        table = Table(*(column.heading for column in found.columns), box=None, header_style="bold")
+        for row in shown:
+            table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in found.columns))
+        console.print(table)
+    counts = Counter(str(row["verdict"]) for row in found.rows)
+    counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
+    if output is not None and text is not None:
+        atomic.write_text(output, text(found))

@@ -1,0 +1,99 @@
+"""Filters, the conditions of `exclude` and `extend.where`: all keys of one must match a cell.
+
+A condition is a scalar (text may be a glob), a list of which one must match, `{ge, gt, le, lt: number}`, or, for
+shaders, samplers and accelerators, a mapping of conditions on `name` and options.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+from engines.schema.keys import Given, Key, Record, Schema
+from engines.schema.yaml_file import Located
+from harness.config.settings import SETTINGS
+from harness.config.validators import RESOLUTION, is_number, listing, number
+
+COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+    "ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt,
+}  # fmt: skip
+_BOUND = number(-1e300, 1e300)
+_BOUNDS = Record("Bounds of a number.", {
+    "ge": Key(_BOUND, "At least this.", None), "gt": Key(_BOUND, "More than this.", None),
+    "le": Key(_BOUND, "At most this.", None), "lt": Key(_BOUND, "Less than this.", None),
+})  # fmt: skip
+CHOICES = ("shader", "sampler", "accelerator")
+Condition = Callable[[Any], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """Conditions by setting, and where they were written."""
+
+    conditions: Mapping[str, Condition]
+    where: str
+
+    def matches(self, settings: Mapping[str, Any]) -> bool:
+        return all(condition(settings[key]) for key, condition in self.conditions.items())
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionKind:
+    """A condition on one setting."""
+
+    key: str
+
+    def read(self, node: Located, context: Any = None) -> Condition:
+        return condition(self.key, node)
+
+    def schema(self) -> Schema:
+        if self.key != "threads":
+            return {}
+        return {"anyOf": [{"not": {"type": "object"}}, _BOUNDS.schema()]}
+
+
+def _filter(given: Given, context: Any) -> Filter:
+    """An empty one is refused, for it would match everything."""
+    if not given.written:
+        raise given.node.refuse("at least one condition is wanted")
+    return Filter(given.written, given.node.where)
+
+
+FILTER = Record(
+    "Conditions, of which all must match.",
+    {name: Key(ConditionKind(name), key.meaning, None) for name, key in SETTINGS.items() if name != "budget"},
+    _filter,
+)
+
+
+def condition(key: str, node: Located) -> Condition:
+    value = node.value
+    if key == "resolution" and isinstance(value, list) and all(is_number(child.value) for child in value):
+        wanted = RESOLUTION.read(node)
+        return lambda found: found is not None and tuple(found) == wanted
+    if isinstance(value, list):
+        options = [condition(key, child) for child in listing(node, 1)]
+        return lambda found: any(option(found) for option in options)
+    if not isinstance(value, dict):
+        return lambda found: _same(found, value)
+    if key in CHOICES and not any(name in COMPARISONS for name in value):
+        inner = {name: condition(f"{key}.{name}", child) for name, child in value.items()}
+        return lambda found: all(name in found and test(found[name]) for name, test in inner.items())
+    bounds = _BOUNDS.read(node).written
+    if not bounds:
+        raise node.refuse("bounds are wanted: {ge: 2}")
+    if key in ("scene", "engine", "resolution", "precision", *CHOICES):
+        raise node.refuse("bounds are for numbers: a name, a glob or a list is wanted")
+    return lambda found: is_number(found) and all(COMPARISONS[name](found, x) for name, x in bounds.items())
+
+
+def _same(found: Any, wanted: Any) -> bool:
+    if isinstance(found, Mapping):
+        found = found["name"]
+    names = getattr(found, "names", (found,))
+    if isinstance(wanted, str):
+        return any(isinstance(name, str) and fnmatchcase(name, wanted) for name in names)
+    return any(name == wanted and isinstance(name, bool) == isinstance(wanted, bool) for name in names)

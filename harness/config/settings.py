@@ -1,0 +1,197 @@
+"""The settings of a cell: the keys that describe and read them, and how plain data becomes `engines.Settings`.
+
+A name of the form `module:attribute` is code of the user's. It is imported only when imports are allowed, and is then
+the plugin object itself, or a factory called with the options written beside the name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from engines import choices
+from engines.errors import ConfigError, RaybenchError, suggestion
+from engines.interface import Settings
+from engines.registry import BUILT_IN, engine_names, is_file, known_names, load_attribute
+from engines.registry import engine as engine_of
+from engines.schema.keys import Key, Record, Schema
+from engines.schema.yaml_file import Located, locate
+from harness.config import paths
+from harness.config.validators import DURATION, NAME, RESOLUTION, Checked, OrNull, finite, integer, mapping, one_of
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """When a cell ends: seconds inside `render`, samples per pixel, and wall time after which its process is killed."""
+
+    max_time_seconds: float
+    max_spp: int
+    timeout_seconds: float
+
+    def merged(self, changes: Mapping[str, Any]) -> Budget:
+        return replace(self, **changes)
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFile:
+    """A scene as an experiment names it: `name` in tables, `path` on disk."""
+
+    name: str
+    path: str
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """The names by which a filter finds it."""
+        return self.name, Path(self.path).stem
+
+
+class SceneKind:
+    """A bare name from `scenes/`, or a path beside `context`, the experiment's folder."""
+
+    def read(self, node: Located, context: Any = None) -> SceneFile:
+        given = NAME.read(node)
+        try:
+            path = paths.find("scenes", given, context)
+        except ConfigError as error:
+            raise node.origin.error(f"{node.where}: {error}") from error
+        bare = "/" not in given and not given.endswith((".yaml", ".yml"))
+        return SceneFile(given if bare else path.stem, str(path))
+
+    def schema(self) -> Schema:
+        return NAME.schema()
+
+
+class EngineKind:
+    """An engine's name, `module:attribute`, or a renderer's file beside `context` or in the working directory."""
+
+    def read(self, node: Located, context: Any = None) -> str:
+        given = NAME.read(node)
+        if is_file(given):
+            for place in (context or "", Path.cwd()):
+                if os.path.isfile(file := os.path.join(place, os.path.expanduser(given))):
+                    return str(Path(file).resolve())
+            raise node.refuse("there is no such file")
+        if ":" not in given and given not in BUILT_IN and given not in known_names():
+            raise node.refuse(f"unknown engine: {suggestion(given, known_names())}")
+        return given
+
+    def schema(self) -> Schema:
+        return {"anyOf": [{"enum": known_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}]}
+
+
+@dataclass(frozen=True, slots=True)
+class ChoiceKind:
+    """A name or `{name: ..., option: value}`; a `table` of names with their options checks all but `module:attribute`."""
+
+    kind: str
+    table: Mapping[str, Mapping[str, choices.Option]] | None = None
+
+    def read(self, node: Located, context: Any = None) -> dict[str, Any]:
+        if not isinstance(node.value, (str, dict)):
+            raise node.refuse(f"a {self.kind}'s name, or {{name: ..., option: value}}, is wanted")
+        finite(node)
+        given = node.plain() if isinstance(node.value, dict) else {"name": NAME.read(node)}
+        if not isinstance(given.get("name"), str):
+            raise node.refuse("the key 'name' is wanted")
+        if self.table is None or ":" in given["name"]:
+            return given
+        try:
+            return choices.resolve(self.kind, given, known(self.kind, given["name"], self.table)).describe()
+        except RaybenchError as error:
+            raise node.origin.error(f"{node.where}: {error}") from error
+
+    def schema(self) -> Schema:
+        names = {*(self.table or ()), *(samplers_of_engines() if self.kind == "sampler" else ())}
+        name = {"anyOf": [{"enum": sorted(names)}, {"type": "string", "pattern": ":"}]} if names else NAME.schema()
+        named = {"name": {**name, "description": f"Name of the {self.kind}; other keys are options."}}
+        return {"anyOf": [name, {"type": "object", "required": ["name"], "properties": named}]}
+
+
+def known(kind: str, name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """`table`, with the samplers that single engines bring where it lacks a sampler's name."""
+    return {**table, **samplers_of_engines()} if kind == "sampler" and name not in table else table
+
+
+def samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
+    """Those that single engines bring, with their options; none of an engine that fails."""
+    found: dict[str, Mapping[str, choices.Option]] = {}
+    for name in engine_names():
+        with contextlib.suppress(Exception, SystemExit):
+            found |= getattr(engine_of(name), "samplers", dict)()
+    return found
+
+
+def _changes(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of the keys of a budget by fields of `Budget`."""
+    return {key if key == "max_spp" else f"{key}_seconds": value for key, value in values.items()}
+
+
+_BUDGET = Record(
+    "When a cell ends. A budget in the matrix, an included cell or `extend` changes single keys of the one at the top.",
+    {
+        "max_time": Key(DURATION, "Time inside render calls. The checkpoint that passes it is the last.", "20s"),
+        "max_spp": Key(integer(1, 2**31), "Samples per pixel of the last checkpoint.", 1024),
+        "timeout": Key(DURATION, "Wall time after which a cell's process is killed; its checkpoints are kept.", "300s"),
+    },
+)  # fmt: skip
+BUDGET = Budget(**_changes(_BUDGET.read(locate({})).values))
+"""That of a file that gives none."""
+
+SETTINGS = {
+    "scene": Key(SceneKind(), "Name of a scene in scenes/, or path of a scene file beside the experiment.", None),
+    "engine": Key(EngineKind(), "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None),
+    "shader": Key(ChoiceKind("shader", choices.SHADERS), "Name of a shader, or {name: ..., option: value}.", "path_tracer"),
+    "sampler": Key(ChoiceKind("sampler", choices.SAMPLERS), "Name of a sampler, or {name: ..., option: value}.", "sobol"),
+    "accelerator": Key(
+        ChoiceKind("accelerator"),
+        "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto",
+    ),
+    "precision": Key(
+        OrNull(one_of("float64", "float32")),
+        "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else.", None,
+    ),
+    "threads": Key(integer(1, 1024), "Threads of the engine.", 1),
+    "resolution": Key(RESOLUTION, "Width and height of the image, by default those of the scene.", None, unit="pixels"),
+    "budget": Key(
+        Checked(mapping, replace(_BUDGET, make=lambda given, context: _changes(given.written))), _BUDGET.meaning, {}
+    ),
+}  # fmt: skip
+"""The keys of a cell, in the order of its description. At the top level of a file a default stands for one left out."""
+
+
+# --- towards the engines --------------------------------------------------------------------------------------------
+
+
+def engine_settings(plain: Mapping[str, Any], seed: int, allow_imports: bool) -> Settings:
+    """`engines.Settings` of a cell's plain data: shader, sampler, accelerator, precision, threads, width, height."""
+    chosen = {kind: plugin_or_choice(plain[kind], allow_imports) for kind in ("shader", "sampler", "accelerator")}
+    return Settings(
+        width=plain["width"], height=plain["height"], threads=plain["threads"], precision=plain["precision"],
+        seed=seed, **chosen,
+    )  # fmt: skip
+
+
+def plugin_or_choice(given: Mapping[str, Any], allow_imports: bool) -> Any:
+    """The choice itself, or for `module:attribute` the object that it names."""
+    if ":" not in given["name"]:
+        return dict(given)
+    require_imports(given["name"], allow_imports)
+    found = load_attribute(given["name"])
+    options = {key: value for key, value in given.items() if key != "name"}
+    return found(**options) if options or isinstance(found, type) else found
+
+
+def require_commands(name: str, allowed: bool) -> None:
+    """Refuses an engine that is a program unless that was allowed on the command line."""
+    if is_file(name) and not allowed:
+        raise ConfigError(f"{name}: names a program to be run; run with --allow-commands if you trust it")
+
+
+def require_imports(name: str, allowed: bool) -> None:
+    """Refuses a name that would run the user's code unless that was allowed on the command line."""
+    if ":" in name and not allowed:
+        raise ConfigError(f"{name}: names code to be imported; run with --allow-imports if you trust it")

@@ -1,0 +1,185 @@
+"""Kinds of values in experiment files, beside those of `engines.schema.kinds`, and readers that they share.
+
+Booleans are neither numbers nor names. Durations and sizes carry their unit: `500ms`, `20s`, `5m`, `1h`; `512 MiB`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from engines.schema.keys import Readable, Schema
+from engines.schema.kinds import Kind
+from engines.schema.yaml_file import Located
+
+UNITS = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12,
+         "KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}  # fmt: skip
+"""Bytes by the unit of a size."""
+_SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+_NUMBER = r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)"
+_DURATION = rf"{_NUMBER}\s*({'|'.join(_SECONDS)})"
+_SIZE = rf"{_NUMBER}\s*({'|'.join(UNITS)})"
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def mapping(node: Located) -> dict[str, Located]:
+    """The children of a mapping."""
+    if not isinstance(node.value, dict):
+        raise node.refuse("a mapping is wanted")
+    return node.value
+
+
+def listing(node: Located, at_least: int = 0) -> list[Located]:
+    """The children of a list."""
+    if not isinstance(node.value, list) or len(node.value) < at_least:
+        raise node.refuse("a list is wanted" if at_least == 0 else f"a list of at least {at_least} is wanted")
+    return node.value
+
+
+def finite(node: Located) -> None:
+    """Refuses infinities and NaN anywhere in a value."""
+    value = node.value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise node.refuse("must be finite")
+    for child in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        finite(child)
+
+
+# --- kinds ----------------------------------------------------------------------------------------------------------
+
+
+def integer(low: int, high: int) -> Kind:
+    """A whole number in [low, high]; `64.0` and `1e3` are whole numbers too."""
+
+    def read(node: Located) -> int:
+        value = node.value
+        if is_number(value) and low <= value <= high and value == int(value):
+            return int(value)
+        raise node.refuse(f"must be an integer in [{low}, {high}]")
+
+    return Kind(read, {"type": "integer", "minimum": low, "maximum": high})
+
+
+def number(low: float, high: float, open_low: bool = False) -> Kind:
+    """A number in [low, high], both finite, or (low, high] where `open_low`."""
+
+    def read(node: Located) -> float:
+        value = node.value
+        if is_number(value) and low <= value <= high and not (open_low and value == low):
+            return float(value)
+        raise node.refuse(f"must be a number in {'(' if open_low else '['}{low:g}, {high:g}]")
+
+    return Kind(read, {"type": "number", "exclusiveMinimum" if open_low else "minimum": low, "maximum": high})
+
+
+def one_of(*names: str) -> Kind:
+    """One of these names."""
+
+    def read(node: Located) -> str:
+        if isinstance(node.value, str) and node.value in names:
+            return node.value
+        raise node.refuse("must be one of " + ", ".join(names))
+
+    return Kind(read, {"enum": [*names]})
+
+
+@dataclass(frozen=True, slots=True)
+class OrNull:
+    """A value of `kind`, or null."""
+
+    kind: Readable
+
+    def read(self, node: Located, context: Any = None) -> Any:
+        return None if node.value is None else self.kind.read(node, context)
+
+    def schema(self) -> Schema:
+        return {"anyOf": [self.kind.schema(), {"const": None}]}
+
+
+@dataclass(frozen=True, slots=True)
+class ListOf:
+    """A list of values of one kind."""
+
+    kind: Readable
+    at_least: int = 0
+
+    def read(self, node: Located, context: Any = None) -> list[Any]:
+        return [self.kind.read(child, context) for child in listing(node, self.at_least)]
+
+    def schema(self) -> Schema:
+        return {"type": "array", "items": self.kind.schema(), **({"minItems": self.at_least} if self.at_least else {})}
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A value of `kind`, which `check` may refuse before it is read."""
+
+    check: Callable[[Located], Any]
+    kind: Readable
+
+    def read(self, node: Located, context: Any = None) -> Any:
+        self.check(node)
+        return self.kind.read(node, context)
+
+    def schema(self) -> Schema:
+        return self.kind.schema()
+
+
+def _text(node: Located) -> str:
+    if not isinstance(node.value, str) or not node.value.strip():
+        raise node.refuse("a name is wanted")
+    return node.value
+
+
+def _line(node: Located) -> str:
+    if isinstance(node.value, (dict, list, bool)) or node.value is None or not str(node.value).strip():
+        raise node.refuse("a line of text is wanted")
+    return str(node.value).strip()
+
+
+def _with_unit(node: Located, pattern: str, units: dict[str, Any], wanted: str) -> float:
+    found = re.fullmatch(pattern, node.value.strip()) if isinstance(node.value, str) else None
+    if found is None:
+        raise node.refuse(f"must be {wanted}")
+    return float(found[1]) * units[found[2]]
+
+
+def _duration(node: Located) -> float:
+    seconds = _with_unit(node, _DURATION, _SECONDS, "a time with its unit: 500ms, 20s, 5m or 1h")
+    if not 0.0 < seconds <= 30 * 86400.0:
+        raise node.refuse("must be a time above zero and below thirty days")
+    return seconds
+
+
+def _size(node: Located) -> int:
+    found = _with_unit(node, _SIZE, UNITS, "a size with its unit: 512MiB, 8 GiB or 8 GB")
+    if not 1.0 <= found < 2**60:
+        raise node.refuse("must be a size from one byte on and below an exbibyte")
+    return int(found)
+
+
+_PIXELS = integer(1, 65_536)
+
+
+def _resolution(node: Located) -> tuple[int, int]:
+    if not isinstance(node.value, list) or len(node.value) != 2:
+        raise node.refuse("[width, height] is wanted")
+    return _PIXELS.read(node.value[0]), _PIXELS.read(node.value[1])
+
+
+NAME = Kind(_text, {"type": "string"})
+"""A string that is not empty."""
+LINE = Kind(_line, {"type": ["string", "number"]})
+"""Any scalar as text: a title may look like a number."""
+DURATION = Kind(_duration, {"type": "string", "pattern": rf"^\s*{_DURATION}\s*$"})
+"""Seconds, from text with a unit."""
+SIZE = Kind(_size, {"type": "string", "pattern": rf"^\s*{_SIZE}\s*$"})
+"""Bytes, from text with a unit."""
+RESOLUTION = Kind(_resolution, {"type": "array", "items": _PIXELS.json, "minItems": 2, "maxItems": 2})
+"""(width, height) in pixels."""

@@ -1,0 +1,1 @@
+"""Measuring: worker processes, the pool that asks them, the clock, and what the machine did meanwhile."""

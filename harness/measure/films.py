@@ -1,0 +1,101 @@
+"""A film on its way from a worker to its parent, and what must hold of it there: an engine may return anything."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from numbers import Integral
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import RendererFailed
+from engines.film import Film, Image
+from engines.input_files import open_regular
+
+COLOURS = ("sums", "squares", "even_sums")
+PARTS = (*COLOURS, "counts", "bad_samples")
+MOST_BYTES_PER_PIXEL, HEADER_BYTES = 256, 1 << 16
+"""Of the file: three colour arrays and counts take 80 bytes per pixel in float64."""
+LARGEST = float(np.finfo(np.float32).max)
+"""Image files hold float32."""
+
+
+class Unwritten(Exception):
+    """The disk is full, say: no failure of the engine."""
+
+
+def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> None:
+    """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film of the request, and
+    `Unwritten` where the file cannot be written."""
+    lacking = [part for part in PARTS if not hasattr(film, part)]
+    if lacking:
+        raise RendererFailed(
+            f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is wanted"
+        )
+    parts = {part: getattr(film, part) for part in PARTS}
+    _refuse_unfit(parts, width, height, spp)
+    try:
+        np.savez(path, **parts)
+    except OSError as error:
+        raise Unwritten(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def take(path: Path, width: int, height: int, spp: int) -> Film:
+    """The film that a worker left, checked once more: engines share the worker's process and may have changed the file.
+
+    Raises `RendererFailed` where it is not a film of `height` x `width` pixels with `spp` samples each.
+    """
+    try:
+        with open_regular(path) as file, zipfile.ZipFile(file) as members:
+            unpacked = sum(member.file_size for member in members.infolist())
+            if unpacked > width * height * MOST_BYTES_PER_PIXEL + HEADER_BYTES:
+                raise ValueError(f"it is larger than a film of {width} x {height} pixels")
+            file.seek(0)
+            with np.load(file) as arrays:
+                parts: dict[str, Any] = {part: arrays[part] for part in COLOURS}
+                parts |= {"counts": arrays["counts"], "bad_samples": arrays["bad_samples"].item()}
+    except Exception as error:  # what zipfile, zlib and NumPy raise for damaged files is no closed list
+        raise RendererFailed(f"the worker's film cannot be read: {type(error).__name__}: {error}") from error
+    _refuse_unfit(parts, width, height, spp)
+    film = Film(width, height)
+    film.sums, film.squares, film.even_sums = (np.asarray(parts[part], np.float64) for part in COLOURS)
+    film.counts, film.bad_samples = np.asarray(parts["counts"], np.int64), int(parts["bad_samples"])
+    return film
+
+
+def _refuse_unfit(parts: Mapping[str, Any], width: int, height: int, spp: int) -> None:
+    """Raises `RendererFailed` for arrays of another shape or kind, and for counts that are not `spp` everywhere."""
+    for name in COLOURS:
+        _refuse_array(name, parts[name], (height, width, 3), np.floating, "floating-point numbers")
+    counts = parts["counts"]
+    _refuse_array("counts", counts, (height, width), np.integer, "integers")
+    low, high = int(counts.min()), int(counts.max())
+    if (low, high) != (spp, spp):
+        found = str(low) if low == high else f"{low} to {high}"
+        raise RendererFailed(f"the engine's film.counts are {found}: {spp} is wanted, the samples requested")
+    bad = parts["bad_samples"]
+    if isinstance(bad, bool) or not isinstance(bad, Integral) or int(bad) < 0:
+        raise RendererFailed(f"the engine's film.bad_samples is {bad!r}: an integer from 0 on is wanted")
+
+
+def _refuse_array(name: str, found: Any, shape: tuple[int, ...], kind: type, words: str) -> None:
+    if not isinstance(found, np.ndarray):
+        raise RendererFailed(f"the engine's film.{name} is of type {type(found).__name__}: a NumPy array is wanted")
+    if found.shape != shape:
+        raise RendererFailed(f"the engine's film.{name} is of shape {found.shape}: {shape} is wanted")
+    if not np.issubdtype(found.dtype, kind):
+        raise RendererFailed(f"the engine's film.{name} is of dtype {found.dtype}: {words} are wanted")
+
+
+def image_of(film: Film) -> Image:
+    """(height, width, 3) linear radiance of a film; what image files cannot hold (float32) is infinite."""
+    mean = film.mean()
+    return np.where(abs(mean) > LARGEST, np.copysign(np.inf, mean), mean)
+
+
+def bad_pixels(image: NDArray[np.float64]) -> int:
+    """Pixels with a channel that is NaN or infinite."""
+    return int((~np.isfinite(image).all(axis=2)).sum())

@@ -1,0 +1,102 @@
+"""Cells, the points of a sweep, and the plan that holds them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+from engines.registry import is_file
+from harness.config import Checkpoints, Experiment, paths
+from harness.config.settings import Budget, SceneFile
+from harness.plan.references import PlannedReference
+from harness.plan.verify_jobs import VerifyJob
+
+WARM_UP_SEED = 1 << 40
+"""Added to a cell's seed for the pass that is discarded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One point of a sweep. `spec` is the preimage of `cell_id`; `settings` are plain data for the engine."""
+
+    cell_id: str
+    configuration: str
+    spec: Mapping[str, Any]
+    block: int
+    order: int
+    seed: int
+    label: str | None
+    scene: SceneFile
+    scene_hash: str
+    engine: str
+    engine_name: str
+    settings: Mapping[str, Any]
+    budget: Budget
+    reference_id: str | None
+    skip: str | None
+    primitives: int = 0
+    """Triangles, spheres and planes of the scene."""
+
+    def command(self, spp: int) -> str:
+        """The command that renders `spp` samples of this cell again, to the bit."""
+        engine = _from_here(Path(self.engine)) if is_file(self.engine) else self.engine
+        plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")}
+        words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
+        for kind, choice in plain.items():
+            words += [f"--{kind}", flow(choice)]
+        words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
+        words += ["--size", f"{self.settings['width']}x{self.settings['height']}", "--seed", str(self.seed)]
+        words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if is_file(self.engine) else [])]
+        return " ".join(quote(word) for word in words)
+
+    def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
+        """The request that a worker gets for this cell."""
+        return {
+            "scene_path": self.scene.path, "scene_hash": self.scene_hash, "settings": dict(self.settings),
+            "seed": self.seed, "warm_up_seed": self.seed + WARM_UP_SEED,
+            "schedule": {
+                **asdict(checkpoints), "max_spp": self.budget.max_spp, "max_time_seconds": self.budget.max_time_seconds,
+            },
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Cells in the order in which they run, the references they need by id, and the verify jobs."""
+
+    experiment: Experiment
+    cells: tuple[Cell, ...]
+    references: Mapping[str, PlannedReference]
+    warnings: tuple[str, ...]
+    verify_jobs: tuple[VerifyJob, ...] = ()
+
+
+def _scene_word(scene: SceneFile) -> str:
+    """A scene for a command line: its bare name where that finds it, else its path, from here if it lies below."""
+    path = Path(scene.path)
+    if scene.name in (known := paths.shipped("scenes")) and known[scene.name].resolve() == path:
+        return scene.name
+    return _from_here(path)
+
+
+def _from_here(path: Path) -> str:
+    """A path as it can be written in the working directory: short where it lies below."""
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
+
+
+def flow(choice: Mapping[str, Any]) -> str:
+    """A choice as a command line takes it: its name, or a YAML flow mapping."""
+    if set(choice) == {"name"}:
+        return choice["name"]
+    pairs = [f"{key}: {value if key == 'name' else json.dumps(value)}" for key, value in choice.items()]
+    return "{" + ", ".join(pairs) + "}"
+
+
+def words(choice: Mapping[str, Any]) -> str:
+    """A choice as people read it: path_tracer(max_depth=6)."""
+    options = ", ".join(f"{key}={value}" for key, value in choice.items() if key != "name")
+    return f"{choice['name']}({options})" if options else str(choice["name"])

@@ -1,0 +1,257 @@
+"""From an experiment to cells: the spec of each, its id, and what cannot be done.
+
+A configuration is one combination of settings; a cell is a configuration in one block, under that block's seed. All
+engines and scenes are loaded here once, so that every mistake in a name is found before anything runs.
+"""
+
+from __future__ import annotations
+
+import random
+import warnings
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from engines import choices, memory
+from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
+from engines.film import BYTES_A_PIXEL as FILM_BYTES
+from engines.interface import Engine
+from engines.registry import engine as engine_of
+from engines.registry import is_file, load_attribute
+from engines.scene import Scene, load_scene
+from harness.config import SCHEMA_VERSION, Experiment
+from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
+from harness.hashing import digest
+from harness.measure.machine import usable_cores
+from harness.plan.cells import Cell, Plan, flow
+from harness.plan.references import Certifier, PlannedReference
+from harness.plan.verify_jobs import planned
+from harness.source_hashes import engine_code, plugin_code
+
+BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
+"""Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
+AA_LABEL = "A/A"
+
+
+def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
+    """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
+    known = _Known(experiment, allow_imports, allow_commands)
+    found = [_configured(experiment, combination, known) for combination in experiment.combinations]
+    references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
+    configurations = _with_aa_twin(experiment, [cell for cell, _ in found])
+    cells: list[Cell] = []
+    for block in range(experiment.repeats):
+        members = sorted((_in_block(cell, experiment, block) for cell in configurations), key=lambda cell: cell.cell_id)
+        # The order depends on the seed and on the specs, not on how the file is written.
+        random.Random(f"{experiment.order_seed}/{block}").shuffle(members)
+        cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
+    unique = {cell.cell_id: cell for cell in reversed(cells)}
+    cells = [cell for cell in cells if unique[cell.cell_id] is cell]
+    scenes = {path: scene.warnings for path, scene in known.scenes.items()}
+    warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
+    _baseline_runs(experiment, {cell.engine_name for cell in cells})
+    compared = {str(combination["engine"]): None for combination in experiment.combinations}
+    verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
+    return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
+
+
+def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
+    """Refuses a baseline that is no engine of the experiment, under the name that tables use."""
+    if experiment.baseline is not None and experiment.baseline not in engines:
+        near = suggestion(experiment.baseline, engines)
+        raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
+
+
+class _Known:
+    """Every engine and scene that the experiment names, loaded once."""
+
+    def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool) -> None:
+        self.allow_imports = allow_imports
+        names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
+        self.engines: dict[str, Engine] = {}
+        for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
+            require_imports(name, allow_imports)
+            require_commands(name, allow_commands)
+            _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+        self._codes: dict[str, str] = {}
+        paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
+        self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
+
+    def code(self, name: str) -> str:
+        """The hash of an engine's code."""
+        if name not in self._codes:
+            self._codes[name] = engine_code(self.engines[name], name)
+        return self._codes[name]
+
+    def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
+        """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
+        if ":" in given["name"]:
+            require_imports(given["name"], self.allow_imports)
+            return dict(given), None
+        if _resolves(self.engines[name], given):
+            return _resolved(self.engines[name], given), None
+        if any(_resolves(other, given) for other in self.engines.values()):
+            return dict(given), f"the engine {name} has no accelerator {flow(given)}"
+        for other in self.engines.values():
+            if given["name"] in _accelerators(other):
+                _resolved(other, given)  # raises: it knows the name, but not the options
+        raise UnknownName("accelerator", given["name"], {a for e in self.engines.values() for a in _accelerators(e)})
+
+
+def _accelerators(engine: Engine) -> Mapping[str, Any]:
+    try:
+        found: Any = engine.accelerators()
+    except RaybenchError:
+        raise
+    except (Exception, SystemExit) as error:
+        message = f"engine {engine.name}: accelerators failed: {type(error).__name__}: {error}"
+        raise ConfigError(message) from error
+    if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
+        raise ConfigError(
+            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is wanted"
+        )
+    return {"auto": {}, **found}
+
+
+def _resolved(engine: Engine, given: Mapping[str, Any]) -> dict[str, Any]:
+    return choices.resolve("accelerator", dict(given), _accelerators(engine)).describe()
+
+
+def _resolves(engine: Engine, given: Mapping[str, Any]) -> bool:
+    try:
+        _resolved(engine, given)
+    except RaybenchError:
+        return False
+    return True
+
+
+def _precision(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str:
+    """The precision where the config has none: float64, the same for all engines, but for one that has float32 alone."""
+    double = {**settings, "precision": "float64"}
+    single = {**settings, "precision": "float32"}
+    able = _why_not(engine, scene, double, allow_imports) is None
+    return "float64" if able or _why_not(engine, scene, single, allow_imports) else "float32"
+
+
+def _configured(
+    experiment: Experiment, combination: Mapping[str, Any], known: _Known
+) -> tuple[Cell, PlannedReference | None]:
+    """A configuration as a cell without block and seed, and the reference it needs."""
+    file: SceneFile = combination["scene"]
+    scene, engine = known.scenes[file.path], known.engines[combination["engine"]]
+    accelerator, lacking = known.accelerator(combination["engine"], combination["accelerator"])
+    width, height = combination["resolution"] or scene.camera.resolution
+    memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
+    settings = {
+        "shader": combination["shader"], "sampler": combination["sampler"], "accelerator": accelerator,
+        "precision": combination["precision"] or "float64", "threads": combination["threads"],
+        "width": int(width), "height": int(height),
+    }  # fmt: skip
+    if combination["precision"] is None and not lacking:
+        settings["precision"] = _precision(engine, scene, settings, known.allow_imports)
+    skip = lacking or _why_not(engine, scene, settings, known.allow_imports)
+    wanted, unreferenced = _reference(experiment, file, scene, settings, known)
+    skip = skip or unreferenced
+    budget: Budget = combination["budget"]
+    by_place = ":" in combination["engine"] or is_file(combination["engine"])
+    named = engine.name if by_place else combination["engine"]
+    spec = {
+        "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
+        **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
+        "checkpoints": asdict(experiment.checkpoints), "label": None,
+        "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
+    }  # fmt: skip
+    cell = Cell(
+        cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
+        scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
+        budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
+        primitives=primitive_count(scene),
+    )  # fmt: skip
+    return cell, None if skip else wanted
+
+
+def primitive_count(scene: Scene) -> int:
+    """Triangles, spheres and planes: what a tree is built over."""
+    parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
+    return sum(1 if part is None else len(part) for part in parts)
+
+
+def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
+    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will show."""
+    plain = engine_settings(settings, 0, allow_imports)
+    try:
+        answer: Any = engine.why_not(scene, plain)
+    except UnknownName as unknown:
+        if unknown.kind == "sampler":  # an engine's own, which the configuration was right to name
+            return f"the engine {engine.name} has no sampler {unknown.found}"
+        raise
+    except RaybenchError:
+        raise
+    except (Exception, SystemExit) as error:
+        warnings.warn(f"engine {engine.name}: why_not failed: {type(error).__name__}: {error}: it is tried", stacklevel=2)
+        return None
+    if answer is not None and not isinstance(answer, str):
+        warnings.warn(
+            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is wanted: it is tried", stacklevel=2
+        )
+        return None
+    return answer
+
+
+def _reference(
+    experiment: Experiment, file: SceneFile, scene: Scene, settings: Mapping[str, Any], known: _Known
+) -> tuple[PlannedReference | None, str | None]:
+    """The reference of a scene, shader and size; or why its engine cannot make it."""
+    given = experiment.reference
+    engine = known.engines[given.engine]
+    render_settings = {
+        **settings, "precision": given.precision, "threads": 1,
+        "sampler": choices.resolve("sampler", given.sampler, choices.SAMPLERS).describe(),
+        "accelerator": _resolved(engine, given.accelerator),
+    }  # fmt: skip
+    render_settings["precision"] = given.precision or _precision(engine, scene, render_settings, known.allow_imports)
+    why_not = _why_not(engine, scene, render_settings, known.allow_imports)
+    if why_not:
+        return None, f"no reference by {given.engine}: {why_not}"
+    each, count = given.replicates
+    spec = {
+        "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": given.engine,
+        "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
+        **{key: value for key, value in render_settings.items() if key != "threads"},
+    }  # fmt: skip
+    spec["code"] = {"engine": known.code(given.engine), **_plugin_codes(render_settings)}
+    threads = given.threads or len(usable_cores())
+    certifier = _certifier(given.certify, scene, {**render_settings, "threads": threads}, known) if given.certify else None
+    wanted = PlannedReference(
+        file.name, file.path, scene.content_hash, spec, {**render_settings, "threads": threads}, certifier
+    )  # fmt: skip
+    return wanted, None
+
+
+def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Known) -> Certifier:
+    """The second engine, with its own accelerator and precision."""
+    engine = known.engines[name]
+    given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
+    given["precision"] = _precision(engine, scene, given, known.allow_imports)
+    version = f"{engine.version}+{known.code(name)[:8]}"
+    return Certifier(name, version, given, _why_not(engine, scene, given, known.allow_imports))
+
+
+def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Hashes of the code of plugins named `module:attribute`: a changed file is another request."""
+    names = [settings[kind]["name"] for kind in ("shader", "sampler", "accelerator")]
+    return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
+
+
+def _with_aa_twin(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
+    """The configurations, and one of them again under a second label: two equal cells show the noise of measuring."""
+    able = sorted((cell for cell in configurations if not cell.skip), key=lambda cell: cell.configuration)
+    if not experiment.aa_twin or not able:
+        return configurations
+    return [*configurations, replace(able[0], label=AA_LABEL)]
+
+
+def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:
+    seed = experiment.seed + block
+    spec = {**cell.spec, "label": cell.label, "seed": seed}
+    return replace(cell, spec=spec, cell_id=digest(spec), block=block, seed=seed)

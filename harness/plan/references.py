@@ -1,0 +1,52 @@
+"""The references that cells need, and the second engines that are to certify them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.hashing import digest
+
+
+@dataclass(frozen=True, slots=True)
+class Certifier:
+    """A second engine that is to make the same image; `why_not` says why it cannot."""
+
+    engine: str
+    version: str
+    settings: Mapping[str, Any]
+    why_not: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedReference:
+    """A reference that cells need: `spec` is the preimage of its id, `settings` what the engine gets."""
+
+    scene_name: str
+    scene_path: str
+    scene_hash: str
+    spec: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    certifier: Certifier | None = None
+
+    @property
+    def reference_id(self) -> str:
+        return digest(self.spec)
+
+    @property
+    def family(self) -> str:
+        """The same for references that differ in the number of replicates alone."""
+        return digest({key: value for key, value in self.spec.items() if key != "replicates"})
+
+    @property
+    def spp(self) -> int:
+        return self.spec["replicates"] * self.spec["replicate_spp"]
+
+    def describe(self) -> str:
+        """Scene, size and samples in a few words."""
+        return f"{self.scene_name} {self.spec['width']}x{self.spec['height']} {self.spp} spp"
+
+    def folder(self, root: Path) -> Path:
+        return root / self.scene_hash[:16] / self.reference_id

@@ -1,0 +1,46 @@
+"""What is left to do: whether an event still answers its cell, and how long cells may take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from harness.plan.cells import Cell
+
+OVERHEAD_SECONDS = 4.0
+"""A guess at what a cell costs beside its rendering, where nothing has been measured yet."""
+
+
+def up_to_date(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> bool:
+    """Whether an event still answers its cell: compared with the current reference, by the metric of the config."""
+    if event is None or event["state"] == "outdated":
+        return False
+    if event["state"] == "skipped":
+        return cell.skip is not None
+    if cell.skip:
+        return False
+    points = event.get("points") or []
+    return event["reference_id"] == cell.reference_id and all(metric in point["metrics"] for point in points)
+
+
+def state_of(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> str:
+    """queued, done, failed, timeout, skipped or outdated."""
+    if cell.skip:
+        return "skipped"
+    if event is None:
+        return "queued"
+    return event["state"] if up_to_date(cell, event, metric) else "outdated"
+
+
+def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, bool]]:
+    """Wall seconds by cell id, and whether they were measured (on the same configuration) or are the most allowed."""
+    measured: dict[str, list[float]] = {}
+    for event in events.values():
+        if event.get("wall_seconds") and event["state"] == "done":
+            measured.setdefault(event.get("configuration", ""), []).append(event["wall_seconds"])
+    found = {}
+    for cell in cells:
+        known = sorted(measured.get(cell.configuration, []))
+        most = min(cell.budget.timeout_seconds, cell.budget.max_time_seconds + OVERHEAD_SECONDS)
+        found[cell.cell_id] = (known[len(known) // 2], True) if known else (most, False)
+    return found

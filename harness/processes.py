@@ -1,0 +1,48 @@
+"""What every process that the harness starts has in common: its environment, its end, its errors as one line.
+
+It imports the standard library only: workers import it before they time the import of their engine.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+PR_SET_PDEATHSIG = 1
+MOST_CHARACTERS = 2000
+"""Of an exception's message."""
+THREAD_POOLS = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS",
+)  # fmt: skip
+"""Set to 1 in workers: an engine's threads are the cell's `threads`, not those of a library below it."""
+
+
+def worker_environment(allow_imports: bool) -> dict[str, str]:
+    """The environment of workers: this checkout's packages first, no hidden threads, vectors of the full width."""
+    root = str(Path(__file__).resolve().parent.parent)
+    paths = [root, *([os.getcwd()] if allow_imports else []), os.environ.get("PYTHONPATH", "")]
+    changes: dict[str, str] = dict.fromkeys(THREAD_POOLS, "1")
+    # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be.
+    changes["NUMBA_CPU_NAME"] = os.environ.get("NUMBA_CPU_NAME", "")
+    return {**os.environ, **changes, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+
+def die_with_parent() -> None:
+    """Asks Linux to kill this process when the one that started it is gone: no orphan disturbs the next run."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def one_line(error: BaseException) -> str:
+    """An exception as one line: our own errors speak for themselves, others are named."""
+    from engines.errors import RaybenchError
+
+    try:
+        text = " ".join(str(error).split())[:MOST_CHARACTERS]
+    except Exception:
+        text = "(its message cannot be read)"
+    return text if isinstance(error, RaybenchError) else f"{type(error).__name__}: {text}"

@@ -1,0 +1,111 @@
+"""A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
+
+It keeps of the images those that a report shows, in half precision, and what was concluded from the others as an event;
+of the events what still counts, with numbers to six digits; and the references in float32, as a folder of its own. Of
+absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engines.errors import ConfigError
+from engines.image import read_image, write_image
+from harness import store
+from harness.analysis import Analysis, analyse, archived_verdicts
+from harness.report.html.pictures import shown_images
+from harness.store import confined, reference_files
+from harness.store.results import load_results
+
+DIGITS = 6
+MEASURED = ("phases", "counters", "machine", "sentinel_seconds", "wall_seconds")
+DROPPED = ("start", archived_verdicts.EVENT)
+"""Kinds of events that say nothing about what was measured, or are written anew."""
+FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
+"""The folders of an absolute path."""
+
+
+def archive(folder: Path, out: Path) -> int:
+    """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again."""
+    if out.resolve() == folder.resolve():
+        raise ConfigError(f"{out}: is the results folder itself: --out must be another")
+    if (out / store.EVENTS).exists() and not (out / reference_files.FOLDER).is_dir():
+        raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
+    analysis = analyse(load_results(folder))
+    kept = {image: store.image_file(folder, image) for image in shown_images(analysis)}
+    _clear(out)
+    try:
+        _write(analysis, kept, folder, out)
+    except BaseException:
+        _clear(out)  # half an archive would pass for a whole one
+        raise
+    return sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+
+
+def _clear(out: Path) -> None:
+    if (out / store.EVENTS).exists():
+        store.clear(out)
+    shutil.rmtree(out / reference_files.FOLDER, ignore_errors=True)
+
+
+def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path) -> None:
+    with store.Events(out) as events:
+        for event in _still_counting(store.read_events(folder)):
+            events.append(without_folders(_shortened(event, kept, folder, out)))
+        events.append(_rounded(archived_verdicts.event(analysis)))
+    store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
+    for image, source in kept.items():
+        target = confined.inside(out, image, f"{out}: image")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_image(target, half(read_image(source)))
+
+
+def half(image: np.ndarray) -> np.ndarray:
+    """Rounded to half precision; stored as float32, whose empty bits cost nothing once compressed."""
+    with np.errstate(over="ignore"):
+        return image.astype(np.float16).astype(np.float32)
+
+
+def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of each cell the last event, unless it is outdated; all others but those of `DROPPED` kinds."""
+    latest = store.latest_cells(events)
+    others = [event for event in events if event["event"] not in ("cell", *DROPPED)]
+    return [*others, *(cell for cell in latest.values() if cell["state"] != "outdated")]
+
+
+def _shortened(event: dict[str, Any], kept: Container[str], folder: Path, out: Path) -> dict[str, Any]:
+    """An event as it stands in the archive."""
+    if event["event"] == "reference":
+        reference_files.carry(folder, event, out, small=True)
+        return {key: value for key, value in event.items() if key != "folder"}
+    if event["event"] != "cell":
+        return event
+    points = [{**point, "image": point["image"] if point.get("image") in kept else None} for point in event["points"]]
+    return {**event, **{key: _rounded(event[key]) for key in MEASURED if key in event}, "points": _rounded(points)}
+
+
+def without_folders(value: Any) -> Any:
+    """The same data; in its texts `/folder/x.yaml` is `x.yaml`."""
+    if isinstance(value, Mapping):
+        return {key: without_folders(child) for key, child in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_folders(child) for child in value]
+    return FOLDERS.sub("", value) if isinstance(value, str) else value
+
+
+def _rounded(value: Any) -> Any:
+    """The same data with floats to `DIGITS` significant digits."""
+    if isinstance(value, Mapping):
+        return {key: _rounded(child) for key, child in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(child) for child in value]
+    if isinstance(value, float) and math.isfinite(value):
+        return float(f"{value:.{DIGITS}g}")
+    return value

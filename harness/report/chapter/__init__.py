@@ -1,0 +1,52 @@
+"""The dissertation's missing chapter, written from results: `raybench report --chapter DIR`.
+
+Each results folder gives one section, in the order given; its experiment's name says which module writes it (`WRITERS`,
+anything else is `chapter.experiment`). A writer is a function `section(analysis, plots) -> Section`, which saves its
+figures with `plots.style.save(figure, plots, name)` and returns text as `chapter.document` has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import matplotlib
+
+from engines.errors import ConfigError
+from harness.analysis import Analysis, analyse
+from harness.report.chapter import dahlquist, experiment
+from harness.report.chapter.document import Chapter, Section, html, latex, markdown
+from harness.report.plots.style import FORMATS, STYLE
+from harness.store.atomic import write_text
+from harness.store.results import load_results
+
+__all__ = ["write_chapter"]
+
+TITLE = "Results"
+WRITERS: dict[str, Callable[[Analysis, Path], Section]] = {"dahlquist": dahlquist.section}
+
+
+def write_chapter(folders: Sequence[Path], target: Path) -> list[Path]:
+    """Writes chapter.md, chapter.tex, chapter.html and plots/ into `target`; returns the three texts.
+
+    Raises ConfigError where a folder has no results.
+    """
+    if not folders:
+        raise ConfigError("a chapter needs a results folder")
+    analyses = [analyse(load_results(folder)) for folder in folders]
+    plots = target / "plots"
+    plots.mkdir(parents=True, exist_ok=True)
+    for old in [path for suffix in FORMATS for path in plots.glob(f"*.{suffix}")]:
+        old.unlink()
+    with matplotlib.rc_context(cast(Any, STYLE)):
+        chapter = Chapter(TITLE, [_section(analysis, plots) for analysis in analyses])
+    texts = {"chapter.md": markdown(chapter), "chapter.tex": latex(chapter), "chapter.html": html(chapter)}
+    for name, text in texts.items():
+        write_text(target / name, text)
+    return [target / name for name in texts]
+
+
+def _section(analysis: Analysis, plots: Path) -> Section:
+    name = (analysis.results.manifest.get("config") or {}).get("name", "")
+    return WRITERS.get(name, experiment.section)(analysis, plots)

@@ -1,0 +1,155 @@
+"""raybench's engines beside the port of Dahlquist's ray tracer, on his scene: what `configs/dahlquist.yaml` measured.
+
+A sample is a frame: one primary ray through every pixel. Images are compared where balls are (`port_pictures`), because the
+port shows a picture of its own where others see the sky.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from harness.analysis import Analysis, seconds_per_sample
+from harness.report.chapter import figures, port_features, port_pictures
+from harness.report.chapter.document import Listing, Paragraph, Part, Section, TablePart
+from harness.report.chapter.experiment import each_block, limits, place
+from harness.report.chapter.families import (
+    Family,
+    accelerator_name,
+    compare,
+    estimate,
+    families,
+    ranking,
+    thousands,
+)
+from harness.report.chapter.sentences import finding, listed, plural
+from harness.report.tables import Column, Table
+from harness.statistics import Estimate, Speedup
+from harness.store.results import Contender, choices_of, name_words
+
+PORT = "dahlquist"
+
+
+class Rival(NamedTuple):
+    """A contender by the name of its engine and accelerator; `speedup` over the port's fastest under the same settings is
+    None where that is itself, or where either was not measured."""
+
+    name: str
+    contender: Contender
+    speedup: Speedup | None
+
+
+def section(analysis: Analysis, plots: Path) -> Section:
+    """The section of one results folder; its figures are written into `plots`."""
+    made = Section("Beside Dahlquist's ray tracer", [Paragraph(_setting(analysis))])
+    found = families(analysis, "accelerator")
+    rivals = _rivals(analysis, found)
+    if any(rival.contender.done for rival in rivals):
+        made.sections += [
+            _frames(analysis, found, rivals, plots),
+            port_pictures.section(analysis, [(rival.name, rival.contender) for rival in rivals], plots),
+            port_features.section(analysis),
+        ]
+    made.sections.append(limits(analysis))
+    return made
+
+
+def _setting(analysis: Analysis) -> list[str]:
+    measured = [contender for contender in analysis.results.contenders if contender.done]
+    if not measured:
+        return ["Nothing was measured."]
+    blocks = {cell["block"] for contender in measured for cell in contender.done}
+    sizes = sorted({contender.settings.size for contender in measured})
+    noise = " or comes as near to it as one configuration measured twice" if analysis.floors else ""
+    return [
+        f"The engines of raybench rendered the scene of Dahlquist's ray tracer beside a port of that program, at "
+        f"{listed(sizes)} pixels.",
+        "A sample is a frame: one primary ray through every pixel.",
+        *place(analysis),
+        f"Every configuration was measured once{each_block(len(blocks))}.",
+        "Times are those of rendering alone; they are compared block by block, and two are called a tie where the interval of "
+        f"their ratio at 95 % holds equality{noise}.",
+    ]
+
+
+def _rivals(analysis: Analysis, found: Sequence[Family]) -> list[Rival]:
+    """Every contender that is no A/A twin, measured or not."""
+    racing = [c for c in analysis.results.contenders if not c.settings.label]
+    choices = choices_of(racing)
+    rivals = []
+    for contender in racing:
+        words = name_words(contender, choices)
+        family = next((f for f in found if any(c is contender for c in f.members.values())), None)
+        port = None if family is None else _fastest_port(family)
+        speedup = None
+        if family is not None and port is not None and family.members[port] is not contender:
+            speedup = compare(analysis, contender, family.members[port])
+        rivals.append(Rival(accelerator_name(words["engine"], words["accelerator"]), contender, speedup))
+    return rivals
+
+
+def _fastest_port(family: Family) -> str | None:
+    """The port's configuration with the least median time."""
+    return next((name for name in ranking(family) if family.members[name].settings.engine == PORT), None)
+
+
+# ---- frames ----------------------------------------------------------------------------------------------------------
+
+
+def _frames(analysis: Analysis, found: Sequence[Family], rivals: Sequence[Rival], plots: Path) -> Section:
+    parts: list[Part] = [part for family in found for part in _comparison(family, rivals)]
+    parts.append(TablePart(_frame_table(analysis, rivals)))
+    measured = [(rival.name, rival.contender) for rival in rivals if rival.contender.done]
+    return Section("Frames", [*parts, *figures.part(figures.frame_times(measured, plots))])
+
+
+def _comparison(family: Family, rivals: Sequence[Rival]) -> list[Part]:
+    """How each of a family stands to the port's fastest, from the fastest of all down."""
+    settings = family.any.settings
+    where = f"With {plural(settings.threads, 'thread')} at {settings.size} pixels"
+    port = _fastest_port(family)
+    if port is None:
+        return [Paragraph([f"{where} the port was not measured, so nothing is compared with it."])]
+    speedups = {id(rival.contender): rival.speedup for rival in rivals}
+    compared = [(name, speedups[id(family.members[name])]) for name in ranking(family)]
+    clauses = [f"{finding(name, port, speedup)}." for name, speedup in compared if speedup is not None]
+    return [Paragraph([f"{where}, beside {port}, the port's fastest, and from the fastest down:"]), Listing(clauses)]
+
+
+def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
+    sizes = {rival.contender.settings.size for rival in rivals}
+    table = Table(
+        "frames", "Frame times and primary rays",
+        "Medians over blocks with 95 % intervals. Against the port: how many times as fast as its fastest configuration with "
+        "the same number of threads; gain: over the fewest threads; both paired by block.",
+        [
+            Column("name", "Engine and accelerator.", title="engine and accelerator"),
+            *([Column("size", "Pixels.")] if len(sizes) > 1 else []),
+            Column("threads", "Threads.", "count"),
+            Column("frame_ms", "Milliseconds a frame.", "estimate", "frame [ms]"),
+            Column("primary_rays", "Million primary rays a second.", "estimate", "million primary rays/s"),
+            Column("against", "Speed over that of the port's fastest.", "estimate", "against the port"),
+            Column("gain", "Speed over that of the same with the fewest threads.", "estimate", "gain of threads"),
+        ],
+    )  # fmt: skip
+    gains = _gains(analysis)
+    for name, contender, speedup in rivals:
+        row: dict[str, Any] = {"name": name, "size": contender.settings.size, "threads": contender.settings.threads}
+        if contender.done:
+            rate = thousands(contender)
+            row["frame_ms"] = estimate(seconds_per_sample(contender), 1e3)
+            row["primary_rays"] = Estimate(rate.value / 1e3, rate.low / 1e3, rate.high / 1e3, rate.n)
+        row["against"] = speedup and Estimate(*speedup[:4])
+        row["gain"] = gains.get(id(contender))
+        table.rows.append(row)
+    return table
+
+
+def _gains(analysis: Analysis) -> dict[int, Estimate]:
+    """By the id of a contender: its speed over that of the one with the fewest threads."""
+    found = {}
+    for family in families(analysis, "threads"):
+        first, *others = sorted(family.members.values(), key=lambda contender: contender.settings.threads)
+        found |= {id(one): Estimate(*compare(analysis, one, first)[:4]) for one in others}
+    return found

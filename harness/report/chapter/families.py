@@ -1,0 +1,202 @@
+"""Contenders that differ along one axis alone, compared pair by pair over all that is held fixed."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, NamedTuple
+
+from harness.analysis import Analysis, seconds_per_sample
+from harness.report.tables import Column
+from harness.report.tables.model import number_text
+from harness.statistics import Estimate, Speedup, median_interval, paired_speedup
+from harness.store.results import Contender, choices_of, name_words
+
+Measure = Callable[[Contender], Mapping[int, float]]
+"""Block -> a positive number of which less is better."""
+
+
+HEADINGS = {
+    "scene": Column("scene", "Scene that was rendered."), "shader": Column("shader", "Light-transport rule."),
+    "accelerator": Column("accelerator", "Engine and accelerator."), "sampler": Column("sampler", "Sampler."),
+    "threads": Column("threads", "Threads."), "size": Column("size", "Pixels."), "machine": Column("machine", "Machine."),
+    "precision": Column("precision", "Numbers it computes with."),
+}  # fmt: skip
+"""Columns in which families differ."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """`members` by their value on the axis; `held` is what all of them share, in words, by the keys of `HEADINGS`."""
+
+    held: Mapping[str, str]
+    members: Mapping[str, Contender]
+
+    @property
+    def scene(self) -> str:
+        return self.held["scene"]
+
+    @property
+    def shader(self) -> str:
+        return self.held.get("shader", "")
+
+    @property
+    def any(self) -> Contender:
+        return next(iter(self.members.values()))
+
+
+class Found(NamedTuple):
+    """What one family says about a pair: `speedup` of the first over the second."""
+
+    family: Family
+    speedup: Speedup
+
+
+class Pair(NamedTuple):
+    """Two values of an axis with what the families that have both say of them."""
+
+    first: str
+    second: str
+    found: Sequence[Found]
+
+    def of(self, verdict: str) -> list[Found]:
+        return [found for found in self.found if found.speedup.verdict == verdict]
+
+    def turned(self) -> Pair:
+        return Pair(self.second, self.first, [Found(f.family, reciprocal(f.speedup)) for f in self.found])
+
+
+def families(analysis: Analysis, axis: str) -> list[Family]:
+    """Groups of two or more measured contenders that differ along `axis` alone; A/A labels are left out.
+
+    Axes: `accelerator` (of any engine: a value is an engine with its accelerator), `threads`, `shader`, `sampler`.
+    """
+    measured = [c for c in analysis.results.contenders if c.done and not c.settings.label]
+    choices = choices_of(measured)
+    found: dict[tuple[tuple[str, str], ...], Family] = {}
+    for contender in measured:
+        named = name_words(contender, choices)
+        named["accelerator"] = accelerator_name(named["engine"], named["accelerator"])
+        held = {key: named.get(key, contender.settings.scene) for key in HEADINGS if key != axis}
+        if axis == "accelerator":
+            del held["precision"]
+        family = found.setdefault(tuple(held.items()), Family(held, {}))
+        found[tuple(held.items())] = Family(held, {**family.members, named[axis]: contender})
+    return [family for family in found.values() if len(family.members) > 1]
+
+
+def accelerator_name(engine: str, accelerator: str) -> str:
+    """`numba bvh`, but `embree` for Embree's own, and the engine alone where it chose."""
+    return engine if accelerator in (engine, "auto", "") else f"{engine} {accelerator}"
+
+
+def identity(found: Sequence[Family]) -> list[Column]:
+    """The columns that a table of these families needs: the scene, and what else differs among them."""
+    return [column for key, column in HEADINGS.items() if key == "scene" or len({f.held.get(key) for f in found}) > 1]
+
+
+def values(found: Sequence[Family]) -> list[str]:
+    """Every value that occurs, in the order of first appearance."""
+    return list(dict.fromkeys(value for family in found for value in family.members))
+
+
+def value_columns(found: Sequence[Family], meaning: str, heading: str = "{}") -> list[Column]:
+    """A column of estimates for each value that occurs; `{}` in the words stands for it."""
+    return [Column(value, meaning.format(value), "estimate", heading.format(value)) for value in values(found)]
+
+
+def row_of(family: Family, number: Callable[[Contender], Estimate], **more: Any) -> dict[str, Any]:
+    """A row of a table with `value_columns`: what the family holds, a number for each member, and `more`."""
+    return {**family.held, **{value: number(contender) for value, contender in family.members.items()}, **more}
+
+
+def compare(analysis: Analysis, one: Contender, other: Contender, measure: Measure = seconds_per_sample) -> Speedup:
+    """Paired by block; for times, an interval within the scene's noise floor is a tie."""
+    floor = analysis.floors.get(one.settings.scene, 0.0) if measure is seconds_per_sample else 0.0
+    return paired_speedup(measure(other), measure(one), floor)
+
+
+def pairs(analysis: Analysis, found: Sequence[Family], measure: Measure = seconds_per_sample) -> list[Pair]:
+    """Every two values; the one that is better in more families stands first."""
+    made = []
+    for one, other in combinations(values(found), 2):
+        both = [family for family in found if one in family.members and other in family.members]
+        pair = Pair(one, other, [
+            Found(family, compare(analysis, family.members[one], family.members[other], measure)) for family in both
+        ])  # fmt: skip
+        if both:
+            made.append(pair if len(pair.of("faster")) >= len(pair.of("slower")) else pair.turned())
+    return made
+
+
+def ranking(family: Family, measure: Measure = seconds_per_sample) -> list[str]:
+    """Values of a family from the least to the greatest median; those without a measure are left out."""
+    medians = {value: median_interval(list(measure(c).values())).value for value, c in family.members.items()}
+    return sorted((value for value, median in medians.items() if not math.isnan(median)), key=lambda v: medians[v])
+
+
+def demanding(found: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list[Family]:
+    """One family a scene (or what else of `HEADINGS`): that of the shader whose samples take most rays over all of them."""
+    rays: dict[str, list[float]] = {}
+    for family in found:
+        end = family.any.done[0]["points"][-1]
+        rays.setdefault(family.shader, []).append(float(end.get("rays") or 0) / end["spp"])
+    order = sorted(rays, key=lambda shader: -sum(rays[shader]) / len(rays[shader]))
+    chosen: dict[tuple[str, ...], Family] = {}
+    for family in sorted(found, key=lambda family: order.index(family.shader)):
+        chosen.setdefault(tuple(family.held[key] for key in keys), family)
+    return [family for family in found if family in chosen.values()]
+
+
+def usual(found: Sequence[Family], key: str) -> list[Family]:
+    """The families with the value of `key` that most of them have."""
+    counts = Counter(family.held[key] for family in found)
+    return [family for family in found if family.held[key] == counts.most_common(1)[0][0]]
+
+
+def best(analysis: Analysis, family: Family, measure: Measure = seconds_per_sample) -> list[str]:
+    """The first of the ranking and all that are not surely behind it."""
+    order = ranking(family, measure)
+    return [
+        value for value in order if value == order[0]
+        or compare(analysis, family.members[order[0]], family.members[value], measure).verdict != "faster"
+    ]  # fmt: skip
+
+
+def pairs_by(analysis: Analysis, found: Sequence[Family], measure_of: Callable[[Family], Measure]) -> list[Pair]:
+    """Pairs over families of which each is measured in its own way."""
+    measures = {id(contender): measure_of(family) for family in found for contender in family.members.values()}
+    return pairs(analysis, found, lambda contender: measures[id(contender)](contender))
+
+
+def thousands(contender: Contender) -> Estimate:
+    """Thousands of paths (samples of a pixel) a second: median over blocks with its interval."""
+    pixels = (contender.done[0].get("width") or 0) * (contender.done[0].get("height") or 0)
+    return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contender).items()})
+
+
+def reciprocal(speedup: Speedup) -> Speedup:
+    """The same finding seen from the other side."""
+    turned = {"faster": "slower", "slower": "faster"}.get(speedup.verdict, speedup.verdict)
+    return Speedup(_inverse(speedup.ratio), _inverse(speedup.high), _inverse(speedup.low), speedup.pairs, turned)
+
+
+def _inverse(value: float) -> float:
+    return math.inf if value == 0 else 0.0 if math.isinf(value) else 1 / value
+
+
+def spread(found: Sequence[Found]) -> str:
+    """`1.2` or `1.2 to 3.4`: the ratios of findings, least and greatest."""
+    ratios = sorted(one.speedup.ratio for one in found)
+    texts = [number_text(ratio) for ratio in ratios]
+    if math.isinf(ratios[-1]):
+        return f"{texts[0]} and more" if math.isfinite(ratios[0]) else "what cannot be said"
+    return texts[0] if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]}"
+
+
+def estimate(measure: Mapping[int, float], factor: float = 1.0) -> Estimate:
+    """Median over blocks with its interval."""
+    return median_interval([factor * value for value in measure.values()])

@@ -1,0 +1,171 @@
+"""Figures of the chapter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from harness.analysis import Analysis, seconds_per_sample
+from harness.report.chapter.document import FigurePart
+from harness.report.chapter.families import Family, compare, demanding, estimate, thousands, values
+from harness.report.plots.curves import error_label
+from harness.report.plots.style import (
+    ENGINE_COLOURS,
+    FAINT,
+    FORMATS,
+    INK,
+    LINES,
+    MARKERS,
+    OTHER_COLOURS,
+    Plot,
+    log_scales,
+    new_figure,
+    save,
+)
+from harness.statistics import median_interval
+from harness.store.results import Contender, point_error
+
+COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
+
+
+def colours(names: Sequence[str]) -> list[str]:
+    """A colour for each engine with its accelerator: the engine's own for the first, others for the rest."""
+    free, found = list(OTHER_COLOURS), []
+    for name in names:
+        own = ENGINE_COLOURS.get(name.split()[0], "")
+        found.append(own if own and own not in found else free.pop(0) if free else INK)
+    return found
+
+
+def part(drawn: Plot | None) -> list[FigurePart]:
+    """A figure as parts of a section: none where there is nothing to draw."""
+    return [] if drawn is None else [FigurePart(drawn)]
+
+
+def finished(figure: Figure, plots: Path, name: str, title: str, description: str) -> Plot:
+    """Saves a figure in all formats: the chapter's texts show png, pdf and svg."""
+    return Plot(name, title, description, save(figure, plots, name, FORMATS))
+
+
+def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
+    """Paths a second of each member; a row a scene."""
+    if not found:
+        return None
+    names = values(found)
+    figure = new_figure(7.2, 1.3 + 0.34 * len(found))
+    axis, shades = figure.subplots(), colours(names)
+    for index, name in enumerate(names):
+        shift = 0.13 * (index - (len(names) - 1) / 2)
+        rows = [(row + shift, thousands(f.members[name])) for row, f in enumerate(found) if name in f.members]
+        y, x = [row for row, _ in rows], [estimate.value for _, estimate in rows]
+        whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in rows]).T
+        axis.errorbar(x, y, xerr=np.abs(whiskers), fmt=MARKERS[index % len(MARKERS)], color=shades[index],
+                      elinewidth=1, label=name)  # fmt: skip
+    axis.set_yticks(range(len(found)), [family.scene for family in found])
+    axis.set_ylim(len(found) - 0.5, -0.5)
+    axis.set_xlabel("thousands of paths a second")
+    log_scales(axis)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(names), 5))
+    shader = " and ".join(dict.fromkeys(family.shader for family in found))
+    return finished(figure, plots, "accelerators", f"Speed by accelerator and scene, {shader}",
+                    "A row a scene: paths a second of each accelerator with its interval, on a logarithmic axis.")  # fmt: skip
+
+
+def frame_times(named: Sequence[tuple[str, Contender]], plots: Path) -> Plot | None:
+    """Milliseconds a frame of contenders with the names of their rows; a marker a number of threads."""
+    if not named:
+        return None
+    rows = list(dict.fromkeys(name for name, _ in named))
+    counts = sorted({contender.settings.threads for _, contender in named})
+    figure = new_figure(7.2, 1.2 + 0.3 * len(rows))
+    axis = figure.subplots()
+    for index, threads in enumerate(counts):
+        shift = 0.16 * (index - (len(counts) - 1) / 2)
+        shown = [(rows.index(name) + shift, estimate(seconds_per_sample(c), 1e3)) for name, c in named
+                 if c.settings.threads == threads]  # fmt: skip
+        whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in shown]).T
+        axis.errorbar([e.value for _, e in shown], [row for row, _ in shown], xerr=np.abs(whiskers), elinewidth=1,
+                      fmt=MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)],
+                      label=f"{threads} thread{'' if threads == 1 else 's'}")  # fmt: skip
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlabel("milliseconds a frame")
+    log_scales(axis)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(counts), 5))
+    return finished(figure, plots, "frames", "Frame times",
+                    "A row an engine with its accelerator: milliseconds a frame, on a logarithmic axis.")  # fmt: skip
+
+
+def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
+    """Speed-up over the fewest threads: a dot a scene and shader, a row an accelerator."""
+    rows = list(dict.fromkeys(family.held["accelerator"] for family in found))
+    figure = new_figure(7.2, 1.5 + 0.34 * len(rows))
+    axis = figure.subplots()
+    for index, name in enumerate(names[1:]):
+        x, y = [], []
+        for family in found:
+            if {names[0], name} <= set(family.members):
+                x.append(compare(analysis, family.members[name], family.members[names[0]]).ratio)
+                y.append(rows.index(family.held["accelerator"]))
+        spread = np.linspace(-0.2, 0.2, len(x)) if len(x) > 1 else np.zeros(len(x))
+        axis.plot(x, np.array(y) + spread, MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)], label=name,
+                  markersize=4, alpha=0.8)  # fmt: skip
+        axis.axvline(int(name.split()[0]) / int(names[0].split()[0]), color=FAINT, linestyle=":", linewidth=1)
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlabel(f"speed-up over {names[0]} (dotted: ideal)")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=max(len(names) - 1, 1))
+    return finished(figure, plots, "threads", f"Speed-up over {names[0]}",
+                    "A row an accelerator, a dot a scene and shader; dotted lines are ideal speed-ups.")  # fmt: skip
+
+
+def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Plot | None:
+    """Error over samples, a panel a scene: the shader with most rays."""
+    chosen = demanding(found)
+    if not chosen:
+        return None
+    names, columns = values(chosen), min(len(chosen), 3)
+    rows = math.ceil(len(chosen) / columns)
+    figure = new_figure(7.6, 0.6 + 2.2 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for spare in grid[len(chosen) :]:
+        spare.remove()
+    for axis, family in zip(grid, chosen, strict=False):
+        for index, name in enumerate(names):
+            if name in family.members:
+                _error_curve(analysis, axis, family, name, index)
+        axis.set_title(family.scene, fontsize=9)
+        log_scales(axis, y=True)
+    for axis in grid[max(len(chosen) - columns, 0) : len(chosen)]:
+        axis.set_xlabel("samples per pixel")
+        axis.tick_params(labelbottom=True)
+    for axis in grid[: len(chosen) : columns]:
+        axis.set_ylabel(error_label(analysis.results.metric))
+    handles = {
+        label: handle
+        for axis in grid[: len(chosen)]
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
+    shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
+    return finished(figure, plots, "samplers", f"Error over samples by sampler, {shader}",
+                    "A panel a scene: falling curves of the median error over samples, one a sampler.")  # fmt: skip
+
+
+def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:
+    errors: dict[int, list[float]] = {}
+    cells = family.members[name].done
+    for cell in cells:
+        for point in cell["points"]:
+            errors.setdefault(point["spp"], []).append(point_error(point, analysis.results.metric)[0])
+    medians = {spp: median_interval(found) for spp, found in sorted(errors.items()) if len(found) == len(cells)}
+    kept = {spp: median for spp, median in medians.items() if median.value > 0}
+    look = {"linestyle": LINES[index % len(LINES)], "marker": MARKERS[index % len(MARKERS)], "markersize": 3.5}
+    axis.plot(
+        list(kept), [median.value for median in kept.values()], color=COLOURS[index % len(COLOURS)], label=name, **look
+    )

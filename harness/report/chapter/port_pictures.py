@@ -1,0 +1,176 @@
+"""How far the balls of other engines differ from those of Dahlquist's ray tracer, pixel by pixel.
+
+Levels are steps of an 8-bit channel: images are clipped to [0, 1] and multiplied by 255, as the port's frames are stored. A
+pixel differs by its worst channel. The reference is the port's own frame; which of its pixels show balls, the port is asked
+again, and nothing is compared where it then draws another frame than the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from engines import dahlquist
+from harness.analysis import Analysis
+from harness.report.chapter import figures
+from harness.report.chapter.document import Listing, Paragraph, Part, Section, TablePart
+from harness.report.chapter.sentences import listed, plural
+from harness.report.plots import Plot
+from harness.report.plots.style import new_figure
+from harness.report.tables import Column, Table
+from harness.report.tables.model import number_text
+from harness.store.results import Contender, Results
+
+CALLS, TIME_ELAPSED = 11, 3000
+"""The frame calls after which balls stand as in scenes/dahlquist.yaml."""
+VISIBLE = 16
+"""Levels by which a pixel has to differ to be counted."""
+STORED = 0.125
+"""Levels that half precision, in which archives keep images, can take from a pixel: a difference of so little is none."""
+SAME = 0.5
+"""Levels within which all pixels of two images have to be for them to count as one image."""
+DRAWN = 320
+"""Pixels along a drawn image, at the most."""
+Image = NDArray[np.float64]
+
+
+class Difference(NamedTuple):
+    """`levels` (n,) of the ball pixels of contenders `names`, whose images are the same; `image` (h, w, 3) in levels."""
+
+    names: list[str]
+    image: Image
+    levels: Image
+
+
+class Truth(NamedTuple):
+    """The port's frame (h, w, 3) in levels, and where it shows balls (h, w)."""
+
+    frame: Image
+    balls: NDArray[np.bool_]
+
+
+def section(analysis: Analysis, named: Sequence[tuple[str, Contender]], plots: Path) -> Section:
+    """Image differences of the contenders with their names: those that have an image of the reference's size."""
+    measured = [(name, contender) for name, contender in named if contender.done]
+    truth = _truth(analysis.results, [contender for _, contender in measured])
+    if isinstance(truth, str):
+        return Section("Images", [Paragraph([f"Images were not compared: {truth}."])])
+    found, without = _differences(analysis.results, measured, truth)
+    said = [
+        f"Balls show in {plural(int(truth.balls.sum()), 'pixel')} of the port's frame, {100 * truth.balls.mean():.3g} % of "
+        "it. Only these are compared: behind them the port shows a picture of its own where others see the sky."
+    ]
+    if without:
+        said.append(f"No image was kept of {listed(without)}.")
+    parts: list[Part] = [Paragraph(said)]
+    if found:
+        parts += [Listing([f"{_sentence(one)}." for one in found]), TablePart(_table(found))]
+        parts += figures.part(_drawn(truth, found, plots))
+    return Section("Images", parts)
+
+
+def _truth(results: Results, contenders: Sequence[Contender]) -> Truth | str:
+    """The port's frame, or why there is none to compare with."""
+    ids = {cell.get("reference_id") for contender in contenders for cell in contender.done}
+    if len(ids) != 1:
+        return "they have different references"
+    reference = results.reference(ids.pop())
+    if reference is None:
+        return "the reference is missing"
+    height, width, _ = reference.mean.shape
+    tracer = dahlquist.Tracer(width, height, engine="numpy", probe=dahlquist.smooth_probe())
+    for _ in range(CALLS - 1):
+        tracer.animation.step(TIME_ELAPSED)
+    frame = tracer.call(TIME_ELAPSED)
+    levels = 255 * reference.mean
+    if np.abs(levels - frame[..., :3]).max() > SAME:
+        return "the reference is not the frame that the port draws of its scene"
+    return Truth(levels, frame[..., 3] == dahlquist.SPHERE)
+
+
+def _differences(
+    results: Results, named: Sequence[tuple[str, Contender]], truth: Truth
+) -> tuple[list[Difference], list[str]]:
+    """From the smallest difference to the greatest, and the names without an image. Threads change no image."""
+    found: list[Difference] = []
+    without = []
+    for name in dict.fromkeys(name for name, _ in named):
+        image = next((i for n, c in named if n == name and (i := _last_image(results, c)) is not None), None)
+        if image is None or image.shape != truth.frame.shape:
+            without.append(name)
+            continue
+        alike = next((d for d in found if np.abs(d.image - image)[truth.balls].max(initial=0) <= SAME), None)
+        if alike is not None:
+            alike.names.append(name)
+        else:
+            levels = np.abs(image - truth.frame).max(axis=2)[truth.balls]
+            found.append(Difference([name], image, np.where(levels > STORED, levels, 0.0)))
+    return sorted(found, key=lambda one: float(one.levels.mean())), without
+
+
+def _last_image(results: Results, contender: Contender) -> Image | None:
+    """(h, w, 3) in levels."""
+    for cell in contender.done:
+        point = next((point for point in reversed(cell["points"]) if point.get("image")), None)
+        image = None if point is None else results.image(point)
+        if image is not None:
+            return 255 * np.clip(image, 0, 1)
+    return None
+
+
+def _sentence(one: Difference) -> str:
+    """What is said of images that are the same."""
+    who, one_of_many = listed(one.names), len(one.names) > 1
+    if one.levels.max(initial=0) <= SAME:
+        return f"{who} {'show' if one_of_many else 'shows'} the balls as the reference does"
+    return (
+        f"{who}{' make one image:' if one_of_many else ':'} {number_text(float(np.median(one.levels)))} levels of 255 from the "
+        f"port's in the median, and more than {VISIBLE} in {number_text(100 * float(np.mean(one.levels > VISIBLE)))} % of "
+        "the pixels"
+    )
+
+
+def _table(found: Sequence[Difference]) -> Table:
+    table = Table(
+        "port_images", "Difference from the port's image",
+        "Over the pixels that show balls, in levels of 255, by the worst channel of a pixel.",
+        [
+            Column("name", "Engine and accelerator.", title="engine and accelerator"),
+            Column("median", "Median difference.", "number"), Column("mean", "Mean difference.", "number"),
+            Column("high", "99 % of the pixels differ by less.", "number", "99 %"),
+            Column("visible", f"Share of pixels that differ by more than {VISIBLE}.", "percent", f"above {VISIBLE}"),
+        ],
+    )  # fmt: skip
+    for one in found:
+        numbers: dict[str, Any] = {
+            "median": float(np.median(one.levels)), "mean": float(one.levels.mean()),
+            "high": float(np.quantile(one.levels, 0.99)), "visible": float(np.mean(one.levels > VISIBLE)),
+        }  # fmt: skip
+        table.rows += [{"name": name, **numbers} for name in one.names]
+    return table
+
+
+def _drawn(truth: Truth, found: Sequence[Difference], plots: Path) -> Plot | None:
+    """The port's frame, the image that differs most, and by how much."""
+    other = found[-1]
+    if other.levels.max(initial=0) <= SAME:
+        return None
+    difference = np.abs(other.image - truth.frame).max(axis=2)
+    shown = np.where(truth.balls, difference, np.nan)
+    step = max(-(-truth.frame.shape[1] // DRAWN), 1)
+    figure: Figure = new_figure(7.6, 2.9)
+    left, middle, right = figure.subplots(1, 3)
+    left.imshow(truth.frame[::step, ::step] / 255)
+    middle.imshow(other.image[::step, ::step] / 255)
+    scale = right.imshow(shown[::step, ::step], cmap="magma", vmin=0, vmax=64)
+    for axis, title in ((left, "the port"), (middle, other.names[0]), (right, "difference on the balls")):
+        axis.set_title(title, fontsize=9)
+        axis.set_axis_off()
+    figure.colorbar(scale, ax=right, shrink=0.7, extend="max", label="levels of 255")
+    return figures.finished(figure, plots, "port_images", f"The port's frame beside the image of {other.names[0]}",
+                            "Two images of five mirroring balls, and by how many levels they differ.")  # fmt: skip

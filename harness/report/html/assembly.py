@@ -1,0 +1,221 @@
+"""Puts tables, plots, images and provenance into one HTML file that needs no network and no other file."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from harness.analysis import Analysis, equivalence, reports_its_time
+from harness.analysis.model import possible_winners
+from harness.metrics import error_words, metric_title
+from harness.report.html.pictures import picture_groups
+from harness.report.plots import Plot
+from harness.report.plots.panels import Panel, panels
+from harness.report.plots.style import FAINT, GRID, INK
+from harness.report.tables import Column, Table, cell_text, sort_value
+from harness.report.tables.model import estimate_text
+from harness.statistics import QualityTime
+from harness.store.results import Contender, Event, Results, point_error
+
+MOST_BYTES = 9_500_000
+"""The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
+SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
+VERDICT_CLASSES = {
+    "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
+    "flat": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
+    "pass": "good", "xfail": "even", "fail": "bad",
+}  # fmt: skip
+
+
+def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> str:
+    """The whole report as one document."""
+    drawings = [(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)]
+    cells = cell_table(analysis)
+    left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 700 * len(cells.rows)
+    groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
+    results = analysis.results
+    floors = {scene: 100 * math.expm1(floor) for scene, floor in analysis.floors.items()}
+    pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
+    return _environment().get_template("report.html.j2").render(
+        title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
+        engine_pairs=[(pair.first.settings.scene, pair.verdict, equivalence.describe_pair(pair)) for pair in analysis.pairs],
+        plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
+        machines=_machines(analysis), runs=results.runs, references=_references(results),
+        manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
+        metric=metric_title(results.metric), error_words=error_words(results.metric), floors=floors,
+        style=Markup(_asset("report.css")),
+        scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
+    )  # fmt: skip
+
+
+def headlines(analysis: Analysis) -> list[dict[str, Any]]:
+    """Per panel and target: who was first (warm), how long it took, and who is not separated from it."""
+    targets = list(enumerate(analysis.results.targets))
+    return [_headline(panel, index, target, analysis.floors.get(panel.scene, 0.0))
+            for panel in panels(analysis) for index, target in targets]  # fmt: skip
+
+
+def _headline(panel: Panel, index: int, target: float, floor: float) -> dict[str, Any]:
+    """`floor` is the scene's noise floor as a log-ratio. A contender without an interval is separated from nobody."""
+    reached = sum(math.isfinite(verdict.warm[index].median) for verdict in panel.verdicts)
+    line = {"scene": panel.title, "target": f"{target:g}", "winner": None, "out_of": len(panel.verdicts)}
+    if not reached:
+        return line
+    best, *rivals = possible_winners(panel.verdicts, index, floor)
+    return line | {
+        "winner": best.contender.name, "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
+        "rivals": [rival.contender.name for rival in rivals], "flags": best.warnings, "reached": reached,
+    }  # fmt: skip
+
+
+def colour_maps() -> dict[str, list[list[int]]]:
+    """Stops of the viewer's false colours, as [red, green, blue] from 0 to 255."""
+    from matplotlib import colormaps
+
+    names = {"magma": "magma", "signed": "RdBu_r"}
+    shares = np.linspace(0.0, 1.0, 64)
+    return {key: (255 * colormaps[name](shares)[:, :3]).round().astype(int).tolist() for key, name in names.items()}
+
+
+def cell_table(analysis: Analysis) -> Table:
+    """Every cell with its last checkpoint and the command that repeats it."""
+    results = analysis.results
+    table = Table(
+        "cells", "Every cell", "One row a cell; the command renders it again.",
+        [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
+         Column("contender", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
+         Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples per pixel at the end.", "count"),
+         Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
+         Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
+         Column("error", f"{metric_title(results.metric)} at the end, {error_words(results.metric)}.", "number"),
+         Column("note", "Message, what disturbed the timing, or that a program reported its own time."),
+         Column("command", "Repeats the cell.")],
+    )  # fmt: skip
+    for contender in results.contenders:
+        for cell in contender.cells:
+            table.rows.append(_cell_row(analysis, contender, cell))
+    return table
+
+
+def _cell_row(analysis: Analysis, contender: Contender, cell: Event) -> dict[str, Any]:
+    contended = (cell.get("machine") or {}).get("contended")
+    notes = [cell.get("message"), contended and "contended", reports_its_time(cell) and "time reported by the program"]
+    row = {
+        "state": cell["state"], "scene": contender.settings.scene, "contender": contender.name,
+        "block": cell.get("block"), "seed": cell.get("seed"), "command": repeat_command(cell),
+        "note": "; ".join(note for note in notes if note),
+    }  # fmt: skip
+    if cell.get("points"):
+        end = cell["points"][-1]
+        row |= {"spp": end["spp"], "seconds": end["seconds"], "cold": end["seconds"] + contender.fixed_seconds(cell),
+                "error": point_error(end, analysis.results.metric)[0]}  # fmt: skip
+    return row
+
+
+def repeat_command(cell: Event) -> str:
+    """The command stored with the cell, or one made from its settings."""
+    if cell.get("command"):
+        return str(cell["command"])
+    from shlex import quote
+
+    words = ["raybench", "render", str(cell.get("scene")), "--engine", str(cell.get("engine"))]
+    for option in ("shader", "sampler", "accelerator"):
+        if cell.get(option):
+            choice = cell[option]
+            words += [f"--{option}", json.dumps(choice) if isinstance(choice, Mapping) else str(choice)]
+    words += ["--threads", str(cell.get("threads") or 1), "--size", f"{cell.get('width')}x{cell.get('height')}"]
+    spp = cell["points"][-1]["spp"] if cell.get("points") else 1
+    words += ["--seed", str(cell.get("seed") or 0), "--spp", str(spp), "-o", "cell.exr"]
+    return " ".join(quote(word) for word in words)
+
+
+def inline_svg(plot: Plot, index: int | str) -> str:
+    """A plot's SVG for the page: own ids, two decimals, colours that follow dark mode, a name for screen readers."""
+    svg = plot.svg[plot.svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.S)
+    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\d\.\d{2})\d+", r"\1", tag.group(0)), svg)
+    svg = re.sub(r'\bid="', f'id="p{index}-', svg)
+    svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>p{index}-", svg)
+    for colour, name in ((INK, "ink"), (FAINT, "faint"), (GRID, "grid"), ("#ffffff", "paper")):
+        svg = svg.replace(colour, f"var(--{name})")
+    label = Markup.escape(f"{plot.title}. {plot.description}")
+    width = re.search(r'width="([\d.]+)pt"', svg)
+    size = f'style="max-width:{2 * float(width.group(1)):.0f}px"' if width else ""
+    box = re.search(r'viewBox="[^"]*"', svg)
+    spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    opening = f'<svg {box.group(0) if box else ""} {size} role="img" aria-label="{label}" {spaces}>'
+    return Markup(opening + svg[svg.index(">") + 1 :])
+
+
+def _environment() -> Environment:
+    environment = Environment(loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)  # fmt: skip
+    environment.globals |= {"cell_text": cell_text, "sort_value": sort_value, "verdict_class": verdict_class}
+    return environment
+
+
+def verdict_class(value: Any) -> str:
+    """The CSS class of a verdict word; flagged and warning texts are bad news."""
+    text = str(value or "")
+    return VERDICT_CLASSES.get(text, "bad" if "flagged" in text or "floor" in text or "too good" in text else "")
+
+
+def _asset(name: str) -> str:
+    return (files("harness.report.html") / name).read_text(encoding="utf-8")
+
+
+def _script_json(value: Any) -> Markup:
+    """JSON that may stand inside a script element."""
+    text = json.dumps(value, allow_nan=False).replace("<", "\\u003c").replace("\u2028", "\\u2028")
+    return Markup(text)
+
+
+def _title(manifest: Mapping[str, Any], fallback: str) -> str:
+    return str((manifest.get("config") or {}).get("name") or fallback)
+
+
+def _references(results: Results) -> list[dict[str, Any]]:
+    """The events of references, each with what its certificate says and whether that is bad news."""
+    from harness.run.certificates import words
+
+    found = []
+    for reference_id, event in results.references.items():
+        certificate = results.certificates.get(reference_id)
+        said = words(dict(certificate)) if certificate else "not certified by a second engine"
+        found.append(
+            {**event, "certificate": said, "refuted": bool(certificate and certificate["verdict"] == "different")}
+        )
+    return found
+
+
+def _machines(analysis: Analysis) -> list[str]:
+    """The measured cells' environments in words: more than one must not share a time axis in silence."""
+    results = analysis.results
+    found = sorted({str(cell.get("env_id")) for cell in results.cells if cell["state"] == "done"})
+    return [_machine_words(env_id, results.environments.get(env_id, {}).get("preimage") or {}) for env_id in found]
+
+
+def _machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
+    """`1a2b3c4d: AMD EPYC 7763, 2 cores, Linux 6.8, Python 3.12`, as far as it is known."""
+    cores, system = preimage.get("usable_cores"), f"{preimage.get('system', '')} {preimage.get('kernel', '')}".strip()
+    python = preimage.get("python")
+    parts = [preimage.get("cpu"), f"{cores} cores" if cores else "", system, f"Python {python}" if python else ""]
+    words = ", ".join(str(word) for word in parts if word)
+    return f"{env_id[:8]}: {words}" if words else env_id[:8]
+
+
+def _state_counts(analysis: Analysis) -> dict[str, int]:
+    states = [str(cell["state"]) for cell in analysis.results.cells]
+    return {state: states.count(state) for state in dict.fromkeys(sorted(states))}
+
+
+def _time_text(quality: QualityTime) -> str:
+    return estimate_text((quality.median, quality.low, quality.high))

@@ -1,0 +1,180 @@
+"""Images for the report's viewer: radiance as compressed half floats, and crops at equal time as PNG."""
+
+from __future__ import annotations
+
+import base64
+import math
+import zlib
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.film import to_bitmap
+from engines.image import png_bytes
+from harness.analysis import Analysis, Verdict
+from harness.metrics import Reference, higher_is_better, metric_title
+from harness.report.plots.panels import Panel, panels
+from harness.report.tables.model import number_text
+from harness.store.results import Event, Results, point_error
+
+MOST_PICTURES = 9
+"""As many as there are number keys; the reference is key 0."""
+BYTES_PER_PIXEL = 6.0
+"""What a pixel of a noisy picture takes in base64."""
+CROP = 48
+"""Pixels along the side of an equal-time crop."""
+MOST_CROPS = 24
+Image = NDArray[np.float64]
+
+
+class Crop(NamedTuple):
+    """A part of an image at nearly the same time as others: PNG data address, name and true time, spp and error."""
+
+    address: str
+    name: str
+    caption: str
+
+
+class PictureGroup(NamedTuple):
+    """A panel's pictures: `payload` is the viewer's JSON, `crops` start with the reference."""
+
+    title: str
+    payload: dict[str, Any]
+    crops: list[Crop]
+    crop_seconds: float
+
+
+def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup]:
+    """The pictures of every panel that has some, scaled down by whole factors until all fit into the budget."""
+    chosen = [(panel, _chosen(analysis.results, panel)) for panel in panels(analysis)]
+    chosen = [(panel, pictures) for panel, pictures in chosen if pictures]
+    pixels = sum(image.shape[0] * image.shape[1] for _, pictures in chosen for image, _ in pictures)
+    pixels += sum(pictures[0][0].shape[0] * pictures[0][0].shape[1] for _, pictures in chosen)
+    factor = max(math.ceil(math.sqrt(pixels * BYTES_PER_PIXEL / max(budget_bytes, 1.0))), 1)
+    return [_group(analysis.results, panel, pictures, factor) for panel, pictures in chosen]
+
+
+def shown_images(analysis: Analysis) -> set[str]:
+    """The stored images that a report shows, by their paths in the results folder."""
+    found: set[str] = set()
+    for panel in panels(analysis):
+        found |= {str(words["image"]) for _, words in _chosen(analysis.results, panel)}
+        found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1]}
+    return found
+
+
+def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]]:
+    """(image, words) of up to nine contenders: the best of every engine first, then by final error.
+
+    Threads change no image: of contenders that differ in them alone, one is enough.
+    """
+    ranked = sorted(panel.verdicts, key=lambda v: (math.isnan(v.final_error.value), v.final_error.value))
+    engines = list(dict.fromkeys(v.contender.settings.engine for v in ranked))
+    best = [next(v for v in ranked if v.contender.settings.engine == engine) for engine in engines]
+    found = []
+    seen = set()
+    for verdict in [*best, *(v for v in ranked if v not in best)]:
+        same_image = verdict.contender.settings._replace(threads=0)
+        if same_image in seen:
+            continue
+        seen.add(same_image)
+        for cell in verdict.contender.done[:1]:
+            point = next((p for p in reversed(cell["points"]) if p.get("image")), None)
+            image = results.image(point) if point else None
+            if point and image is not None and len(found) < MOST_PICTURES:
+                caption = point_words(results, point)
+                found.append((image, {"name": verdict.contender.name, "caption": caption, "image": point["image"]}))
+    shape = found[0][0].shape if found else None
+    return [pair for pair in found if pair[0].shape == shape]
+
+
+def point_words(results: Results, point: Event) -> str:
+    """`256 spp, 3.21 s, relmse_e0.01 4.5e-04`."""
+    error, _ = point_error(point, results.metric)
+    name = "error" if higher_is_better(results.metric) else metric_title(results.metric)
+    return f"{point['spp']} spp, {number_text(point['seconds'])} s, {name} {number_text(error)}"
+
+
+def _group(results: Results, panel: Panel, pictures: list[tuple[Image, dict[str, Any]]], factor: int) -> PictureGroup:
+    reference = results.reference(panel.verdicts[0].contender.done[0].get("reference_id"))
+    if reference is not None and reference.mean.shape != pictures[0][0].shape:
+        reference = None
+    shown = [{"name": words["name"], "caption": words["caption"], "data": packed(shrunk(image, factor))}
+             for image, words in pictures]  # fmt: skip
+    if reference is not None:
+        words = {"name": "reference", "caption": f"{reference.spp} spp"}
+        shown.insert(0, {**words, "data": packed(shrunk(reference.mean, factor))})
+    height, width = shrunk(pictures[0][0], factor).shape[:2]
+    payload = {"title": panel.title, "width": width, "height": height, "factor": factor, "epsilon": results.epsilon,
+               "has_reference": reference is not None, "pictures": shown}  # fmt: skip
+    seconds, crops = _equal_time_crops(results, panel, reference)
+    return PictureGroup(panel.title, payload, crops, seconds)
+
+
+def shrunk(image: Image, factor: int) -> Image:
+    """The mean of `factor` x `factor` pixels; a rest at the right and lower edge is cut off."""
+    if factor == 1:
+        return image
+    height, width = (max(size // factor, 1) for size in image.shape[:2])
+    cut = image[: height * factor, : width * factor]
+    if cut.shape[0] < factor or cut.shape[1] < factor:
+        return cut[:1, :1]
+    return cut.reshape(height, factor, width, factor, 3).mean(axis=(1, 3))
+
+
+def packed(image: Image) -> str:
+    """Half floats with 8 significant bits, high bytes before low bytes, deflated, in base64. NaN and inf stay."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        finite = np.isfinite(image)
+        bits = np.where(finite, np.clip(image, -65024, 65024), image).astype(np.float16).view(np.uint16)
+    rounded = np.where(finite, (bits.astype(np.uint32) + 4) & 0xFFF8, bits).astype(np.uint16)
+    planes = np.concatenate([(rounded >> 8).ravel(), (rounded & 255).ravel()]).astype(np.uint8)
+    return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
+
+
+def _at_equal_time(results: Results, panel: Panel) -> tuple[float, list[tuple[Verdict, Event]]]:
+    """(time, the last pictured checkpoint of each contender's first block within it), by rising error."""
+    cells = [(v, [p for p in v.contender.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
+    cells = [(verdict, points) for verdict, points in cells if points]
+    if not cells:
+        return math.nan, []
+    # The time of the contender that ends first; later where another has no picture by then.
+    first_end = min(points[-1]["seconds"] for _, points in cells)
+    seconds = max(first_end, *(points[0]["seconds"] for _, points in cells))
+    taken = [(verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"]))
+             for verdict, points in cells]  # fmt: skip
+    taken.sort(key=lambda pair: point_error(pair[1], results.metric)[0])
+    return seconds, taken[:MOST_CROPS]
+
+
+def _equal_time_crops(results: Results, panel: Panel, reference: Reference | None) -> tuple[float, list[Crop]]:
+    """(time, crops): the last picture of each contender's first block within the time that all have one for."""
+    seconds, taken = _at_equal_time(results, panel)
+    found = [(verdict, point, results.image(point)) for verdict, point in taken]
+    images = [(verdict, point, image) for verdict, point, image in found if image is not None]
+    if not images:
+        return math.nan, []
+    guide = reference.mean if reference is not None else images[0][2]
+    crops = [_crop(guide, guide, "reference", f"{reference.spp} spp")] if reference is not None else []
+    crops += [_crop(image, guide, verdict.contender.name, point_words(results, point))
+              for verdict, point, image in images if image.shape == guide.shape]  # fmt: skip
+    return seconds, crops
+
+
+def _crop(image: Image, guide: Image, name: str, caption: str) -> Crop:
+    y, x = busiest(guide)
+    part = to_bitmap(image[y : y + CROP, x : x + CROP])
+    address = "data:image/png;base64," + base64.b64encode(png_bytes(part)).decode()
+    return Crop(address, name, caption)
+
+
+def busiest(image: Image) -> tuple[int, int]:
+    """(y, x) of the CROP x CROP window of most contrast in display values, on a grid of half windows."""
+    grey = to_bitmap(image).mean(axis=2)
+    rows, columns = (range(0, max(size - CROP, 0) + 1, CROP // 2) for size in grey.shape)
+
+    def contrast(at: tuple[int, int]) -> float:
+        return float(grey[at[0] : at[0] + CROP, at[1] : at[1] + CROP].std())
+
+    return max(((y, x) for y in rows for x in columns), key=contrast)

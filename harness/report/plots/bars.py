@@ -1,0 +1,166 @@
+"""Time-to-quality with intervals, phases, speed-up over threads, and the drift of the machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+
+from harness.analysis import Analysis, Verdict, seconds_per_sample
+from harness.analysis.scaling import thread_families
+from harness.report.plots.panels import MOST_CURVES, Panel
+from harness.report.plots.style import FAINT, GRID, INK, LINES, Palette, log_scales, new_figure, small_multiples
+from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
+from harness.store.results import PHASES
+
+PHASE_COLOURS = {"import": "#999999", "load": "#f0e442", "build": "#e69f00", "compile": "#cc79a7", "render": "#0072b2"}
+PHASE_HATCHES = {"import": "|||", "load": "xxx", "build": "///", "compile": "\\\\\\", "render": ""}
+
+
+def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
+    """A column a target; warm times are full dots, cold times hollow ones, whiskers intervals."""
+    targets = analysis.results.targets
+    if not targets:
+        return None
+    rows = len(panel.verdicts)
+    figure = new_figure(max(7.2, 2.2 + 2.6 * len(targets)), 1.5 + 0.24 * rows)
+    axes = figure.subplots(1, len(targets), sharey=True, sharex=True, squeeze=False)[0]
+    for index, (axis, target) in enumerate(zip(axes, targets, strict=True)):
+        for row, verdict in enumerate(panel.verdicts):
+            _quality_row(axis, row, verdict, index, palette)
+        log_scales(axis)
+        axis.set_title(f"until {target:g}", fontsize=9)
+        axis.set_xlabel("time [s]")
+        axis.grid(axis="y", visible=False)
+    axes[0].set_yticks(range(rows), [verdict.contender.name for verdict in panel.verdicts])
+    axes[0].set_ylim(rows - 0.4, -0.6)
+    for filled, words in ((True, "warm: rendering alone"), (False, "cold: with import, load, build, compilation")):
+        axes[0].plot([], [], "o", color=INK, markerfacecolor=INK if filled else "white", label=words, linestyle="none")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Palette) -> None:
+    colour = palette.colour(verdict.contender.settings.engine)
+    warm, cold = verdict.warm[index], verdict.cold[index]
+    if not math.isfinite(warm.median):
+        axis.annotate(f"{warm.reached}/{warm.seeds} reached", (0.02, row), xycoords=("axes fraction", "data"),
+                      fontsize=7, va="center", color=FAINT)  # fmt: skip
+        return
+    axis.plot([warm.median, cold.median], [row, row], color=GRID, linewidth=3, zorder=1)
+    for quality, filled in ((cold, False), (warm, True)):
+        axis.plot(quality.median, row, "o", color=colour, markerfacecolor=colour if filled else "white", zorder=3)
+        _interval(axis, row, quality, colour)
+    if warm.reached < warm.seeds or warm.at_first:
+        axis.annotate(warm.verdict(), (cold.median, row), xytext=(5, 0), fontsize=6,
+                      textcoords="offset points", va="center", color=INK)  # fmt: skip
+
+
+def _interval(axis: Axes, row: int, quality: QualityTime, colour: str) -> None:
+    """A whisker; an arrow where the interval is open above."""
+    if math.isnan(quality.low):
+        return
+    high = quality.high if math.isfinite(quality.high) else quality.median * 1.5
+    axis.plot([quality.low, high], [row, row], color=colour, linewidth=1.2, zorder=2, solid_capstyle="butt")
+    if math.isinf(quality.high):
+        axis.plot(high, row, ">", color=colour, markersize=4, zorder=2)
+
+
+def phase_bars(panel: Panel) -> Figure:
+    """Stacked median seconds of a whole cell."""
+    rows = len(panel.verdicts)
+    figure = new_figure(7.2, 1.4 + 0.24 * rows)
+    axis = figure.subplots()
+    left = np.zeros(rows)
+    for phase in PHASES:
+        seconds = np.nan_to_num([verdict.phases[phase].value for verdict in panel.verdicts])
+        axis.barh(range(rows), seconds, left=left, color=PHASE_COLOURS[phase], hatch=PHASE_HATCHES[phase], label=phase,
+                  edgecolor="white", linewidth=0, height=0.72)  # fmt: skip
+        left += seconds
+    axis.set_yticks(range(rows), [verdict.contender.name for verdict in panel.verdicts])
+    axis.set_ylim(rows - 0.4, -0.6)
+    axis.set_xlabel("median time [s]")
+    axis.grid(axis="y", visible=False)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=len(PHASES))
+    return figure
+
+
+def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
+    """Speed-up over threads with intervals, the ideal, and Amdahl's law as fitted; a subplot a scene."""
+    families = thread_families(analysis.results)
+    scenes = list(dict.fromkeys(family[0].settings.scene for family in families))
+    if not scenes:
+        return None
+    most = max(sum(family[0].settings.scene == scene for family in families) for scene in scenes)
+    many = most > MOST_CURVES
+    height = 3.0 + (0.5 if many else 0.11 * most)
+    figure, grid = small_multiples(len(scenes), 3.4, height)
+    counts = sorted({contender.settings.threads for family in families for contender in family})
+    for axis, scene in zip(grid, scenes, strict=True):
+        axis.plot(counts, np.array(counts) / counts[0], color=FAINT, linewidth=0.8, linestyle=":", label="ideal")
+        for family in families:
+            if family[0].settings.scene == scene:
+                _speedup_curve(axis, family, palette)
+        axis.set_title(scene, fontsize=9)
+        axis.set_xlabel("threads")
+        axis.xaxis.set_major_locator(FixedLocator(counts))
+        if not many:
+            axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), fontsize=7)
+    grid[0].set_ylabel("speed-up")
+    if many:
+        figure.legend(handles=palette.key([family[0] for family in families]), loc="outside lower center", ncols=6)
+    return figure
+
+
+def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
+    seconds = {contender.settings.threads: seconds_per_sample(contender) for contender in family}
+    rows = parallel_speedups(seconds)
+    fit = amdahl_fit(seconds)
+    look = palette.look(family[0])
+    name = family[0].name.replace(f" {family[0].settings.threads} thread", "").removesuffix("s")
+    serial = "" if math.isnan(fit.value) else f" (serial {100 * fit.value:.1f} %)"
+    values = np.array([row.speedup[:3] for row in rows])
+    whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))
+    axis.errorbar([row.threads for row in rows], values[:, 0], yerr=whiskers, color=look.colour, linestyle=look.line,
+                  marker=look.marker, elinewidth=1, capsize=2, label=name + serial)  # fmt: skip
+
+
+def sentinel_drift(analysis: Analysis) -> Figure | None:
+    """The fixed kernel's time over the run against its median on the same machine: what moves here is the machine."""
+    blocks = _deviations((e.get("env_id"), e["block"], e["seconds"]) for e in analysis.results.sentinels)
+    cells = _deviations((c.get("env_id"), c.get("order") or 0, c["sentinel_seconds"]) for c in analysis.results.cells
+                        if c.get("sentinel_seconds") and c["state"] == "done")  # fmt: skip
+    if not blocks and not cells:
+        return None
+    series = [(name, data) for name, data in (("block", blocks), ("position of the cell in the run", cells)) if data]
+    figure = new_figure(7.2, 2.6)
+    axes = figure.subplots(1, len(series), squeeze=False, sharey=True)[0]
+    for axis, (name, data) in zip(axes, series, strict=True):
+        for index, (x, deviation) in enumerate(data):
+            line = LINES[index % len(LINES)] if name == "block" else "none"
+            axis.plot(x, deviation, ".", linestyle=line, color=INK, markersize=4)
+        axis.axhline(0, color=FAINT, linewidth=0.8)
+        axis.set_xlabel(name)
+        if name == "block":
+            axis.xaxis.set_major_locator(FixedLocator(sorted({place for x, _ in data for place in x})))
+            axis.xaxis.set_minor_locator(NullLocator())
+            axis.xaxis.set_major_formatter(ScalarFormatter())
+    axes[0].set_ylabel("sentinel, deviation\nfrom its median [%]")
+    return figure
+
+
+def _deviations(samples: Iterable[tuple[Any, float, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(place, deviation from the median in percent) of each machine, from (machine, place, seconds)."""
+    machines: dict[Any, list[tuple[float, float]]] = {}
+    for machine, place, seconds in samples:
+        machines.setdefault(machine, []).append((float(place), float(seconds)))
+    found = []
+    for pairs in machines.values():
+        places, seconds = np.array(sorted(pairs)).T
+        found.append((places, 100 * (seconds / np.median(seconds) - 1)))
+    return found

@@ -1,0 +1,108 @@
+"""Every figure of a results folder, in the report's order, and how they are drawn into files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from harness.analysis import Analysis
+from harness.report.plots import stability
+from harness.report.plots.accelerator_tradeoff import build_against_traverse
+from harness.report.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
+from harness.report.plots.curves import error_curves, pareto, target_ecdf
+from harness.report.plots.panels import Panel, panels
+from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
+from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, save
+
+OF_ALL_SCENES = (
+    "targets-over-time", "speed-up-over-threads", "build-against-traverse", "cost-over-primitives",
+    "cost-over-resolution", "sentinel",
+)  # fmt: skip
+
+
+def draw(analysis: Analysis, target: Path, first: int = 0, step: int = 1) -> dict[int, Plot]:
+    """Draws every `step`-th figure from `first` on; plots by their place in the report."""
+    drawn = {}
+    with matplotlib.rc_context(cast(Any, STYLE)):
+        for index, (name, title, description, make) in list(enumerate(_sketches(analysis)))[first::step]:
+            figure = make()
+            if figure is not None:
+                _mark_mixture(analysis, figure, name)
+                drawn[index] = Plot(name, title, description, save(figure, target, name))
+    return drawn
+
+
+def count_figures(analysis: Analysis) -> int:
+    """How many figures there are at most."""
+    return len(_sketches(analysis))
+
+
+def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
+    """Draws the results of the suite, without any results folder."""
+    target.mkdir(parents=True, exist_ok=True)
+    with matplotlib.rc_context(cast(Any, STYLE)):
+        figures = [(sketch, sketch.make()) for sketch in stability.sketches(findings)]
+        return [Plot(sketch.name, sketch.title, sketch.description, save(figure, target, sketch.name))
+                for sketch, figure in figures if figure is not None]  # fmt: skip
+
+
+def _mark_mixture(analysis: Analysis, figure: Figure, name: str) -> None:
+    """A banner on figures of all scenes where several machines share their axes; panels belong to one machine each."""
+    count = len({verdict.contender.settings.machine for verdict in analysis.verdicts})
+    if count > 1 and name in OF_ALL_SCENES:
+        figure.suptitle(f"{count} machines: times must not be compared", color="#a6192e", fontsize=9, weight="bold")
+
+
+def _sketches(analysis: Analysis) -> list[Sketch]:
+    """Every plot, in the report's order."""
+    palette = Palette(analysis.results)
+    found = [sketch for panel in panels(analysis) for sketch in _panel_sketches(analysis, panel, palette)]
+    return [
+        *found,
+        Sketch("targets-over-time", "Targets reached over time",
+               "Steps that rise with time: the share of all scenes, targets and seeds each contender has reached.",
+               lambda: target_ecdf(analysis, palette)),
+        Sketch("speed-up-over-threads", "Speed-up over threads",
+               "Speed-up against the fewest threads, with intervals; dotted: ideal; serial fraction by Amdahl's law.",
+               lambda: thread_speedups(analysis, palette)),
+        Sketch("build-against-traverse", "Accelerators: build against traverse",
+               "Points by the time an accelerator takes to build and the time of a path through it, on logarithmic axes; "
+               "lines join contenders that differ in the accelerator alone. Lower left is better.",
+               lambda: build_against_traverse(analysis, palette)),
+        Sketch("cost-over-primitives", "Cost over the number of primitives",
+               "Rising curves on logarithmic axes: time of a path, and of building the accelerator, over the primitives "
+               "of the scenes; numbers in the legend are exponents of the path's time between the two largest scenes.",
+               lambda: cost_over_primitives(analysis, palette)),
+        Sketch("cost-over-resolution", "Cost over resolution and samples",
+               "Time of a path over the pixels of the image, and over the samples per pixel so far: flat where cost grows "
+               "in proportion.", lambda: cost_over_pixels(analysis, palette)),
+        Sketch("sentinel", "Drift of the machine",
+               "Time of a fixed kernel through the run, as deviation from its median in percent.",
+               lambda: sentinel_drift(analysis)),
+        *stability.sketches(analysis.results.check_results),
+    ]  # fmt: skip
+
+
+def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Iterator[Sketch]:
+    title = panel.title
+    words = {"seconds": "time", "spp": "samples", "rays": "rays"}
+    for x, word in words.items():
+        note = " Numbers in the legend are slopes of the RMSE." if x == "spp" else ""
+        yield Sketch(file_stem("error-over", word, title), f"{title}: error over {word}",
+                     f"Falling curves on logarithmic axes, the error of each contender over {word}; bands are the range "
+                     f"of seeds, dashed lines the targets, crosses lie below three standard errors.{note}",
+                     partial(error_curves, analysis, panel, palette, x))  # fmt: skip
+    yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
+                 "For each target, the seconds each contender needs: full dots warm, hollow dots cold, whiskers "
+                 "intervals.", partial(quality_bars, analysis, panel, palette))  # fmt: skip
+    yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
+                 "Checkpoints by warm time and error; full markers with intervals are those that none surely beats in "
+                 "both.", partial(pareto, analysis, panel, palette))  # fmt: skip
+    yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
+                 "Stacked bars of the median seconds of import, load, build, compilation and rendering.",
+                 partial(phase_bars, panel))  # fmt: skip

@@ -1,0 +1,80 @@
+"""What shares a figure: the contenders of one scene, shader, size and machine; and how many curves are split over subplots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from harness.analysis import Analysis, Verdict
+from harness.analysis.model import ranked_together
+from harness.metrics import Reference
+from harness.report.plots.style import file_stem
+from harness.store.results import Results, setting_text
+
+MOST_CURVES = 10
+"""More curves than this in one panel are split into facets."""
+FACET_AXES = ("engine", "sampler", "accelerator", "threads", "precision")
+
+
+@dataclass
+class Panel:
+    """Verdicts that may be compared in one picture. `title` names the scene; shader, size, machine where they vary."""
+
+    title: str
+    verdicts: list[Verdict]
+
+    @property
+    def stem(self) -> str:
+        return file_stem(self.title)
+
+    @property
+    def scene(self) -> str:
+        return self.verdicts[0].contender.settings.scene
+
+
+class Facet:
+    """One subplot: the verdicts it shows in colour; the panel's others stand behind them in grey."""
+
+    def __init__(self, title: str, verdicts: list[Verdict]) -> None:
+        self.title, self.verdicts = title, verdicts
+
+
+def panels(analysis: Analysis) -> list[Panel]:
+    """One panel a scene, shader, size and machine, without the A/A twin's second label."""
+    groups = ranked_together(analysis.verdicts)
+    varying = [len({key[i] for key in groups}) > 1 for i in range(4)]
+    found = []
+    for (scene, *others), verdicts in groups.items():
+        others[-1] = f"machine {others[-1]}"
+        title = " ".join([scene, *(word for word, varies in zip(others, varying[1:], strict=True) if varies)])
+        found.append(Panel(title, verdicts))
+    return found
+
+
+def facets(verdicts: list[Verdict]) -> list[Facet]:
+    """One facet if the curves are few; else one for each value of the first axis that splits them well."""
+    if len(verdicts) <= MOST_CURVES:
+        return [Facet("", verdicts)]
+    for axis in FACET_AXES:
+        values = sorted({getattr(v.contender.settings, axis) for v in verdicts})
+        if 2 <= len(values) <= 6:
+            return [
+                Facet(
+                    f"{axis} {setting_text(axis, value)}",
+                    [v for v in verdicts if getattr(v.contender.settings, axis) == value],
+                )
+                for value in values
+            ]
+    size = math.ceil(len(verdicts) / math.ceil(len(verdicts) / MOST_CURVES))
+    return [Facet(f"part {i // size + 1}", verdicts[i : i + size]) for i in range(0, len(verdicts), size)]
+
+
+def reference_noise(results: Results, panel: Panel) -> tuple[float, int] | None:
+    """(relMSE that the reference's own noise amounts to, its spp); None for other metrics or without the reference."""
+    if not results.metric.startswith("relmse_e"):
+        return None
+    reference: Reference | None = results.reference(panel.verdicts[0].contender.done[0].get("reference_id"))
+    if reference is None:
+        return None
+    noise = float((reference.variance / (reference.mean**2 + results.epsilon)).mean())
+    return (noise, reference.spp) if math.isfinite(noise) and noise > 0 else None

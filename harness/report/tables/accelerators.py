@@ -1,0 +1,35 @@
+"""Accelerators: what building costs, what it saves, and the break-even number of samples."""
+
+from __future__ import annotations
+
+from harness.analysis import Analysis
+from harness.analysis.accelerator_tradeoff import break_evens
+from harness.analysis.columns import Column, Table
+from harness.report.tables.equivalence import CONTENDER, SCENE
+from harness.statistics import Estimate
+from harness.store.results import setting_text
+
+
+def accelerators(analysis: Analysis) -> Table:
+    """One row a contender that has a twin with another accelerator; empty where there is none."""
+    table = Table(
+        "accelerators", "Accelerators: build against traverse",
+        "Contenders that differ in their accelerator alone, each beside the one that is built fastest. Medians over seeds, "
+        "paired by block, with 95 % intervals.",
+        [SCENE, CONTENDER, Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
+         Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
+         Column("against", "The accelerator of the same family that is built fastest."),
+         Column("speedup", "Its time of a path over this one's.", "estimate", "speed-up"),
+         Column("verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown."),
+         Column("break_even_spp", "Samples per pixel from which on build and rendering together take less.", "break_even",
+                "break-even [spp]")],
+    )  # fmt: skip
+    for found in break_evens(analysis):
+        row = {"scene": found.contender.settings.scene, "contender": found.contender.name,
+               "build_seconds": found.build_seconds, "path_microseconds": found.path_microseconds}  # fmt: skip
+        if found.against is not None and found.speedup is not None:
+            row |= {"against": setting_text("accelerator", found.against.settings.accelerator),
+                    "speedup": Estimate(*found.speedup[:4]), "verdict": found.speedup.verdict,
+                    "break_even_spp": found.break_even_spp}  # fmt: skip
+        table.rows.append(row)
+    return table

@@ -1,0 +1,112 @@
+"""The text of a table as csv, Markdown and LaTeX (booktabs), and that of its cells."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from harness.analysis.columns import Column, Table
+
+INFINITE_AND_ZERO = {
+    "estimate": ("not reached", "0"),
+    "ratio": ("baseline never", "never"),
+    "break_even": ("never", "at once"),
+}
+"""Kinds with an interval: the words for infinity and for zero."""
+
+
+def csv_text(table: Table) -> str:
+    """Full precision, one line of headings; empty where nothing is known, `inf` where a target was not reached."""
+    return table.frame.to_csv(index=False, lineterminator="\n")
+
+
+def markdown_text(table: Table) -> str:
+    """A GitHub table under its title and note."""
+    lines = [f"### {table.title}", "", table.note, ""]
+    lines.append("| " + " | ".join(column.heading for column in table.columns) + " |")
+    lines.append("|" + "|".join(" --- " if column.kind == "text" else " ---: " for column in table.columns) + "|")
+    for row in table.rows:
+        cells = [cell_text(column, row.get(column.name)) for column in table.columns]
+        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def latex_text(table: Table) -> str:
+    """A booktabs tabular in a table float; needs \\usepackage{booktabs}."""
+    shape = "".join("l" if column.kind == "text" else "r" for column in table.columns)
+    head = " & ".join(latex_escape(column.heading) for column in table.columns)
+    lines = ["\\begin{table}", f"\\caption{{{latex_escape(table.title)}. {latex_escape(table.note)}}}",
+             f"\\label{{tab:{table.name.replace('_', '-')}}}", f"\\begin{{tabular}}{{{shape}}}", "\\toprule",
+             f"{head} \\\\", "\\midrule"]  # fmt: skip
+    for row in table.rows:
+        cells = [latex_escape(cell_text(column, row.get(column.name))) for column in table.columns]
+        lines.append(" & ".join(cells) + " \\\\")
+    return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", "\\end{table}"]) + "\n"
+
+
+def cell_text(column: Column, value: Any) -> str:
+    """What a reader sees in a cell; `–` for what is not known."""
+    if value is None or value == "":
+        return "–"
+    if column.kind in INFINITE_AND_ZERO:
+        return estimate_text(value, *INFINITE_AND_ZERO[column.kind])
+    if column.kind == "exact":
+        return f"{value:g}"
+    if column.kind == "percent":
+        return "–" if math.isnan(value) else f"{number_text(100 * value)} %"
+    if column.kind == "number":
+        return number_text(value)
+    return str(value)
+
+
+def number_text(value: float) -> str:
+    """Three significant digits, thousands as 12.3k, millions as 4.56M, tiny ones as 1.2e-05."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    size = abs(value)
+    for limit, divisor, suffix in ((999.5e6, 1e9, "G"), (999.5e3, 1e6, "M"), (9995.0, 1e3, "k")):
+        if size >= limit:
+            return f"{_digits(value / divisor)}{suffix}"
+    if size < 9995.0 and value == round(value):
+        return str(round(value))
+    return f"{value:.2e}" if size < 1e-3 else _digits(value)
+
+
+def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", zero: str = "0") -> str:
+    """`0.98 [0.95, 1.02]`; without an interval the value alone; `> 3.1` where that alone is sure."""
+    value, low, high = estimate[:3]
+    if math.isnan(value):
+        return "–"
+    text = infinite if math.isinf(value) else zero if value == 0 else number_text(value)
+    if math.isnan(low) or math.isnan(high) or low == high:
+        return text
+    if math.isinf(value):
+        return f"> {number_text(low)}"
+    closing = ")" if math.isinf(high) else "]"
+    return f"{text} [{number_text(low)}, {number_text(high)}{closing}"
+
+
+def sort_value(value: Any) -> float | str:
+    """What a column is sorted by: the value of an estimate; what is unknown or was not reached is infinite."""
+    if isinstance(value, tuple):
+        value = value[0]
+    if isinstance(value, (int, float)):
+        return math.inf if math.isnan(value) else float(value)
+    return math.inf if value is None else str(value)
+
+
+def latex_escape(text: str) -> str:
+    """Plain text for LaTeX."""
+    table = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
+             "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "∞": r"$\infty$",
+             "≤": r"$\le$", "ε": r"$\varepsilon$", "×": r"$\times$", "<": r"\textless{}", ">": r"\textgreater{}"}  # fmt: skip
+    return "".join(table.get(letter, letter) for letter in text)
+
+
+def _digits(value: float) -> str:
+    """Three significant digits of a value that is not zero, without an exponent."""
+    rounded = float(f"{value:.3g}")  # 0.09997 is 0.100, not 0.1000
+    decimals = max(2 - math.floor(math.log10(abs(rounded))), 0)
+    return f"{value:.{decimals}f}"

@@ -1,0 +1,364 @@
+"""A sweep over several machines: Dask carries requests to them and films back, this process keeps events and references.
+
+Every machine runs one Dask worker that declares itself, on a checkout or an installation of the same raybench:
+
+    dask scheduler
+    dask worker ADDRESS --nworkers 1 --nthreads 8 --resources machine=1
+
+A timed cell takes a machine for itself, and the cells of a block, which are compared with one another, go to one machine
+after the other in their order. Cells of an experiment with `timing: false`, and replicates of references, go to any that
+has a place for them; places are counted on the machine with the fewest threads. Scenes are read from the same path there,
+or by bare name from the scenes of that installation.
+
+Nothing is written on the machines. A cell is recorded when all of it has arrived. One whose machine dies is given to
+another: by Dask where any machine may have it, here where its block is measured on one. Events carry the environment id of
+where they were measured.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from time import monotonic, sleep
+from typing import TYPE_CHECKING, Any
+
+from engines.errors import ConfigError
+from engines.temporary import TemporaryFolder
+from harness.config import paths
+from harness.hashing import digest
+from harness.measure import machine, memory
+from harness.measure.pool import Pool, WorkerFailed, WorkerMessage, WorkerTimeout
+from harness.measure.sentinel import sentinel_seconds
+from harness.plan.cells import Cell
+from harness.plan.state import expected_seconds
+from harness.run.recorder import CellRecord, Recorder
+
+if TYPE_CHECKING:
+    from distributed import Client, Future, as_completed
+
+    from engines.film import Film
+
+RESOURCE = "machine"
+CONNECT_SECONDS = 10.0
+LOOK_SECONDS = 5.0
+"""How often the list of machines is looked at while they work."""
+PATIENCE_SECONDS = 60.0
+"""How long a cluster may be without any machine before the run gives up."""
+MOST_LOSSES = 3
+LOG_BYTES = 1 << 16
+
+
+# --- on the machines ------------------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class CellResult:
+    """What a machine sends back of a cell: its worker's messages with the films, and how it ended."""
+
+    environment: Mapping[str, Any]
+    address: str
+    sentinel: float = 0.0
+    block_sentinel: float = 0.0
+    messages: list[WorkerMessage] = field(default_factory=list)
+    error: Exception | None = None
+    wall_seconds: float = 0.0
+    log: bytes = b""
+
+    def again(self) -> Iterator[WorkerMessage]:
+        """The messages, and the failure at their end."""
+        yield from self.messages
+        if self.error is not None:
+            raise self.error
+
+
+def measure_cell(
+    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, first: bool, most_bytes: int | None,
+    share: float,
+) -> CellResult:  # fmt: skip
+    """Measures a cell on the machine that runs this. `first` of a block takes the sentinel's median, too.
+
+    Without a limit of memory, `most_bytes`, it gets that `share` of the machine's which its place has.
+    """
+    from distributed import get_worker
+
+    result = CellResult(machine.environment(), get_worker().address)
+    if first:
+        result.block_sentinel = median(sentinel_seconds() for _ in range(3))
+    began, result.sentinel = monotonic(), sentinel_seconds()
+    with TemporaryFolder() as folder:
+        log = Path(folder) / "worker.log"
+        with Pool(allow_imports, log, most_bytes or memory.default_limit(share)) as pool:
+            try:
+                for message in pool.cell(engine, request, timeout):
+                    result.messages.append(message)
+            except (WorkerFailed, WorkerTimeout) as error:
+                result.error = error
+        result.log = log.read_bytes()[-LOG_BYTES:] if log.exists() else b""
+    result.wall_seconds = monotonic() - began
+    return result
+
+
+def render_replicates(
+    engine: str, request: dict[str, Any], seeds: list[int], allow_imports: bool, most_bytes: int | None
+) -> list[tuple[Film, float]] | str:
+    """Replicates of a reference, on all cores of the machine that runs this; a sentence where the engine failed."""
+    request = {**request, "settings": {**request["settings"], "threads": len(machine.usable_cores())}}
+    with TemporaryFolder() as folder, Pool(allow_imports, Path(folder) / "log", most_bytes) as pool:
+        try:
+            return list(pool.replicates(engine, request, seeds))
+        except WorkerFailed as error:
+            return str(error)
+
+
+# --- here -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class Task:
+    """A cell under way, the cells that follow it on the same machine, and that machine; None: any."""
+
+    cell: Cell
+    rest: list[Cell]
+    address: str | None
+
+
+class Cluster:
+    """The machines behind a scheduler's address."""
+
+    def __init__(self, address: str, allow_imports: bool, most_bytes: int | None = None) -> None:
+        """`most_bytes` of memory are allowed to a cell's processes; None: a share of its machine's."""
+        self._allow_imports, self._most_bytes = allow_imports, most_bytes
+        self.client = connected(address)
+        self._replicates: list[Future] = []
+        self._alone_since: float | None = None
+
+    def __enter__(self) -> Cluster:
+        try:
+            if not self.machines():
+                raise ConfigError(
+                    f"{self.client.scheduler_info()['address']}: no worker declares itself a machine: "
+                    f"dask worker ADDRESS --nworkers 1 --resources {RESOURCE}=1"
+                )
+        except ConfigError:
+            self.client.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.client.cancel(self._replicates)
+        self.client.close()
+
+    def present(self) -> dict[str, Mapping[str, Any]]:
+        """The machines; raises `ConfigError` when there has been none for a while."""
+        machines = self.machines()
+        self._alone_since = None if machines else self._alone_since or monotonic()
+        if self._alone_since is not None and monotonic() - self._alone_since > PATIENCE_SECONDS:
+            raise ConfigError(f"--cluster: no machine for {PATIENCE_SECONDS:g} s; what was measured is kept")
+        return machines
+
+    def machines(self) -> dict[str, Mapping[str, Any]]:
+        """What the scheduler knows of each worker that is a machine, by address."""
+        try:
+            workers = self.client.scheduler_info(n_workers=-1)["workers"]
+        except OSError as error:
+            raise ConfigError(f"--cluster: the scheduler is gone: {error}; what was measured is kept") from error
+        return {address: info for address, info in workers.items() if info["resources"].get(RESOURCE, 0) >= 1}
+
+    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+        """Films in the order of their seeds, whatever the order in which machines deliver them."""
+        size = max(1, min(8, -(-len(seeds) // max(1, len(self.machines())))))
+        parts = [list(seeds[first : first + size]) for first in range(0, len(seeds), size)]
+        self._replicates = [
+            self.client.submit(
+                render_replicates, engine, _there(request), part, self._allow_imports, self._most_bytes,
+                resources={RESOURCE: 1}, retries=MOST_LOSSES, pure=False,
+            )
+            for part in parts
+        ]  # fmt: skip
+        for future in self._replicates:
+            while not future.done():
+                self.present()
+                with suppress(TimeoutError):
+                    next(self.as_completed([future]))
+            found = _result(future)
+            if isinstance(found, str):
+                raise WorkerFailed(found)
+            yield from found
+
+    def measure(self, recorder: Recorder) -> None:
+        """Measures what a run has left to do."""
+        Blocks(recorder, self).run()
+
+    def submit(
+        self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float, first: bool
+    ) -> Future:  # fmt: skip
+        """Gives a cell to a machine, or with that share of it to any."""
+        return self.client.submit(
+            measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports, first,
+            self._most_bytes, share, workers=[address] if address else None, resources={RESOURCE: share}, pure=False,
+            retries=MOST_LOSSES,
+        )  # fmt: skip
+
+    def as_completed(self, futures: Sequence[Future]) -> as_completed:
+        """The futures as they finish. Raises `TimeoutError` when it is time to look at the machines again."""
+        from distributed import as_completed
+
+        return as_completed(futures, loop=self.client.loop, timeout=LOOK_SECONDS)
+
+
+def _there(request: Mapping[str, Any]) -> dict[str, Any]:
+    """A request as another machine understands it: shipped scenes by name. The scene's hash is checked there."""
+    names = {str(path.resolve()): name for name, path in paths.shipped("scenes").items()}
+    return {**request, "scene_path": names.get(request["scene_path"], request["scene_path"])}
+
+
+def connected(address: str) -> Client:
+    """A client of the scheduler; raises `ConfigError` where the package or the scheduler is missing."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ConfigError("--cluster needs the package distributed: pip install 'raybench[cluster]'") from error
+    try:
+        return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--cluster {address}: no scheduler answers there: {error}") from error
+
+
+def _result(future: Future) -> Any:
+    """A future's result; what Dask itself reports becomes a `WorkerFailed`."""
+    try:
+        return future.result()
+    except Exception as error:
+        raise WorkerFailed(f"on the cluster: {type(error).__name__}: {' '.join(str(error).split())}") from error
+
+
+class Blocks:
+    """The cells of a sweep on their way through a cluster."""
+
+    def __init__(self, recorder: Recorder, cluster: Cluster) -> None:
+        self.recorder, self.cluster = recorder, cluster
+        self.timed = recorder.plan.experiment.timing
+        self.left = {cell.cell_id: cell for cell in recorder.ready()}
+        self.total = len(self.left)
+        self.waiting = deque(_by_block(self.left.values()) if self.timed else [[cell] for cell in self.left.values()])
+        self.machines: Mapping[str, Mapping[str, Any]] = {}
+        self.tasks: dict[Future, Task] = {}
+        self.losses: Counter[str] = Counter()
+        self.begun: set[tuple[str | None, int]] = set()
+        """(machine, block) whose sentinel is known."""
+
+    def run(self) -> None:
+        """Until every cell has an event; where the run is to stop, until those under way have one."""
+        try:
+            while self.tasks or (self.waiting and not self.recorder.stopped):
+                self._look()
+                futures = [*self.tasks, *self._feed()]
+                if not futures:
+                    sleep(LOOK_SECONDS)
+                finished = self.cluster.as_completed(futures)
+                with suppress(TimeoutError):
+                    for future in finished:
+                        self._look()
+                        if future in self.tasks:  # else it was cancelled, for its machine is gone
+                            finished.update([*self._finish(future), *self._feed()])
+        finally:
+            self.cluster.client.cancel(list(self.tasks))
+
+    def _look(self) -> None:
+        """Sees which machines there are, and takes back the cells that only a machine that is gone may measure."""
+        before, self.machines = self.machines, self.cluster.present()
+        for address in before.keys() - self.machines.keys():
+            self.recorder.listener.note(f"{address} is gone: its cells are measured elsewhere")
+        for future, task in list(self.tasks.items()):
+            if task.address is not None and task.address not in self.machines and not future.done():
+                future.cancel()
+                self._lost(self.tasks.pop(future))
+
+    def _lost(self, task: Task) -> None:
+        self.begun.discard((task.address, task.cell.block))
+        self.losses[task.cell.cell_id] += 1
+        cells = [task.cell, *task.rest]
+        if self.losses[task.cell.cell_id] >= MOST_LOSSES:
+            self._failed(cells.pop(0), f"{MOST_LOSSES} machines were lost while they measured this cell")
+        if cells:
+            self.waiting.appendleft(cells)
+
+    def _feed(self) -> list[Future]:
+        """Starts what may start now, and returns it.
+
+        Timed: one block on every host that has none, for two workers on a host would disturb each other. Else as many cells
+        as the machines have threads; Dask finds their places.
+        """
+        if self.timed:
+            used = {task.address for task in self.tasks.values()}
+            busy = {info["host"] for address, info in self.machines.items() if address in used}
+            places = list(
+                {i["host"]: address for address, i in self.machines.items() if i["host"] not in busy}.values()
+            )
+        else:
+            places = [None] * (sum(info["nthreads"] for info in self.machines.values()) - len(self.tasks))
+        cells = [] if self.recorder.stopped else [self.waiting.popleft() for _ in places[: len(self.waiting)]]
+        return [self._start(each, address) for each, address in zip(cells, places, strict=False)]
+
+    def _start(self, cells: Sequence[Cell], address: str | None) -> Future:
+        cell, *rest = cells
+        self.recorder.begin(cell)
+        first = self.timed and (address, cell.block) not in self.begun
+        self.begun.add((address, cell.block))
+        fewest = min((info["nthreads"] for info in self.machines.values()), default=1)
+        share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings["threads"]))
+        request = cell.request(self.recorder.plan.experiment.checkpoints)
+        future = self.cluster.submit(cell, request, address, share, first)
+        self.tasks[future] = Task(cell, rest, address)
+        return future
+
+    def _failed(self, cell: Cell, message: str) -> None:
+        del self.left[cell.cell_id]
+        self.recorder.finish(cell, self.recorder.event(cell, "failed", message))
+
+    def _finish(self, future: Future) -> list[Future]:
+        """Records what a machine has sent, and goes on with the cell that follows there."""
+        task = self.tasks.pop(future)
+        if future.status in ("cancelled", "lost"):
+            self._lost(task)
+            return []
+        try:
+            self._record(task.cell, _result(future))
+        except WorkerFailed as error:
+            self._failed(task.cell, str(error))
+        if not task.rest or self.recorder.stopped:
+            return []
+        return [self._start(task.rest, task.address)]
+
+    def _record(self, cell: Cell, result: CellResult) -> None:
+        recorder = self.recorder
+        env_id = digest(result.environment)
+        recorder.record_environment(env_id, result.environment)
+        if result.block_sentinel:
+            recorder.append({
+                "event": "sentinel", "block": cell.block, "seconds": result.block_sentinel, "env_id": env_id,
+            })  # fmt: skip
+        if result.log:
+            with (recorder.folder / "worker.log").open("ab") as file:
+                file.write(result.log)
+        recorder.listener.cell(cell, self.total - len(self.left), self.total, self._seconds_left())
+        del self.left[cell.cell_id]
+        event = recorder.measured_as(CellRecord(recorder, cell, env_id), result.again(), result.sentinel)
+        if not self.timed:
+            event["machine"] = {**event["machine"], "contended": True}
+        recorder.finish(cell, {**event, "wall_seconds": result.wall_seconds, "worker": result.address})
+
+    def _seconds_left(self) -> float:
+        seconds = sum(seconds for seconds, _ in expected_seconds(self.left.values(), self.recorder.latest).values())
+        return seconds / max(1, len(self.tasks) if self.timed else len(self.machines))
+
+
+def _by_block(cells: Iterable[Cell]) -> list[list[Cell]]:
+    found: dict[int, list[Cell]] = {}
+    for cell in cells:
+        found.setdefault(cell.block, []).append(cell)
+    return list(found.values())

@@ -1,0 +1,108 @@
+"""What a run says on stderr: a bar with the time left on a terminal, a line a cell elsewhere.
+
+The bar is drawn only between passes: a thread that redraws it would take time from what is being measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.table import Column
+
+from harness.plan.cells import Cell, flow
+
+COLOURS = {"done": "green", "failed": "red", "timeout": "yellow", "skipped": "dim", "outdated": "dim", "queued": "cyan"}
+
+
+class Listener(Protocol):
+    """What follows the progress of a run. Called only while nothing renders."""
+
+    def note(self, text: str) -> None: ...
+    def reference(self, name: str, done: int, wanted: int) -> None: ...
+    def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
+    def point(self, spp: int, seconds: float) -> None: ...
+    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+    def verify_job(self, name: str, number: int, total: int) -> None: ...
+
+
+def describe(cell: Cell) -> str:
+    """A cell in a few words."""
+    settings = cell.settings
+    parts = [cell.scene.name, cell.engine_name, flow({"name": settings["accelerator"]["name"]})]
+    parts += [settings["shader"]["name"], settings["sampler"]["name"], settings["precision"], f"{settings['threads']}t"]
+    return " ".join([*parts, f"seed {cell.seed}", *([cell.label] if cell.label else [])])
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person says them: 850 ms, 12 s, 3 min 20 s, 2 h 5 min."""
+    if seconds < 1:
+        return f"{1000 * seconds:.0f} ms"
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"
+
+
+class Terminal:
+    """A `Listener` that draws on a console."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        words = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
+        self._bar = Progress(
+            BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("{task.fields[left]}"), words,
+            console=console, auto_refresh=False, transient=True, disable=not console.is_terminal,
+        )  # fmt: skip
+        self._task = self._bar.add_task("", total=None, left="")
+        self._number, self._total, self._words = 0, 0, ""
+
+    def __enter__(self) -> Terminal:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def note(self, text: str) -> None:
+        self.console.print(escape(text), style="yellow", highlight=False, soft_wrap=True)
+
+    def reference(self, name: str, done: int, wanted: int) -> None:
+        self._draw(f"reference {name}", done, wanted, "replicates")
+        if not self.console.is_terminal and done in (0, wanted):
+            self.console.print(f"reference {escape(name)}: {'begins' if done == 0 else 'ready'}", highlight=False)
+
+    def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None:
+        self._number, self._total, self._words = number, total, describe(cell)
+        self._draw(self._words, number, total, f"at most {duration(seconds_left)} left")
+
+    def point(self, spp: int, seconds: float) -> None:
+        self._bar.update(self._task, description=f"{self._words}: {spp} spp in {duration(seconds)}")
+        if self.console.is_terminal:
+            self._bar.refresh()
+
+    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None:
+        state = event["state"]
+        words = f"[{self._number + 1}/{self._total}] {describe(cell)}: {state}"
+        if event["points"]:
+            words += f", {event['points'][-1]['spp']} spp in {duration(event['points'][-1]['seconds'])}"
+        if event["message"]:
+            words += f": {event['message']}"
+        if not self.console.is_terminal or state != "done":
+            self.console.print(escape(words), style=None if state == "done" else COLOURS[state], highlight=False,
+                               soft_wrap=True)  # fmt: skip
+
+    def verify_job(self, name: str, number: int, total: int) -> None:
+        self._draw(f"verify {name}", number, total, "verify jobs")
+        if not self.console.is_terminal:
+            self.console.print(f"verify [{number + 1}/{total}] {name}", markup=False, highlight=False)
+
+    def _draw(self, words: str, done: int, total: int, left: str) -> None:
+        self._bar.update(self._task, description=words, completed=done, total=total, left=left)
+        if self.console.is_terminal:
+            self._bar.refresh()

@@ -1,0 +1,215 @@
+"""What a run knows and writes down: the state of its folder, and the events of its cells as they are measured.
+
+Executors measure cells and hand the messages of workers to a `CellRecord`; the `Recorder` decides which cells are left and puts
+every event on disk before the next cell begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from engines.errors import ConfigError
+from harness import metrics, store
+from harness.hashing import digest
+from harness.measure import films, machine
+from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
+from harness.plan.cells import Cell, Plan
+from harness.plan.state import up_to_date
+from harness.run.progress import Listener
+from harness.store import reference_files, validation
+
+BROKEN = ("failed", "timeout")
+SHARED_SPP = (1, 4, 16)
+"""Checkpoints of which `images: some` keeps every seed's picture: there engines of any speed can be compared."""
+
+
+class Recorder:
+    """The state of one run. `latest` has the last event of every cell; `stopped` says that no further cell may begin."""
+
+    def __init__(
+        self, plan: Plan, folder: Path, listener: Listener, events: store.Events, retry: bool = False,
+        fail_fast: bool = False,
+    ) -> None:  # fmt: skip
+        self.plan, self.folder, self.listener = plan, folder, listener
+        self._events, self._retry, self._fail_fast = events, retry, fail_fast
+        self.root = reference_files.cache_folder()
+        self.metric = plan.experiment.quality.name
+        self.history = store.read_events(folder)
+        self.latest = store.latest_cells(self.history)
+        self.environment = machine.environment()
+        self.env_id = digest(self.environment)
+        self.stopped = False
+        self.measured = 0
+        self._loaded: dict[str, Any] = {}
+        self._refused: set[str] = set()
+
+    def append(self, event: Mapping[str, Any]) -> None:
+        self._events.append(event)
+        self.history.append(dict(event))
+        if event["event"] == "cell":
+            self.latest[event["cell_id"]] = dict(event)
+
+    def record_environment(self, env_id: str, preimage: Mapping[str, Any]) -> None:
+        """Says once what an environment id stands for."""
+        if not any(e["event"] == "environment" and e["env_id"] == env_id for e in self.history):
+            self.append({"event": "environment", "env_id": env_id, "preimage": dict(preimage)})
+
+    # --- what is left to do -----------------------------------------------------------------------------------------
+
+    def todo(self) -> list[Cell]:
+        """Cells to be measured, in order."""
+
+        def wanted(cell: Cell) -> bool:
+            event = self.latest.get(cell.cell_id)
+            again = self._retry and event is not None and event["state"] in BROKEN
+            return not cell.skip and (again or not up_to_date(cell, event, self.metric))
+
+        return [cell for cell in self.plan.cells if wanted(cell)]
+
+    def ready(self) -> list[Cell]:
+        """Cells to be measured whose reference is there, in order."""
+        return [cell for cell in self.todo() if cell.reference_id not in self._refused]
+
+    def without_reference(self, reference_id: str, message: str) -> None:
+        """A reference could not be made: the cells that need it have failed."""
+        self.listener.note(message)
+        self._refused.add(reference_id)
+        for cell in self.todo():
+            if cell.reference_id == reference_id:
+                self.append(self.event(cell, "failed", message))
+        self.stopped = self._fail_fast
+
+    # --- cells ------------------------------------------------------------------------------------------------------
+
+    def begin(self, cell: Cell) -> None:
+        """Says that a cell is being measured, and removes what an earlier attempt left."""
+        store.discard_images(self.folder, cell.cell_id)
+        self._events.append({"event": "start", "cell_id": cell.cell_id, "time": datetime.now(UTC).isoformat()})
+
+    def finish(self, cell: Cell, event: Mapping[str, Any]) -> None:
+        """Puts a cell's event on disk."""
+        self.append(event)
+        self.measured += 1
+        self.listener.finished(cell, event)
+        self.stop_if_broken(event)
+
+    def stop_if_broken(self, event: Mapping[str, Any]) -> None:
+        """With `fail_fast`, the first failure ends the run."""
+        self.stopped = self._fail_fast and event["state"] in BROKEN
+
+    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage], sentinel: float) -> dict[str, Any]:
+        """The event of a cell that has been measured, has failed or was killed at its timeout."""
+        cell, state, message = record.cell, "done", ""
+        try:
+            record.follow(messages)
+        except WorkerFailed as error:
+            state, message = "failed", str(error)
+        except WorkerTimeout:
+            state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
+        record.keep_last_image()
+        spp = record.points[-1]["spp"] if record.points else 0
+        event = {
+            **self.event(cell, state, message, spp), "env_id": record.env_id, "phases": record.phases,
+            "points": record.points, "counters": record.counters, "machine": record.disturbance,
+            "sentinel_seconds": sentinel,
+        }  # fmt: skip
+        try:
+            validation.event(event, "the engine's figures are unusable")
+        except ConfigError as error:  # it must not make the whole folder unreadable
+            return {**self.event(cell, "failed", str(error)), "env_id": record.env_id}
+        return event
+
+    def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
+        """An event that says everything about a cell but what was measured; `spp` are those of its last image."""
+        return {
+            "event": "cell", "cell_id": cell.cell_id, "configuration": cell.configuration, "env_id": self.env_id,
+            "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
+            "seed": cell.seed, "scene": cell.scene.name, "scene_hash": cell.scene_hash,
+            "primitives": cell.primitives, "engine": cell.engine_name,
+            "engine_version": cell.spec["engine_version"], **cell.settings,
+            "reference_id": cell.reference_id, "spec": dict(cell.spec),
+            "command": cell.command(spp or cell.budget.max_spp),
+            "time": datetime.now(UTC).isoformat(timespec="seconds"), "phases": {}, "points": [], "counters": {},
+            "machine": {},
+        }  # fmt: skip
+
+    def reference(self, reference_id: str) -> Any:
+        """The arrays of a reference, read and checked once."""
+        if reference_id not in self._loaded:
+            wanted = self.plan.references[reference_id]
+            self._loaded[reference_id] = reference_files.read(wanted.folder(self.root), reference_id, wanted.scene_hash)
+        return self._loaded[reference_id]
+
+
+class CellRecord:
+    """The messages of a cell's worker, collected as the parts of its event."""
+
+    def __init__(self, recorder: Recorder, cell: Cell, env_id: str) -> None:
+        self.recorder, self.cell, self.env_id = recorder, cell, env_id
+        self.phases: dict[str, float] = {}
+        self.points: list[dict[str, Any]] = []
+        self.counters: dict[str, float] = {}
+        self.disturbance: dict[str, Any] = {}
+        self._last_film: Any = None
+
+    def follow(self, messages: Iterable[WorkerMessage]) -> None:
+        """Collects the messages of a worker until its end; failures and timeouts are raised by `messages`."""
+        reference = self.recorder.reference(str(self.cell.reference_id))
+        for message, film in messages:
+            fields = {key: value for key, value in message.items() if key != "did"}
+            if message["did"] == "import":
+                self._imported(**fields)
+            elif message["did"] == "prepared":
+                self.phases.update(fields)
+            elif message["did"] == "point":
+                self._point(fields, film, reference)
+            elif message["did"] == "end":
+                self.counters, self.disturbance = {**fields.get("counters", {}), **self.counters}, fields.get("machine", {})
+
+    def _imported(self, seconds: float, version: str, code: str) -> None:
+        planned = str(self.cell.spec["engine_version"])
+        if version != planned:
+            raise WorkerFailed(
+                f"the engine is version {version} where it was to render, {planned} where it was planned"
+            )
+        # Elsewhere native libraries of the same version may be other files.
+        if self.env_id == self.recorder.env_id and code != self.cell.spec["code"]["engine"]:
+            raise WorkerFailed("the engine's code has changed since the run began: run again")
+        self.phases["import_seconds"] = seconds
+
+    def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
+        self.phases["render_seconds"] = answer["seconds"]
+        image = films.image_of(film)
+        scores = metrics.measure(image, reference, self.recorder.plan.experiment.quality.epsilon)
+        self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
+        self._last_film = film
+        self.counters["bad_samples"] = float(film.bad_samples)
+        if bad := films.bad_pixels(image):
+            self._last_film = None
+            raise WorkerFailed(
+                f"{bad} of {film.width * film.height} pixels of the engine's image at {answer['spp']} spp are not finite: "
+                "finite radiance is wanted"
+            )
+        images = self.recorder.plan.experiment.images
+        wanted = self.cell.block == 0 or answer["spp"] in SHARED_SPP
+        if images == "all" or (images == "some" and wanted and self.cell.label is None):
+            self._keep(film)
+        self.recorder.listener.point(answer["spp"], answer["seconds"])
+
+    def keep_last_image(self) -> None:
+        """Writes the image of the last checkpoint, if images are wanted and it is not there yet."""
+        if self._last_film is not None and self.recorder.plan.experiment.images != "none" and self.points[-1]["image"] is None:
+            self._keep(self._last_film)
+
+    def _keep(self, film: Any) -> None:
+        point = self.points[-1]
+        path = store.image_path(self.cell.cell_id, point["spp"])
+        target = store.image_file(self.recorder.folder, path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        measured = {key: point[key] for key in ("spp", "seconds", "metrics")}
+        identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "spec": dict(self.cell.spec)}
+        film.save(target, provenance={**identity, **measured, "scene": self.cell.scene.name})
+        point["image"] = path

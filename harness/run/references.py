@@ -1,0 +1,185 @@
+"""References: converged images with their own error known.
+
+A reference is the mean of an even number of independent images ("replicates", each under its own seed). The even ones
+make one half, the odd ones the other; the variance of every pixel is the spread of the replicates, which holds for
+quasi-random samplers too. On disk it is a film whose samples are the replicates:
+
+    <references>/<scene hash>/<id>/film-0032.npz    sums, squares, even sums, counts after 32 replicates
+                                   reference.json   spec, progress, checksum, provenance
+                                   reference.exr    for eyes: mean, variance, both halves
+    <references>/<scene hash>/<id>.lock             held by the process that makes it
+
+They lie in a cache folder, named by what they are made of, and all runs share them. One process at a time makes a
+reference; others wait for it. Files appear whole, and a finished reference is not written again. One that is interrupted
+goes on where it was; one of more samples starts from the largest that is there with the same seeds, and is the same to
+the bit as one made at once.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+import numpy as np
+
+from engines.errors import ConfigError
+from engines.film import Film
+from harness.measure import machine
+from harness.measure.pool import WorkerFailed
+from harness.plan.references import PlannedReference
+from harness.store import atomic, locks, write_json
+from harness.store.reference_files import EXR, META, checksum, film_in, meta_of, refuse_stale
+
+SAVE_EVERY_SECONDS = 20.0
+Report = Callable[[int, int], None]
+"""Called with (replicates done, replicates wanted)."""
+
+
+class Images(Protocol):
+    """Who renders replicates: `pool.Pool` here, `executors.dask.Cluster` on other machines."""
+
+    def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
+        """The image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""
+        ...
+
+
+def ready(wanted: PlannedReference, root: Path) -> bool:
+    """Whether it is on disk, whole and fresh; one that is damaged or stale is refused with what to do."""
+    folder = wanted.folder(root)
+    if not (folder / META).exists():
+        return False
+    meta = meta_of(folder)
+    refuse_stale(folder, meta, wanted.reference_id, wanted.scene_hash)
+    return bool(meta["complete"])
+
+
+def make(
+    wanted: PlannedReference, root: Path, pool: Images, report: Report, waits: Callable[[], None] = lambda: None
+) -> dict[str, Any]:
+    """Renders what is missing and returns its metadata. Raises `WorkerFailed` when the engine fails.
+
+    While another process makes the same reference this one waits, after a call of `waits`.
+    """
+    with held(wanted, root, waits):
+        if ready(wanted, root):
+            return meta_of(wanted.folder(root))
+        return _made(wanted, root, pool, report)
+
+
+def held(wanted: PlannedReference, root: Path, waits: Callable[[], None] = lambda: None) -> AbstractContextManager[None]:
+    """The lock of a reference, without which nothing is written into its folder."""
+    folder = wanted.folder(root)
+    return locks.exclusive(folder.with_name(f"{folder.name}.lock"), waits)
+
+
+def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
+    folder = wanted.folder(root)
+    film, seconds = _start(wanted, root)
+    first, count = film.spp, wanted.spec["replicates"]
+    if first < count:
+        report(first, count)
+        saved = monotonic()
+        seeds = range(wanted.spec["seed"] + first, wanted.spec["seed"] + count)
+        for replicate, more in replicates(wanted, seeds, pool):
+            seconds += more
+            _add(film, replicate, wanted)
+            if monotonic() - saved > SAVE_EVERY_SECONDS:
+                _save(folder, wanted, film, seconds)
+                saved = monotonic()
+            if film.spp < count:
+                report(film.spp, count)
+    meta = _save(folder, wanted, film, seconds)
+    report(count, count)
+    return meta
+
+
+def replicates(
+    wanted: PlannedReference, seeds: Iterable[int], pool: Images, engine: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Iterator[tuple[Film, float]]:  # fmt: skip
+    """The reference's image under each seed, with the seconds it took; by another engine where one is named."""
+    request = {
+        "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash, "settings": dict(settings or wanted.settings),
+        "spp": wanted.spec["replicate_spp"],
+    }  # fmt: skip
+    yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
+
+
+def event(wanted: PlannedReference, root: Path) -> dict[str, Any]:
+    """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
+    meta = meta_of(wanted.folder(root))
+    return {
+        "event": "reference", "scene": wanted.scene_name, "scene_hash": wanted.scene_hash,
+        "reference_id": wanted.reference_id, "engine": wanted.spec["engine"], "spp": wanted.spp,
+        "width": wanted.spec["width"], "height": wanted.spec["height"], "shader": wanted.spec["shader"],
+        "seconds": meta["seconds"],
+    }  # fmt: skip
+
+
+# --- on disk --------------------------------------------------------------------------------------------------------
+
+
+def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
+    """The film to go on with and the seconds it took: this reference's own, the largest relative's, or an empty one.
+
+    A relative may be written by another process meanwhile, and then does not help.
+    """
+    own = wanted.folder(root)
+    found: list[tuple[int, Path, dict[str, Any]]] = []
+    for path in sorted(own.parent.glob(f"*/{META}")):
+        try:
+            meta = meta_of(path.parent)
+        except ConfigError:
+            continue
+        if meta["family"] == wanted.family and meta["done"] <= wanted.spec["replicates"]:
+            found.append((meta["done"], path.parent, meta))
+    for _, folder, meta in sorted(found, key=lambda each: each[0], reverse=True):
+        try:
+            return film_in(folder, meta), meta["seconds"]
+        except ConfigError:
+            if folder == own:
+                raise
+    return Film(wanted.spec["width"], wanted.spec["height"]), 0.0
+
+
+def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
+    image = replicate.mean()
+    if not np.isfinite(image).all():
+        raise WorkerFailed(f"reference of {wanted.scene_name}: the engine's image is not finite")
+    film.add(image)
+
+
+def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) -> dict[str, Any]:
+    """Writes arrays and image, then the metadata that names them, then removes the arrays that the metadata named before.
+
+    A crash leaves one or the other. To be called with the reference `held`.
+    """
+    name = f"film-{film.spp:04d}.npz"
+    with atomic.replacing(folder / name) as file:
+        np.savez(
+            file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts, bad_samples=0
+        )
+    meta = {
+        "reference_id": wanted.reference_id, "family": wanted.family, "scene": wanted.scene_name,
+        "scene_hash": wanted.scene_hash, "spec": dict(wanted.spec), "done": film.spp,
+        "complete": film.spp == wanted.spec["replicates"], "file": name, "sha256": checksum(folder / name),
+        "seconds": seconds, "time": datetime.now(UTC).isoformat(timespec="seconds"), "machine": machine.provenance(),
+    }  # fmt: skip
+    if meta["complete"]:
+        film.save(folder / EXR, provenance=_text(meta))
+    before = meta_of(folder)["file"] if (folder / META).exists() else name
+    write_json(folder / META, meta)
+    if before != name:
+        with suppress(OSError):
+            (folder / before).unlink()
+    return meta
+
+
+def _text(meta: Mapping[str, Any]) -> dict[str, str]:
+    """Metadata for an image's header."""
+    return {key: json.dumps(meta[key]) for key in ("reference_id", "scene", "scene_hash", "spec", "time")}

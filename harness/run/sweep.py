@@ -1,0 +1,252 @@
+"""The run: references, then blocks of cells in random order, one at a time, each result on disk before the next begins.
+
+What is measured again is decided by `plan.state`; what it writes is decided by `recorder`. A cell that fails
+or runs out of time is recorded and the sweep goes on. Nothing here renders: `measure.worker` does, and while this process
+computes errors or draws progress no ray is traced.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness import store
+from harness.analysis.targets import automatic_targets
+from harness.hashing import digest
+from harness.measure import machine
+from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
+from harness.plan import verify_jobs as planned_jobs
+from harness.plan.cells import Cell, Plan
+from harness.plan.references import PlannedReference
+from harness.plan.state import up_to_date
+from harness.run import certificates, references, verify_jobs
+from harness.run.executors import local
+from harness.run.progress import Listener
+from harness.run.recorder import BROKEN, Recorder
+from harness.store import confined
+from harness.store.validation import FORMAT_VERSION
+
+if TYPE_CHECKING:
+    from harness.run.executors.dask import Cluster
+
+LOG = "worker.log"
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to run: `retry` measures failed and timed-out cells again, `fail_fast` stops at the first such cell.
+
+    `cluster` is the address of a Dask scheduler whose machines render; None: this one does.
+    """
+
+    retry: bool = False
+    fail_fast: bool = False
+    allow_imports: bool = False
+    allow_commands: bool = False
+    command: Sequence[str] = ()
+    cluster: str | None = None
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What a run ended with. `states` counts the plan's cells."""
+
+    measured: int = 0
+    states: dict[str, int] = field(default_factory=dict)
+    failures: list[tuple[Cell, Mapping[str, Any]]] = field(default_factory=list)
+    failed_verify_jobs: list[str] = field(default_factory=list)
+    """Verify jobs that failed or timed out, each with its message."""
+    stopped: bool = False
+
+
+def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outcome:
+    """Measures what is missing. The folder must be locked by the caller. On `KeyboardInterrupt` all workers end."""
+    if options.cluster is None:
+        return _run(plan, folder, options, listener, None)
+    from harness.run.executors.dask import Cluster
+
+    with Cluster(options.cluster, options.allow_imports, plan.experiment.limits.memory_bytes) as cluster:
+        return _run(plan, folder, options, listener, cluster)
+
+
+def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster: Cluster | None) -> Outcome:
+    with store.Events(folder) as events:
+        if events.torn:
+            listener.note(f"{folder / store.EVENTS}: {store.TORN}")
+        sweep = Sweep(plan, folder, options, listener, events)
+        sweep.record_plan()
+        log = confined.inside(folder, LOG, str(folder))
+        with Pool(options.allow_imports, log, plan.experiment.limits.memory_bytes) as pool:
+            sweep.make_references(cluster or pool)
+            if cluster is None:
+                local.measure(sweep.recorder, pool)
+            else:
+                cluster.measure(sweep.recorder)
+            sweep.run_verify_jobs(pool)
+        sweep.record_targets()
+        return sweep.outcome()
+
+
+class Sweep:
+    """One run around its cells: what is planned, references before them, verify jobs and targets after them."""
+
+    def __init__(
+        self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events
+    ) -> None:  # fmt: skip
+        self.plan, self.options, self.listener = plan, options, listener
+        self.recorder = Recorder(plan, folder, listener, events, options.retry, options.fail_fast)
+
+    # --- what is planned --------------------------------------------------------------------------------------------
+
+    def record_plan(self) -> None:
+        """Writes the manifest; says which old results no longer count, which do again, and what cannot be done."""
+        experiment = self.plan.experiment
+        self._revive()
+        todo, jobs = self.recorder.todo(), self.pending_verify_jobs()
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        self._write_manifest(now, bool(todo or jobs))
+        if todo or jobs:
+            run_id = digest([now, *(cell.cell_id for cell in todo), *(each.verify_job_id for each in jobs)])
+            self.recorder.append({
+                "event": "run", "time": now, "run_id": run_id, "command": list(self.options.command),
+                "config_name": experiment.name,
+            })  # fmt: skip
+        self.recorder.record_environment(self.recorder.env_id, self.recorder.environment)
+        self._note_other_machines()
+        if experiment.quality.targets is not None:
+            self._append_targets(list(experiment.quality.targets))
+        planned = {cell.cell_id for cell in self.plan.cells}
+        for cell_id, event in list(self.recorder.latest.items()):
+            if cell_id not in planned and event["state"] != "outdated":
+                self.recorder.append({**event, "state": "outdated", "message": "no longer in the experiment"})
+        for cell in self.plan.cells:
+            if cell.skip and not up_to_date(cell, self.recorder.latest.get(cell.cell_id), self.recorder.metric):
+                self.recorder.append(self.recorder.event(cell, "skipped", cell.skip))
+
+    def _write_manifest(self, now: str, running: bool) -> None:
+        """Replaces the manifest where it would say something else, or something is going to be measured."""
+        experiment = self.plan.experiment
+        same = {
+            "raybench_results": FORMAT_VERSION, "name": experiment.name, "config_name": experiment.name,
+            "config": json.loads(json.dumps(experiment.resolved)), "env_id": self.recorder.env_id,
+            "cell_ids": [cell.cell_id for cell in self.plan.cells],
+            "verify_job_ids": [each.verify_job_id for each in self.plan.verify_jobs],
+        }  # fmt: skip
+        path = self.recorder.folder / store.MANIFEST
+        before = store.read_manifest(self.recorder.folder) if path.exists() else {}
+        if running or any(before.get(key) != value for key, value in same.items()):
+            moment = {"time": now, "command": list(self.options.command), "machine": machine.provenance()}
+            store.write_json(path, {**same, **moment})
+
+    def _revive(self) -> None:
+        """Results that a changed plan had put aside count again when the plan has them again."""
+        wanted = {cell.cell_id: cell for cell in self.plan.cells}
+        last: dict[str, Mapping[str, Any]] = {}
+        for event in self.recorder.history:
+            if event["event"] == "cell" and event["state"] != "outdated":
+                last[event["cell_id"]] = event
+        for cell_id, event in last.items():
+            outdated = self.recorder.latest[cell_id]["state"] == "outdated"
+            if outdated and cell_id in wanted and up_to_date(wanted[cell_id], event, self.recorder.metric):
+                self.recorder.append(event)
+
+    def _note_other_machines(self) -> None:
+        planned = {cell.cell_id for cell in self.plan.cells}
+        elsewhere = [e for i, e in self.recorder.latest.items() if i in planned and e.get("env_id") != self.recorder.env_id]
+        if elsewhere and self.options.cluster is None:
+            self.listener.note(
+                f"{len(elsewhere)} cells were measured on another machine or with other library versions: "
+                "times are not comparable; --fresh measures all again"
+            )
+
+    def _append_targets(self, targets: list[float]) -> None:
+        event = {"event": "targets", "metric": self.recorder.metric, "targets": targets}
+        if store.last_event(self.recorder.history, "targets") != event:
+            self.recorder.append(event)
+
+    # --- references -------------------------------------------------------------------------------------------------
+
+    def make_references(self, pool: references.Images) -> None:
+        """Makes what cells to be measured need; a cell whose reference fails has failed."""
+        needed = dict.fromkeys(cell.reference_id for cell in self.recorder.todo())
+        named = {e["reference_id"] for e in self.recorder.history if e["event"] == "reference"}
+        for reference_id, wanted in self.plan.references.items():
+            try:
+                if reference_id in needed and not references.ready(wanted, self.recorder.root):
+                    self._make_reference(wanted, pool)
+            except (WorkerFailed, WorkerTimeout) as error:
+                self.recorder.without_reference(reference_id, f"no reference: {error}")
+                continue
+            if reference_id not in named and references.ready(wanted, self.recorder.root):
+                self.recorder.append(references.event(wanted, self.recorder.root))
+            self._certify(wanted, pool)
+
+    def _make_reference(self, wanted: PlannedReference, pool: references.Images) -> None:
+        references.make(
+            wanted, self.recorder.root, pool,
+            lambda done, count: self.listener.reference(wanted.describe(), done, count),
+            lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
+        )  # fmt: skip
+
+    def _certify(self, wanted: PlannedReference, pool: references.Images) -> None:
+        """Has the reference compared with a second engine's image, once, and says what came out."""
+        if wanted.certifier is None or not references.ready(wanted, self.recorder.root):
+            return
+        found = certificates.existing(wanted, self.recorder.root)
+        try:
+            found = found or certificates.make(
+                wanted, self.recorder.root, pool,
+                lambda done, count: self.listener.reference(f"certificate of {wanted.describe()}", done, count),
+            )  # fmt: skip
+        except (WorkerFailed, WorkerTimeout) as error:
+            self.listener.note(f"{wanted.describe()}: no certificate: {error}")
+            return
+        said = [e["certificate_id"] for e in self.recorder.history if e["event"] == "certificate"]
+        if found["certificate_id"] not in said:
+            self.recorder.append({key: value for key, value in found.items() if key != "machine"})
+            if found["verdict"] != "equivalent":
+                self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
+
+    # --- verify jobs ------------------------------------------------------------------------------------------------
+
+    def pending_verify_jobs(self) -> list[planned_jobs.VerifyJob]:
+        return planned_jobs.todo(self.plan.verify_jobs, self.recorder.history, self.options.retry)
+
+    def run_verify_jobs(self, pool: Pool) -> None:
+        """Runs the cases that the config's `verify` names, after everything that is timed."""
+        todo = self.pending_verify_jobs()
+        for number, each in enumerate(todo):
+            if self.recorder.stopped:
+                return
+            self.listener.verify_job(each.words, number, len(todo))
+            event = verify_jobs.make(each, pool, self.recorder.env_id)
+            self.recorder.append(event)
+            self.recorder.stop_if_broken(event)
+
+    # --- the end ----------------------------------------------------------------------------------------------------
+
+    def record_targets(self) -> None:
+        """Resolves `auto` targets once: later results move none of them."""
+        last = store.last_event(self.recorder.history, "targets")
+        if self.plan.experiment.quality.targets is None and (last is None or last["metric"] != self.recorder.metric):
+            targets = automatic_targets(self.recorder.latest.values(), self.recorder.metric)
+            if targets:
+                self._append_targets(targets)
+
+    def outcome(self) -> Outcome:
+        found = Outcome(self.recorder.measured, stopped=self.recorder.stopped)
+        for cell in self.plan.cells:
+            event = self.recorder.latest.get(cell.cell_id)
+            state = "queued" if event is None or event["state"] == "outdated" else str(event["state"])
+            found.states[state] = found.states.get(state, 0) + 1
+            if event is not None and state in BROKEN:
+                found.failures.append((cell, event))
+        known = store.latest_verify_jobs(self.recorder.history)
+        events = [(each, known.get(each.verify_job_id)) for each in self.plan.verify_jobs]
+        found.failed_verify_jobs = [f"{event['state']}: {each.words}: {event['message']}"
+                            for each, event in events if event is not None and event["state"] in BROKEN]  # fmt: skip
+        return found

@@ -1,0 +1,30 @@
+"""Runs the verify jobs of a plan: each in a process of its own, like a cell."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from time import monotonic
+from typing import Any
+
+from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
+from harness.plan.verify_jobs import VerifyJob
+
+
+def make(each: VerifyJob, pool: Pool, env_id: str) -> dict[str, Any]:
+    """The event of a verify job that was run, has failed or was killed at its timeout."""
+    began, state, message, found = monotonic(), "done", "", []
+    try:
+        worker = pool.worker(each.engine)
+        deadline = monotonic() + each.timeout_seconds
+        worker.ask({"do": "verify", **{key: each.spec[key] for key in ("case", "precision", "accelerator", "quick")}})
+        found = worker.receive(deadline, "verified")["results"]
+        worker.receive(deadline, "end")
+    except WorkerFailed as error:
+        state, message = "failed", str(error)
+    except WorkerTimeout:
+        state, message = "timeout", f"killed after {each.timeout_seconds:g} s"
+    return {
+        "event": "verify_job", "verify_job_id": each.verify_job_id, "spec": dict(each.spec), "env_id": env_id,
+        "state": state, "message": message, "results": found, "wall_seconds": monotonic() - began,
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+    }  # fmt: skip

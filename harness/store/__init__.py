@@ -1,0 +1,38 @@
+"""Results on disk: the events and the folder they lie in, under one name.
+
+Typed events are in `event_types`, their checks in `validation`; `results` arranges them for tables and plots, `merge` joins
+folders, and `reference_files` finds and reads the references that they name.
+"""
+
+from harness.store.events import (
+    EVENTS,
+    MANIFEST,
+    TORN,
+    Events,
+    check_results,
+    last_event,
+    latest_cells,
+    latest_verify_jobs,
+    read_events,
+)
+from harness.store.folder import (
+    DERIVED,
+    IMAGES,
+    LOCK,
+    clear,
+    derived_is_fresh,
+    discard_images,
+    image_file,
+    image_path,
+    is_locked,
+    locked,
+    read_manifest,
+)
+from harness.store.json_files import read_json, write_json
+from harness.store.reference_files import reference_arrays
+
+__all__ = [
+    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "Events", "check_results", "clear",
+    "derived_is_fresh", "discard_images", "image_file", "image_path", "is_locked", "last_event", "latest_cells",
+    "latest_verify_jobs", "locked", "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
+]  # fmt: skip

@@ -1,0 +1,146 @@
+"""The events of a results folder, `events.jsonl`: the only truth, from which and the images all else can be rebuilt.
+
+An event is one JSON object a line, written whole, flushed and synced before the run goes on. A line that was cut short
+by a crash is dropped and reported. Errors that are not finite are written as Python does: NaN, Infinity.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import warnings
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from engines.errors import ConfigError
+from engines.input_files import open_regular, unreadable
+from harness.store import confined, validation
+from harness.store.json_files import read_json
+
+EVENTS, MANIFEST = "events.jsonl", "manifest.json"
+TORN = "its last line is cut short and was dropped: the run before this one was interrupted while it wrote"
+
+
+class Events:
+    """`events.jsonl` of a folder, open for appending. `torn` says that a line cut short was removed."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = confined.inside(folder, EVENTS, str(folder))
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("a+b", buffering=0)
+            self.torn = self._drop_torn_line()
+        except OSError as error:
+            raise ConfigError(f"{self._path}: cannot be written: {error.strerror}") from error
+
+    def _drop_torn_line(self) -> bool:
+        """Cuts the file after its last whole line; a whole object that lacks only its newline gets one."""
+        self._file.seek(0)
+        data = self._file.read()
+        whole, _, rest = data.rpartition(b"\n")
+        if not rest:
+            return False
+        if _parsed(rest) is not None:
+            self._write(b"\n")
+            return False
+        self._file.truncate(len(whole) + 1 if whole else 0)
+        return True
+
+    def append(self, event: Mapping[str, Any]) -> None:
+        """Adds an event; on return it is on disk. What is no Unicode in it, as parts of file names may be, becomes `?`."""
+        self._write(json.dumps(event, ensure_ascii=False).encode(errors="replace") + b"\n")
+
+    def _write(self, data: bytes) -> None:
+        """Writes all of it, or nothing: what a full disk cut short is taken back."""
+        end = self._file.seek(0, os.SEEK_END)
+        try:
+            while data:
+                data = data[self._file.write(data) :]
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                self._file.truncate(end)
+            raise ConfigError(f"{self._path}: cannot be written: {error.strerror}") from error
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> Events:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def read_events(folder: str | Path) -> list[dict[str, Any]]:
+    """All events of a folder in order, checked against `validation`; a torn last line is ignored with a warning.
+
+    Raises `ConfigError` for a folder of another version of the format, where there is no such file, where a line in its
+    middle is damaged, and for the first event that is not valid, with its line.
+    """
+    _check_version(Path(folder))
+    path = confined.inside(Path(folder), EVENTS, str(folder))
+    try:
+        with open_regular(path) as file:
+            lines = file.read().split(b"\n")
+    except OSError as error:
+        raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
+    found: list[dict[str, Any]] = []
+    for index, line in enumerate(lines):
+        event = _parsed(line)
+        if event is not None:
+            validation.event(event, f"{path}:{index + 1}")
+            found.append(event)
+        elif line and index == len(lines) - 1:
+            warnings.warn(f"{path}: {TORN}", stacklevel=2)
+        elif line:
+            raise ConfigError(f"{path}:{index + 1}: not an event: the file is damaged; repair or remove that line")
+    return found
+
+
+def _check_version(folder: Path) -> None:
+    """Events have no version of their own: the manifest beside them says it."""
+    path = confined.inside(folder, MANIFEST, str(folder))
+    if path.exists():
+        with contextlib.suppress(OSError):  # who needs the manifest reads it
+            validation.version(read_json(path), str(path))
+
+
+def _parsed(line: bytes) -> dict[str, Any] | None:
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return event if isinstance(event, dict) and "event" in event else None
+
+
+def latest_cells(events: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The current state of each cell: its last event. A cell measured again is there once, at its first place."""
+    found: dict[str, dict[str, Any]] = {}
+    for event in events:
+        if event["event"] == "cell":
+            found[event["cell_id"]] = dict(event)
+    return found
+
+
+def last_event(events: Iterable[Mapping[str, Any]], kind: str) -> dict[str, Any] | None:
+    """The last event of a kind."""
+    found = None
+    for event in events:
+        if event["event"] == kind:
+            found = dict(event)
+    return found
+
+
+def latest_verify_jobs(events: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """The last event of every verify job."""
+    return {event["verify_job_id"]: event for event in events if event["event"] == "verify_job"}
+
+
+def check_results(events: Iterable[Mapping[str, Any]], wanted: Iterable[str] | None = None) -> list[Mapping[str, Any]]:
+    """The check results of all verify jobs, or of those with the ids `wanted`."""
+    known = latest_verify_jobs(events)
+    chosen = known if wanted is None else [key for key in wanted if key in known]
+    return [result for key in chosen for result in known[key]["results"]]

@@ -1,0 +1,105 @@
+"""A results folder on disk: its manifest, its images, its lock, and what is derived from its events."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from engines.errors import ConfigError
+from engines.input_files import unreadable
+from harness.store import confined, locks, validation
+from harness.store.events import EVENTS, MANIFEST
+from harness.store.json_files import read_json
+
+LOCK, IMAGES = ".lock", "images"
+DERIVED = ("points.csv", "ttq.csv", "phases.csv", "tables", "plots", "report.html", "worker.log")
+
+
+def read_manifest(folder: str | Path) -> dict[str, Any]:
+    """The manifest of a results folder, checked against `validation`.
+
+    Raises `ConfigError` where there is none, and for one of another version of the format.
+    """
+    path = confined.inside(Path(folder), MANIFEST, str(folder))
+    try:
+        found = read_json(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
+    validation.manifest(found, str(path))
+    return found
+
+
+def image_path(cell_id: str, spp: int) -> str:
+    """Where a checkpoint's image lies, relative to the results folder."""
+    return f"{IMAGES}/{cell_id}/spp{spp:04d}.exr"
+
+
+def image_file(folder: Path, image: str) -> Path:
+    """The file of an image that an event names. Raises `ConfigError` where the path leads out of the folder."""
+    return confined.inside(folder, image, f"{folder / EVENTS}: image")
+
+
+def discard_images(folder: Path, cell_id: str) -> None:
+    """Removes what an interrupted attempt at a cell left."""
+    shutil.rmtree(folder / IMAGES / cell_id, ignore_errors=True)
+
+
+def clear(folder: Path) -> None:
+    """Empties a results folder of what runs write. Other files stay, and so do references. Links go, not what they name."""
+    if folder.exists() and not (folder / EVENTS).exists() and any(folder.iterdir()):
+        raise ConfigError(f"{folder}: holds no {EVENTS}, so it is no results folder: --fresh does not touch it")
+    for name in (*DERIVED, IMAGES, MANIFEST, EVENTS):
+        path = folder / name
+        try:
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot be removed: {error.strerror}") from error
+
+
+def derived_is_fresh(folder: Path) -> bool:
+    """Whether the report, which is written last, is younger than all that it is made from."""
+    try:
+        made = (folder / "report.html").stat().st_mtime_ns
+        return made > max((folder / name).stat().st_mtime_ns for name in (EVENTS, MANIFEST))
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keeps a second run out of the folder; the kernel lets go of the lock when the process ends, however it ends."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = confined.inside(folder, LOCK, str(folder)).open("a+")
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be written: {error.strerror}") from error
+    with file:
+        try:
+            if not locks.try_lock(file):
+                file.seek(0)
+                holder = file.read().strip() or "unknown"
+                raise ConfigError(
+                    f"{folder}: another run (process {holder}) is writing here: wait for it, or choose --out"
+                )
+            file.truncate(0)
+            file.write(f"{os.getpid()}\n")
+            file.flush()
+        except OSError as error:
+            raise ConfigError(f"{folder / LOCK}: cannot be locked: {error.strerror}") from error
+        yield
+
+
+def is_locked(folder: Path) -> bool:
+    """Whether a run is writing there now."""
+    try:
+        with (folder / LOCK).open("r+") as file:
+            return not locks.try_lock(file)
+    except OSError:
+        return False

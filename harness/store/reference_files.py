@@ -1,0 +1,191 @@
+"""References as files: where they lie, how they are read and checked, and how results carry them along.
+
+Their metadata may come from elsewhere: it is checked, and what it names lies in its own folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+
+from engines.errors import ConfigError
+from engines.film import BYTES_A_PIXEL, Film
+from harness.hashing import digest
+from harness.store import atomic, confined, validation
+from harness.store.events import EVENTS, read_events
+from harness.store.json_files import read_json, write_json
+
+if TYPE_CHECKING:
+    from harness.metrics import Reference
+
+HEADERS = 1 << 16
+"""Bytes of a film's file beside its pixels, at most."""
+META, EXR = "reference.json", "reference.exr"
+FOLDER = "references"
+"""Of archives and merged results: the references they carry with them."""
+VARIABLE = "RAYBENCH_REFERENCES"
+
+
+def cache_folder() -> Path:
+    """Where references are kept: $RAYBENCH_REFERENCES, else `raybench/references` in the user's cache folder."""
+    if given := os.environ.get(VARIABLE):
+        return Path(given).expanduser()
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(caches) / "raybench" / FOLDER
+
+
+def search(results: Path, reference_id: str, scene_hash: str) -> Path | None:
+    """The folder of a reference that results were compared with; None where it is nowhere.
+
+    Looked for in the results themselves (archives, merged ones), in the cache folder, and in a folder `references`
+    beside the results, where raybench kept them once. Raises `ConfigError` where a link leads out of these.
+    """
+    for place in (results / FOLDER, cache_folder(), results.absolute().parent / FOLDER):
+        folder = confined.inside(place, _part(reference_id, scene_hash), f"{results}: reference")
+        if (folder / META).is_file():
+            return folder
+    return None
+
+
+def of_results(results: Path, reference_id: str, scene_hash: str) -> Path:
+    """Like `search`, but raises `ConfigError` where it is nowhere."""
+    found = search(results, reference_id, scene_hash)
+    if found is None:
+        raise ConfigError(
+            f"{results}: the reference {_part(reference_id, scene_hash)} is neither there nor in {cache_folder()}: name "
+            "its folder with --references, or run the experiment again"
+        )
+    return found
+
+
+def _part(reference_id: str, scene_hash: str) -> Path:
+    return Path(scene_hash[:16]) / reference_id
+
+
+def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
+    """The arrays of a complete reference; refused when its scene, its id or its checksum is another."""
+    from harness.metrics import Reference
+
+    meta = meta_of(folder)
+    refuse_stale(folder, meta, reference_id, scene_hash)
+    if not meta["complete"]:
+        raise ConfigError(f"{folder}: this reference was not finished: run the experiment again")
+    film = film_in(folder, meta)
+    spp = meta["spec"]["replicates"] * meta["spec"]["replicate_spp"]
+    return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
+
+
+def carry(results: Path, event: Mapping[str, Any], out: Path, small: bool) -> None:
+    """Copies the reference of a `reference` event into the results folder `out`, where there is such a one.
+
+    `small`: its arrays in float32, compressed, and nothing for eyes. Its metadata names what is there.
+    """
+    reference_id, scene_hash = str(event["reference_id"]), str(event["scene_hash"])
+    source = search(results, reference_id, scene_hash)
+    if source is None:
+        return
+    target = confined.inside(out, FOLDER / _part(reference_id, scene_hash), f"{out}: reference")
+    meta = meta_of(source)
+    path = confined.inside(source, meta["file"], f"{source / META}: file")
+    try:
+        data = _small(film_in(source, meta)) if small else path.read_bytes()
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror or error}: remove {source} to make it anew"
+        ) from error
+    with atomic.replacing(target / meta["file"]) as file:
+        file.write(data)
+    write_json(target / META, {**meta, "sha256": hashlib.sha256(data).hexdigest()} if small else meta)
+    exr = confined.inside(source, EXR, f"{source}: image")
+    if not small and exr.is_file():
+        content = exr.read_bytes()
+        with atomic.replacing(target / EXR) as file:
+            file.write(content)
+
+
+def _small(film: Film) -> bytes:
+    buffer = io.BytesIO()
+    single = {name: getattr(film, name).astype(np.float32) for name in ("sums", "squares", "even_sums")}
+    np.savez_compressed(buffer, **single, counts=film.counts, bad_samples=np.array(film.bad_samples))
+    return buffer.getvalue()
+
+
+# --- checks ---------------------------------------------------------------------------------------------------------
+
+
+def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
+    """The film that the metadata names. Raises `ConfigError` where it is not the one that was written."""
+    path = confined.inside(folder, meta["file"], f"{folder / META}: file")
+    try:
+        whole = checksum(path) == meta["sha256"]
+    except OSError:
+        whole = False
+    if not whole:
+        raise ConfigError(f"{path}: missing, or its checksum is not the recorded one: remove {folder} to make it anew")
+    _refuse_bomb(path, meta["spec"])
+    try:
+        with np.load(path) as arrays:
+            height, width = arrays["counts"].shape
+            if (height, width) != (meta["spec"]["height"], meta["spec"]["width"]):
+                raise ValueError(f"{width}x{height} pixels, and its metadata says another size")
+            film = Film(width, height)
+            film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
+            film.counts, film.bad_samples = arrays["counts"], int(arrays["bad_samples"])
+        for array in (film.sums, film.squares, film.even_sums):
+            if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind not in "iu":
+                raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")
+    except Exception as error:  # what zipfile, zlib and NumPy raise for damaged files is no closed list
+        raise ConfigError(f"{path}: the film cannot be read: {error}") from error
+    return film
+
+
+def _refuse_bomb(path: Path, spec: Mapping[str, Any]) -> None:
+    """A few bytes can be unpacked to more than there is memory: a film takes what its size says."""
+    most = BYTES_A_PIXEL * spec["width"] * spec["height"] + HEADERS
+    try:
+        with ZipFile(path) as parts:
+            unpacked = sum(part.file_size for part in parts.infolist())
+    except (OSError, RuntimeError, NotImplementedError, BadZipFile) as error:
+        raise ConfigError(f"{path}: the film cannot be read: {error}") from error
+    if unpacked > most:
+        raise ConfigError(f"{path}: takes {unpacked} bytes unpacked, and a film of its size at most {most}")
+
+
+def meta_of(folder: Path) -> dict[str, Any]:
+    """The metadata of a reference, checked against `records`. Raises `ConfigError`."""
+    path = confined.inside(folder, META, f"{folder}: metadata")
+    try:
+        meta = read_json(path)
+        validation.reference_meta(meta, str(path))
+    except (OSError, ConfigError) as error:
+        raise ConfigError(f"{error}: remove {folder} to make it anew") from error
+    return meta
+
+
+def refuse_stale(folder: Path, meta: Mapping[str, Any], reference_id: str, scene_hash: str) -> None:
+    """Raises `ConfigError` where a folder holds another reference, or one of another scene, than its place says."""
+    if meta["scene_hash"] != scene_hash:
+        raise ConfigError(f"{folder}: stale: the scene has changed since this reference was made: remove the folder")
+    if meta["reference_id"] != reference_id or digest(meta["spec"]) != reference_id:
+        raise ConfigError(f"{folder}: stale: it holds another reference than {reference_id}: remove the folder")
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def reference_arrays(folder: str | Path, reference_id: str) -> Reference:
+    """The reference that cells of a results folder were compared with, checked against its checksum."""
+    for event in read_events(folder):
+        if event["event"] == "reference" and event["reference_id"] == reference_id:
+            found = of_results(Path(folder), reference_id, event["scene_hash"])
+            return read(found, reference_id, event["scene_hash"])
+    raise ConfigError(f"{folder}: no reference {reference_id!r} is named in {EVENTS}")

@@ -1,0 +1,296 @@
+"""A results folder as the tables, plots and report see it: contenders, each with its seeds' curves.
+
+Only manifest.json, events.jsonl and images are read. A contender is one configuration on one scene: everything in
+a cell's spec except its seed and block.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.metrics import Reference, as_error, higher_is_better, metric_name
+from harness.statistics.convergence import Curve, curve
+from harness.store.events import check_results, last_event, latest_cells, read_events
+from harness.store.folder import image_file, read_manifest
+from harness.store.reference_files import reference_arrays
+
+PHASES = ("import", "load", "build", "compile", "render")
+AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "machine")
+"""The settings in which contenders of a scene may differ, in the order in which labels name them."""
+Event = Mapping[str, Any]
+BRUTE_FORCE = "brute force"
+"""What tables call the accelerator `none`."""
+
+
+class Settings(NamedTuple):
+    """The settings of a contender. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
+
+    scene: str
+    engine: str
+    accelerator: str
+    shader: str
+    sampler: str
+    precision: str
+    threads: int
+    size: str
+    label: str
+    machine: str
+
+
+@dataclass
+class Contender:
+    """One configuration on one scene with its cells, by block. `name` is unique among those of its scene."""
+
+    settings: Settings
+    cells: list[Event]
+    name: str = ""
+
+    @cached_property
+    def done(self) -> list[Event]:
+        """Cells that were measured to their end."""
+        return [cell for cell in self.cells if cell["state"] == "done" and cell.get("points")]
+
+    @property
+    def runs(self) -> list[Event]:
+        """Cells that had their chance: done, and those out of time (what they have counts, the rest is open)."""
+        return [c for c in self.cells if c["state"] == "timeout" or (c["state"] == "done" and c.get("points"))]
+
+    def fixed_seconds(self, cell: Event) -> float:
+        """Import, scene load, build and compilation: what a cold start pays before its first ray."""
+        return sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
+
+
+@dataclass
+class Results:
+    """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
+
+    `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
+    `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks.
+    """
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    cells: list[Event]
+    references: dict[str, Event]
+    metric: str
+    targets: list[float]
+    sentinels: list[Event]
+    runs: list[Event]
+    environments: dict[str, Event] = field(default_factory=dict)
+    certificates: dict[str, Event] = field(default_factory=dict)
+    check_results: list[Event] = field(default_factory=list)
+    archived_verdicts: Event | None = None
+    contenders: list[Contender] = field(default_factory=list)
+
+    @property
+    def scenes(self) -> list[str]:
+        """Scenes in the order of the contenders: that of the config."""
+        return list(dict.fromkeys(contender.settings.scene for contender in self.contenders))
+
+    @property
+    def engines(self) -> list[str]:
+        """Engines in alphabetical order."""
+        return sorted({contender.settings.engine for contender in self.contenders})
+
+    @property
+    def epsilon(self) -> float:
+        """The epsilon of relMSE (radiance squared): that of the metric's name, else of the config."""
+        quality = (self.manifest.get("config") or {}).get("quality") or {}
+        named = self.metric.partition("_e")[2] if self.metric.startswith("relmse_e") else quality.get("epsilon", 0.01)
+        return float(named)
+
+    @property
+    def relative_metric(self) -> str:
+        """relMSE, whatever the quality metric: slopes of the RMSE and biases are about mean squares."""
+        return metric_name("relmse", self.epsilon)
+
+    def of_scene(self, scene: str) -> list[Contender]:
+        """The scene's contenders that have something to show."""
+        return [c for c in self.contenders if c.settings.scene == scene and c.done]
+
+    def curve(self, cell: Event, x: str = "seconds", metric: str = "") -> Curve:
+        """A cell's error over `seconds`, `spp` or `rays`: noise-corrected with its standard error where it is known."""
+        points = cell.get("points") or []
+        errors, spreads = np.array([point_error(point, metric or self.metric) for point in points]).reshape(-1, 2).T
+        return curve([float(point.get(x) or math.nan) for point in points], errors, spreads)
+
+    def reference(self, reference_id: str | None) -> Reference | None:
+        """The reference's arrays; None where it is missing or unreadable."""
+        if reference_id not in self.references:
+            return None
+        from engines.errors import RaybenchError
+
+        try:
+            return reference_arrays(self.folder, str(reference_id))
+        except (RaybenchError, OSError, ValueError, KeyError):
+            return None
+
+    def image(self, point: Event) -> np.ndarray | None:
+        """A checkpoint's image (h, w, 3); None where it was not kept or cannot be read."""
+        return read_image(image_file(self.folder, point["image"])) if point.get("image") else None
+
+
+def load_results(folder: str | Path) -> Results:
+    """Reads a results folder. Raises ConfigError where there is none, and where it has no events."""
+    from engines.errors import ConfigError
+
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: no such folder; one written by `raybench run` is wanted")
+    if not (folder / "events.jsonl").exists():
+        raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is wanted")
+    events = read_events(folder)
+    manifest = read_manifest(folder) if (folder / "manifest.json").exists() else {}
+    return results_of(folder, manifest, events)
+
+
+def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
+    """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
+    targets = (of_kind(events, "targets") or [{}])[-1]
+    quality = (manifest.get("config") or {}).get("quality") or {}
+    metric = targets.get("metric") or _metric_of(quality)
+    goals = targets.get("targets", quality.get("targets"))
+    numbers = [float(t) for t in goals if t != "auto"] if isinstance(goals, (list, tuple)) else []
+    references = {event["reference_id"]: event for event in of_kind(events, "reference")}
+    cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
+    results = Results(folder, manifest, cells, references, metric,
+                      sorted(numbers, reverse=not higher_is_better(metric)),
+                      of_kind(events, "sentinel"), of_kind(events, "run"),
+                      {event["env_id"]: event for event in of_kind(events, "environment")},
+                      {event["reference_id"]: event for event in of_kind(events, "certificate")},
+                      check_results(events, manifest.get("verify_job_ids")),
+                      last_event(events, "archived_verdicts"))  # fmt: skip
+    results.contenders = _contenders(results.cells, _config_scenes(manifest))
+    return results
+
+
+def _config_scenes(manifest: Mapping[str, Any]) -> list[str]:
+    """Scenes in the order of the config; none where the manifest does not say."""
+    combinations = (manifest.get("config") or {}).get("combinations") or []
+    scenes = [combination.get("scene") for combination in combinations]
+    return list(dict.fromkeys(str(scene["name"]) for scene in scenes if isinstance(scene, Mapping) and "name" in scene))
+
+
+def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
+    return [event for event in events if event.get("event") == kind]
+
+
+def choice_text(choice: Any) -> str:
+    """`{"name": "bvh", "leaf": 4}` as `bvh(leaf=4)`; names stay as they are, None becomes empty."""
+    if not isinstance(choice, Mapping):
+        return "" if choice is None else str(choice)
+    options = ", ".join(f"{key}={choice[key]}" for key in sorted(choice) if key != "name")
+    return f"{choice.get('name', '?')}({options})" if options else str(choice.get("name", "?"))
+
+
+def phase_seconds(cell: Event, phase: str) -> float:
+    """Seconds of a phase; 0 where it was not recorded."""
+    value = (cell.get("phases") or {}).get(f"{phase}_seconds")
+    return float(value) if value is not None and math.isfinite(value) else 0.0
+
+
+def point_error(point: Event, metric: str) -> tuple[float, float]:
+    """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one."""
+    metrics = point.get("metrics") or {}
+    value = metrics.get(f"{metric}_corrected", metrics.get(metric))
+    se = metrics.get(f"{metric}_se")
+    return (math.nan if value is None else as_error(metric, float(value))), (0.0 if se is None else float(se))
+
+
+def read_image(path: Path) -> np.ndarray | None:
+    """(h, w, 3) float64, or None where the file is missing or damaged: a report never fails over a picture."""
+    from engines.errors import RaybenchError
+    from engines.image import read_image as read
+
+    try:
+        return np.asarray(read(path), np.float64)
+    except (RaybenchError, OSError):
+        return None
+
+
+def _metric_of(quality: Mapping[str, Any]) -> str:
+    return metric_name(quality.get("metric", "relmse"), float(quality.get("epsilon", 0.01)))
+
+
+def setting_text(axis: str, value: Any) -> str:
+    """A setting of `Settings` as tables and legends print it."""
+    return BRUTE_FORCE if (axis, value) == ("accelerator", "none") else str(value)
+
+
+def settings_of(cell: Event) -> Settings:
+    """The configuration of a cell."""
+    return Settings(
+        str(cell.get("scene", "?")), str(cell.get("engine", "?")), choice_text(cell.get("accelerator")),
+        choice_text(cell.get("shader")), choice_text(cell.get("sampler")), str(cell.get("precision") or ""),
+        int(cell.get("threads") or 1), f"{cell.get('width') or '?'}x{cell.get('height') or '?'}",
+        str(cell.get("label") or ""), str(cell.get("env_id") or "")[:8],
+    )  # fmt: skip
+
+
+def _contenders(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contender]:
+    """Cells by configuration, named by what differs among those that were measured, or from them.
+
+    Scenes come in the order of the config, others after them as they appear.
+    """
+    groups: dict[Settings, list[Event]] = {}
+    for cell in cells:
+        groups.setdefault(settings_of(cell), []).append(cell)
+    scenes = list(dict.fromkeys([*config_scenes, *(settings.scene for settings in groups)]))
+    contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
+                  for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
+    choices = choices_of(contenders)
+    words = [name_words(contender, choices) for contender in contenders]
+    measured = [bool(contender.done) for contender in contenders]
+    seen: dict[tuple[str, str], set[str]] = {}
+    for contender, own, done in zip(contenders, words, measured, strict=True):
+        if done or not any(measured):
+            for axis in AXES:
+                seen.setdefault(scope(axis, contender), set()).add(own[axis])
+    for contender, own in zip(contenders, words, strict=True):
+        shown = [own[a] for a in AXES if a == "engine" or seen.get(scope(a, contender), set()) - {own[a]}]
+        contender.name = " ".join(word for word in shown if word)
+    return contenders
+
+
+def scope(axis: str, contender: Contender) -> tuple[str, str]:
+    """Among whom values of an axis must differ in names: all contenders, but for accelerators those of one engine."""
+    return axis, contender.settings.engine if axis == "accelerator" else ""
+
+
+def choices_of(contenders: Sequence[Contender]) -> dict[tuple[str, str], list[Any]]:
+    """The different choices of accelerators, shaders and samplers in each scope."""
+    found: dict[tuple[str, str], list[Any]] = {}
+    for contender in contenders:
+        for axis in ("accelerator", "shader", "sampler"):
+            known = found.setdefault(scope(axis, contender), [])
+            if contender.cells[0].get(axis) not in known:
+                known.append(contender.cells[0].get(axis))
+    return found
+
+
+def name_words(contender: Contender, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
+    """Axis -> the word for it in a name. Options are given only where two choices of one name differ in them."""
+    settings = contender.settings
+    words = {axis: str(getattr(settings, axis)) for axis in AXES}
+    words["threads"] = f"{settings.threads} thread{'s' if settings.threads != 1 else ''}"
+    for axis in ("accelerator", "shader", "sampler"):
+        words[axis] = brief_choice(contender.cells[0].get(axis), choices[scope(axis, contender)])
+    return words
+
+
+def brief_choice(choice: Any, others: Sequence[Any]) -> str:
+    """`choice_text` with only those options that differ among the choices of the same name; `none` is brute force."""
+    if isinstance(choice, Mapping) and choice.get("name") == "none":
+        return BRUTE_FORCE
+    if not isinstance(choice, Mapping):
+        return choice_text(choice)
+    same = [other for other in others if isinstance(other, Mapping) and other.get("name") == choice.get("name")]
+    differing = {key: choice[key] for key in choice if any(other.get(key) != choice[key] for other in same)}
+    return choice_text({"name": choice.get("name"), **differing})

@@ -1,0 +1,92 @@
+"""Checks what was loaded from a results folder, once, at the door; whoever reads it afterwards may rely on it.
+
+Folders come from other machines and other people. Types are those of `record_types`; besides numbers fit 64 bits, text is
+Unicode, and nothing is nested deeper than `MAX_DEPTH`. What is wrong is said in a line: file, line, field, what is wanted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from engines.errors import ConfigError
+from harness.store.event_types import Event, Manifest, ReferenceMeta
+
+FORMAT_VERSION = 2
+"""Of manifest, events and references together: the manifest's `raybench_results`."""
+MAX_DEPTH = 64
+LARGEST_INTEGER = 2**63
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def event(data: Any, where: str) -> None:
+    """Raises `ConfigError`, one line that begins with `where`, if this is no event."""
+    _check(Event, data, where)
+
+
+def manifest(data: Any, where: str) -> None:
+    """Raises `ConfigError` if this is no manifest, or one of another version of the format."""
+    version(data, where)
+    _check(Manifest, data, where)
+    for index, source in enumerate(data.get("merged", [])):
+        manifest({"raybench_results": FORMAT_VERSION, **source}, f"{where} merged[{index}]")
+
+
+def version(data: Any, where: str) -> None:
+    """Raises `ConfigError` if this is no manifest of the version of the format that is read here."""
+    found = data.get("raybench_results") if isinstance(data, dict) else None
+    if not isinstance(found, int) or isinstance(found, bool):
+        raise ConfigError(f"{where}: 'raybench_results: {FORMAT_VERSION}' is wanted: this is no manifest of results")
+    if found != FORMAT_VERSION:
+        age = "a newer raybench wrote it" if found > FORMAT_VERSION else "an older raybench wrote it: measure again"
+        raise ConfigError(f"{where}: results of format {found}, and this raybench reads {FORMAT_VERSION}: {age}")
+
+
+def reference_meta(data: Any, where: str) -> None:
+    """Raises `ConfigError` if this is no metadata of a reference."""
+    _check(ReferenceMeta, data, where)
+
+
+def _check(kind: Any, data: Any, where: str) -> None:
+    try:
+        _plain(data)
+        _adapter(kind).validate_python(data)
+    except ValidationError as error:
+        raise ConfigError(f"{where}: {_first(error)}") from None
+    except ValueError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def _plain(value: Any, depth: int = 0) -> None:
+    """Raises `ValueError` for what JSON can say and programs cannot hold."""
+    if isinstance(value, str):
+        if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+            raise ValueError("text that is no Unicode: half of a surrogate pair")
+    elif isinstance(value, int):
+        if not -LARGEST_INTEGER <= value < LARGEST_INTEGER:
+            raise ValueError("an integer of more than 64 bits")
+    elif isinstance(value, (dict, list)):
+        if depth == MAX_DEPTH:
+            raise ValueError(f"nested deeper than {MAX_DEPTH}")
+        for child in value:
+            _plain(child, depth + 1)
+            if isinstance(value, dict):
+                _plain(value[child], depth + 1)
+
+
+def _first(error: ValidationError) -> str:
+    """The first thing that is wrong, in a line: where in the data, what was found, what is wanted."""
+    found = error.errors(include_url=False, include_context=False)[0]
+    field = re.sub(r"\.(\d+)", r"[\1]", ".".join(map(str, found["loc"])))
+    message = found["msg"].removeprefix("Value error, ")
+    shown = found["input"]
+    said = "" if isinstance(shown, (Mapping, list)) else f" = {shown!r:.120}"
+    return " ".join(f"{field or 'the whole'}{said}: {message}".split())

@@ -1,0 +1,180 @@
+"""Direct lighting with closed forms: each case is a scene with several parameters and the exact irradiance.
+
+Point and directional lights may differ by rounding. Area lights are tested by z over replicates, for each of
+`direct: light`, `bsdf` and `mis`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from engines.scene import DirectionalLight, Mesh, Orthographic, PointLight, Shape
+from harness.verify import closed_forms as forms
+from harness.verify.case import Measurement, Section, measurement
+from harness.verify.replicates import STRATEGIES, means, z_score
+from harness.verify.scenes import (
+    FLOOR,
+    ORIGIN,
+    WHITE_SKY,
+    grey,
+    material,
+    mesh,
+    path_tracer,
+    point_view,
+    quad,
+    sphere,
+    square,
+    whitted,
+)  # fmt: skip
+from harness.verify.subject import Subject
+
+SECTION = Section("light")
+PIXEL_CENTRE: dict[str, Any] = {"sampler": "constant"}
+WALL = [(2.0, -0.5, -0.6), (2.0, -0.5, 0.6), (2.0, 0.9, 0.6), (2.0, 0.9, -0.6)]
+TILTED = [(0.5, 1.2, -0.4), (1.1, 0.6, -0.5), (1.3, 0.9, 0.6), (0.4, 1.5, 0.5)]
+POLYGONS: list[tuple[str, Mesh, float, float]] = [
+    ("half below the horizon", quad(WALL, 1), 0.0, 0.7),
+    ("below a corner", square(1.0, 0.5, 1, down=True), 0.5, 0.7),
+    ("below its centre", square(1.0, 0.5, 1, down=True), 0.0, 0.5),
+    ("aside", square(0.7, 0.4, 1, down=True), 1.3, 0.7),
+    ("close", square(0.1, 0.3, 1, down=True), 0.1, 0.2),
+    ("far", square(3.0, 1.5, 1, down=True), 2.0, 0.9),
+    ("tilted", quad(TILTED, 1), 0.2, 0.8),
+    ("three corners", mesh([(-0.7, 0.9, 0.4), (-0.3, 1.3, -0.8), (0.8, 0.7, 0.1)], [[0, 1, 2]], 1), 0.0, 0.6),
+]
+"""(name, light, x of the point, albedo); z is x below a corner, elsewhere 0."""
+
+
+@SECTION.case("e", "The irradiance of a polygon light obeys Lambert's formula, also when clipped by the horizon.",
+              "Lambert 1760")  # fmt: skip
+def polygons(subject: Subject) -> Iterator[Measurement]:
+    for name, emitter, x, rho in subject.subset(POLYGONS, 2):
+        z = x if name == "below a corner" else 0.0
+        truth = rho / math.pi * forms.polygon(emitter.vertices - np.array([x, 0.0, z]), (0.0, 1.0, 0.0))
+        for direct in STRATEGIES:
+            view = point_view((x - 2.0, 0.2, z + 3.0), (x, 0.0, z), 32)  # below the lights
+            materials = [material(kd=rho), material(emission=1.0)]
+            seen = means(subject, [FLOOR, emitter], materials, [], view, path_tracer(2, direct))
+            yield z_score(subject, seen, truth, f"{name}, {direct}")
+
+
+@SECTION.case("f", "The irradiance of a sphere light has its closed form, above the horizon and across it.",
+              "Snyder 1996")  # fmt: skip
+def sphere_lights(subject: Subject) -> Iterator[Measurement]:
+    parameters = ((1.0, 2.0, 90), (0.5, 3.0, 45), (1.0, 2.0, 0), (1.0, 2.0, 75), (1.0, 1.3, 60), (1.0, 1.02, 20),
+                  (0.2, 0.5, 85), (3.0, 4.0, 100))  # fmt: skip
+    for radius, distance, degrees in subject.subset(parameters, 2):
+        beta = math.radians(degrees)
+        emitter = sphere((distance * math.sin(beta), distance * math.cos(beta), 0.0), radius, 1)
+        truth = 0.5 / math.pi * forms.sphere(radius, distance, beta)
+        for direct in STRATEGIES:
+            view = point_view((-4.0, 1.5, 1.0), ORIGIN, 32)
+            materials = [material(kd=0.5), material(emission=1.0)]
+            seen = means(subject, [FLOOR, emitter], materials, [], view, path_tracer(2, direct))
+            yield z_score(subject, seen, truth, f"R {radius}, d {distance}, beta {degrees}, {direct}")
+
+
+@SECTION.case("sum", "The radiances of several lights add up.", "the sum of e, f and i")
+def many_lights(subject: Subject) -> Iterator[Measurement]:
+    materials = [material(kd=0.8), material(emission=1.0)]
+    emitter, bulb, point = square(1.0, 0.4, 1, down=True, center=0.8), sphere((-1.5, 1.5, 0.0), 0.5, 1), (0.0, 2.0, 1.0)
+    beams = [PointLight(point, grey(0.7)), DirectionalLight((0.0, -0.8, 0.6), grey(0.2))]
+    received = [forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)),
+                forms.sphere(0.5, math.hypot(1.5, 1.5), math.pi / 4), 0.7 * 2.0 / 5**1.5, 0.2 * 0.8]  # fmt: skip
+    kept: list[tuple[str, list[Shape], list[Any], Sequence[int]]] = [
+        ("four", [emitter, bulb], beams, (0, 1, 2, 3)), ("areas", [emitter, bulb], [], (0, 1)),
+        ("one of each", [emitter], beams[:1], (0, 2)),
+    ]  # fmt: skip
+    for name, shapes, lights, which in subject.subset(kept, 1):
+        truth = 0.8 / math.pi * sum(received[k] for k in which)
+        for direct in STRATEGIES:
+            view = point_view((0.5, 3.0, -3.0), ORIGIN, 32)
+            seen = means(subject, [FLOOR, *shapes], materials, lights, view, path_tracer(2, direct))
+            yield z_score(subject, seen, truth, f"{name}, {direct}")
+
+
+@SECTION.case("g", "A floor beside a black sphere has the radiance rho L (1 - r^2 h / (h^2 + x^2)^(3/2)).", "raybench")
+def shaded_sky(subject: Subject) -> Iterator[Measurement]:
+    parameters = ((1.0, 1.0, 1.0, 1.0), (0.5, 2.0, 0.7, 0.6), (0.3, 0.4, 0.0, 1.0), (2.0, 2.5, 5.0, 0.9))
+    for r, h, x, rho in subject.subset(parameters, 1):
+        truth = rho * (1 - r * r * h / (h * h + x * x) ** 1.5)
+        view = point_view((x + 3.0 * h, 1.5 * min(h, 1.0), 0.5), (x, 0.0, 0.0), 32)
+        for direct in STRATEGIES:
+            shapes, materials = [FLOOR, sphere((0.0, h, 0.0), r, 1)], [material(kd=rho), material()]
+            seen = means(subject, shapes, materials, [WHITE_SKY], view, path_tracer(2, direct), 3)
+            yield z_score(subject, seen, truth, f"r {r}, h {h}, x {x}, {direct}")
+
+
+def _disc(y: float, radius: float, index: int, down: bool, corners: int = 128) -> Mesh:
+    """A regular polygon with the area of a disc."""
+    reach = radius * math.sqrt(2 * math.pi / corners / math.sin(2 * math.pi / corners))
+    angle = -2 * np.pi * np.arange(corners) / corners
+    rim = np.stack([reach * np.cos(angle), np.full(corners, y), reach * np.sin(angle)], -1)
+    k = np.arange(corners)
+    faces = np.stack([np.full(corners, corners), k, (k + 1) % corners], -1)
+    return mesh(np.concatenate([rim, [[0.0, y, 0.0]]]), faces[:, ::-1] if down else faces, index)
+
+
+def _wall(height: float) -> Mesh:
+    """A rectangle on the edge x = -1/2 of the unit square, which it faces."""
+    return quad([(-0.5, 0, -0.5), (-0.5, height, -0.5), (-0.5, height, 0.5), (-0.5, 0, 0.5)], 1)
+
+
+@SECTION.case("h", "The mean irradiance of a receiver is the form factor, for squares and discs.", "Howell's catalogue")
+def form_factors(subject: Subject) -> Iterator[Measurement]:
+    """`share`: the part of the image that the receiver fills."""
+    facing = [(f"squares at {gap}", [square(0.0), square(gap, 0.5, 1, down=True)], gap, 1.0,
+               forms.parallel_rectangles(1 / gap, 1 / gap), 1.0) for gap in (1.0, 0.5, 2.0)]  # fmt: skip
+    edge = [(f"squares with a common edge, height {height}", [square(0.0), _wall(height)], 1.0, 1.0,
+             forms.perpendicular_rectangles(height, 1.0), 1.0) for height in (1.0, 0.4, 2.5)]  # fmt: skip
+    discs = [(f"coaxial discs {a} and {b} at {gap}", [_disc(0.0, a, 0, False), _disc(gap, b, 1, True)], gap, 2 * a,
+              forms.coaxial_discs(a / gap, b / gap), math.pi / 4)
+             for a, b, gap in ((1.0, 1.0, 1.0), (0.5, 2.0, 1.5), (1.0, 0.3, 0.7))]  # fmt: skip
+    for name, shapes, gap, height, factor, share in [
+        *subject.subset(facing, 1),
+        *subject.subset(edge, 1),
+        *subject.subset(discs, 1),
+    ]:
+        camera = Orthographic((0.0, 0.9 * gap, 0.0), ORIGIN, (0.0, 0.0, 1.0), height, (32, 32))
+        # where squares meet, sampling the light has no bounded variance
+        for direct in STRATEGIES[1:] if "edge" in name else STRATEGIES:
+            materials = [material(kd=1), material(emission=1)]
+            seen = means(subject, shapes, materials, [], camera, path_tracer(2, direct), 2)
+            yield z_score(subject, seen, factor * share, f"{name}, {direct}")
+
+
+@SECTION.case("i", "Point and directional lights obey the inverse square and cosine laws in every shader.", "raybench")
+def small_lights(subject: Subject) -> Iterator[Measurement]:
+    shaders = [whitted(), *(path_tracer(2, direct) for direct in STRATEGIES), {"name": "no_shadows", "ambient": 0.0}]
+    for h, x, rho in subject.subset(((1.5, 0.7, 0.5), (3.0, 2.0, 0.9), (0.2, 0.0, 1.0), (40.0, 9.0, 0.3)), 2):
+        view = point_view((x, 5.0, 0.0), (x, 0.0, 0.0), up=(0.0, 0.0, 1.0))
+        down = math.hypot(h, x)
+        point, sun = PointLight((0.0, h, 0.0), grey(2)), DirectionalLight((x / down, -h / down, 0.0), grey(3))
+        for light, truth in ((point, 2 * h / (h * h + x * x) ** 1.5), (sun, 3 * h / down)):
+            seen = [
+                subject.image([FLOOR], [material(kd=rho)], [light], view, shader, **PIXEL_CENTRE)[0, 0] for shader in shaders
+            ]
+            yield measurement(np.array(seen) - rho / math.pi * truth, f"{type(light).__name__}, h {h}, x {x}")
+        both = [point, sun, point]
+        seen = [subject.image([FLOOR], [material(kd=rho)], both, view, shaders[k], **PIXEL_CENTRE)[0, 0] for k in (0, -1)]
+        truth = 4 * h / (h * h + x * x) ** 1.5 + 3 * h / down
+        yield measurement(np.array(seen) - rho / math.pi * truth, f"three lights, h {h}, x {x}")
+
+
+@SECTION.case("m", "The shadow of a sphere under a point light ends at h tan(asin(r / (h - c))).", "raybench")
+def shadow(subject: Subject) -> Iterator[Measurement]:
+    for r, c, h in subject.subset(
+        ((0.5, 1.0, 3.0), (0.2, 0.5, 1.0), (1.0, 1.5, 4.0), (0.01, 0.7, 0.9), (5.0, 20.0, 50.0)), 3
+    ):
+        edge = h * math.tan(math.asin(r / (h - c)))
+        wrong = []
+        for side, lit in ((1 - 1e-4, False), (1 + 1e-4, True)):
+            view = point_view((2.0 * edge, 0.3 * c, 0.4), (side * edge, 0.0, 0.0))
+            shapes, light = [FLOOR, sphere((0.0, c, 0.0), r, 1)], PointLight((0.0, h, 0.0), grey(1))
+            seen = subject.image(shapes, [material(kd=0.5), material()], [light], view, whitted(), **PIXEL_CENTRE)
+            wrong.append((seen[0, 0] > 0) != lit)
+        yield measurement(wrong, f"r {r}, c {c}, h {h}")

@@ -1,0 +1,146 @@
+"""Materials: white furnace, conservation of energy, reciprocity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from engines.scene import DirectionalLight, Material, Plane, Shape
+from harness.verify.case import Measurement, Section, measurement
+from harness.verify.checks.glass import cosine_of, fresnel, toward
+from harness.verify.replicates import STRATEGIES, means, z_score
+from harness.verify.scenes import FLOOR, ORIGIN, WHITE_SKY, grey, material, path_tracer, point_view, sphere, whitted
+from harness.verify.subject import Subject
+
+SECTION = Section("materials")
+PIXEL_CENTRE: dict[str, Any] = {"sampler": "constant"}
+LOSSLESS: dict[str, Material] = {
+    "matte": material(kd=1),
+    "mirror": material(ks=1),
+    "half a mirror": material(kd=0.5, ks=0.5),
+    "mostly mirror": material(kd=0.25, ks=0.75),
+    "glass": material(ks=1, kt=1, ior=1.5, fresnel=True),
+    "glass without Fresnel": material(ks=0.3, kt=0.7, ior=1.5),
+    "clear": material(kt=1, ior=1.33),
+    "frosted": material(kd=0.2, ks=0.3, kt=0.5, ior=1.3),
+    "coated": material(kd=0.4, ks=0.6, kt=0.6, ior=1.5, fresnel=True),
+    "coloured": Material("m", (0.2, 0.25, 0.3), (0.3, 0.35, 0.3), (0.5, 0.4, 0.4), 1.4),
+}
+ABSORBING: dict[str, Material] = {
+    "matte": material(kd=0.7),
+    "mirror": material(ks=0.9),
+    "mixed": material(kd=0.3, ks=0.4),
+    "pane": material(ks=0.2, kt=0.5, ior=1.5),
+    "glass": material(ks=1, kt=1, ior=1.5, fresnel=True),
+    "diamond": material(ks=0.9, kt=0.95, ior=2.4, fresnel=True),
+    "frosted": material(kd=0.2, ks=0.5, kt=0.6, ior=1.3, fresnel=True),
+}
+ANGLES = (0, 20, 45, 70, 85)
+
+
+@SECTION.case("wf", "In a white furnace every lossless opaque material is white.", "raybench")
+def white(subject: Subject) -> Iterator[Measurement]:
+    """Exact for `direct: bsdf`; with light sampling only where the material has one lobe."""
+    view = point_view((0.5, 3.0, 2.0), ORIGIN, 8)
+    for name in ("matte", "mirror", "half a mirror", "mostly mirror"):
+        for direct in STRATEGIES if name in ("matte", "mirror") else ("bsdf",):
+            seen = subject.image([sphere()], [LOSSLESS[name]], [WHITE_SKY], view, path_tracer(9, direct))
+            yield measurement(seen - 1, f"{name}, {direct}")
+
+
+@SECTION.case("wf.glass", "In a white furnace every lossless transparent body is invisible.", "raybench")
+def white_glass(subject: Subject) -> Iterator[Measurement]:
+    view = point_view((0.5, 3.0, 2.0), (0.5, 0.3, 0.2), 8)
+    for name in ("glass", "glass without Fresnel", "clear", "frosted", "coated"):
+        seen = subject.image([sphere()], [LOSSLESS[name]], [WHITE_SKY], view, path_tracer(2000, "bsdf"))
+        yield measurement(seen - 1, name)
+
+
+@SECTION.case("wf.z", "In a white furnace the mean radiance of every mixture of lobes is white, by every strategy.", "raybench")
+def white_mixtures(subject: Subject) -> Iterator[Measurement]:
+    view = point_view((0.5, 3.0, 2.0), (0.5, 0.3, 0.2), 32)
+    for name in subject.subset(("half a mirror", "mostly mirror", "frosted", "coated", "coloured"), 1):
+        for direct in STRATEGIES if name == "coloured" else ("light", "mis"):
+            seen = means(subject, [sphere()], [LOSSLESS[name]], [WHITE_SKY], view, path_tracer(100, direct), 2)
+            yield z_score(subject, seen, 1.0, f"{name}, {direct}")
+
+
+@SECTION.case("energy", "A surface reflects and transmits the shares given by its weights, and never more than it receives.",
+              "Veach 1997, 4.5 and 5.3")  # fmt: skip
+def energy(subject: Subject) -> Iterator[Measurement]:
+    """Under a white environment with a black plane behind the surface (R), then without it (R + T / eta^2)."""
+    for name, given in ABSORBING.items():
+        for below in (False, True):
+            eta = 1 / given.ior if below else given.ior
+            bed = Plane((0.0, 1.0 if below else -1.0, 0.0), (0.0, 1.0, 0.0), 1)
+            errors = []
+            for degrees in ANGLES:
+                view = toward(degrees, below)
+                sides: list[list[Shape]] = [[FLOOR, bed], [FLOOR]]
+                black, both = (
+                    subject.image(side, [given, material()], [WHITE_SKY], view, whitted(2), **PIXEL_CENTRE)[0, 0]
+                    for side in sides
+                )
+                reflected, transmitted = _weights(given, eta, cosine_of(view))
+                sent = black + (both - black) * eta**2
+                errors += [black - reflected, (both - black) * eta**2 - transmitted, max(sent - 1, 0.0)]
+            yield measurement(errors, f"{name}, from {'behind' if below else 'the front'}")
+
+
+def _weights(given: Material, eta: float, cosine: float) -> tuple[float, float]:
+    """(reflected, transmitted) shares of the light. Without Fresnel, total reflection includes the weight of kt."""
+    kd, ks, kt = given.kd[0], given.ks[0], given.kt[0]
+    if given.fresnel:
+        share = fresnel(0.0, eta, cosine)
+        return kd + ks * share, kt * (1 - share)
+    total = (1 - cosine**2) / eta**2 >= 1
+    return (kd + ks + kt, 0.0) if total else (kd + ks, kt)
+
+
+@SECTION.case("recip", "BSDFs are reciprocal: f(wi, wo) = f(wo, wi).", "Veach 1997, 5.2")
+def reciprocity(subject: Subject) -> Iterator[Measurement]:
+    """Renders a directional light from wi with the camera at wo, then with the two exchanged."""
+    directions = [_direction(*angles) for angles in ((0, 0), (30, 10), (60, 200), (80, 100))]
+    for name in ("matte", "mixed", "frosted"):
+        errors = []
+        for a, b in ((a, b) for a in directions for b in directions if a is not b):
+            there, back = (_scattered(subject, ABSORBING[name], i, o) for i, o in ((a, b), (b, a)))
+            errors += [there - back, there - ABSORBING[name].kd[0] / math.pi]
+        yield measurement(errors, name)
+
+
+def _direction(polar: float, azimuth: float) -> np.ndarray:
+    theta, phi = math.radians(polar), math.radians(azimuth)
+    return np.array([math.sin(theta) * math.cos(phi), math.cos(theta), math.sin(theta) * math.sin(phi)])
+
+
+def _scattered(subject: Subject, given: Material, light: np.ndarray, eye: np.ndarray) -> float:
+    x, y, z = (float(value) for value in -light)
+    view = point_view(4 * eye, ORIGIN, up=(0.3, 0.2, 0.9))
+    sun = DirectionalLight((x, y, z), grey(1))
+    return float(subject.image([FLOOR], [given], [sun], view, path_tracer(2), **PIXEL_CENTRE)[0, 0]) / -y
+
+
+@SECTION.case(
+    "recip.glass", "Transmission is reciprocal: L / n^2 is the same in both directions (Stokes).", "Stokes 1849"
+)
+def stokes(subject: Subject) -> Iterator[Measurement]:
+    """A light below seen from above, and one above seen from below, at angles that correspond by Snell's law."""
+    for name in ("glass", "diamond", "pane"):
+        given = ABSORBING[name]
+        errors = []
+        # not closer to 90: there n^2 tan magnifies the rounding of the inner ray in float32 beyond what is allowed
+        for degrees in (0, 15, 40, 65, 85):
+            inner = math.degrees(math.asin(math.sin(math.radians(degrees)) / given.ior))
+            seen = []
+            for angle, below in ((degrees, False), (inner, True)):
+                emitter = Plane((0.0, 1.0 if below else -1.0, 0.0), (0.0, -1.0 if below else 1.0, 0.0), 1)
+                view = toward(angle, below, distance=0.5)
+                seen.append(
+                    subject.image([FLOOR, emitter], [given, material(emission=1)], [], view, whitted(2), **PIXEL_CENTRE)[0, 0]
+                )
+            errors.append(seen[0] * given.ior**2 - seen[1] / given.ior**2)
+        yield measurement(errors, name)

@@ -1,0 +1,58 @@
+"""verify.json: the results of a run as plain data, with the version of the format."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from engines.errors import ConfigError
+from engines.input_files import open_regular
+from harness.verify.suite import CheckResult
+from harness.verify.summary import counts
+
+FORMAT_VERSION = 2
+"""2: outcomes are pass, xfail, fail and skip; the rows are `results`."""
+
+
+def document(results: Sequence[CheckResult], quick: bool) -> dict[str, Any]:
+    """Plain data. Numbers that JSON lacks are null (NaN) or the texts "inf" and "-inf"."""
+    rows = [{key: _plain(value) for key, value in dataclasses.asdict(result).items()} for result in results]
+    return {"raybench_verify": FORMAT_VERSION, "quick": quick, "outcomes": dict(counts(results)), "results": rows}
+
+
+def read_results(path: str | Path) -> list[CheckResult]:
+    """The results in a verify.json. Raises `ConfigError` for what is none, and for one of another format version."""
+    try:
+        with open_regular(Path(path)) as file:
+            data = json.loads(file.read())
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read as JSON: {error}") from error
+    version = data.get("raybench_verify") if isinstance(data, dict) else None
+    if not isinstance(version, int) or isinstance(version, bool):
+        raise ConfigError(f"{path}: not results of raybench verify: the key 'raybench_verify' is missing")
+    if version != FORMAT_VERSION:
+        raise ConfigError(f"{path}: format {version}, this raybench reads {FORMAT_VERSION}: run raybench verify again")
+    try:
+        return TypeAdapter(list[CheckResult]).validate_python(_nan_if_null(data.get("results")))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, ("results", *first["loc"])))
+        raise ConfigError(f"{path}: {place} = {first['input']!r}: {first['msg']}") from error
+
+
+def _nan_if_null(rows: Any) -> Any:
+    """Rows with NaN in the place of null."""
+    plain = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
+    return [{key: math.nan if value is None else value for key, value in row.items()} for row in rows] if plain else rows
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "inf" if value > 0 else "-inf"
+    return value

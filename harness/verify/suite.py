@@ -1,0 +1,151 @@
+"""Runs cases against engines; compares every measurement with its tolerance."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from engines.interface import Engine
+from harness.verify.case import Case, Measurement
+from harness.verify.checks import (
+    accelerators,
+    cameras,
+    furnaces,
+    glass,
+    lights,
+    materials,
+    rays,
+    sampling,
+    spawned_rays,
+    spheres,
+    stability,
+    triangles,
+)
+from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
+from harness.verify.tolerances import ENGINE_TOLERANCES, TOLERANCES, Tolerance
+
+SECTIONS = (spheres.SECTION, triangles.SECTION, accelerators.SECTION, rays.SECTION, spawned_rays.SECTION,
+            cameras.SECTION, glass.SECTION, materials.SECTION, furnaces.SECTION, lights.SECTION, sampling.SECTION,
+            stability.SECTION)  # fmt: skip
+CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
+"""Every case, in the order of the tables."""
+
+PASS, XFAIL, FAIL, SKIP = "pass", "xfail", "fail", "skip"
+OUTCOMES = (PASS, XFAIL, FAIL, SKIP)
+"""xfail: the precision has no tolerance for the case (an expected failure); skip: the engine's `why_not` refuses the scene."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """One row of the tables: one measurement of a case, for one engine, precision and accelerator.
+
+    `error`, `tolerance` and `median_error` are in `unit` (see `tolerances`); `tolerance` is NaN where there is none.
+    `median_ulp`, `p999_ulp` (the 99.9 % quantile) and `worst_ulp` are in ulp of the precision `tracing`, NaN for cases that
+    measure no distances. `count` rays, pixels or samples were measured in `seconds`, compilation included.
+    """
+
+    engine: str
+    version: str
+    precision: str
+    tracing: str
+    accelerator: str
+    section: str
+    case: str
+    description: str
+    source: str
+    parameter: str
+    count: int
+    error: float
+    unit: str
+    tolerance: float
+    outcome: str
+    median_ulp: float
+    p999_ulp: float
+    worst_ulp: float
+    seconds: float
+    note: str = ""
+    median_error: float = float("nan")
+
+
+def select_cases(names: Sequence[str]) -> list[Case]:
+    """The cases of these ids and sections, in the order of the suite."""
+    return [case for case in CASES if case.id in names or case.section in names]
+
+
+def case_names() -> list[str]:
+    """The names that `select_cases` knows: sections first, then ids."""
+    return [*dict.fromkeys(case.section for case in CASES), *(case.id for case in CASES)]
+
+
+def run_suite(engines: Sequence[Engine], quick: bool = False, cases: Sequence[Case] = CASES) -> Iterator[CheckResult]:
+    """The results of every engine in this process, one by one as they are measured."""
+    for engine in engines:
+        for precision in precisions(engine):
+            for case in cases:
+                if not (quick and case.full_only):
+                    for name in accelerator_names(engine) if case.each_accelerator else ["auto"]:
+                        yield from run_case(case, Subject(engine, precision, name, quick))
+
+
+def run_case(case: Case, subject: Subject) -> Iterator[CheckResult]:
+    """The results of one case as they are measured. An exception of the engine is a failure; a refusal is a skip."""
+    since = time.perf_counter()
+    try:
+        for measured in case.check(subject):
+            yield _result(case, subject, measured, None, time.perf_counter() - since)
+            since = time.perf_counter()
+    except Skipped as reason:
+        yield _result(case, subject, Measurement(np.zeros(0), note=str(reason)), SKIP, 0.0)
+    except Exception as error:
+        yield failure(case, subject, f"{type(error).__name__}: {error}", time.perf_counter() - since)
+
+
+def failure(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> CheckResult:
+    """The result of a case that could not be measured to its end."""
+    return _result(case, subject, Measurement(np.array([np.inf]), note=note), FAIL, seconds)
+
+
+def _error(tolerance: Tolerance, errors: Any) -> float:
+    """The one number of a measurement: the sum for `wrong`, the smallest p value for `p`, else the largest error."""
+    if errors.size == 0:
+        return float("nan")
+    if tolerance.unit == "wrong":
+        return float(np.where(np.isnan(errors), 1.0, errors).sum())
+    if tolerance.unit == "p":
+        return float(np.min(errors))
+    return float(np.max(np.where(np.isnan(errors), np.inf, np.abs(errors))))
+
+
+def _median_error(errors: Any) -> float:
+    return float(np.median(np.where(np.isnan(errors), np.inf, np.abs(errors)))) if errors.size else float("nan")
+
+
+def _compared(case: Case, subject: Subject, tolerance: Tolerance, measured: Measurement, error: float) -> tuple[float, str]:
+    """(tolerance, outcome). Without a tolerance in this precision the outcome is pass within that of float64, else xfail."""
+    own = ENGINE_TOLERANCES.get((subject.engine.name, subject.precision), {})
+    limit = own[case.id] if case.id in own else tolerance.limit(subject.tracing, measured.parameter)
+    wanted = limit if limit is not None else tolerance.limit("float64", measured.parameter)
+    if wanted is None:
+        raise KeyError(f"case {case.id}: no tolerance for {measured.parameter!r}")
+    good = error >= wanted if tolerance.unit == "p" else error <= wanted
+    if limit is None:
+        return float("nan"), PASS if good else XFAIL
+    return float(limit), PASS if good else FAIL
+
+
+def _result(case: Case, subject: Subject, measured: Measurement, outcome: str | None, seconds: float) -> CheckResult:
+    tolerance = TOLERANCES[case.id]
+    error, limit = _error(tolerance, measured.errors), float("nan")
+    if outcome is None:
+        limit, outcome = _compared(case, subject, tolerance, measured, error)
+    ulps = measured.ulps if measured.ulps is not None else np.full(1, np.nan)
+    median, p999, worst = (float(np.quantile(ulps, q, method="higher")) for q in (0.5, 0.999, 1.0))
+    return CheckResult(
+        subject.engine.name, subject.engine.version, subject.precision, subject.tracing, subject.accelerator,
+        case.section, case.id, case.description, case.source, measured.parameter, measured.errors.size, error,
+        tolerance.unit, limit, outcome, median, p999, worst, seconds, measured.note, _median_error(measured.errors),
+    )  # fmt: skip

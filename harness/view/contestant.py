@@ -1,0 +1,105 @@
+"""A contestant of a race: one cell that is rendered in slices, with checkpoints recorded as in `raybench run`."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from time import perf_counter
+from typing import Any
+
+from engines.film import Film
+from engines.interface import Renderer
+from engines.registry import engine as engine_of
+from engines.scene import load_scene
+from harness.config.settings import engine_settings
+from harness.measure import clock
+from harness.measure.contention import Disturbance
+from harness.measure.pool import WorkerMessage
+from harness.measure.sentinel import sentinel_seconds
+from harness.plan.cells import WARM_UP_SEED, Cell
+from harness.run.recorder import CellRecord, Recorder
+from harness.statistics.convergence import first_crossing
+from harness.store.results import point_error
+
+FINISHED = ("reached", "at_first")
+
+
+class Contestant:
+    """`seconds`: time inside `render` alone. `done`: every target is reached, or the budget is used up."""
+
+    def __init__(self, recorder: Recorder, cell: Cell, allow_imports: bool) -> None:
+        self.cell, self._recorder, self._allow_imports = cell, recorder, allow_imports
+        self._record = CellRecord(recorder, cell, recorder.env_id)
+        self.renderer: Renderer | None = None
+        self.seconds, self.spp, self.done = 0.0, 0, False
+        self.points: list[tuple[float, float, int]] = []
+        """(seconds, error, spp) of every checkpoint; the error is corrected for the noise of the reference."""
+
+    def prepare(self) -> None:
+        """Measures load, build and compile times with one renderer, as `measure` does; races with a second one."""
+        start = perf_counter()
+        scene = load_scene(self.cell.scene.path, allow_imports=self._allow_imports)
+        load = perf_counter() - start
+        engine, seed = engine_of(self.cell.engine), self.cell.seed
+        warm = engine_settings(self.cell.settings, seed + WARM_UP_SEED, self._allow_imports)
+        self.renderer, build, compilation = clock.prepare(engine, scene, warm)
+        self._seconds_per_sample = clock.one_sample(self.renderer)
+        self._record_message(did="prepared", load_seconds=load, build_seconds=build, compile_seconds=compilation)
+        self.phases = {"build": build, "compile": compilation}
+        settings = engine_settings(self.cell.settings, seed, self._allow_imports)
+        self.renderer = clock.prepare(engine, scene, settings)[0]
+        self._start, self._sentinel = perf_counter(), sentinel_seconds()
+        self._rays_before = clock.counters(self.renderer).get("rays", 0.0)
+        self._disturbance = Disturbance()
+        checkpoints, budget = self._recorder.plan.experiment.checkpoints, self.cell.budget
+        schedule = clock.Schedule(checkpoints.ratio, checkpoints.start, budget.max_spp, budget.max_time_seconds)
+        self._checkpoints = clock.checkpoints(schedule)
+        self._next_checkpoint = next(self._checkpoints)
+        self._recorder.begin(self.cell)
+
+    def _record_message(self, film: Film | None = None, **message: Any) -> None:
+        self._record.follow([WorkerMessage(message, film)])
+
+    def race(self, seconds: float) -> None:
+        """Renders for about that long. At checkpoints the clock stops while the error is measured."""
+        assert self.renderer is not None
+        end = self.seconds + seconds
+        while not self.done and self.seconds < end:
+            left = min(end, self.cell.budget.max_time_seconds) - self.seconds
+            fits = max(1, int(left / self._seconds_per_sample))
+            spp = min(self._next_checkpoint - self.spp, fits)
+            film, elapsed = clock.timed_call(self.renderer.render, spp, self._disturbance)
+            if film.spp < self.spp + spp:
+                return  # stopped
+            self.seconds, self.spp = self.seconds + elapsed, self.spp + spp
+            self._seconds_per_sample = max(self.seconds / self.spp, 1e-12)
+            used_up = self.seconds >= self.cell.budget.max_time_seconds or self.spp >= self.cell.budget.max_spp
+            if self.spp == self._next_checkpoint or used_up:
+                self._checkpoint(film)
+            self.done = used_up or all(crossing["state"] in FINISHED for crossing in self.crossings())
+
+    def _checkpoint(self, film: Film) -> None:
+        rays = clock.counters(self.renderer).get("rays", 0.0) - self._rays_before if self.renderer else 0.0
+        # a copy: the film changes, and the image is kept until the contestant ends
+        self._record_message(deepcopy(film), did="point", spp=self.spp, seconds=self.seconds, rays=rays)
+        error, _ = point_error(self._record.points[-1], self._recorder.metric)
+        self.points.append((self.seconds, error, self.spp))
+        while self._next_checkpoint <= self.spp:
+            self._next_checkpoint = next(self._checkpoints, self.spp + 1)
+
+    def crossings(self) -> list[dict[str, Any]]:
+        """When each target was reached, as in reports; a negative error (noise) counts as unknown."""
+        times, errors = [point[0] for point in self.points], [point[1] for point in self.points]
+        found = []
+        for target in self._recorder.plan.experiment.quality.targets or ():
+            crossing = first_crossing(times, errors, target)
+            found.append({"target": target, "seconds": crossing.x, "state": crossing.state})
+        return found
+
+    def finish(self) -> None:
+        """Writes the event of the cell."""
+        if self.renderer is None or not self.points:
+            return
+        counters = {k: v for k, v in clock.counters(self.renderer).items() if k not in ("build_seconds", "compile_seconds")}
+        self._record_message(did="end", counters=counters, machine=self._disturbance.report())
+        event = self._recorder.measured_as(self._record, (), self._sentinel)
+        self._recorder.finish(self.cell, {**event, "wall_seconds": perf_counter() - self._start})

@@ -1,0 +1,84 @@
+// The socket to the worker of this tab: sends JSON, receives messages of a JSON header and bytes (harness/view/messages.py).
+
+const decoder = new TextDecoder();
+
+export class WorkerSocket {
+  // `handlers` has a function (header, bytes) => void for each `type` of a message, and `closed`.
+  constructor(page, handlers) {
+    this.handlers = handlers;
+    const base = new URL(".", location.href);
+    this.connection = new WebSocket(new URL(`socket/${page}`, base.href.replace(/^http/, "ws")));
+    this.connection.binaryType = "arraybuffer";
+    this.connection.addEventListener("message", (event) => this.receive(event.data));
+    this.connection.addEventListener("close", () => this.closed());
+  }
+
+  receive(data) {
+    const length = new DataView(data).getUint32(0, true);
+    const header = JSON.parse(decoder.decode(new Uint8Array(data, 4, length)));
+    this.handlers[header.type]?.(header, data.slice(4 + length));
+  }
+
+  send(request) {
+    if (this.connection.readyState === WebSocket.OPEN) this.connection.send(JSON.stringify(request));
+  }
+
+  close() {
+    this.closing = true;
+    this.connection.close();
+  }
+
+  closed() {
+    if (!this.closing) showError("The connection to the server is closed. Start raybench view again, or reload the page.");
+    this.handlers.closed?.();
+  }
+}
+
+export const byId = (id) => document.getElementById(id);
+
+export function showError(text) {
+  const box = byId("error");
+  box.hidden = !text;
+  box.textContent = text ?? "";
+}
+
+// Calls `act` with the latest value, at most once per animation frame.
+export function throttled(act) {
+  let waiting = null;
+  return (value) => {
+    if (waiting === null) requestAnimationFrame(() => { const last = waiting; waiting = null; act(last.value); });
+    waiting = { value };
+  };
+}
+
+// A number with an SI prefix.
+export function count(value, unit = "") {
+  if (value === null || value === undefined) return "–";
+  for (const [size, letter] of [[1e9, " G"], [1e6, " M"], [1e3, " k"]]) {
+    if (value >= size) return `${(value / size).toPrecision(3)}${letter}${unit}`;
+  }
+  return `${Number(value.toPrecision(3))} ${unit}`.trim();
+}
+
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return "–";
+  if (seconds < 1) return `${(1000 * seconds).toFixed(seconds < 0.1 ? 1 : 0)} ms`;
+  return seconds < 120 ? `${seconds.toFixed(seconds < 10 ? 2 : 1)} s` : `${(seconds / 60).toFixed(1)} min`;
+}
+
+// Offers bytes as a download.
+export function download(name, bytes, type) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([bytes], { type }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+export function themeButton() {
+  const root = document.documentElement;
+  byId("theme").addEventListener("click", () => {
+    const dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+    root.dataset.theme = dark ? "light" : "dark";
+  });
+}

@@ -1,0 +1,276 @@
+"""The page with one image that is refined progressively.
+
+Three threads: the reading thread receives requests and interrupts the render, the main thread renders, and the thread of the
+publisher (`publisher`) sends frames and the state, and answers requests that do not change the image.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from time import monotonic, perf_counter
+from typing import Any
+
+import numpy as np
+
+from engines.errors import ConfigError, RaybenchError, Unsupported
+from engines.interface import Settings
+from engines.registry import engine as engine_of
+from engines.registry import is_file
+from engines.scene import CustomCamera, Orthographic, Scene, load_scene
+from harness.config.settings import engine_settings, require_imports
+from harness.measure import clock
+from harness.processes import one_line
+from harness.view import requests
+from harness.view.coalescing_queue import CoalescingQueue
+from harness.view.interactive_scene import InteractiveScene, camera_fields
+from harness.view.library import Library
+from harness.view.menu import menu
+from harness.view.messages import coalescing_key, error_message, packed
+from harness.view.publisher import ANSWERED_AT_ONCE, Publisher, ViewState
+
+REST_SECONDS = 0.15
+"""The full image starts after this time without a camera move or drag."""
+CHUNK_SECONDS = 0.1
+"""Render time between two looks at the queue of requests."""
+
+
+class ViewController:
+    """Runs the page of one image."""
+
+    def __init__(self, send: Callable[[bytes], None], library: Library, allow_imports: bool) -> None:
+        self._send, self._library, self._allow_imports = send, library, allow_imports
+        self._work = CoalescingQueue()
+        self._view = ViewState()
+        self._publisher = Publisher(send, self._view, self._interrupt)
+        self._rays_before = 0.0
+        self._moved_at: float | None = None
+        self._chunk = 1
+
+    # ---- the reading thread ------------------------------------------------------------------------------------------
+
+    def receive(self, request: Any) -> None:
+        key = coalescing_key(request.type, getattr(request, "finger", None))
+        if request.type in ANSWERED_AT_ONCE:
+            self._publisher.receive(request, key)
+            return
+        self._work.put(request, key)
+        self._interrupt()
+
+    def _interrupt(self) -> None:
+        """Stops the render where a request waits. Called repeatedly: a stop just before a render has no effect."""
+        interactive = self._view.interactive
+        if self._work and self._view.rendering and interactive is not None and interactive.full is not None:
+            interactive.full.stop()
+
+    # ---- the rendering thread ----------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        self._send(packed({"type": "menu", **menu(self._library)}))
+        self._publisher.start()
+
+    def run(self) -> None:
+        while True:
+            self._step(self._work.take(self._wait_seconds()))
+
+    def _wait_seconds(self) -> float | None:
+        """How long to wait for a request before the next chunk; None: until one arrives."""
+        if self._view.state != "busy":
+            return None
+        return 0.0 if self._moved_at is None else max(0.0, self._moved_at + REST_SECONDS - monotonic())
+
+    def _step(self, request: Any) -> None:
+        """Handles a request, or renders a chunk; errors go to the page."""
+        try:
+            if request is not None:
+                self._view.seq = max(self._view.seq, request.seq)
+                getattr(self, f"_on_{request.type}", self._refuse)(request)
+            elif self._view.state == "busy":
+                self._render_chunk()
+        except Exception as error:
+            if not isinstance(error, RaybenchError):
+                traceback.print_exc()
+            self._send(error_message(one_line(error)))
+            self._set_idle("idle" if self._view.interactive is None else "stopped")
+
+    def _refuse(self, request: Any) -> None:
+        raise ConfigError(f"the page with one image has no request {request.type!r}")
+
+    def _on_open(self, request: requests.OpenRequest) -> None:
+        """Loads the scene and renders a preview; the full image follows."""
+        self._set_busy("loading")
+        scene = load_scene(self._library.find(request.scene), allow_imports=self._allow_imports)
+        settings, provenance = self._settings(request, scene)
+        engine = engine_of(request.settings.engine)
+        before, offsets = self._view.interactive, {}
+        if request.keep_edits and before is not None and before.scene.source == scene.source:
+            edited, offsets = before.scene, before.offsets
+            scene = replace(scene, camera=edited.camera, shapes=edited.shapes, lights=edited.lights)
+        refusal = engine.why_not(scene, settings)
+        if refusal:
+            raise Unsupported(refusal)
+        for warning in scene.warnings:
+            self._send(packed({"type": "warning", "text": warning}))
+        before = self._view.interactive = self._view.film = None  # frees old renderers before new ones are made
+        try:
+            interactive = InteractiveScene(scene, engine, settings, self._set_activity)
+        except MemoryError as error:
+            raise ConfigError("there is not enough memory for this scene at this size") from error
+        interactive.offsets = offsets
+        self._view.interactive, self._view.provenance = interactive, provenance
+        self._view.target_spp, self._view.seconds = request.spp, 0.0
+        self._describe(request.scene, interactive)
+        self._render_preview()
+        self._moved_at = monotonic() - REST_SECONDS
+
+    def _settings(self, request: requests.OpenRequest, scene: Scene) -> tuple[Settings, dict[str, Any]]:
+        """The settings of a request within the limits, and the provenance for saved images."""
+        given = request.settings
+        require_imports(given.engine, self._allow_imports)
+        if is_file(given.engine):
+            raise ConfigError(f"{given.engine}: external renderers are not run from a page")
+        plain = {
+            "shader": given.shader, "sampler": given.sampler, "accelerator": given.accelerator, "precision": given.precision,
+            "threads": requests.limited_threads(given.threads), "width": request.width, "height": request.height,
+        }  # fmt: skip
+        settings = engine_settings(plain, request.seed, self._allow_imports)
+        width, height = settings.size(scene)
+        if width * height > requests.MAX_PIXELS:
+            raise ConfigError(f"{width}x{height}: more than {requests.MAX_PIXELS} pixels: choose a smaller size")
+        return settings, {
+            "scene": request.scene, "scene_hash": scene.content_hash, "engine": given.engine, "settings": plain,
+            "seed": request.seed,
+        }  # fmt: skip
+
+    def _describe(self, name: str, interactive: InteractiveScene) -> None:
+        fields = {"width": interactive.width, "height": interactive.height, "scene": name, "name": interactive.scene.name}
+        self._send(packed({"type": "opened", **fields}))
+        draggables = [draggable._asdict() for draggable in interactive.draggables]
+        self._send(packed({"type": "scene", "camera": camera_fields(interactive.scene.camera), "draggables": draggables}))
+
+    def _on_camera(self, request: requests.CameraRequest) -> None:
+        interactive = self._opened()
+        camera = interactive.scene.camera
+        if isinstance(camera, CustomCamera):
+            raise ConfigError("the scene's camera is a plugin: it cannot be moved")
+        _check_camera(request)
+        changed = replace(camera, eye=request.eye, target=request.target, up=request.up)
+        if isinstance(changed, Orthographic) and request.height is not None:
+            changed = replace(changed, height=request.height)
+        interactive.set_camera(changed)
+        self._preview_move()
+
+    def _on_drag(self, request: requests.DragRequest) -> None:
+        self._opened().drag(request.id, request.x, request.y)
+        self._preview_move()
+
+    def _preview_move(self) -> None:
+        self._view.seconds = 0.0
+        self._set_busy("moving")
+        self._render_preview()
+        self._moved_at = monotonic()
+
+    def _on_pick(self, request: requests.PickRequest) -> None:
+        """Sends the object that is picked; the render continues."""
+        interactive = self._opened()
+        try:
+            found = interactive.find(request.id) if request.id else interactive.pick(request.x, request.y)
+        except Unsupported:  # a camera that is a plugin, or an engine that traces no single rays
+            found = None
+        if found is None:
+            self._send(packed({"type": "picked", "id": None}))
+        else:
+            self._send(packed({"type": "picked", "id": found[0].id, "name": found[0].name, "x": found[1], "y": found[2]}))
+
+    def _on_stop(self, request: Any) -> None:
+        if self._view.state == "busy":
+            self._set_idle("stopped")
+        else:
+            self._publisher.state()
+
+    def _on_resume(self, request: Any) -> None:
+        """Continues a stopped image."""
+        interactive = self._opened()
+        if self._view.state == "stopped" and (interactive.full is None or interactive.full.film.spp < self._view.target_spp):
+            self._set_busy("rendering")
+        else:
+            self._publisher.state()
+
+    def _opened(self) -> InteractiveScene:
+        if self._view.interactive is None:
+            raise ConfigError("no scene is open")
+        return self._view.interactive
+
+    def _render_preview(self) -> None:
+        """Renders one sample per pixel of the preview and sends it at once."""
+        interactive = self._opened()
+        film = interactive.preview.film
+        if film.spp:
+            interactive.preview.update(camera=interactive.scene.camera)
+        interactive.preview.render(1)
+        self._view.show(film)
+        self._publisher.frame(at_once=True)
+
+    def _render_chunk(self) -> None:
+        """Renders a chunk of the full image, after applying the changes since the last chunk."""
+        interactive = self._opened()
+        if self._moved_at is not None or interactive.full is None:
+            renderer = interactive.update_full_renderer()
+            if renderer.film.counts.any():
+                renderer.update(camera=interactive.scene.camera)
+            self._moved_at, self._view.seconds, self._view.rays = None, 0.0, 0.0
+            self._rays_before = clock.counters(renderer).get("rays", 0.0)
+            self._chunk = 1
+        renderer = interactive.full
+        assert renderer is not None
+        if self._work:
+            return
+        self._view.activity = "rendering"
+        left = self._view.target_spp - renderer.film.spp
+        if left > 0:
+            self._render(renderer, min(left, self._chunk))
+        if renderer.film.spp >= self._view.target_spp:
+            self._set_idle("finished")
+
+    def _render(self, renderer: Any, spp: int) -> None:
+        done = renderer.film.spp
+        self._view.rendering = True
+        start = perf_counter()
+        try:
+            if self._view.film is not renderer.film:
+                renderer.render(spp, on_pass=self._view.show)
+            else:
+                renderer.render(spp)
+        finally:
+            self._view.rendering = False
+        elapsed = perf_counter() - start
+        self._view.seconds += elapsed
+        self._view.rays = clock.counters(renderer).get("rays", 0.0) - self._rays_before
+        if renderer.film.spp:
+            self._view.show(renderer.film)
+        rendered = renderer.film.spp - done
+        if rendered:
+            self._chunk = max(1, min(2 * self._chunk, int(CHUNK_SECONDS * rendered / elapsed)))
+
+    def _set_busy(self, activity: str) -> None:
+        self._view.state, self._view.activity = "busy", activity
+        self._publisher.state()
+
+    def _set_activity(self, activity: str) -> None:
+        self._view.activity = activity
+        self._publisher.state()
+
+    def _set_idle(self, state: str) -> None:
+        self._view.state, self._view.activity = state, ""
+        if self._view.film is not None:
+            self._publisher.frame(at_once=True)
+        self._publisher.state()
+
+
+def _check_camera(request: requests.CameraRequest) -> None:
+    """Raises `ConfigError` for a camera without a direction, or one that looks along its `up`."""
+    view = np.subtract(request.target, request.eye)
+    side = np.cross(view, request.up)
+    if not np.linalg.norm(side) > 1e-6 * np.linalg.norm(view) * np.linalg.norm(request.up):
+        raise ConfigError("camera: target must differ from eye, and up from the direction of view")

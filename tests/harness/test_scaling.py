@@ -1,0 +1,38 @@
+"""Exponents of cost: known powers are found, with intervals that cover them as often as they claim."""
+
+import numpy as np
+import pytest
+
+from harness.analysis.scaling import exponent
+
+
+def powers(rng, power, blocks=5, sizes=(100, 1000, 10_000), noise=0.03):
+    """Size -> block -> seconds of size^power, times lognormal noise."""
+    return {size: {b: size**power * float(rng.lognormal(0, noise)) for b in range(blocks)} for size in sizes}
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 1.0, 2.0])
+def test_the_exponent_of_a_power_is_found(power):
+    seconds = powers(np.random.default_rng(1), power, noise=1e-9)
+    found = exponent(seconds, sorted(seconds))
+    assert found.value == pytest.approx(power, abs=1e-6) and found.n == 5
+
+
+def test_intervals_cover_the_exponent_as_often_as_they_claim():
+    """95 % of 300: fewer than 272 or more than 297 has p < 1e-3."""
+    rng = np.random.default_rng(2)
+    runs = [powers(rng, 0.3) for _ in range(300)]
+    found = [exponent(seconds, sorted(seconds)) for seconds in runs]
+    assert 272 <= sum(e.low <= 0.3 <= e.high for e in found) <= 297
+
+
+def test_a_drift_of_the_machine_from_block_to_block_does_not_move_it():
+    drift = [1.0, 1.5, 0.7, 1.2, 2.0]
+    seconds = {size: {b: size * drift[b] for b in range(5)} for size in (10, 100, 1000)}
+    found = exponent(seconds, sorted(seconds))
+    assert (found.value, found.low, found.high) == pytest.approx((1, 1, 1))
+
+
+def test_blocks_that_lack_a_size_are_left_out():
+    seconds = {10: {0: 1.0, 1: 1.0}, 100: {0: 10.0, 1: 10.0}, 1000: {1: 100.0}}
+    assert exponent(seconds, sorted(seconds)).n == 1

@@ -1,0 +1,69 @@
+"""The inner floors of the harness, read from the sources as in `test_layout`."""
+
+import pytest
+
+from tests.test_layout import MODULES, imports, part_of, targets
+
+LAYERS = (
+    ("harness", "harness.__main__"),
+    ("harness.cli",),
+    ("harness.verify.commands",),
+    ("harness.console",),
+    ("harness.view",),
+    ("harness.report",),
+    ("harness.run",),
+    ("harness.analysis",),
+    ("harness.plan",),
+    ("harness.store",),
+    ("harness.measure",),
+    ("harness.config",),
+    ("harness.verify",),
+    ("harness.statistics",),
+    ("harness.metrics",),
+    ("harness.source_hashes", "harness.hashing", "harness.processes"),
+)
+"""The floors of the harness, the top one first: a module imports from its own floor and from those below."""
+
+
+def layer_of(module: str) -> int | None:
+    """The number of the floor that a module of the harness stands on: that of the longest name that is a prefix."""
+    floors = {part: floor for floor, parts in enumerate(LAYERS) for part in parts}
+    found = [part for part in floors if module == part or (module.startswith(part + ".") and part != "harness")]
+    return floors[max(found, key=len)] if found else None
+
+
+def imports_upwards(name: str, source: str, is_package: bool = False) -> list[str]:
+    """One line for every import of `source`, as module `name` of the harness, from a floor above its own."""
+    own, upwards = layer_of(name), []
+    if own is None:
+        return [f"{name} stands on no floor of LAYERS"]
+    for line, module, names in imports(name, source, is_package):
+        for target in sorted(targets(module, names)) if module.partition(".")[0] == "harness" else []:
+            floor = layer_of(target)
+            if floor is not None and floor < own:
+                upwards.append(f"{name}:{line} imports {target}: {LAYERS[own]} may import {LAYERS[own + 1 :]}")
+    return upwards
+
+
+def test_the_harness_imports_downwards():
+    ours = {name: path for name, path in MODULES.items() if part_of(name) == "harness"}
+    found = [imports_upwards(name, path.read_text(), path.name == "__init__.py") for name, path in ours.items()]
+    assert [line for lines in found for line in lines] == []
+    assert set(range(len(LAYERS))) == {layer_of(name) for name in ours}
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("harness.statistics.bias", "from harness.store.results import Results"),
+        ("harness.metrics", "from harness.statistics import bias"),
+        ("harness.measure.worker", "def f():\n    from harness.run.sweep import run"),
+        ("harness.measure.worker", "from harness import store"),
+        ("harness.store.merge", "import harness.analysis.verdicts"),
+        ("harness.config.experiment", "if TYPE_CHECKING:\n    from harness.plan.cells import Cell"),
+        ("harness.report.tables.model", "from harness.verify.commands.output import table"),
+        ("harness.nowhere", ""),
+    ],
+)
+def test_an_import_from_a_floor_above_is_seen(name, line):
+    assert imports_upwards(name, line) != []

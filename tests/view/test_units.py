@@ -1,0 +1,151 @@
+"""The modules that need neither server nor browser: projection, dragging, scene files, requests, the queue, messages."""
+
+import math
+
+import numpy as np
+import pytest
+
+import engines
+from engines.errors import ConfigError, Unsupported
+from engines.scene import Orthographic, Perspective, PerspectiveArctan
+from engines.schema import yaml_file
+from harness.view.coalescing_queue import MAX_WAITING, CoalescingQueue
+from harness.view.display import Tone, half_floats, rgba
+from harness.view.draggable import center, draggables, moved
+from harness.view.library import Library
+from harness.view.menu import menu
+from harness.view.messages import header_of, packed
+from harness.view.projection import Projection
+from harness.view.requests import checked
+from harness.view.yaml_export import scene_yaml
+
+VIEW = {"eye": (1.0, 2.0, 5.0), "target": (0.2, 0.9, 0.0), "up": (0.1, 1.0, 0.0)}
+CAMERAS = [
+    Perspective(**VIEW, fov=50.0, fov_axis="y", resolution=(40, 30)),
+    Perspective(**VIEW, fov=50.0, fov_axis="x", resolution=(40, 30)),
+    PerspectiveArctan(**VIEW, fov=45.0, fov_axis="x", resolution=(40, 30)),
+    Orthographic(**VIEW, height=3.0, resolution=(40, 30)),
+]
+
+
+@pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: type(camera).__name__)
+def test_a_ray_goes_where_the_engine_sees_and_back_to_its_pixel(camera):
+    projection = Projection(camera, 40, 30)
+    scene = engines.scene_from({
+        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+        "shapes": [{"sphere": {"center": [0.4, 1.1, 0.3], "radius": 0.5}, "material": "lamp"}],
+        "materials": {"lamp": {"emission": 1}},
+    })  # fmt: skip
+    from dataclasses import replace
+
+    film = engines.engine("numpy").prepare(replace(scene, camera=camera), engines.Settings(40, 30, "path_tracer")).render(16)
+    lit = film.mean()[:, :, 0] > 0.5
+    rows, columns = np.nonzero(lit)
+    x, y = projection.project(np.array([0.4, 1.1, 0.3]))
+    assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx((x, y), abs=0.5)
+    for place in ((3.0, 4.0), (20.0, 15.0), (37.5, 29.0)):
+        origin, direction = projection.ray(*place)
+        assert projection.project(origin + 3.7 * direction) == pytest.approx(place, abs=1e-3)
+        point = projection.point_on_view_plane(np.array([0.4, 1.1, 0.3]), *place)
+        forward = np.subtract(camera.target, camera.eye)
+        assert np.dot(point - [0.4, 1.1, 0.3], forward) == pytest.approx(0.0, abs=1e-9)
+        assert projection.project(point) == pytest.approx(place, abs=1e-3)
+
+
+def test_a_camera_plugin_cannot_be_moved():
+    from engines.scene import CustomCamera
+
+    with pytest.raises(Unsupported):
+        Projection(CustomCamera(object(), {}, (4, 4)), 4, 4)
+
+
+@pytest.mark.parametrize("name", ["cornell_box", "two_spheres", "mobilert_spheres2", "veach_plates", "glassware"])
+def test_a_moved_object_is_where_the_exported_scene_puts_it(name):
+    scene = engines.load_scene(name)
+    objects, step = draggables(scene), np.array([0.125, -0.25, 0.5])
+    assert objects
+    after = scene
+    for item in objects:
+        before = center(scene, item)
+        after = moved(after, item, step)
+        assert center(after, item) == pytest.approx(before + step, abs=1e-12)
+    from pathlib import Path
+
+    text = scene_yaml(Path(scene.source), scene.camera, {item.id: step for item in objects})
+    again = engines.scene_from(yaml_file.parse_yaml(text).plain(), folder=Path(scene.source).parent)
+    for item in objects:
+        assert center(again, item) == pytest.approx(center(after, item), rel=1e-7, abs=1e-7)
+    assert again.camera == scene.camera and len(again.lights) == len(scene.lights)
+
+
+def test_the_library_lists_scenes_and_refuses_paths_outside_its_folder(tmp_path):
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner/mine.yaml").write_text("raybench_scene: 1\n")
+    (tmp_path / "notes.yaml").write_text("a: 1\n")
+    (tmp_path / ".hidden").mkdir()
+    (tmp_path / ".hidden/no.yaml").write_text("raybench_scene: 1\n")
+    library = Library(tmp_path)
+    assert "inner/mine.yaml" in library.names() and "cornell_box" in library.names()
+    assert not {"notes.yaml", ".hidden/no.yaml"} & {*library.names()}
+    assert library.find("inner/mine.yaml") == tmp_path / "inner/mine.yaml"
+    for name in ("../x.yaml", "/etc/passwd", "inner/../../x.yaml", "nothing", "inner/none.yaml", "a\0b/c.yaml"):
+        with pytest.raises(ConfigError):
+            library.find(name)
+    with pytest.raises(ConfigError, match="--folder"):
+        Library(tmp_path / "inner").name_of(str(tmp_path / "notes.yaml"))
+
+
+def test_the_menu_has_what_the_engines_list(tmp_path):
+    listed = menu(Library(tmp_path))
+    assert [e["name"] for e in listed["engines"]] == engines.engine_names()
+    shader = next(s for s in listed["shaders"] if s["name"] == "path_tracer")
+    kinds = {option["key"]: option for option in shader["options"]}
+    assert kinds["direct"]["values"] == ["light", "bsdf", "mis"] and kinds["max_depth"]["kind"] == "integer"
+    assert kinds["direct"]["accepts"].startswith("one of ") and kinds["direct"]["description"]
+    refused = {e["name"]: e["refusals"] for e in listed["engines"]}
+    assert refused["numpy"] == refused["embreex_batch"] == {"sampler": {}, "shader": {}}
+    if "mitsuba" in refused:
+        assert "sobol" in refused["mitsuba"]["sampler"] and "independent" not in refused["mitsuba"]["sampler"]
+    strata = next(s for s in listed["samplers"] if s["name"] == "stratified")["options"][0]
+    assert strata["values"] == [4, 16, 64, 256, 1024, 4096] and strata["default"] == 64
+
+
+@pytest.mark.parametrize(("request_", "words"), [
+    ({"type": "nothing"}, "unknown request"), ({"type": "open"}, "scene"), ({"type": "probe", "x": -1, "y": 0}, "x"),
+    ({"type": "camera", "eye": [0, 0, math.nan], "target": [0, 0, 0], "up": [0, 1, 0]}, "eye"),
+    ({"type": "save", "name": "../out"}, "name"), ({"type": "stop", "more": 1}, "more"),
+    ({"type": "race", "scene": "x", "contestants": [], "width": 8, "height": 8, "targets": [1]}, "contestants"),
+])  # fmt: skip
+def test_a_request_that_is_wrong_is_refused_by_name(request_, words):
+    with pytest.raises(ConfigError, match=words):
+        checked(request_)
+
+
+def test_the_queue_keeps_the_last_request_of_a_key_and_a_limited_number_of_others():
+    queue = CoalescingQueue()
+    for index in range(1000):
+        queue.put(index, key="camera")
+        queue.put("other")
+    assert queue.take() == "other"  # older than the camera, which is replaced at the end
+    rest = []
+    while (found := queue.take(0.0)) is not None:
+        rest.append(found)
+    assert rest.count(999) == 1 and len(rest) <= MAX_WAITING
+
+
+def test_messages_keep_bytes_and_replace_numbers_that_json_lacks():
+    message = packed({"type": "x", "values": [math.nan, math.inf, 1.5], "name": "é"}, b"\x00\xff")
+    assert header_of(message) == {"type": "x", "values": [None, None, 1.5], "name": "é"} and message.endswith(b"\x00\xff")
+
+
+@pytest.mark.parametrize("mapper", ["srgb", "linear", "reinhard", "aces"])
+def test_the_canvas_shows_what_the_film_would_save(mapper):
+    film = engines.Film(7, 5)
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        film.add(rng.exponential(0.5, (5, 7, 3)))
+    shown = np.frombuffer(rgba(film, Tone(mapper, 1.0)), np.uint8).reshape(5, 7, 4)
+    wanted = engines.film.to_bitmap(2 * film.mean(), mapper)
+    assert np.abs(shown[:, :, :3].astype(int) - wanted).max() <= 1 and (shown[:, :, 3] == 255).all()
+    halves = np.frombuffer(half_floats(film), "<f2").reshape(5, 7, 3)
+    assert halves == pytest.approx(film.mean(), rel=1e-3)
