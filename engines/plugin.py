@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from engines.errors import UnknownName
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.integrators.interface import Draws, Path, ScatterResult, SurfaceInteraction, finish
@@ -81,6 +82,11 @@ class Light:
     numpy: Callable[..., Any] | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     positions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.positions:
+            if name not in self.options:
+                raise UnknownName(f"option among the positions of the light {self.name!r}", name, self.options)
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.numpy_reference": {*_BASE, "engines.sobol_numbers"},
     "engines.kernels": _JITTED,
     "engines.kernels.compile": {"engines.errors"},
-    "engines.plugin": {"engines.choices", *_KERNELS},
+    "engines.plugin": {"engines.errors", *_KERNELS},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},

@@ -1,12 +1,13 @@
 """Light and BSDF plugins in the jitted engines: they give the image of the built-in that does the same."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import engines
-from engines import Settings
+from engines import Settings, UnknownName
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION
 from engines.plugin import (
     BSDF,
@@ -25,6 +26,7 @@ from engines.plugin import (
     select,
     select3,
 )
+from engines.scene import EnvironmentLight
 
 
 @inline
@@ -98,6 +100,11 @@ def _point(plugin, x=0.0):
     return {"point": {"position": [x + 2, 3, 2], "intensity": 30}}
 
 
+def test_a_position_that_is_no_option_is_refused():
+    with pytest.raises(UnknownName, match="option among the positions of the light 'lamp' 'place': did you mean 'places'"):
+        Light("lamp", _bulb, options={"places": (0, 0, 0)}, positions=("place",))
+
+
 @pytest.mark.parametrize("shader", ["path_tracer", "whitted"])
 def test_a_bsdf_plugin_of_two_lobes_gives_the_image_of_kd_and_ks(shader):
     """The same random numbers choose the lobe and the direction. Whitted's rule asks for the mirror alone."""
@@ -123,3 +130,26 @@ def test_a_light_plugin_moves_with_a_scene_that_lies_far_from_the_origin():
         for plugin in (True, False)
     ]
     assert np.allclose(*images, rtol=1e-5) and images[0].mean() > 0.05
+
+
+@inline
+def _broken_light(light, p, normal, u0, u1):
+    nan = const(math.nan, u0)
+    return LightSample(Vec3(nan, nan, nan), nan, Vec3(nan, nan, nan), const(1.0, u0))
+
+
+@inline
+def _broken_sample(parameters, si, u_lobe, u0, u1, lobes):
+    nan = const(math.nan, u0)
+    wi = select3(u0 < const(0.5, u0), Vec3(nan, nan, nan), si.normal)
+    return BSDFSample(wi, Spectrum(Vec3(nan, u0, u0), u0), nan, False, True)
+
+
+def test_numbers_that_are_not_finite_are_counted_and_lead_to_no_memory_of_others():
+    """With an environment's image, whose texels are found by direction."""
+    bsdf = BSDF("broken", LaneBSDF(_evaluate, _pdf, _broken_sample, _albedos), options=VARNISH.options)
+    scene = _scene({"plugin": {"type": bsdf, "kd": 0.5}}, {"plugin": {"type": Light("broken", _broken_light)}})
+    sky = EnvironmentLight((1.0, 1.0, 1.0), np.linspace(0, 1, 96).reshape(4, 8, 3))
+    scene = replace(scene, lights=(scene.lights[0], sky))
+    film = engines.engine("numba").prepare(scene, Settings(24, 16, shader="path_tracer", sampler="sobol")).render(8)
+    assert np.isfinite(film.mean()).all() and film.bad_samples > 0
