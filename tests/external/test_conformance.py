@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from describing import described
 
 import engines
 from engines import conformance
 from engines.conformance import asking, check_engine, hits, key_of, light, rendering
 from engines.scene import Perspective
+from tests.external.describing import described
 
 ROOT = Path(__file__).resolve().parents[2]
 

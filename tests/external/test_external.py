@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from describing import described
 
 import engines
 from engines import Settings
@@ -18,6 +17,7 @@ from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.external.pictures import read_pfm
 from engines.external.template import filled
 from engines.scene.model import CustomLight
+from tests.external.describing import described
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 MITSUBA = Path(sys.executable).parent / "mitsuba"

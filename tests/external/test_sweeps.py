@@ -5,14 +5,14 @@ import sys
 import time
 
 import pytest
-import sweeping
-from describing import described
 
 from engines.errors import ConfigError
 from harness import config, store
 from harness.measure import clock, contention
 from harness.plan import planner
 from harness.run import sweep
+from tests.external.describing import described
+from tests.harness import sweeping
 
 MODES = ("well", "crash", "garbage", "nan", "hang")
 

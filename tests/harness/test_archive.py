@@ -4,8 +4,6 @@ import json
 import platform
 
 import pytest
-import sweeping
-from synthetic import Size, write_folder
 
 from engines.errors import ConfigError
 from harness import store
@@ -16,6 +14,8 @@ from harness.report.html.assembly import report_html
 from harness.report.tables import all_tables
 from harness.report.tables.model import markdown_text
 from harness.store.results import load_results
+from tests.harness import sweeping
+from tests.harness.synthetic import Size, write_folder
 
 
 def size_of(folder):

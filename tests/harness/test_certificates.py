@@ -5,8 +5,6 @@ Seeds are fixed; false alarms are set to 0.1 % a scale.
 
 import fake_engines
 import pytest
-import sweeping
-from sweeping import raybench
 
 from engines.errors import ConfigError
 from harness import config, store
@@ -14,6 +12,8 @@ from harness.measure.pool import Pool
 from harness.plan import planner
 from harness.report import write_derived
 from harness.run import certificates, references
+from tests.harness import sweeping
+from tests.harness.sweeping import raybench
 
 
 def certified_by(engine, spp=4096):

@@ -6,10 +6,10 @@ import subprocess
 import sys
 
 import pytest
-import sweeping
-from sweeping import raybench
 
 from engines.image import read_film_layers, read_provenance
+from tests.harness import sweeping
+from tests.harness.sweeping import raybench
 
 VERBS = (
     "run",

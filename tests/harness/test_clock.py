@@ -7,7 +7,6 @@ from itertools import pairwise
 import fake_engines
 import numpy as np
 import pytest
-import sweeping
 
 from engines.interface import Settings
 from engines.scene import scene_from
@@ -15,6 +14,7 @@ from engines.schema.yaml_file import parse_yaml
 from harness.config.sections import exact_root
 from harness.measure import clock
 from harness.measure.contention import Disturbance
+from tests.harness import sweeping
 
 SCENE = scene_from(parse_yaml(sweeping.SCENE).plain())
 

@@ -7,11 +7,11 @@ import time
 
 import numpy as np
 import pytest
-import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers
 from harness import store
+from tests.harness import sweeping
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 

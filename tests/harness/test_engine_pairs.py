@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from synthetic import BIASED, write_folder
 
 from harness.analysis import analyse
 from harness.analysis.equivalence import describe_pair
@@ -10,6 +9,7 @@ from harness.report.tables.equivalence import corrected
 from harness.report.tables.equivalence import equivalence as equivalence_table
 from harness.statistics import equivalence
 from harness.store.results import load_results
+from tests.harness.synthetic import BIASED, write_folder
 
 TRUTH = np.random.default_rng(0).uniform(0.2, 1.5, (24, 24, 3))
 

@@ -6,7 +6,6 @@ import sys
 import warnings
 
 import pytest
-import sweeping
 
 from engines import memory
 from engines.errors import ConfigError
@@ -14,6 +13,7 @@ from engines.film import Film
 from harness import config, store
 from harness.plan import planner
 from harness.store import atomic
+from tests.harness import sweeping
 
 KIB = 1024
 

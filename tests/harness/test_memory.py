@@ -8,12 +8,12 @@ import time
 
 import psutil
 import pytest
-import sweeping
 
 from engines import memory as allocation
 from engines.errors import ConfigError
 from harness import config, store
 from harness.measure import memory
+from tests.harness import sweeping
 
 LIMIT = "512 MiB"
 MIB = 1 << 20

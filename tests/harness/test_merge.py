@@ -4,7 +4,6 @@ import json
 import shutil
 
 import pytest
-from sweeping import raybench
 
 from engines.errors import ConfigError
 from harness import store
@@ -12,6 +11,7 @@ from harness.analysis import analyse
 from harness.report.plots.panels import panels
 from harness.store.merge import merge
 from harness.store.results import load_results
+from tests.harness.sweeping import raybench
 from tests.harness.synthetic import Size, write_folder
 
 

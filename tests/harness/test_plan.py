@@ -6,13 +6,13 @@ import sys
 from dataclasses import replace
 
 import pytest
-import sweeping
 
 from engines.errors import RaybenchError
 from harness import config
 from harness.config.paths import shipped
 from harness.hashing import canonical_json, digest
 from harness.plan import planner, state
+from tests.harness import sweeping
 
 
 def planned(folder, text=sweeping.EXPERIMENT, overrides=()):

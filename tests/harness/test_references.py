@@ -6,7 +6,6 @@ from dataclasses import replace
 import fake_engines
 import numpy as np
 import pytest
-import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers
@@ -17,6 +16,7 @@ from harness.measure.pool import Pool
 from harness.plan import planner
 from harness.run import references
 from harness.store import reference_files
+from tests.harness import sweeping
 
 
 @pytest.fixture

@@ -5,12 +5,11 @@ import sys
 import threading
 
 import pytest
-import shared_references
-import sweeping
-from shared_references import Images, wanted
 
 from harness.run import references
 from harness.store import locks, reference_files
+from tests.harness import shared_references, sweeping
+from tests.harness.shared_references import Images, wanted
 
 PROCESSES, ROUNDS = 8, 5
 

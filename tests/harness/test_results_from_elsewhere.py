@@ -7,12 +7,11 @@ import shutil
 
 import numpy as np
 import pytest
-import sweeping
 
 from engines.errors import ConfigError
 from harness import store
 from harness.store import confined
-from tests.harness import mutation, once
+from tests.harness import mutation, once, sweeping
 
 SECRET = "not for others"
 

@@ -12,17 +12,17 @@ import time
 
 import psutil
 import pytest
-import sweeping
 
 from harness import store
 from harness.measure.pool import Pool
+from tests.harness import sweeping
 
 HANG_SECONDS = 300
 MOMENTS = 20
 SCRIPT = """
 import sys
 from pathlib import Path
-import sweeping
+from tests.harness import sweeping
 from harness import metrics
 metrics.measure = lambda image, reference, epsilon: {"relmse_e0.01": float(((image - reference.mean) ** 2).mean())}
 outcome, listener = sweeping.run(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -6,13 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
-import sweeping
 
 import engines
 from engines.errors import ConfigError
 from harness import config, source_hashes, store
 from harness.plan import planner
 from harness.run import sweep
+from tests.harness import sweeping
 
 ENGINE = """\
 from fake_engines import Steady

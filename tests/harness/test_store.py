@@ -7,10 +7,10 @@ import sys
 import warnings
 
 import pytest
-import sweeping
 
 from engines.errors import ConfigError
 from harness import store
+from tests.harness import sweeping
 
 FIRST = {
     "event": "cell", "cell_id": "a", "state": "done", "block": 0, "seed": 1, "scene": "ball", "scene_hash": "b",

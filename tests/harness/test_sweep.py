@@ -4,7 +4,6 @@ import shutil
 
 import numpy as np
 import pytest
-import sweeping
 
 from engines.errors import ConfigError
 from engines.image import read_film_layers, read_provenance
@@ -12,6 +11,7 @@ from harness import config, store
 from harness.analysis import targets
 from harness.plan import planner
 from harness.store.results import load_results
+from tests.harness import sweeping
 
 ENGINES = "['fake_engines:Steady', 'fake_engines:Other']"
 

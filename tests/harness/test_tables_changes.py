@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from sweeping import raybench
 
 from harness.report.tables import changes
 from harness.store.results import load_results
+from tests.harness.sweeping import raybench
 from tests.harness.synthetic import write_folder
 
 

@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
-import sweeping
 
 import engines
 from engines import registry
 from harness import store
 from harness.verify.commands.verify import VerifyOptions, verify
+from tests.harness import sweeping
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGES = ROOT / "tests" / "third_party"

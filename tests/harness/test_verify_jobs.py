@@ -3,7 +3,6 @@
 import shutil
 
 import pytest
-import sweeping
 
 from engines.errors import ConfigError
 from harness import config, store
@@ -13,6 +12,7 @@ from harness.report.html.assembly import report_html
 from harness.report.plots import draw_stability
 from harness.report.tables import all_tables
 from harness.store.results import load_results
+from tests.harness import sweeping
 
 TEXT = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", "['fake_engines:Steady', numpy]")
 TEXT = TEXT.replace("repeats: 2", "repeats: 1") + "verify: {cases: [t/radius, leak/scale], quick: true}\n"

@@ -6,7 +6,6 @@ import os
 
 import numpy as np
 import pytest
-import sweeping
 import wrong_engines
 
 from engines.errors import RendererFailed
@@ -15,6 +14,7 @@ from harness import store
 from harness.analysis import analyse
 from harness.measure import films, pool, protocol
 from harness.store.results import load_results
+from tests.harness import sweeping
 
 RIGHT = ("Steady", "Unsure", "Talkative")
 

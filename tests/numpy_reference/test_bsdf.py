@@ -5,12 +5,22 @@ Each model is taken from `bsdf_points.MODELS`; a new one belongs there. Chi-squa
 
 import numpy as np
 import pytest
-from bsdf_points import MODELS, UP, density, evaluated, even_directions, points, polar, quadrature, sampled
 from scipy import stats
-from small_scenes import unit_rows
 
 from engines.numpy_reference.bsdf import BSDFS, Lobes
 from engines.numpy_reference.materials import Materials
+from tests.numpy_reference.bsdf_points import (
+    MODELS,
+    UP,
+    density,
+    evaluated,
+    even_directions,
+    points,
+    polar,
+    quadrature,
+    sampled,
+)
+from tests.numpy_reference.small_scenes import unit_rows
 
 VIEWS = [0.0, 40.0, 75.0]
 TILTED = unit_rows(np.array([[0.2, -0.3, 1.0]])).T

@@ -4,10 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from small_scenes import ball_mesh, box_mesh, mesh, tracer, triangle_soup, unit_rows
 
 from engines.numpy_reference.accelerators.bvh_build import build
 from engines.scene.model import Plane, Sphere, SphereSet, Triangle
+from tests.numpy_reference.small_scenes import ball_mesh, box_mesh, mesh, tracer, triangle_soup, unit_rows
 
 
 def duplicates(count):

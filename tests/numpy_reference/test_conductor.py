@@ -2,8 +2,25 @@
 
 import numpy as np
 import pytest
-from bsdf_points import EAST, GOLD, UP, WHITE, conductor, evaluated, even_directions, points, polar, quadrature
-from small_scenes import (
+
+from engines.numpy_reference.bsdf import ggx
+from engines.numpy_reference.bsdf.fresnel import fresnel_conductor, fresnel_dielectric
+from engines.numpy_reference.materials import Materials
+from engines.numpy_reference.vectors import Frame
+from engines.scene.model import BLACK, DirectionalLight, Disk, EnvironmentLight, Plane, Sphere, Triangle
+from tests.numpy_reference.bsdf_points import (
+    EAST,
+    GOLD,
+    UP,
+    WHITE,
+    conductor,
+    evaluated,
+    even_directions,
+    points,
+    polar,
+    quadrature,
+)
+from tests.numpy_reference.small_scenes import (
     GLASS,
     exact,
     image,
@@ -16,12 +33,6 @@ from small_scenes import (
     unit_sphere,
     whitted,
 )
-
-from engines.numpy_reference.bsdf import ggx
-from engines.numpy_reference.bsdf.fresnel import fresnel_conductor, fresnel_dielectric
-from engines.numpy_reference.materials import Materials
-from engines.numpy_reference.vectors import Frame
-from engines.scene.model import BLACK, DirectionalLight, Disk, EnvironmentLight, Plane, Sphere, Triangle
 
 SKY = EnvironmentLight((1.0, 1.0, 1.0))
 COSINES = np.cos(np.radians([0.0, 20.0, 45.0, 60.0, 75.0, 85.0, 89.9]))

@@ -5,7 +5,9 @@ Statistical tests hold |z| < 4.5: a false alarm has probability 7e-6 each. Seeds
 
 import numpy as np
 import pytest
-from small_scenes import (
+
+from engines.scene.model import Disk, Perspective, Plane
+from tests.numpy_reference.small_scenes import (
     image,
     material,
     path_tracer,
@@ -17,8 +19,6 @@ from small_scenes import (
     whitted,
     z_score,
 )
-
-from engines.scene.model import Disk, Perspective, Plane
 
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 LAMP = material(emission=3.0)

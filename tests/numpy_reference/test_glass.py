@@ -2,7 +2,12 @@
 
 import numpy as np
 import pytest
-from small_scenes import (
+
+from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
+from engines.numpy_reference.bsdf.mixture import refracted
+from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.scene.model import EnvironmentLight, Mesh, Perspective, Plane, Sphere
+from tests.numpy_reference.small_scenes import (
     AHEAD,
     GLASS,
     ball_mesh,
@@ -16,11 +21,6 @@ from small_scenes import (
     unit_sphere,
     whitted,
 )
-
-from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
-from engines.numpy_reference.bsdf.mixture import refracted
-from engines.numpy_reference.interaction import SurfaceInteraction
-from engines.scene.model import EnvironmentLight, Mesh, Perspective, Plane, Sphere
 
 SKY = EnvironmentLight((1.0, 1.0, 1.0))
 LONG = path_tracer(max_depth=2000)

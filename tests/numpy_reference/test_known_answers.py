@@ -6,7 +6,9 @@ Statistical tests take the pixels of a very narrow view as independent replicate
 
 import numpy as np
 import pytest
-from small_scenes import (
+
+from engines.scene.model import DirectionalLight, EnvironmentLight, Plane, PointLight, Sphere, Triangle
+from tests.numpy_reference.small_scenes import (
     ball_mesh,
     box_mesh,
     image,
@@ -18,8 +20,6 @@ from small_scenes import (
     whitted,
     z_score,
 )
-
-from engines.scene.model import DirectionalLight, EnvironmentLight, Plane, PointLight, Sphere, Triangle
 
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 SKY = EnvironmentLight((1.0, 1.0, 1.0))

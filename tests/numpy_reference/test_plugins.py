@@ -2,13 +2,23 @@
 
 import numpy as np
 import pytest
-from small_scenes import AHEAD, image, material, path_tracer, point_view, renderer, scene, unit_sphere, z_score
 
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference import Engine
 from engines.numpy_reference.vectors import along, norm
 from engines.scene.model import CustomCamera, CustomLight, EnvironmentLight, Orthographic, Plane, PointLight
+from tests.numpy_reference.small_scenes import (
+    AHEAD,
+    image,
+    material,
+    path_tracer,
+    point_view,
+    renderer,
+    scene,
+    unit_sphere,
+    z_score,
+)
 
 LIT = scene(
     [unit_sphere(), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0)], [material(kd=0.5)],

@@ -4,11 +4,11 @@ import warnings
 
 import numpy as np
 import pytest
-from small_scenes import box_mesh, rays_around, scene, tracer
 
 from engines.interface import Settings
 from engines.numpy_reference import Engine
 from engines.scene.model import Plane, Sphere
+from tests.numpy_reference.small_scenes import box_mesh, rays_around, scene, tracer
 
 SHAPES = (
     Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0), 0), Sphere((0.0, 0.0, 0.0), 1.0, 0), box_mesh((2, -1, -1), (3, 1, 1))

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_scenes import GLASS, box_mesh, material, path_tracer, renderer, scene, triangle_soup, unit_sphere, whitted
 
 from engines.errors import ConfigError, UnknownName, Unsupported
 from engines.interface import Engine as EngineProtocol
@@ -26,6 +25,17 @@ from engines.scene.model import (
     PointLight,
     Sphere,
     SphereSet,
+)
+from tests.numpy_reference.small_scenes import (
+    GLASS,
+    box_mesh,
+    material,
+    path_tracer,
+    renderer,
+    scene,
+    triangle_soup,
+    unit_sphere,
+    whitted,
 )
 
 LIGHTS = [PointLight((0.0, 3.0, 2.0), (5.0, 5.0, 5.0)), EnvironmentLight((0.2, 0.3, 0.4))]

@@ -3,9 +3,9 @@
 import mpmath
 import numpy as np
 import pytest
-from small_scenes import EPS, rays_around, tracer, unit_rows
 
 from engines.scene.model import Sphere, SphereSet
+from tests.numpy_reference.small_scenes import EPS, rays_around, tracer, unit_rows
 
 
 def exact_roots(center, radius, origin, direction):

@@ -5,10 +5,19 @@ Comparisons are by z of the difference of two independent means, |z| < 4.5: a fa
 
 import numpy as np
 import pytest
-from bsdf_points import GOLD, conductor
-from small_scenes import ball_mesh, box_mesh, material, path_tracer, point_view, renderer, scene, unit_rows
 
 from engines.scene.model import Disk, EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
+from tests.numpy_reference.bsdf_points import GOLD, conductor
+from tests.numpy_reference.small_scenes import (
+    ball_mesh,
+    box_mesh,
+    material,
+    path_tracer,
+    point_view,
+    renderer,
+    scene,
+    unit_rows,
+)
 
 RNG = np.random.default_rng(0)
 IMAGE = RNG.random((6, 12, 3)) ** 4

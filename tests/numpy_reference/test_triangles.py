@@ -5,9 +5,9 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from small_scenes import EPS, ball_mesh, box_mesh, mesh, tracer, unit_rows
 
 from engines.scene.model import Triangle
+from tests.numpy_reference.small_scenes import EPS, ball_mesh, box_mesh, mesh, tracer, unit_rows
 
 UNIT = Triangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 

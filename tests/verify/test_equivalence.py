@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from mutated import FAULTS, mutated
 from typer.testing import CliRunner
 
 import engines
 from harness.cli import app
 from harness.statistics import equivalence
+from tests.verify.mutated import FAULTS, mutated
 
 SETTINGS = {"width": 32, "height": 32, "shader": {"name": "path_tracer", "max_depth": 3}, "sampler": "random", "seed": 1,
             "spp": 64}  # fmt: skip

@@ -8,11 +8,11 @@ import os
 import warnings
 
 import pytest
-from mutated import FAULTS, mutated
 
 import engines
 from harness.verify.subject import Subject
 from harness.verify.suite import CASES, FAIL, PASS, run_case
+from tests.verify.mutated import FAULTS, mutated
 
 BY_ID = {case.id: case for case in CASES}
 

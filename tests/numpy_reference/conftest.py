@@ -1,8 +1,0 @@
-"""Helpers beside the tests can be imported."""
-
-import sys
-from pathlib import Path
-
-HERE = str(Path(__file__).resolve().parent)
-if HERE not in sys.path:
-    sys.path.insert(0, HERE)
