@@ -67,7 +67,8 @@ from engines.kernels.compile import jit
 from engines.kernels.flatten import flatten
 from engines.kernels.flatten.lights import LightModel, MODELS
 from engines.kernels.flatten.plugins import kind_of
-from engines.kernels.stages import light, scattering, shade
+from engines.kernels.integrators.interface import Uses
+from engines.kernels.stages import light, scattering
 
 compiled = []
 class Observed(jit.CFunc):
@@ -89,8 +90,7 @@ scene = engines.scene_from({
 }, allow_imports=True)
 features = flatten(scene, np.float64, np.float64).features
 light.stage(features, False, np.float64)
-integrator = shade.INTEGRATORS["path_tracer"]
-scattering.stages(features, shade.uses(integrator, shade.traits(integrator, features)), np.float64)
+scattering.stages(features, Uses(value=True, sample=True), np.float64)
 print(json.dumps(compiled))
 """
 
