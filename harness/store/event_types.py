@@ -254,13 +254,6 @@ class CheckResult(BaseModel):
     note: str = ""
     median_error: float = 0.0
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_this_version(cls, row: Any) -> Any:
-        if isinstance(row, dict) and "verdict" in row:
-            raise ValueError("an older raybench wrote this result of the accuracy suite: run the experiment with --fresh")
-        return row
-
 
 class VerifyJob(Record):
     event: Literal["verify_job"]

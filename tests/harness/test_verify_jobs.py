@@ -1,6 +1,5 @@
 """Cases of the accuracy suite in an experiment: run in worker processes, stored as events, run once."""
 
-import shutil
 
 import pytest
 
@@ -75,11 +74,3 @@ def test_unknown_cases_are_refused_with_the_nearest(tmp_path):
     path = sweeping.write(tmp_path, TEXT.replace("t/radius", "t/radios"))
     with pytest.raises(ConfigError, match=r"small.yaml:\d+ verify.cases\[0\].*t/radius"):
         config.load(path)
-
-
-def test_results_of_an_older_suite_are_refused_in_one_line(finished, tmp_path):
-    shutil.copytree(finished[1], tmp_path / "old")
-    path = tmp_path / "old" / store.EVENTS
-    path.write_text(path.read_text().replace('"outcome"', '"verdict"'))
-    with pytest.raises(ConfigError, match=r"events.jsonl:\d+: examination.findings\[0\]: an older raybench .* --fresh$"):
-        load_results(tmp_path / "old")
