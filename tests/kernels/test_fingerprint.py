@@ -6,6 +6,7 @@ import sys
 import types
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -148,3 +149,18 @@ def test_values_without_a_name_are_refused(value):
 def test_a_value_without_a_name_is_refused():
     with pytest.raises(NotFingerprinted):
         fingerprint_of(SOURCE.replace("FACTOR = 2.0", "FACTOR = object()"))
+
+
+def test_options_of_a_function_that_is_called_count():
+    def square(x):
+        return x * x
+
+    def caller(function):
+        def call(x):
+            return function(x)
+
+        return fingerprint(call)
+
+    exact, fast = (numba.njit(fastmath=fast)(square) for fast in (False, True))
+    assert caller(exact) != caller(fast)
+    assert caller(exact) == caller(numba.njit(fastmath=False)(square))

@@ -7,14 +7,14 @@ import numba
 
 from engines.errors import Unsupported
 
-OLDEST, NEWEST = (0, 65), (0, 68)
+OLDEST, NEWEST = (0, 68), (0, 68)
 """The versions of Numba between which the modules here were tested: they use parts of it that are not public."""
 
 
 def _check_numba() -> None:
     version = tuple(int(part) for part in numba.__version__.split(".")[:2])
     if not OLDEST <= version <= NEWEST:
-        tested = " to ".join(".".join(map(str, bound)) for bound in (OLDEST, NEWEST))
+        tested = " to ".join(dict.fromkeys(".".join(map(str, bound)) for bound in (OLDEST, NEWEST)))
         raise Unsupported(
             f"numba {numba.__version__} is installed: the engines numba and embree were tested with {tested}; "
             f"install it with: pip install 'numba>={OLDEST[0]}.{OLDEST[1]},<{NEWEST[0]}.{NEWEST[1] + 1}'"

@@ -81,7 +81,8 @@ def _value(value: Any, within: tuple[Any, ...]) -> Any:
     if isinstance(value, tuple):
         return type(value).__qualname__, [_value(part, within) for part in value]
     if isinstance(value, Dispatcher):
-        return "jitted", sorted(value.targetoptions), _function(value.py_func, within)
+        options = sorted((name, repr(option)) for name, option in value.targetoptions.items())
+        return "jitted", options, _function(value.py_func, within)
     if isinstance(value, _Intrinsic):
         return "intrinsic", _function(value._defn, within)
     if isinstance(value, python_types.FunctionType):

@@ -66,11 +66,15 @@ def _without_early_unrolling() -> Iterator[None]:
         return builder.getFunctionPassManager(), builder
 
     with global_compiler_lock:  # other code is compiled as ever
+        outer = vars(codegen).get("_function_pass_manager")  # set where one compilation has led to another
         codegen._function_pass_manager = function_passes
         try:
             yield
         finally:
-            del codegen._function_pass_manager
+            if outer is None:
+                del codegen._function_pass_manager
+            else:
+                codegen._function_pass_manager = outer
 
 
 def kernel(function: Callable[..., Any]) -> Any:
