@@ -1,4 +1,4 @@
-"""Speed of this checkout over another's: `python -m tests.benchmarks.paired BASE_CHECKOUT [--scenes NAME...] [--rounds N] [--images]`.
+"""Speed of this checkout over another's: `python -m tests.benchmarks.paired BASE [--scenes NAME...] [--rounds N] [--images]`.
 
     git worktree add /tmp/base COMMIT            # or: mkdir /tmp/base; git archive COMMIT | tar -x -C /tmp/base
     python -m tests.benchmarks.paired /tmp/base --rounds 8
@@ -94,9 +94,8 @@ def work(checkout: Path, job: dict[str, Any]) -> None:
 def ask(checkout: Path, **job: Any) -> dict[str, Any]:
     """Runs `work` in a process that imports raybench from `checkout`."""
     command = [sys.executable, __file__, str(checkout), "--job", json.dumps(job)]
-    done = subprocess.run(
-        command, cwd=checkout, env={**os.environ, "PYTHONPATH": str(checkout)}, stdout=subprocess.PIPE, text=True
-    )
+    paths = {**os.environ, "PYTHONPATH": str(checkout)}
+    done = subprocess.run(command, cwd=checkout, env=paths, stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"the process of {checkout} ended with status {done.returncode}")
     return json.loads(done.stdout.splitlines()[-1])
@@ -143,12 +142,13 @@ def show_machine() -> None:
     widest = next((name for name in ("avx512f", "avx2", "avx", "sse2", "neon") if features.get(name)), "unknown")
     print(f"{cpu_model()}, {os.cpu_count()} cores, {widest} (LLVM target {binding.get_host_cpu_name()})")
     print(f"Python {platform.python_version()}, llvmlite {llvmlite.__version__}, load {os.getloadavg()[0]:.1f}")
-    print(f"{SIDE}x{SIDE} pixels, depth {DEPTH}, one thread: {shlex.join(['python', *sys.argv])}")
+    command = shlex.join(["python", "-m", "tests.benchmarks.paired", *sys.argv[1:]])
+    print(f"{SIDE}x{SIDE} pixels, depth {DEPTH}, one thread: {command}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("base", type=Path, metavar="BASE_CHECKOUT")
+    parser.add_argument("base", type=Path, metavar="BASE")
     parser.add_argument("--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES))
     parser.add_argument("--rounds", type=int, default=6, help="2 or more")
     parser.add_argument("--seconds", type=float, default=0.15, help="of one render")
