@@ -27,7 +27,8 @@ def raybench(
     words = ["raybench", *arguments]
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "stdout", Path(folder) / "stderr"
-        err.touch()
+        for path in (out, err):
+            path.touch()
         outputs = str(out), str(out if merged else err)
         process = FORKS.Process(target=_command, args=(words, str(cwd or Path.cwd()), dict(environment), outputs))
         process.start()

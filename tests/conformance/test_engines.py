@@ -131,7 +131,8 @@ def test_an_engine_without_single_rays_declines_what_needs_them_and_is_held_to_a
     assert found["update_of_the_shapes_starts_anew"].verdict == "holds"
 
 
-def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it():
+def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it(monkeypatch):
+    monkeypatch.setattr(rendering, "PATIENCE_SECONDS", 0.5)
     class Late(Renderer):
         def render(self, spp, on_pass=None):
             raise engines.Unsupported("not today")
