@@ -52,7 +52,7 @@ def test_a_closed_furnace_is_uniform(depth, shape):  # a
 def test_roulette_leaves_the_furnace_as_bright_as_it_is():
     """Mean E / (1 - rho) for any survival, here min(beta, 0.95) = beta = 0.5^k."""
     furnace = scene([box_mesh()], [material(kd=0.5, emission=0.5, two_sided=True)], (),
-                    point_view((0.2, 0.1, 0.3), (0.9, -0.2, 0.1), 32))  # fmt: skip
+                    point_view((0.2, 0.1, 0.3), (0.9, -0.2, 0.1), 64))  # fmt: skip
     for rr_depth in (1, 2):
         seen = image(furnace, path_tracer(10_000, "bsdf", rr_depth), spp=32)
         assert abs(z_score(seen, 1.0)) < 4.5
