@@ -1,4 +1,4 @@
-"""Draws the house, a ray's way and a cell's way for docs/how/: python docs/pictures/drawings.py
+"""Draws the parts, a ray's way and a cell's way for docs/how/: python docs/pictures/drawings.py
 
 SVG on a ground of its own, so that it reads on light and dark pages.
 """
@@ -56,9 +56,9 @@ class Drawing:
 
 
 def house() -> None:
-    d = Drawing(780, 670, "The house: the harness, the public interface, the engines, the kernels and the scene")
+    d = Drawing(780, 670, "The parts: the harness, the public interface, the engines, the kernels and the scene")
     d.text(20, 30, "harness/", bold=True, at="start")
-    d.text(20, 47, "knows public names alone; each room imports from those to its right", soft=True, at="start")
+    d.text(20, 47, "imports public names of engines alone; each part imports from those to its right", soft=True, at="start")
     rooms = [
         ("commands", ["cli/, console,", "view/"]), ("output", ["report/: tables,", "plots, chapter"]),
         ("runs", ["run/: sweep,", "recorder, executors"]), ("verdicts and plans", ["analysis/,", "plan/"]),
