@@ -17,7 +17,7 @@ from engines.numpy_reference.lights.scene_lights import Lights
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.vectors import Array, Indices, Mask, norm
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 
 class Stopped(Exception):

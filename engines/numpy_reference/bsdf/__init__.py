@@ -6,7 +6,7 @@ from engines.numpy_reference.bsdf.conductor import ConductorBSDF
 from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes
 from engines.numpy_reference.bsdf.mixture import MixtureBSDF
 from engines.numpy_reference.bsdf.plugins import PluginBSDF
-from engines.scene.model import Conductor, CustomBSDF
+from engines.scene import Conductor, CustomBSDF
 
 BSDFS: dict[type, type[BSDF]] = {
     NoneType: MixtureBSDF,

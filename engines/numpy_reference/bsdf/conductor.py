@@ -11,7 +11,7 @@ from engines.numpy_reference.bsdf.fresnel import fresnel_conductor
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Frame, Indices, Mask, dot, unit
-from engines.scene.model import Conductor, Material
+from engines.scene import Conductor, Material
 
 
 class ConductorBSDF:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, dot
-from engines.scene.model import Material
+from engines.scene import Material
 
 
 class Lobes(IntFlag):

@@ -14,7 +14,7 @@ from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, cosine_hemisphere, dot
-from engines.scene.model import Material
+from engines.scene import Material
 
 LOBES = (Lobes.DIFFUSE_REFLECTION, Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION)
 

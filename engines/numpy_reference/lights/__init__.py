@@ -6,7 +6,7 @@ from engines.numpy_reference.lights.interface import InfiniteLightSet, LightSamp
 from engines.numpy_reference.lights.plugins import PluginLights
 from engines.numpy_reference.lights.point import PointLights
 from engines.numpy_reference.lights.spot import SpotLights
-from engines.scene.model import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
+from engines.scene import CustomLight, DirectionalLight, EnvironmentLight, PointLight, SpotLight
 
 LIGHTS: dict[type, type[LightSet]] = {
     PointLight: PointLights,

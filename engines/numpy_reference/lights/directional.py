@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import DirectionalLight
+from engines.scene import DirectionalLight
 
 
 class DirectionalLights:

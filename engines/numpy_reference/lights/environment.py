@@ -9,7 +9,7 @@ import numpy as np
 from engines.numpy_reference.lights.image_environment import ImageEnvironment
 from engines.numpy_reference.lights.interface import LightSample
 from engines.numpy_reference.vectors import Array, Indices, cosine_hemisphere, dot
-from engines.scene.model import EnvironmentLight
+from engines.scene import EnvironmentLight
 
 
 class EnvironmentLights:

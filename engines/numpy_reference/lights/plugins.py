@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import CustomLight
+from engines.scene import CustomLight
 
 
 class PluginLights:

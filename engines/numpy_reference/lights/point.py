@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices, dot, norm
-from engines.scene.model import PointLight
+from engines.scene import PointLight
 
 
 class PointLights:

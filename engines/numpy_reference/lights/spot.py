@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm
-from engines.scene.model import SpotLight
+from engines.scene import SpotLight
 
 
 class SpotLights:

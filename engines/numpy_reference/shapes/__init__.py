@@ -5,7 +5,7 @@ from engines.numpy_reference.shapes.interface import LocalGeometry, Primitives, 
 from engines.numpy_reference.shapes.plane import Planes
 from engines.numpy_reference.shapes.sphere import Spheres
 from engines.numpy_reference.shapes.triangle import Triangles
-from engines.scene.model import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.scene import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
 
 SHAPES: dict[type, type[Primitives]] = {
     Plane: Planes,

@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, columns
 from engines.numpy_reference.vectors import Array, Indices, dot, unit
-from engines.scene.model import Plane
+from engines.scene import Plane
 
 
 class Planes:

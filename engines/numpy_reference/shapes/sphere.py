@@ -12,7 +12,7 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample
 from engines.numpy_reference.vectors import EPSILON, Array, Indices, Mask, along, dot, norm, unit
-from engines.scene.model import Sphere, SphereSet
+from engines.scene import Sphere, SphereSet
 
 
 class Spheres:

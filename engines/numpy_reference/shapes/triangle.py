@@ -9,7 +9,7 @@ import numpy as np
 from engines.numpy_reference.shapes import watertight
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, pdf_solid_angle
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm, unit
-from engines.scene.model import Mesh, Triangle
+from engines.scene import Mesh, Triangle
 
 
 class Triangles:
