@@ -18,6 +18,9 @@ __all__ = ["Bsdf", "Conductor", "CustomBSDF"]
 
 SMOOTHEST = 1e-4
 """The least roughness above 0, as in Mitsuba."""
+INDICES = (1e-6, 1e6)
+"""Between which the larger of eta and k lies. At normal incidence Fresnel's equations have their fourth powers as terms, which
+leave float32 beyond these limits; where both are 0, they are 0/0."""
 
 
 def _alpha(node: Located) -> tuple[float, float]:
@@ -73,6 +76,10 @@ def _conductor(given: Given, context: Any) -> Conductor:
             raise given.node.refuse_key("specular_reflectance", "a factor of metal, or eta and k: reflectance is all there is")
         return Conductor(BLACK, WHITE, given["alpha"], given["reflectance"])  # Fresnel's equations give 1
     eta, k = METALS[given["metal"]] if given["metal"] else (given["eta"], given["k"])
+    for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
+        if not INDICES[0] <= larger <= INDICES[1]:
+            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
+            raise given.node.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
     return Conductor(eta, k, given["alpha"], given["specular_reflectance"])
 
 

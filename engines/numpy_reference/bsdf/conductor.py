@@ -82,5 +82,8 @@ class ConductorBSDF:
         return scale * fresnel_conductor(cosine, eta, k)
 
 
+BSDFS = {Conductor: ConductorBSDF}
+
+
 def _reflects(at: SurfaceInteraction, wi: Array) -> Mask:
     return at.reflects(wi) & (dot(at.wo, at.normal) > 0.0)

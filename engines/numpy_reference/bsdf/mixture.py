@@ -6,6 +6,7 @@ With `fresnel` the mirror is weighted by the reflectance F of a dielectric, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import NoneType
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +89,9 @@ class MixtureBSDF:
         """(n,) the index behind the surface over the one before it, as the viewer sees it."""
         ior = self._ior[material]
         return np.where(at.front, ior, 1.0 / ior)
+
+
+BSDFS = {NoneType: MixtureBSDF}
 
 
 class _Weights(NamedTuple):

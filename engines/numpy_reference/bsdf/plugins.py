@@ -58,6 +58,9 @@ class PluginBSDF:
         return [(self._models[member], np.flatnonzero(material == member)) for member in np.unique(material)]
 
 
+BSDFS = {CustomBSDF: PluginBSDF}
+
+
 def _lobes(plugin: Any) -> Lobes:
     reflection = Lobes.SPECULAR_REFLECTION if getattr(plugin, "specular_reflection", False) else Lobes(0)
     transmission = Lobes.SPECULAR_TRANSMISSION if getattr(plugin, "specular_transmission", False) else Lobes(0)

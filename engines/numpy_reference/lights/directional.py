@@ -24,3 +24,6 @@ class DirectionalLights:
         """The same from every point."""
         endless = np.full(light.size, np.inf)
         return LightSample(self._towards.take(light, axis=1), endless, self._irradiance.take(light, axis=1), endless)
+
+
+LIGHTS = {DirectionalLight: DirectionalLights}

@@ -40,6 +40,9 @@ class EnvironmentLights:
         return self._lights[light].pdf(direction, normal)
 
 
+LIGHTS = {EnvironmentLight: EnvironmentLights}
+
+
 class ConstantEnvironment:
     """The same `radiance` (3,) from everywhere; sampled by the cosine around the normal of the surface."""
 

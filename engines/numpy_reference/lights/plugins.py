@@ -32,3 +32,6 @@ class PluginLights:
             weight, pdf = np.where(there, radiance, 0.0), np.where(there, np.inf, 0.0)
             found.put(lanes, LightSample(wi, distance, weight, pdf))
         return found
+
+
+LIGHTS = {CustomLight: PluginLights}

@@ -39,3 +39,6 @@ class SpotLights:
         with np.errstate(divide="ignore", invalid="ignore"):
             linear = np.minimum((cutoff - angle) / (cutoff - beam_width), 1.0)
         return np.where(angle < cutoff, linear, 0.0)
+
+
+LIGHTS = {SpotLight: SpotLights}

@@ -67,3 +67,6 @@ class Disks:
     @staticmethod
     def pdf(index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         return pdf_solid_angle(distance, cosine, area)
+
+
+SHAPES = {Disk: Disks}

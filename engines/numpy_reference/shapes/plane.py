@@ -55,3 +55,6 @@ class Planes:
 
     def pdf(self, index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         return np.zeros(distance.size)
+
+
+SHAPES = {Plane: Planes}

@@ -106,6 +106,9 @@ class Spheres:
         return np.where(cone.outside, cone.pdf, _pdf_by_area(distance, cosine, radius))
 
 
+SHAPES = {Sphere: Spheres, SphereSet: Spheres}
+
+
 class _Cone(NamedTuple):
     """How a sphere is seen from a point: `spread` is 1 - cos of the cone's half angle; no cone where not `outside`."""
 

@@ -86,6 +86,9 @@ class Triangles:
         return pdf_solid_angle(distance, cosine, area)
 
 
+SHAPES = {Triangle: Triangles, Mesh: Triangles}
+
+
 def _corners(shape: Triangle | Mesh) -> Array:
     """Positions of the corners: (vertex, axis, face)."""
     if isinstance(shape, Triangle):
