@@ -1,6 +1,6 @@
 """What a model of reflection can do: three verbs on n points, in world directions. Both `wo` and `wi` lead away from them.
 
-A new model is a module with a class that has these verbs, and a table: `BSDFS = {Conductor: ConductorBSDF}`.
+A new model is a module with a class that has these verbs, and a table: `BSDFS = {NoneType: MixtureBSDF}`.
 """
 
 from __future__ import annotations
