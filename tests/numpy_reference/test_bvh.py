@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 
 from engines.numpy_reference.accelerators.bvh_build import build
-<<<<<<< HEAD
-from engines.scene import Plane, Sphere, SphereSet, Triangle
-from tests.numpy_reference.small_scenes import ball_mesh, box_mesh, mesh, tracer, triangle_soup, unit_rows
-=======
 from engines.scene import Plane, Sphere, SphereSet, Triangle
 from tests.numpy_reference.small_scenes import box_mesh, mesh, sphere_mesh, tracer, triangle_soup, unit_rows
->>>>>>> main
 
 
 def duplicates(count):
