@@ -242,7 +242,7 @@ def test_modules_that_import_each_other_are_found():
         ("harness.measure.worker", "from engines.plugin import Shader"),
         ("harness.measure.worker", "from engines import kernels"),
         ("harness.measure.worker", "from engines import nothing_exported"),
-        ("harness.measure.worker", "from engines.scene.model import Scene"),
+        ("harness.measure.worker", "from engines.scene.scene import Scene"),
         ("harness.measure.worker", "import numba"),
     ],
 )

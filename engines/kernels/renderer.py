@@ -24,7 +24,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.stages import camera, light, sampler, scattering, shade, surface
-from engines.scene.model import Camera, Perspective, PerspectiveArctan, Scene, Shape
+from engines.scene import Camera, Perspective, PerspectiveArctan, Scene, Shape
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""

@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Camera, CustomBSDF, CustomCamera, CustomLight, Light, Material, Mesh, Shape
+from engines.scene.bsdf import CustomBSDF
+from engines.scene.cameras import Camera, CustomCamera
+from engines.scene.lights import CustomLight, Light
+from engines.scene.materials import Material
+from engines.scene.mesh import Mesh
+from engines.scene.shapes import Shape
 from engines.source_files import OWN, code_files, digest
 
 VERSION = b"raybench scene 1"

@@ -13,7 +13,7 @@ from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane.vector import Vec3, to_real, unit
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, CameraRow, ray_batch, scene_table
-from engines.scene.model import CustomCamera, Orthographic, Perspective, PerspectiveArctan
+from engines.scene import CustomCamera, Orthographic, Perspective, PerspectiveArctan
 from engines.scene.support import option_numbers
 
 RAYS: dict[type, Any] = {
