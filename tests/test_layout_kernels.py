@@ -17,7 +17,7 @@ FLOORS: dict[str, set[str]] = {
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
-    "stages": {*COMPILED, "features", "flatten", "integrators", "lane", "layout"},
+    "stages": {*COMPILED, "compile.records", "features", "flatten", "integrators", "lane", "layout"},
     "driver": {*COMPILED, "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {"compile.jit", "driver", "features", "flatten", "layout", "queries", "stages"},

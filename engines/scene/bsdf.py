@@ -52,7 +52,7 @@ class Conductor:
 
     The first tangent is dp/du, made perpendicular to the shading normal: of a sphere along phi, counter-clockwise about +z;
     of a disk away from its center; of a triangle from its first corner to its second; of a plane t1 of the local frame of its
-    normal (docs/transport.md). The second is normal x first.
+    normal, turned to the viewer (docs/transport.md). The second is normal x first.
     """
 
     eta: Triple
