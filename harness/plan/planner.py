@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -50,6 +50,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
     warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
+    _pairs_exist(experiment, configurations)
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
     verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
@@ -60,6 +61,17 @@ def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
     if experiment.baseline is not None and experiment.baseline not in engines:
         near = suggestion(experiment.baseline, engines)
         raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
+
+
+def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
+    """Refuses a pair with a side that is no contestant of the experiment."""
+    runs = [{**cell.settings, "engine": cell.engine_name, "accelerator": cell.settings["accelerator"]["name"],
+             "sampler": cell.settings["sampler"]["name"]} for cell in configurations]  # fmt: skip
+    for index, pair in enumerate(experiment.pairs):
+        for side, wanted in pair.items():
+            if not any(all(settings[key] == value for key, value in wanted.items()) for settings in runs):
+                where = f"{experiment.source} pairs[{index}].{side} = {flow(wanted)}"
+                raise ConfigError(f"{where}: no contestant of this experiment has these settings")
 
 
 class _Known:

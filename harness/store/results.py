@@ -59,8 +59,9 @@ class Contender:
 
     @property
     def runs(self) -> list[Event]:
-        """Cells that had their chance: done, and those out of time (what they have counts, the rest is open)."""
-        return [c for c in self.cells if c["state"] == "timeout" or (c["state"] == "done" and c.get("points"))]
+        """Cells that had their chance: done, and those that failed or ran out of time (what they have counts, the
+        rest is open)."""
+        return [c for c in self.cells if c["state"] in ("failed", "timeout") or (c["state"] == "done" and c.get("points"))]
 
     def fixed_seconds(self, cell: Event) -> float:
         """Import, scene load, build and compilation: what a cold start pays before its first ray."""

@@ -76,8 +76,8 @@ def _error_pairs(analysis: Analysis, found: list[Family]) -> list[Any]:
 def _error_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "samplers", "Error at the same number of samples",
-        f"{error_name(analysis.results.metric)}; median over seeds with a 95 % interval. Errors that the reference's noise "
-        "hides are left out. Least: all that are not separated from the first.",
+        f"{error_name(analysis.results.metric)}; geometric mean over seeds with a 95 % interval. Errors that the reference's "
+        "noise hides are left out. Least: all that may have it.",
         [*identity(found), Column("spp", "Samples per pixel.", "count"),
          *value_columns(found, "Error of {}."), Column("least", "The least error.")],
     )  # fmt: skip
@@ -90,12 +90,12 @@ def _error_table(analysis: Analysis, found: list[Family]) -> Table:
 
 
 def _times_to(analysis: Analysis, target: float) -> Measure:
-    """Block -> warm seconds until `target`, infinite where it was not reached."""
+    """Block -> warm seconds until `target`, which is reached everywhere."""
 
     def measure(contender: Contender) -> Mapping[int, float]:
         runs = contender.runs
         quality = time_to_quality([analysis.results.curve(cell) for cell in runs], [0.0] * len(runs), target)
-        return {cell["block"]: seconds for cell, seconds in zip(runs, quality.crossings, strict=True)}
+        return {cell["block"]: bound.high for cell, bound in zip(runs, quality.crossings, strict=True)}
 
     return measure
 
@@ -123,8 +123,8 @@ def _quality_tallies(analysis: Analysis, found: list[Family]) -> list[str]:
 def _quality_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "sampler_times", "Time to a quality by sampler",
-        f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; median over "
-        "seeds with a 95 % interval.",
+        f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; geometric mean "
+        "over seeds with a 95 % interval.",
         [*identity(found), Column("target", "Quality to reach.", "exact"),
          *value_columns(found, "Seconds of {}.", "{} [s]")],
     )  # fmt: skip

@@ -99,10 +99,11 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
                      partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
                  "For each target, the seconds each contender needs: full dots warm, hollow dots cold, whiskers "
-                 "intervals.", partial(quality_bars, analysis, panel, palette))  # fmt: skip
+                 "95 % intervals; below three blocks a dot a block.",
+                 partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
                  "Checkpoints by warm time and error; full markers with intervals are those that none surely beats in "
-                 "both.", partial(pareto, analysis, panel, palette))  # fmt: skip
+                 "both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
-                 "Stacked bars of the median seconds of import, load, build, compilation and rendering.",
+                 "Stacked bars of the mean seconds of import, load, build, compilation and rendering.",
                  partial(phase_bars, panel))  # fmt: skip
