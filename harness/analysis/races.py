@@ -27,16 +27,29 @@ def run_races(analysis: Analysis) -> None:
     Contestants with a flag that disqualifies them are left out.
     """
     groups = list(raced_together(analysis.verdicts).values())
+    logs = {index: [_logs([_bounds(verdict, index) for verdict in group]) for group in groups]
+            for index in (None, *range(len(analysis.results.targets)))}  # fmt: skip
     twins = [_twins([verdict.contender for verdict in group]) for group in groups]
-    for index in (None, *range(len(analysis.results.targets))):
-        logs = [_logs([_bounds(verdict, index) for verdict in group]) for group in groups]
-        own: dict[str, list[float]] = {group[0].contender.settings.scene: [] for group in groups}
-        for group, (low, high), pairs in zip(groups, logs, twins, strict=True):
-            own[group[0].contender.settings.scene] += [twin_distance(low, high, *pair) for pair in pairs]
-        everyone = [distance for found in own.values() for distance in found]
-        analysis.floors |= {(scene, index): noise_floor(found, everyone) for scene, found in own.items()}
-        for group, (low, high), pairs in zip(groups, logs, twins, strict=True):
+    distances: dict[int | None, dict[str, list[float]]] = {}
+    for at, (group, pairs) in enumerate(zip(groups, twins, strict=True)):
+        for pair in pairs or [None]:
+            own = [twin_distance(*found[at], *pair) if pair else math.nan for found in logs.values()]
+            for index, distance in zip(logs, [own[0], *_filled(own[1:])], strict=True):
+                distances.setdefault(index, {}).setdefault(group[0].contender.settings.scene, []).append(distance)
+    for index, scenes in distances.items():
+        everyone = [distance for found in scenes.values() for distance in found]
+        analysis.floors |= {(scene, index): noise_floor(found, everyone) for scene, found in scenes.items()}
+    for index, found in logs.items():
+        for group, (low, high), pairs in zip(groups, found, twins, strict=True):
             _run(analysis, group, index, low, high, pairs)
+
+
+def _filled(distances: Sequence[float]) -> list[float]:
+    """Distances of twins on targets, the easiest first. Where the twins did not get there, or were there at once, that of the
+    nearest easier target that was timed stands in, else of the nearest harder one."""
+    known = [index for index, distance in enumerate(distances) if math.isfinite(distance)]
+    nearest = [max((k for k in known if k <= index), default=known[0] if known else index) for index in range(len(distances))]
+    return [distances[index] for index in nearest]
 
 
 def _run(

@@ -82,10 +82,12 @@ class _Pairs(NamedTuple):
 
     def beside(self, others: Sequence[_Pairs], mixed: Mask) -> _Pairs:
         """With further readings of those pairs that are mixed."""
-        excess, error, freedom = (
-            np.concatenate([self[at], *(np.where(mixed, other[at], self[at]) for other in others)]) for at in range(3)
-        )
-        return _Pairs(excess, error, freedom, self.blocks)
+
+        def stacked(name: str) -> Array:
+            own: Array = getattr(self, name)
+            return np.concatenate([own, *(np.where(mixed, getattr(other, name), own) for other in others)])
+
+        return _Pairs(stacked("excess"), stacked("error"), stacked("freedom"), self.blocks)
 
 
 def race(

@@ -81,7 +81,7 @@ def cases(threads):
             for engine in ("numba", "embree"):
                 for count in threads:
                     yield scene, engine, "bvh" if engine == "numba" else "embree", sampler, count, None
-    yield "cornell_box", "numba", "bvh", "random", 1, "A/A"
+        yield scene, "numba", "bvh", "random", 1, "A/A"
 
 
 def base_cell(case, block, size):

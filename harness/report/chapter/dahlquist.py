@@ -120,8 +120,8 @@ def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
     sizes = {rival.contender.settings.size for rival in rivals}
     table = Table(
         "frames", "Frame times and primary rays",
-        "Geometric means over blocks with 95 % intervals. Against the port: how many times as fast as its fastest configuration "
-        "with the same number of threads; gain: over the fewest threads; both paired by block.",
+        "Geometric means over blocks with 95 % intervals. Against the port: how many times as fast as its fastest "
+        "configuration with the same number of threads; gain: over the fewest threads; both paired by block.",
         [
             Column("name", "Engine and accelerator.", title="engine and accelerator"),
             *([Column("size", "Pixels.")] if len(sizes) > 1 else []),

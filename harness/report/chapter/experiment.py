@@ -18,9 +18,9 @@ from harness.report.chapter.sentences import error_name, listed, plural
 from harness.report.tables.evidence import floors_text
 
 VERDICTS = (
-    "Intervals are at 95 % for one comparison; that one is called faster holds at 95 % for all pairs of a comparison together, "
-    "beyond the noise floor. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all else "
-    "is unresolved."
+    "Intervals are at 95 % for one pair; that one is called faster, beyond the noise floor, holds at 95 % for all pairs of "
+    "a comparison together. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all "
+    "else is unresolved."
 )
 TOPICS = (accelerators, threads, shaders, samplers)
 
@@ -38,7 +38,7 @@ def section(analysis: Analysis, plots: Path) -> Section:
 
 def _setting(analysis: Analysis) -> list[str]:
     results = analysis.results
-    settings = [contender.settings for contender in results.contenders if contender.done]
+    settings = [c.settings for c in results.contenders if c.done and not c.settings.label]
     if not settings:
         return ["Nothing was measured."]
     blocks = {cell["block"] for contender in results.contenders for cell in contender.done}

@@ -13,11 +13,19 @@ from harness.analysis import Analysis, seconds_per_sample
 from harness.analysis.races import race_of
 from harness.report.tables import Column
 from harness.report.tables.model import number_text
-from harness.statistics import Estimate, Ratio, geometric_interval
+from harness.statistics import Estimate, Race, Ratio, geometric_interval
 from harness.store.results import Contender, choices_of, name_words
 
-Measure = Callable[[Contender], Mapping[int, float]]
-"""Block -> a positive number of which less is better."""
+
+class Measure(NamedTuple):
+    """`values`: block -> a positive number of which less is better. `floor`: its noise floor as a log ratio; None stands
+    for that of seconds per sample."""
+
+    values: Callable[[Contender], Mapping[int, float]]
+    floor: float | None
+
+
+SPEEDS = Measure(seconds_per_sample, None)
 
 
 HEADINGS = {
@@ -114,40 +122,40 @@ def row_of(family: Family, number: Callable[[Contender], Estimate], **more: Any)
     return {**family.held, **{value: number(contender) for value, contender in family.members.items()}, **more}
 
 
-def compare(analysis: Analysis, family: Family, one: str, other: str, measure: Measure = seconds_per_sample) -> Ratio:
-    """Of two members, paired by block; the verdicts of all pairs of a family hold together. Times have to differ by more than
-    the scene's noise floor; other measures have none."""
+def compare(analysis: Analysis, family: Family, one: str, other: str, measure: Measure = SPEEDS) -> Ratio:
+    """Of two members, paired by block; the verdicts of all pairs of a family hold together."""
     names = list(family.members)
-    rows = [measure(contender) for contender in family.members.values()]
     every = list(combinations(range(len(names)), 2))
-    found = race_of(rows, every, floor_of(analysis, family, measure)).ratios
+    found = _race(analysis, family, names, every, measure).ratios
     at, against = names.index(one), names.index(other)
     if at < against:
         return found[every.index((at, against))]
     return reciprocal(found[every.index((against, at))])
 
 
-def floor_of(analysis: Analysis, family: Family, measure: Measure) -> float:
-    """The noise floor of a measure as a log ratio: of errors, which repeat, there is none."""
-    return analysis.floor(family.scene) if measure is seconds_per_sample else 0.0
+def _race(
+    analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure
+) -> Race:  # fmt: skip
+    floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
+    return race_of([measure.values(family.members[name]) for name in names], pairs, floor)
 
 
-def pairs(analysis: Analysis, found: Sequence[Family], measure: Measure = seconds_per_sample) -> list[Pair]:
+def pairs(
+    analysis: Analysis, found: Sequence[Family], measure_of: Callable[[Family], Measure] = lambda family: SPEEDS
+) -> list[Pair]:  # fmt: skip
     """Every two values; the one that is better in more families stands first."""
     made = []
     for one, other in combinations(values(found), 2):
         both = [family for family in found if one in family.members and other in family.members]
-        pair = Pair(one, other, [
-            Found(family, compare(analysis, family, one, other, measure)) for family in both
-        ])  # fmt: skip
+        pair = Pair(one, other, [Found(family, compare(analysis, family, one, other, measure_of(family))) for family in both])
         if both:
             made.append(pair if len(pair.of("faster")) >= len(pair.of("slower")) else pair.turned())
     return made
 
 
-def ranking(family: Family, measure: Measure = seconds_per_sample) -> list[str]:
+def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:
     """Values of a family from the least to the greatest mean; those without a measure are left out."""
-    means = {value: estimate(measure(contender)).value for value, contender in family.members.items()}
+    means = {value: estimate(measure.values(contender)).value for value, contender in family.members.items()}
     return sorted((value for value, mean in means.items() if not math.isnan(mean)), key=lambda v: means[v])
 
 
@@ -170,17 +178,11 @@ def usual(found: Sequence[Family], key: str) -> list[Family]:
     return [family for family in found if family.held[key] == counts.most_common(1)[0][0]]
 
 
-def best(analysis: Analysis, family: Family, measure: Measure = seconds_per_sample) -> list[str]:
+def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[str]:
     """The values that may be the best, the one with the least mean first."""
     order = ranking(family, measure)
-    possible = race_of([measure(family.members[value]) for value in order], [], floor_of(analysis, family,
-    measure)).possible_winner return [value for value, may in zip(order, possible, strict=True) if may]
-
-
-def pairs_by(analysis: Analysis, found: Sequence[Family], measure_of: Callable[[Family], Measure]) -> list[Pair]:
-    """Pairs over families of which each is measured in its own way."""
-    measures = {id(contender): measure_of(family) for family in found for contender in family.members.values()}
-    return pairs(analysis, found, lambda contender: measures[id(contender)](contender))
+    possible = _race(analysis, family, order, [], measure).possible_winner
+    return [value for value, may in zip(order, possible, strict=True) if may]
 
 
 def thousands(contender: Contender) -> Estimate:

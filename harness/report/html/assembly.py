@@ -67,7 +67,8 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
     line = {
         "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
-        "left_out": [verdict.contender.name for verdict in panel.verdicts if verdict.disqualified(index)],
+        "left_out": [f"{verdict.contender.name} ({', '.join(verdict.warnings)})" for verdict in panel.verdicts
+                     if verdict.disqualified(index)],
     }  # fmt: skip
     found = possible_winners(panel.verdicts, index)
     if len(found) != 1:

@@ -94,7 +94,8 @@ def speedups(analysis: Analysis) -> Table:
             if ratio is not None and verdict.against is not None:
                 table.rows.append({
                     **who(verdict), "baseline": verdict.against.name, "factor": verdict.factors, "measure": name,
-                    "speedup": Estimate(*ratio[:3], ratio.blocks), "pairs": ratio.blocks, "verdict": ratio.verdict,
+                    "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks), "pairs": ratio.blocks,
+                    "verdict": ratio.verdict,
                     "noise_floor": floor_text(analysis, verdict.contender.settings.scene, [index]),
                 })  # fmt: skip
     return table
