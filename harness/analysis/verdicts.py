@@ -9,10 +9,11 @@ from functools import partial
 from harness.analysis import archived_verdicts
 from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, similarity
 from harness.analysis.model import Analysis, Verdict, seconds_per_sample
+from harness.analysis.slopes import slopes
 from harness.metrics import as_error
 from harness.statistics import (
+    Slope,
     bias_estimate,
-    convergence_slope,
     efficiency,
     median_interval,
     noise_floor,
@@ -31,7 +32,8 @@ def analyse(results: Results) -> Analysis:
     """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
     baseline_engine = baseline_engine_of(results)
     floors = noise_floors(results)
-    verdicts = [_own_verdict(results, contender) for contender in results.contenders if contender.done]
+    slope_of = slopes(results)
+    verdicts = [_own_verdict(results, c, slope_of[c.settings]) for c in results.contenders if c.done]
     images, known = Replicates(results), archived_verdicts.read_archived(results)
     for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
         _compare(results, verdict, baseline_engine, floors, images)
@@ -72,7 +74,7 @@ def baseline_for(contender: Contender, results: Results, engine: str) -> Contend
     return max(same, key=partial(similarity, contender), default=None)
 
 
-def _own_verdict(results: Results, contender: Contender) -> Verdict:
+def _own_verdict(results: Results, contender: Contender, slope: Slope) -> Verdict:
     """What needs no other contender and no image."""
     curves = [results.curve(cell) for cell in contender.runs]
     fixed = [contender.fixed_seconds(cell) for cell in contender.runs]
@@ -83,7 +85,7 @@ def _own_verdict(results: Results, contender: Contender) -> Verdict:
         contender,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
         cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
-        slope=convergence_slope([results.curve(cell, "spp", results.relative_metric) for cell in done]),
+        slope=slope,
         final_error=median_interval([point_error(end, results.metric)[0] for end in ends]),
         final_spp=median_interval([float(end["spp"]) for end in ends]),
         efficiency=efficiency([_mse(end) for end in ends], seconds),
@@ -123,7 +125,7 @@ def _by_block(results: Results, contender: Contender, target: float) -> dict[int
     """Block -> warm seconds until `target`, inf where it was not reached."""
     runs = contender.runs
     quality = time_to_quality([results.curve(cell) for cell in runs], [0.0] * len(runs), target)
-    return {cell["block"]: seconds for cell, seconds in zip(runs, quality.crossings, strict=True)}
+    return {cell["block"]: seconds.high for cell, seconds in zip(runs, quality.crossings, strict=True)}
 
 
 def _flags(results: Results, verdict: Verdict) -> list[str]:

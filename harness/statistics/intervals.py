@@ -56,6 +56,40 @@ def mean_interval(values: Sequence[float] | NDArray[np.float64], level: float = 
     return Estimate(mean, float(mean - half), float(mean + half), int(known.size))
 
 
+def geometric_interval(values: Sequence[float]) -> Estimate:
+    """exp of the mean of the logarithms with Student's t interval: of times, rates and errors, which are positive.
+
+    NaN values are left out. Zeros make the mean 0, infinite values make it infinite, both without an interval; of a negative
+    value, or of zeros beside infinite ones, there is no geometric mean: NaN.
+    """
+    known = np.asarray(values, np.float64)
+    known = known[~np.isnan(known)]
+    if (known < 0).any():
+        return Estimate(math.nan, math.nan, math.nan, int(known.size))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = float(np.exp(np.log(known).mean())) if known.size else math.nan
+    if not 0 < value < math.inf:
+        return Estimate(value, math.nan, math.nan, int(known.size))
+    _, low, high, n = mean_interval(np.log(known))
+    return Estimate(value, exp(low), exp(high), n)
+
+
+def bounded_interval(low: Sequence[float], high: Sequence[float]) -> Estimate:
+    """Geometric mean and interval of positive values that are known, or known to lie between `low` and `high`.
+
+    An infinite upper bound makes the value infinite, so that it is only known to be above the lower end. A lower bound of 0
+    makes the lower end 0: the value is the mean of the upper bounds, and only known to be below the upper end.
+    """
+    below, above = geometric_interval(low), geometric_interval(high)
+    single = below.n < 2
+    return Estimate(
+        above.value,
+        0.0 if below.value == 0 else below.value if single and math.isinf(above.value) else below.low,
+        math.inf if math.isinf(above.value) else above.value if single and below.value == 0 else above.high,
+        below.n,
+    )
+
+
 def resample_indices(n: int) -> NDArray[np.int64]:
     """(RESAMPLES, n) indices drawn with replacement, the same ones at every call."""
     return np.random.default_rng(BOOTSTRAP_SEED).integers(0, n, (RESAMPLES, n))
@@ -71,3 +105,8 @@ def _medians(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def _order_statistic(ordered: NDArray[np.float64], share: float) -> float:
     """The quantile without interpolation, which infinite values would spoil."""
     return float(ordered[min(int(share * ordered.size), ordered.size - 1)])
+
+
+def exp(value: float) -> float:
+    """e^value, infinite instead of an error where that is too large."""
+    return math.inf if value > 700 else math.exp(value)

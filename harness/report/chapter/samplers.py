@@ -95,7 +95,7 @@ def _times_to(analysis: Analysis, target: float) -> Measure:
     def measure(contender: Contender) -> Mapping[int, float]:
         runs = contender.runs
         quality = time_to_quality([analysis.results.curve(cell) for cell in runs], [0.0] * len(runs), target)
-        return {cell["block"]: seconds for cell, seconds in zip(runs, quality.crossings, strict=True)}
+        return {cell["block"]: seconds.high for cell, seconds in zip(runs, quality.crossings, strict=True)}
 
     return measure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,7 +121,7 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
     for axis, part in zip(axes, parts, strict=True):
         for verdict in part.verdicts:
             look = palette.look(verdict.contender)
-            times, share = ecdf([s for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
+            times, share = ecdf([s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
             name = verdict.contender.name
             x = [*times[:1], *times, latest] if times.size else [latest]
             y = [0.0, *share, share[-1]] if times.size else [0.0]
@@ -157,8 +158,14 @@ def _whisker(estimate: Any) -> list[list[float]]:
     return [[estimate.value - estimate.low], [estimate.high - estimate.value]]
 
 
+def shows_slopes(x: str, verdicts: Sequence[Verdict]) -> bool:
+    """Whether the legend of their error over `x` has slopes: not every contender has one, and beyond a few curves there is
+    no entry a curve."""
+    return x == "spp" and len(verdicts) <= MOST_CURVES and any(not math.isnan(v.slope.value) for v in verdicts)
+
+
 def _curve_label(verdict: Verdict, x: str) -> str:
-    if x == "spp" and not math.isnan(verdict.slope.value):
+    if shows_slopes(x, [verdict]):
         return f"{verdict.contender.name} ({verdict.slope.value:.2f})"
     return verdict.contender.name
 

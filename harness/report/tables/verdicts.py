@@ -104,11 +104,12 @@ def convergence(analysis: Analysis) -> Table:
     metric = analysis.results.metric
     table = Table(
         "convergence", "Convergence and throughput",
-        "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
+        "Slope of log RMSE over log samples, fitted over samples that the contenders of a scene share: -1/2 is Monte Carlo.",
         [SCENE, CONTENDER, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
          Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
-         Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
+         Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
+         Column("slope_verdict", "monte carlo (interval within -0.5 ± 0.05), steeper, shallower or unknown.", title="verdict"),
          Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),
          Column("rays_per_second", "Rays a second, warm.", "estimate", "rays/s"),
          Column("efficiency", "1 / (MSE x warm seconds).", "estimate")],
@@ -118,6 +119,7 @@ def convergence(analysis: Analysis) -> Table:
         table.rows.append({
             **who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
             "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds), "slope_verdict": slope.verdict,
+            "slope_samples": f"{slope.first} to {slope.last}" if slope.last else "",
             "samples_per_second": verdict.samples_per_second, "rays_per_second": verdict.rays_per_second,
             "efficiency": verdict.efficiency,
         })  # fmt: skip
