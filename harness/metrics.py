@@ -75,7 +75,7 @@ def measure(image: Image, reference: Reference, epsilon: float, metric: str = ""
     with np.errstate(invalid="ignore", over="ignore"):
         scores = {**_errors(image, reference, epsilon), **_display_scores(image, reference.mean, nonfinite == 0)}
         if metric in _UNCORRECTED:
-            scores[f"{metric}_se"] = math.nan if nonfinite else noise_by_halves(metric, image, reference)
+            scores[f"{metric}_se"] = math.inf if nonfinite else noise_by_halves(metric, image, reference)
         means = {f"mean_{name}": float(image[:, :, channel].mean()) for channel, name in enumerate("rgb")}
     if nonfinite:
         scores = {key: math.inf if key not in _display_keys() else value for key, value in scores.items()}

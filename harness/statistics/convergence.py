@@ -59,10 +59,10 @@ def curve(
     smooth: bool = False, reproducible: bool = False,
 ) -> Curve:  # fmt: skip
     """A Curve of float arrays sorted by samples; without `se` the reference has no noise."""
-    rows = [np.asarray(values, np.float64) for values in (samples, seconds, error)]
-    rows.append(np.zeros_like(rows[0]) if se is None else np.asarray(se, np.float64))
-    order = np.argsort(rows[0], kind="stable")
-    return Curve(*(values[order] for values in rows), smooth, reproducible)
+    x, y, e = (np.asarray(values, np.float64) for values in (samples, seconds, error))
+    noise = np.zeros_like(x) if se is None else np.asarray(se, np.float64)
+    order = np.argsort(x, kind="stable")
+    return Curve(x[order], y[order], e[order], noise[order], smooth, reproducible)
 
 
 def clear_samples(seeds: Sequence[Curve]) -> Array:

@@ -95,4 +95,6 @@ def _interpolated(x: Array, error: Array, se: Array, target: float) -> Crossing 
 
 def _relative(error: float, se: float) -> float:
     """Standard error over error."""
-    return float(se / error) if error > 0 else math.inf if error <= 0 else math.nan
+    if not math.isfinite(error):
+        return math.nan
+    return float(se / error) if error > 0 else math.inf
