@@ -58,10 +58,12 @@ def test_with_the_samples_that_are_needed_errors_stand_ten_standard_errors_above
 
 def test_a_larger_pilot_gives_the_same_answer(picture):
     """To a factor of two: of few samples neither the largest variances nor the radiance beside them are known well."""
-    few, many = (
-        np.median([samples_needed(reference_of([picture[0](each) for _ in range(16)], 16 * each), 0.01, 0.01) for _ in range(9)])
-        for each in (16, 256)
-    )
+
+    def needed(each):
+        pilots = [reference_of([picture[0](each) for _ in range(16)], 16 * each) for _ in range(9)]
+        return np.median([samples_needed(pilot, 0.01, 0.01) for pilot in pilots])
+
+    few, many = needed(16), needed(256)
     assert 0.5 < few / many < 2
     exact = np.ones(SHAPE)
     assert samples_needed(Reference(exact, exact, exact, np.zeros(SHAPE), 4), 0.01, 0.01) == 1

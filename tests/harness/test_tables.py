@@ -122,7 +122,7 @@ def test_nothing_is_ranked_inside_the_noise_floor(analysis):
     panel = next(panel for panel in panels(analysis) if panel.scene == "cornell_box")
     told = [_headline(panel, 0, 0.1, floor) for floor in (0.0, 0.5)]
     assert told[0]["winner"] == told[1]["winner"] and not told[0]["rivals"] and told[1]["rivals"]
-    alone = replace(panel.verdicts[0].warm[0], median=1e-9, low=math.nan, high=math.nan)
+    alone = replace(panel.verdicts[0].warm[0], value=1e-9, low=math.nan, high=math.nan)
     unknown = replace(panel.verdicts[0], warm=[alone])
     line = _headline(Panel(panel.title, [unknown, *panel.verdicts[1:]]), 0, 0.1, 0.0)
     assert len(line["rivals"]) == line["reached"] - 1, "without an interval nobody is first"
