@@ -30,7 +30,7 @@ MOST_BYTES = 9_500_000
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
     "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
-    "flat": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
+    "shallower": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
     "pass": "good", "xfail": "even", "fail": "bad",
 }  # fmt: skip
 
