@@ -108,7 +108,7 @@ def points(results: Results) -> Table:
         Column("cold_seconds", "The same with import, load, build and compilation.", "number"),
         Column("rays", "Rays so far.", "number"),
     ]  # fmt: skip
-    after = [Column("contended", "Whether another worker ran beside it.", "flag"),
+    after = [Column("contended", "Whether other work disturbed the timing.", "flag"),
              Column("image", "The checkpoint's image, relative to the results folder.")]  # fmt: skip
     names = dict.fromkeys(key for cell in measured for point in cell["points"] for key in point.get("metrics") or {})
     metrics = [Column(name, metric_meaning(name), "number") for name in names]
@@ -226,7 +226,7 @@ def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
         "baseline": verdict.against.name if verdict.against else None, "factor": verdict.factors or None,
         "ratio": ratio[:3] if ratio else None,
         "verdict": ratio.verdict if ratio else "unresolved" if verdict.against else "",
-        "possible_winner": verdict.possible_winner[index], "flags": " ".join(verdict.flags),
+        "possible_winner": verdict.possible_winner[index], "flags": " ".join(verdict.flags_of(index)),
     }  # fmt: skip
 
 

@@ -10,6 +10,8 @@ from harness.analysis.equivalence import EnginePair
 from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
 from harness.store.results import Contender, Results
 
+NOISY = "noisy_reference"
+"""Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
 FLAGS = {
     "biased": "biased",
     "on_bias_floor": "sits on its bias floor",
@@ -19,6 +21,7 @@ FLAGS = {
     "bad_samples": "bad samples",
     "contended": "contended",
     "own_clock": "times reported by the program",
+    NOISY: "reference too noisy for the target",
 }
 """What a reader of a verdict must know: name -> words."""
 OF_THE_CLOCK = frozenset({"contended", "own_clock"})
@@ -63,7 +66,12 @@ class Verdict:
 
     def disqualified(self, index: int | None = None) -> bool:
         """Whether a flag keeps it out of the ranking on the target of `index`, or out of that of seconds per sample."""
-        return bool(set(self.flags) - OF_THE_CLOCK)
+        return bool(set(self.flags_of(index)) - OF_THE_CLOCK)
+
+    def flags_of(self, index: int | None = None) -> list[str]:
+        """The flags, with those of the time to the target of `index`."""
+        noisy = index is not None and not self.warm[index].reliable
+        return [*self.flags, *([NOISY] if noisy else [])]
 
     @property
     def warnings(self) -> list[str]:

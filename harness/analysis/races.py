@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.analysis.model import Analysis, Verdict, raced_together, seconds_per_sample
-from harness.statistics import Bound, Race, noise_floor, race, twin_distance
+from harness.metrics import as_error
+from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
 from harness.statistics.ratios import MARGIN
 from harness.store.results import Contender, Results
 
@@ -61,7 +63,7 @@ def _run(
                 if id(v.contender) in rows and id(v.against) in rows]  # fmt: skip
     ranked = np.array([id(v.contender) in rows and not v.contender.settings.label for v in group])
     found = race(low, high, compared, analysis.floor(scene, index), ranked=ranked, twins=twins, clock=_clock_steps(low),
-                 margin=margin(analysis.results))  # fmt: skip
+                 margin=margin(analysis.results), **_readings(analysis.results, group, index))  # fmt: skip
     if found.twins_separated:
         analysis.separated.add((scene, index))
     for (row, _), ratio in zip(compared, found.ratios, strict=True):
@@ -72,6 +74,21 @@ def _run(
     if index is not None:
         for verdict, possible in zip(group, found.possible_winner.tolist(), strict=True):
             verdict.possible_winner[index] = possible
+
+
+def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> dict[str, Any]:
+    """What a race of samplers of both kinds needs: times by either reading, and which pairs are of different kinds."""
+    own = np.array([verdict.warm[index].reading if index is not None else "" for verdict in group])
+    if len(set(own)) < 2 or index is None:
+        return {}
+    target = as_error(results.metric, results.targets[index])
+    ways: tuple[Reading, Reading] = ("interpolated", "first")
+    read = [[_crossings(results, verdict.contender, target, way) for verdict in group] for way in ways]
+    return {"readings": [_logs(bounds) for bounds in read], "mixed": own[:, None] != own}
+
+
+def _crossings(results: Results, contender: Contender, target: float, reading: Reading) -> dict[int, Bound]:
+    return {cell["block"]: crossing_seconds(results.curve(cell), target, reading).x for cell in contender.runs}
 
 
 def sample_floors(results: Results) -> dict[str, float]:

@@ -11,10 +11,11 @@ from harness.analysis.baselines import baseline_of, engine_order, nearest_of_eng
 from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs
 from harness.analysis.model import Analysis, Verdict, raced_together
 from harness.analysis.races import run_races
+from harness.analysis.slopes import slopes
 from harness.metrics import as_error
 from harness.statistics import (
+    Slope,
     bias_estimate,
-    convergence_slope,
     efficiency,
     geometric_interval,
     on_bias_floor,
@@ -27,7 +28,8 @@ from harness.store.results import Contender, Event, Results, phase_seconds, poin
 
 def analyse(results: Results) -> Analysis:
     """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
-    verdicts = [_own_verdict(results, contender) for contender in results.contenders if contender.done]
+    slope_of = slopes(results)
+    verdicts = [_own_verdict(results, c, slope_of[c.settings]) for c in results.contenders if c.done]
     images, known = Replicates(results), archived_verdicts.read_archived(results)
     engine = baseline_engine_of(results)
     groups = {key: [v.contender for v in group] for key, group in raced_together(verdicts).items()}
@@ -50,7 +52,7 @@ def baseline_engine_of(results: Results) -> str:
     return next(iter(engine_order(results)), "")
 
 
-def _own_verdict(results: Results, contender: Contender) -> Verdict:
+def _own_verdict(results: Results, contender: Contender, slope: Slope) -> Verdict:
     """What needs no other contender and no image."""
     curves = [results.curve(cell) for cell in contender.runs]
     fixed = [contender.fixed_seconds(cell) for cell in contender.runs]
@@ -60,7 +62,7 @@ def _own_verdict(results: Results, contender: Contender) -> Verdict:
         contender,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
         cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
-        slope=convergence_slope([results.curve(cell, "spp", results.relative_metric) for cell in done]),
+        slope=slope,
         final_error=geometric_interval([point_error(end, results.metric)[0] for end in ends]),
         final_spp=geometric_interval([float(end["spp"]) for end in ends]),
         efficiency=efficiency([_mse(end) for end in ends], [float(end["seconds"]) for end in ends]),

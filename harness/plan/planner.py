@@ -31,6 +31,8 @@ from harness.source_hashes import engine_code, plugin_code
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
+REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
+"""Claims of `engines.conformance` that make an image a function of seed and samples."""
 
 
 def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
@@ -177,7 +179,8 @@ def _configured(
         cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
-        primitives=primitive_count(scene),
+        primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
+        reproducible=_is_reproducible(engine),
     )  # fmt: skip
     return cell, None if skip else wanted
 
@@ -186,6 +189,19 @@ def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and planes: what a tree is built over."""
     parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
     return sum(1 if part is None else len(part) for part in parts)
+
+
+def _is_smooth(engine: Engine, sampler: str) -> bool:
+    """Whether the error falls smoothly with every sample: as the plugin says, the engine, or the sampler's name."""
+    if ":" in sampler:
+        return getattr(load_attribute(sampler), "smooth", False) is True
+    return sampler in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
+
+
+def _is_reproducible(engine: Engine) -> bool:
+    """Whether the engine promises that seed and samples decide an image."""
+    broken: Any = getattr(engine, "not_promised", {})
+    return isinstance(broken, Mapping) and not any(claim in broken for claim in REPRODUCIBLE)
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:

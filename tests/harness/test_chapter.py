@@ -50,7 +50,7 @@ def undrawn(monkeypatch):
 
 def folder_of(path, cells):
     path.mkdir()
-    events = [{"event": "targets", "metric": "relmse_e0.01", "targets": [0.1, 0.04]}, *cells]
+    events = [{"event": "targets", "metric": "relmse_e0.01", "targets": [0.1, 0.05]}, *cells]
     (path / "manifest.json").write_text(json.dumps(manifest()))
     (path / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
     return path

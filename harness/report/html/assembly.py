@@ -13,7 +13,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.analysis import Analysis, equivalence, reports_its_time
-from harness.analysis.model import possible_winners
+from harness.analysis.model import FLAGS, Verdict, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Plot
@@ -30,7 +30,7 @@ MOST_BYTES = 9_500_000
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
     "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
-    "flat": "bad", "same": "even", "unresolved": "even", "inconclusive": "even", "unknown": "even", "skipped": "even",
+    "shallower": "bad", "same": "even", "unresolved": "even", "inconclusive": "even", "unknown": "even", "skipped": "even",
     "done": "good",
     "pass": "good", "xfail": "even", "fail": "bad",
 }  # fmt: skip
@@ -67,8 +67,7 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
     line = {
         "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
-        "left_out": [f"{verdict.contender.name} ({', '.join(verdict.warnings)})" for verdict in panel.verdicts
-                     if verdict.disqualified(index)],
+        "left_out": [_with_flags(verdict, index) for verdict in panel.verdicts if verdict.disqualified(index)],
     }  # fmt: skip
     found = possible_winners(panel.verdicts, index)
     if len(found) != 1:
@@ -78,6 +77,11 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
         "alone": line["out_of"] - len(line["left_out"]) == 1, "winner": best.contender.name, "flags": best.warnings,
         "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
     }  # fmt: skip
+
+
+def _with_flags(verdict: Verdict, index: int) -> str:
+    words = [*verdict.warnings, *(FLAGS[flag] for flag in verdict.flags_of(index) if flag not in verdict.flags)]
+    return f"{verdict.contender.name} ({', '.join(words)})"
 
 
 def colour_maps() -> dict[str, list[list[int]]]:

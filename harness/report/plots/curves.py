@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,7 +105,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
     axis.set_xlabel(X_LABELS["seconds"])
     axis.set_ylabel(error_label(analysis.results.metric))
-    words = "surely beaten by another" if math.isfinite(floor) else "no front: the noise floor was not measured"
+    words = "dominated by another" if math.isfinite(floor) else "no front: the noise floor was not measured"
     axis.plot([], [], "o", color=FAINT, alpha=0.4, markersize=3, label=words)
     _legend(figure, [axis], palette, panel.verdicts)
     return figure
@@ -125,7 +126,7 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
     for axis, part in zip(axes, parts, strict=True):
         for verdict in part.verdicts:
             look = palette.look(verdict.contender)
-            times, share = ecdf([s for v in first[id(verdict)] for quality in v.warm for _, s in quality.crossings])
+            times, share = ecdf([s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
             name = verdict.contender.name
             x = [*times[:1], *times, latest] if times.size else [latest]
             y = [0.0, *share, share[-1]] if times.size else [0.0]
@@ -162,8 +163,14 @@ def _whisker(estimate: Any) -> list[list[float]]:
     return [[estimate.value - estimate.low], [estimate.high - estimate.value]]
 
 
+def shows_slopes(x: str, verdicts: Sequence[Verdict]) -> bool:
+    """Whether the legend of their error over `x` has slopes: not every contender has one, and beyond a few curves there is
+    no entry a curve."""
+    return x == "spp" and len(verdicts) <= MOST_CURVES and any(not math.isnan(v.slope.value) for v in verdicts)
+
+
 def _curve_label(verdict: Verdict, x: str) -> str:
-    if x == "spp" and not math.isnan(verdict.slope.value):
+    if shows_slopes(x, [verdict]):
         return f"{verdict.contender.name} ({verdict.slope.value:.2f})"
     return verdict.contender.name
 
@@ -211,7 +218,7 @@ def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contenders
     handles: list[Artist] = list(palette.key(contenders))
     labels = [str(handle.get_label()) for handle in handles]
     for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
-        if label.startswith(("noise of", "surely beaten", "no front")):
+        if label.startswith(("noise of", "dominated", "no front")):
             handles.append(handle)
             labels.append(label)
     figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels, 72 * figure.get_figwidth()))

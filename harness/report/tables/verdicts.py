@@ -27,6 +27,8 @@ from harness.store.results import PHASES
 
 RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speedup"}
 """Columns of DataFrames by the names that these tables give them."""
+IN_OTHER_COLUMNS = ("biased", "other_image")
+"""Flags that need no mention among the warnings."""
 
 
 def all_tables(analysis: Analysis) -> list[Table]:
@@ -62,12 +64,13 @@ def time_to_quality(analysis: Analysis) -> Table:
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
     found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
     found["speedup_verdict"] = found.verdict
+    found["warnings"] = [
+        "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
+    ]  # fmt: skip
     new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
-        [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict),
-          "; ".join(FLAGS[flag] for flag in verdict.flags if flag not in ("biased", "other_image")))
-         for verdict in analysis.verdicts],
-        columns=["scene", "contender", "bias", "equivalence", "warnings"], dtype="string",
+        [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict)) for verdict in analysis.verdicts],
+        columns=["scene", "contender", "bias", "equivalence"], dtype="string",
     )  # fmt: skip
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
@@ -106,11 +109,12 @@ def convergence(analysis: Analysis) -> Table:
     metric = analysis.results.metric
     table = Table(
         "convergence", "Convergence and throughput",
-        "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
+        "Slope of log RMSE over log samples, fitted over samples that the contenders of a scene share: -1/2 is Monte Carlo.",
         [SCENE, CONTENDER, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
          Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
-         Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
+         Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
+         Column("slope_verdict", "monte carlo (interval within -0.5 ± 0.05), steeper, shallower or unknown.", title="verdict"),
          Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),
          Column("rays_per_second", "Rays a second, warm.", "estimate", "rays/s"),
          Column("efficiency", "1 / (MSE x warm seconds).", "estimate")],
@@ -120,6 +124,7 @@ def convergence(analysis: Analysis) -> Table:
         table.rows.append({
             **who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
             "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds), "slope_verdict": slope.verdict,
+            "slope_samples": f"{slope.first} to {slope.last}" if slope.last else "",
             "samples_per_second": verdict.samples_per_second, "rays_per_second": verdict.rays_per_second,
             "efficiency": verdict.efficiency,
         })  # fmt: skip
