@@ -221,3 +221,33 @@ def test_a_headline_names_one_winner_or_all_that_may_be_it(tmp_path):
     assert first["winner"] == "numba" and not first["rivals"]
     assert second["winner"] is None and sorted(second["rivals"]) == ["embree", "numba"]
     assert (first["reached"], first["out_of"]) == (3, 3)
+
+
+def test_a_time_that_the_references_noise_may_have_moved_is_not_ranked(tmp_path):
+    """The error stands three of its standard errors above zero, at the second target alone."""
+
+    def noisy(cell):
+        for point in cell["points"]:
+            error = point["metrics"]["relmse_e0.01_corrected"]
+            point["metrics"]["relmse_e0.01_se"] = error / (3 if error < 0.05 else 50)
+
+    found = results(tmp_path, contestant(0.2, engine="numpy"), twins(), contestant(0.001, engine="embree", change=noisy))
+    easy, hard = verdicts(found, 0.1).loc["embree"], verdicts(found, 0.01).loc["embree"]
+    assert (easy["flags"], easy.verdict, easy.possible_winner) == ("", "faster", True)
+    assert (hard["flags"], hard.verdict, hard.possible_winner) == ("noisy_reference", "unresolved", False)
+    assert verdicts(found, 0.01).loc["numba"].possible_winner
+
+
+def test_samplers_of_different_kinds_are_separated_only_under_both_readings(tmp_path):
+    """One curve, read at a line between checkpoints and at the next checkpoint: that alone is a factor of 1.2."""
+
+    def smooth(cell):
+        cell["smooth_sampler"] = True
+
+    made = [*twins(noise=0.001, change=smooth), *contestant(0.01, sampler="sobol", noise=0.001)]
+    rows = verdicts(results(tmp_path, contestant(0.2, engine="numpy", sampler="sobol"), made))
+    ratio = rows.loc["numba random"].seconds / rows.loc["numba sobol"].seconds
+    assert ratio < 0.85 and rows.loc[["numba random", "numba sobol"]].possible_winner.all()
+    half = [*twins(0.002, noise=0.001, change=smooth), *contestant(0.01, sampler="sobol", noise=0.001)]
+    rows = verdicts(results(tmp_path, half))
+    assert rows.loc["numba random"].possible_winner and not rows.loc["numba sobol"].possible_winner
