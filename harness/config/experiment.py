@@ -61,6 +61,7 @@ KEYS = Record("An experiment.", {
     "order": _section(sections.ORDER),
     "reference": _section(sections.REFERENCE),
     "quality": _section(sections.QUALITY),
+    "equivalence": _section(sections.EQUIVALENCE),
     "verify": Key(sections.VERIFY, sections.VERIFY.meaning, None),
 })  # fmt: skip
 
@@ -94,6 +95,7 @@ class Experiment:
     source: str
     verify: VerifyConfig | None
     limits: Limits
+    equivalence: Mapping[str, float]
 
 
 def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
@@ -122,6 +124,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         reference=given["reference"], quality=given["quality"], aa_twin=repeats >= 3 if aa_twin is None else aa_twin,
         images=given["images"], warnings=tuple(warnings), resolved={}, source=source, verify=given["verify"],
         timing=given["timing"], baseline=given["baseline"], limits=given["limits"],
+        equivalence=given["equivalence"],
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -188,6 +191,6 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "aa_twin": experiment.aa_twin,
         "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
         "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
-        "reference": asdict(experiment.reference),
+        "reference": asdict(experiment.reference), "equivalence": experiment.equivalence,
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
     }  # fmt: skip

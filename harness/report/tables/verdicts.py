@@ -30,6 +30,8 @@ from harness.store.results import PHASES
 RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speedup"}
 """Columns of DataFrames by the names that these tables give them."""
 
+IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image")
+
 
 def all_tables(analysis: Analysis) -> list[Table]:
     """Every table, the verdicts first. Most are kept without rows: that nothing failed is worth saying."""
@@ -52,9 +54,9 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("speedup", "Warm time of the baseline over this one, paired by block.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown.",
                 title="verdict"),
-         Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
-                "< says what would have been seen."),
-         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive.",
+         Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
+                "gives the most that it can be."),
+         Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
                 title="image"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
          Column("warnings", "What else to know before believing the row.")],
@@ -66,7 +68,7 @@ def time_to_quality(analysis: Analysis) -> Table:
     new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
         [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict),
-          "; ".join(FLAGS[flag] for flag in verdict.flags if flag not in ("biased", "other_image")))
+          "; ".join(FLAGS[flag] for flag in verdict.flags if flag not in IN_OTHER_COLUMNS))
          for verdict in analysis.verdicts],
         columns=["scene", "contender", "bias", "equivalence", "warnings"], dtype="string",
     )  # fmt: skip
