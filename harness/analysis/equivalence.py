@@ -208,7 +208,7 @@ def bound(share: float) -> str:
     if not 0 < share < math.inf:
         return "0 %" if share == 0 else "an unknown amount"
     unit = 10.0 ** (math.floor(math.log10(100 * share)) - 1)
-    return f"{math.ceil(100 * share / unit - 1e-9) * unit:.2g} %"
+    return f"{math.ceil(100 * share / unit - 1e-9) * unit:.6g} %"
 
 
 def percent(share: float) -> str:

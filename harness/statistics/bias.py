@@ -14,8 +14,10 @@ from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.equivalence import IMAGE_Z, TILE_Z
 from harness.statistics.intervals import mean_interval
 from harness.statistics.tiles import (
+    TILE,
     differences,
     family_z,
+    image_scale,
     inflation,
     largest,
     relative,
@@ -38,9 +40,9 @@ class BiasEstimate(NamedTuple):
 
     Pixels: `squared` is the squared bias over R^2 + eps, averaged, with its standard error (it may be negative) over `pairs` of
     seeds; `weight` is mean(R^2 / (R^2 + eps)), by which a uniform bias enters it. Image mean A - R: `difference` in the channel
-    farthest from 0 by its standard error, `image_z` that many, `image_bound` the most it can be. Tiles of 16 x 16 pixels:
-    `tile_difference`, `tile_z` and `tile_bound` in the same way, `worst_tile` the first pixel (x, y) of the farthest. NaN where
-    it is unknown.
+    farthest off, `image_z` the most standard errors that a channel is off, `image_bound` the most that it can be. Tiles of
+    16 x 16 pixels: `worst_tile` is the first pixel (x, y) of the one that is off by most standard errors, `tile_z`;
+    `tile_difference` by how much; `tile_bound` the most that any tile can be off. NaN where it is unknown.
     """
 
     squared: float
@@ -116,17 +118,23 @@ def _in_radiance(
     """The fields of a `BiasEstimate` on image mean and tiles."""
     least = expected_variance(reference, spp) if spp else None
     found = differences((image - reference.mean for image in images), noise_of(reference), least)
-    mean, scale = abs(float(reference.mean.mean())), tile_scale(reference.mean)
-    image, tiles = relative(found.image, mean), relative(found.tiles, scale)
-    image_se = np.hypot(relative(found.image_se, mean), ROUNDED)
-    tiles_se = np.hypot(relative(found.tiles_se, scale), ROUNDED)
-    channel, place = int(np.argmax(abs(image) / image_se)), int(np.argmax(abs(tiles) / tiles_se))
+    scales = image_scale(reference.mean), tile_scale(reference.mean)
+    image, tiles = (relative(values, scale) for values, scale in zip((found.image, found.tiles), scales, strict=True))
+    image_se, tiles_se = (
+        np.hypot(relative(values, scale), ROUNDED) for values, scale in zip((found.image_se, found.tiles_se), scales, strict=True)
+    )
+    tile_z, (x, y) = largest(abs(tiles) / tiles_se)
+    worst = tiles[y // TILE, x // TILE]
     return {
-        "difference": float(image[channel]), "image_z": float(abs(image[channel]) / image_se[channel]),
+        "difference": _farthest(image), "image_z": float((abs(image) / image_se).max()),
         "image_bound": float((abs(image) + IMAGE_Z * image_se).max()),
-        "tile_difference": float(tiles.flat[place]), "tile_z": float(abs(tiles.flat[place]) / tiles_se.flat[place]),
-        "tile_bound": largest(abs(tiles) + TILE_Z * tiles_se)[0], "worst_tile": largest(abs(tiles) / tiles_se)[1],
+        "tile_difference": _farthest(worst), "tile_z": tile_z,
+        "tile_bound": largest(abs(tiles) + TILE_Z * tiles_se)[0], "worst_tile": (x, y),
     }  # fmt: skip
+
+
+def _farthest(channels: Image) -> float:
+    return float(channels[np.argmax(abs(channels))])
 
 
 def expected_variance(reference: Reference, spp: Sequence[int]) -> Image:

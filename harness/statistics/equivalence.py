@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from harness.statistics.tiles import Differences, differences, largest, relative, tile_scale
+from harness.statistics.tiles import Differences, differences, image_scale, largest, relative, tile_scale
 
 Array = NDArray[np.float64]
 
@@ -112,8 +112,7 @@ def equivalence(
 
 def judge(found: Differences, level: Array, margins: Margins, alpha: float = ALPHA) -> Equivalence:
     """The verdict on differences of images whose mean radiance is `level` (h, w, 3)."""
-    scale = abs(float(level.mean()))
-    image, image_se = (relative(values, scale) for values in (found.image, found.image_se))
+    image, image_se = (relative(values, image_scale(level)) for values in (found.image, found.image_se))
     tiles, tiles_se = (relative(values, tile_scale(level)) for values in (found.tiles, found.tiles_se))
     channel = int(np.argmax(abs(image) + IMAGE_Z * image_se))
     difference, half = float(image[channel]), IMAGE_Z * float(image_se[channel])

@@ -96,9 +96,18 @@ def inflation(between: Array, within: Array) -> float:
 
 
 def tile_scale(image: Array) -> Array:
-    """(rows, columns, 1): what a tile's difference is relative to, max(tile, `DARKEST` of the image's mean) in radiance."""
-    grey = abs(tile_means(image).mean(axis=2, keepdims=True))
-    return np.maximum(grey, DARKEST * abs(float(image.mean())))
+    """(rows, columns, 3): what a tile's difference is relative to, in radiance: the tile's channel or the mean of its
+    channels, whichever is larger, and no less than `DARKEST` of the image's mean."""
+    return np.maximum(_scale(tile_means(image)), DARKEST * abs(float(image.mean())))
+
+
+def image_scale(image: Array) -> Array:
+    """(3,): what the difference of image means is relative to: the channel or the mean of all, whichever is larger."""
+    return _scale(image.mean(axis=(0, 1)))
+
+
+def _scale(means: Array) -> Array:
+    return np.maximum(abs(means), abs(means.mean(axis=-1, keepdims=True)))
 
 
 def relative(difference: Array, scale: Array | float) -> Array:

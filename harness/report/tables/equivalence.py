@@ -22,8 +22,8 @@ BOUNDS = [
     Column("worst_tile", "First pixel (x, y) of that tile.", title="worst tile"),
     Column("same_pixels", "Pixels that agree up to rounding, in the pair with the fewest.", "percent", "same pixels"),
 ]  # fmt: skip
-VERDICTS = ("identical (up to rounding: the same random numbers, or none), equivalent (both bounds within the margins), different "
-            "(surely outside one of them), unresolved")  # fmt: skip
+VERDICTS = ("identical (up to rounding: the same random numbers, or none), equivalent (both bounds within the margins), "
+            "different (surely outside one of them), unresolved")  # fmt: skip
 
 
 def bias_and_equivalence(analysis: Analysis) -> Table:
@@ -34,8 +34,8 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
         [SCENE, CONTENDER, BASELINE,
          Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
          Column("bias_squared_se", "Its standard error.", "number"),
-         Column("bias_difference", "Image over reference, less one, of the means, in the channel farthest off by its standard "
-                "error; flagged at 3 standard errors.", "percent", "bias of the mean"),
+         Column("bias_difference", "Image over reference, less one, of the means, in the channel farthest off; flagged at 3 "
+                "standard errors.", "percent", "bias of the mean"),
          Column("bias_image_z", "Standard errors that it is off.", "number"),
          Column("bias_tile_difference", "The same of the 16x16 tile farthest off; flagged at 4.5.", "percent",
                 "bias of a tile"),
