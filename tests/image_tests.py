@@ -30,14 +30,16 @@ class ImageTests(NamedTuple):
     difference: float
     detectable: float
     alpha: float
+    margin: float
 
     @property
-    def rejected(self) -> bool:
-        """Whether one of the three scales finds a difference."""
-        return self.pixel_p < self.pixel_threshold or self.tile_p < self.tile_threshold or self.image_p < self.alpha
+    def different(self) -> bool:
+        """Whether one of the three scales finds a difference; of means, one of more than `margin`."""
+        means = self.image_p < self.alpha and abs(self.difference) > self.margin
+        return self.pixel_p < self.pixel_threshold or self.tile_p < self.tile_threshold or means
 
 
-def image_tests(a: Array, b: Array, alpha: float) -> ImageTests:
+def image_tests(a: Array, b: Array, alpha: float, margin: float = 0.0) -> ImageTests:
     """Compares replicates (k, h, w, 3) and (m, h, w, 3) of independent seeds, with `alpha` false alarms a scale."""
     pixel, tile = welch_p(a, b, _tile_variance), welch_p(tile_means(a), tile_means(b))
     means = a.mean(axis=(1, 2, 3)), b.mean(axis=(1, 2, 3))
@@ -47,7 +49,7 @@ def image_tests(a: Array, b: Array, alpha: float) -> ImageTests:
     detectable = float((stdtrit(freedom, 0.975) + stdtrit(freedom, 0.8)) * se) / scale
     difference = float(means[1].mean() - means[0].mean()) / scale
     return ImageTests(float(pixel.min()), thresholds[0], float(tile.min()), thresholds[1], float(welch_p(*means)), difference,
-                      detectable, alpha)  # fmt: skip
+                      detectable, alpha, margin)  # fmt: skip
 
 
 def welch_p(first: Array, second: Array, least: Callable[[Array], Array] | None = None) -> Array:
