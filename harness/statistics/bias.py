@@ -119,10 +119,9 @@ def _in_radiance(
     least = expected_variance(reference, spp) if spp else None
     found = differences((image - reference.mean for image in images), noise_of(reference), least)
     scales = image_scale(reference.mean), tile_scale(reference.mean)
-    image, tiles = (relative(values, scale) for values, scale in zip((found.image, found.tiles), scales, strict=True))
-    image_se, tiles_se = (
-        np.hypot(relative(values, scale), ROUNDED) for values, scale in zip((found.image_se, found.tiles_se), scales, strict=True)
-    )
+    image, tiles = relative(found.image, scales[0]), relative(found.tiles, scales[1])
+    image_se = np.hypot(relative(found.image_se, scales[0]), ROUNDED)
+    tiles_se = np.hypot(relative(found.tiles_se, scales[1]), ROUNDED)
     tile_z, (x, y) = largest(abs(tiles) / tiles_se)
     worst = tiles[y // TILE, x // TILE]
     return {

@@ -11,8 +11,8 @@ import engines
 from engines import Settings, Unsupported
 from engines.export import export
 from harness.config import paths
-from tests.image_tests import image_tests
 from tests.harness.sweeping import raybench
+from tests.image_tests import image_tests
 
 SIDE, SPP, REPLICATES = 24, 16, 12
 

@@ -140,7 +140,8 @@ def test_where_no_engine_of_another_lineage_can_it_is_said_why(tmp_path):
     text = certified_by("auto", 8)
     text = text.replace("scene: ball.yaml", "scene: ball.yaml\nshader: 'tests.harness.test_certificates:Unknown'")
     (wanted,) = planner.make(config.load(sweeping.write(tmp_path, text)), True).references.values()
-    assert wanted.certifier is not None and str(wanted.certifier.why_not).startswith("no engine of another lineage can: embree: ")
+    assert wanted.certifier is not None
+    assert str(wanted.certifier.why_not).startswith("no engine of another lineage can: embree: ")
 
 
 class Unknown:

@@ -10,6 +10,7 @@ from harness.report.tables.equivalence import equivalence as equivalence_table
 from harness.store.results import load_results
 from tests.harness.synthetic import BIASED, write_folder
 
+
 @pytest.fixture(scope="module")
 def analysis(tmp_path_factory):
     return analyse(load_results(write_folder(tmp_path_factory.mktemp("bias_and_equivalence"), threads=(1,))))
@@ -53,7 +54,8 @@ def test_the_margins_are_those_of_the_config(analysis):
 
 def test_unequal_samples_are_taken_where_they_say_more_and_the_words_say_so(analysis):
     """numpy has fewer samples; images of one seed share no noise here, so that the last ones have less of it."""
-    compared = [pair.comparison for pair in analysis.pairs if "numpy" in (pair.first.settings.engine, pair.second.settings.engine)]
+    pairs = [pair for pair in analysis.pairs if "numpy" in (pair.first.settings.engine, pair.second.settings.engine)]
+    compared = [pair.comparison for pair in pairs]
     assert compared and not any(comparison.paired for comparison in compared)
     assert all(comparison.spp[0] != comparison.spp[1] and " and " in rests_on(comparison) for comparison in compared)
 

@@ -260,8 +260,10 @@ def test_verdicts_of_p_values_in_an_older_archive_are_unresolved_and_say_so(whol
     folder = shutil.copytree(whole, tmp_path / "old")
     shutil.rmtree(folder / "images")
     fresh = archived_verdicts.event(analyse(load_results(whole)))
-    p_values = {"pixel_p": 0.5, "pixel_threshold": 1e-6, "pixels_outside": 0, "tile_p": 0.5, "tile_threshold": 1e-4, "image_p": 0.5,
-                "ks_p": 0.5, "difference": 1e-4, "low": -1e-3, "high": 1e-3, "detectable": 1e-3, "verdict": "equivalent"}  # fmt: skip
+    p_values = {
+        "pixel_p": 0.5, "pixel_threshold": 1e-6, "pixels_outside": 0, "tile_p": 0.5, "tile_threshold": 1e-4, "image_p": 0.5,
+        "ks_p": 0.5, "difference": 1e-4, "low": -1e-3, "high": 1e-3, "detectable": 1e-3, "verdict": "equivalent",
+    }  # fmt: skip
     old = {
         "event": "archived_verdicts", "baseline": [{"of": row["of"], **p_values} for row in fresh["baseline"]],
         "bias": [{"of": row["of"], "squared": 1e-6, "se": 1e-6, "pairs": 1} for row in fresh["bias"]],

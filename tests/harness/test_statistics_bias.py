@@ -119,6 +119,7 @@ def test_the_noise_of_a_reference_counts(box):
 
 def test_words_are_bounds_in_radiance_or_say_what_is_wrong(box):
     rng = np.random.default_rng(7)
-    right, wrong = (estimate(rng, box, image) for image in (box[0], 1.05 * box[0]))
-    assert bias_text(SimpleNamespace(bias=right)).startswith("mean < 0.") and ", tiles < " in bias_text(SimpleNamespace(bias=right))
-    assert "mean +5" in bias_text(SimpleNamespace(bias=wrong)) and "flagged" in bias_text(SimpleNamespace(bias=wrong))
+    found = (SimpleNamespace(bias=estimate(rng, box, image)) for image in (box[0], 1.05 * box[0]))
+    right, wrong = map(bias_text, found)
+    assert right.startswith("mean < 0.") and ", tiles < " in right
+    assert "mean +5" in wrong and "flagged" in wrong

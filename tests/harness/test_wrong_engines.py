@@ -101,7 +101,8 @@ def test_checkpoints_before_the_failure_are_kept(swept):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("NotANumber", "seed 9000: 1 pixels of the image are NaN or infinite: finite radiance is wanted"), ("OtherSize", "(8, 12, 3) is wanted"),
+    [("NotANumber", "seed 9000: 1 pixels of the image are NaN or infinite: finite radiance is wanted"),
+     ("OtherSize", "(8, 12, 3) is wanted"),
      ("Babbler", "where messages are sent")],
 )  # fmt: skip
 def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name, words):
