@@ -6,9 +6,6 @@ from harness.analysis.model import Verdict
 from harness.statistics import mean_interval, on_bias_floor
 from harness.store.results import Contender, Results, point_error
 
-DISQUALIFYING = frozenset({"biased", "biased_image", "biased_tile", "nonfinite_pixels", "bad_samples"})
-"""Flags of a wrong image: a contender with one of them is fastest at nothing, and stands in no ranking."""
-
 
 def image_flags(results: Results, verdict: Verdict) -> list[str]:
     """The names, of `analysis.model.FLAGS`, of what is wrong with the images of a contender."""

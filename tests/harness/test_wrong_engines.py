@@ -12,7 +12,6 @@ from engines.errors import RendererFailed
 from engines.film import Film
 from harness import store
 from harness.analysis import analyse, frames
-from harness.analysis.image_flags import DISQUALIFYING
 from harness.measure import films, pool, protocol
 from harness.report.tables.verdicts import time_to_quality
 from harness.store.results import load_results
@@ -87,7 +86,6 @@ def test_samples_that_are_not_finite_are_flagged_in_every_table_though_no_pixel_
     analysis = analyse(load_results(tmp_path / "out"))
     verdicts = {v.contender.settings.engine: v for v in analysis.verdicts}
     assert "bad_samples" in verdicts["spotty"].flags and not verdicts["steady"].flags
-    assert DISQUALIFYING & set(verdicts["spotty"].flags)
     shown = frames.verdicts(analysis).frame
     assert shown[shown.engine == "spotty"]["flags"].str.contains("bad_samples").all()
     rows = {row["contender"]: row["warnings"] for row in time_to_quality(analysis).rows}
