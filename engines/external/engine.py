@@ -47,6 +47,7 @@ class Engine:
     """
 
     not_promised: Mapping[str, str] = NOT_PROMISED
+    smooth_samplers = ()  # what the program does under a sampler's name is not known
 
     def __init__(self, file: str | PathLike[str]) -> None:
         self._said = said = read(Path(file))

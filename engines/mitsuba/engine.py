@@ -38,6 +38,7 @@ class Engine:
     variant = library.LLVM
     tracing_precision = "float32"
     not_promised: Mapping[str, str] = NOT_PROMISED
+    smooth_samplers = ("random", "independent")
 
     @property
     def version(self) -> str:

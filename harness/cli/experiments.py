@@ -22,7 +22,7 @@ from harness.measure.pool import Pool, WorkerFailed
 from harness.plan import planner, verify_jobs
 from harness.plan.cells import Cell, Plan, words
 from harness.plan.state import expected_seconds, state_of
-from harness.run import certificates, progress, references, sweep
+from harness.run import certificates, progress, reference_samples, references, sweep
 from harness.run.sweep import Options, Outcome
 from harness.store import reference_files
 
@@ -128,10 +128,12 @@ def _planned(
 
 
 def _plan_references(console: Console, made: Plan) -> None:
+    root = reference_files.cache_folder()
     for wanted in made.references.values():
-        state = "ready" if references.ready(wanted, reference_files.cache_folder()) else "to be rendered"
+        state = "ready" if references.ready(wanted, root) else "to be rendered"
         what = f"{wanted.describe()}, {words(wanted.spec['shader'])}, by {wanted.spec['engine']}"
-        console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
+        samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
+        console.print(f"reference of {what}: {state}; {samples}", soft_wrap=True, markup=False)
 
 
 def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None:
@@ -184,7 +186,8 @@ def reference(
                     if not ready:
                         with progress.Terminal(stderr) as terminal:
                             _make_reference(wanted, root, pool, terminal, name)
-                    stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}", soft_wrap=True)
+                    samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
+                    stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}; {samples}", soft_wrap=True)
                     failed += _certified(wanted, root, pool, stdout, stderr)
                 except WorkerFailed as error:
                     failed += 1

@@ -19,7 +19,7 @@ from engines.schema.yaml_file import Located, Origin, parse_yaml, read_yaml
 from harness.config import matrix, paths, sections
 from harness.config.sections import SEED, Checkpoints, Limits, Quality, ReferenceConfig, VerifyConfig
 from harness.config.settings import BUDGET, SETTINGS
-from harness.config.validators import LINE, NAME, OrNull, integer, mapping, one_of
+from harness.config.validators import LINE, NAME, ListOf, OrNull, integer, mapping, number, one_of
 
 SCHEMA_VERSION = 1
 IMAGES = ("all", "some", "last", "none")
@@ -53,6 +53,13 @@ KEYS = Record("An experiment.", {
     ),
     "baseline": Key(
         OrNull(NAME), "Engine that speed-ups and images are compared with; by default numpy, else numba, else embree.", None
+    ),
+    "pairs": Key(
+        ListOf(sections.PAIR),
+        "Ratios of times between contestants that differ in several settings; others are formed where one differs.", []
+    ),
+    "same_within": Key(
+        number(0.0, 1.0, open_low=True), "Share by which times may differ that count as the same.", 0.05
     ),
     **SETTINGS,
     **matrix.MATRIX,
@@ -90,6 +97,8 @@ class Experiment:
     images: str
     timing: bool
     baseline: str | None
+    pairs: tuple[Mapping[str, Mapping[str, Any]], ...]
+    same_within: float
     warnings: tuple[str, ...]
     resolved: Mapping[str, Any]
     source: str
@@ -125,6 +134,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         images=given["images"], warnings=tuple(warnings), resolved={}, source=source, verify=given["verify"],
         timing=given["timing"], baseline=given["baseline"], limits=given["limits"],
         equivalence=given["equivalence"],
+        pairs=tuple(given["pairs"]), same_within=given["same_within"],
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -190,6 +200,7 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "aa_twin": experiment.aa_twin,
         "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
+        "pairs": list(experiment.pairs), "same_within": experiment.same_within,
         "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
         "reference": asdict(experiment.reference), "equivalence": experiment.equivalence,
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},

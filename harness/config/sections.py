@@ -65,6 +65,25 @@ ORDER = Record("Order in which cells run.", {
 })  # fmt: skip
 
 
+def _side(given: Given, context: Any) -> dict[str, Any]:
+    if not given.written:
+        raise given.node.refuse("at least one setting is wanted")
+    return given.written
+
+
+_SIDE = Record("Contestants, by some of their settings; choices by their names alone.", {
+    "engine": Key(NAME, "Engine, by the name that tables use.", None),
+    "accelerator": Key(NAME, "Accelerator.", None),
+    "sampler": Key(NAME, "Sampler.", None),
+    "precision": Key(NAME, "Precision.", None),
+    "threads": Key(integer(1, 1024), "Threads.", None),
+}, _side)  # fmt: skip
+PAIR = Record("A ratio of times that is asked for, in however many settings the two differ.", {
+    "contestant": Key(_SIDE, "Whose times are compared."),
+    "baseline": Key(_SIDE, "With whose: of several the one that shares the most settings."),
+}, lambda given, context: dict(given.values))  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class ReferenceConfig:
     """How the image compared with is made. `threads` 0 means every core; it changes no pixel.

@@ -40,6 +40,10 @@ class Cell:
     skip: str | None
     primitives: int = 0
     """Triangles, spheres and planes of the scene."""
+    smooth_sampler: bool = False
+    """Whether the sampler's error falls smoothly from sample to sample."""
+    reproducible: bool = False
+    """Whether the engine promises the same images at every repetition."""
 
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -34,6 +34,8 @@ from harness.statistics.equivalence import Margins
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
+REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
+"""Claims of `engines.conformance` that make an image a function of seed and samples."""
 
 
 def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
@@ -53,6 +55,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
     warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
+    _pairs_exist(experiment, configurations)
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
     verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
@@ -63,6 +66,17 @@ def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
     if experiment.baseline is not None and experiment.baseline not in engines:
         near = suggestion(experiment.baseline, engines)
         raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
+
+
+def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
+    """Refuses a pair with a side that is no contestant of the experiment."""
+    runs = [{**cell.settings, "engine": cell.engine_name, "accelerator": cell.settings["accelerator"]["name"],
+             "sampler": cell.settings["sampler"]["name"]} for cell in configurations]  # fmt: skip
+    for index, pair in enumerate(experiment.pairs):
+        for side, wanted in pair.items():
+            if not any(all(settings[key] == value for key, value in wanted.items()) for settings in runs):
+                where = f"{experiment.source} pairs[{index}].{side} = {flow(wanted)}"
+                raise ConfigError(f"{where}: no contestant of this experiment has these settings")
 
 
 class _Known:
@@ -184,7 +198,8 @@ def _configured(
         cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
-        primitives=primitive_count(scene),
+        primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
+        reproducible=_is_reproducible(engine),
     )  # fmt: skip
     return cell, None if skip else wanted
 
@@ -193,6 +208,19 @@ def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and planes: what a tree is built over."""
     parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
     return sum(1 if part is None else len(part) for part in parts)
+
+
+def _is_smooth(engine: Engine, sampler: str) -> bool:
+    """Whether the error falls smoothly with every sample: as the plugin says, the engine, or the sampler's name."""
+    if ":" in sampler:
+        return getattr(load_attribute(sampler), "smooth", False) is True
+    return sampler in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
+
+
+def _is_reproducible(engine: Engine) -> bool:
+    """Whether the engine promises that seed and samples decide an image."""
+    broken: Any = getattr(engine, "not_promised", {})
+    return isinstance(broken, Mapping) and not any(claim in broken for claim in REPRODUCIBLE)
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:

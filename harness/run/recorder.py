@@ -128,7 +128,8 @@ class Recorder:
             "event": "cell", "cell_id": cell.cell_id, "configuration": cell.configuration, "env_id": self.env_id,
             "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
             "seed": cell.seed, "scene": cell.scene.name, "scene_hash": cell.scene_hash,
-            "primitives": cell.primitives, "engine": cell.engine_name,
+            "primitives": cell.primitives, "smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible,
+            "engine": cell.engine_name,
             "engine_version": cell.spec["engine_version"], **cell.settings,
             "reference_id": cell.reference_id, "spec": dict(cell.spec),
             "command": cell.command(spp or cell.budget.max_spp),
@@ -187,8 +188,8 @@ class CellRecord:
 
     def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
         self.phases["render_seconds"] = answer["seconds"]
-        image = films.image_of(film)
-        scores = metrics.measure(image, reference, self.recorder.plan.experiment.quality.epsilon)
+        image, quality = films.image_of(film), self.recorder.plan.experiment.quality
+        scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
         self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
         self._last_film = film
         self.counters["bad_samples"] = float(film.bad_samples)

@@ -23,7 +23,7 @@ from harness.plan import verify_jobs as planned_jobs
 from harness.plan.cells import Cell, Plan
 from harness.plan.references import PlannedReference
 from harness.plan.state import up_to_date
-from harness.run import certificates, references, verify_jobs
+from harness.run import certificates, reference_samples, references, verify_jobs
 from harness.run.executors import local
 from harness.run.progress import Listener
 from harness.run.recorder import BROKEN, Recorder
@@ -176,8 +176,11 @@ class Sweep:
         named = {e["reference_id"] for e in self.recorder.history if e["event"] == "reference"}
         for reference_id, wanted in self.plan.references.items():
             try:
-                if reference_id in needed and not references.ready(wanted, self.recorder.root):
-                    self._make_reference(wanted, pool)
+                if reference_id in needed:
+                    made = not references.ready(wanted, self.recorder.root)
+                    if made:
+                        self._make_reference(wanted, pool)
+                    self._note_samples(wanted, made)
             except (WorkerFailed, WorkerTimeout) as error:
                 self.recorder.without_reference(reference_id, f"no reference: {error}")
                 continue
@@ -191,6 +194,12 @@ class Sweep:
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
             lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
         )  # fmt: skip
+
+    def _note_samples(self, wanted: PlannedReference, made: bool) -> None:
+        """Says of a new reference whether it has samples enough for the targets, of another one if it has too few."""
+        found = reference_samples.sufficiency(wanted, self.recorder.root, self.plan.experiment.quality)
+        if made or found.enough is False:
+            self.listener.note(f"reference of {wanted.describe()}: {found.message}")
 
     def _certify(self, wanted: PlannedReference, pool: references.Images) -> None:
         """Has the reference compared with the image of another lineage, once, and says what came out."""

@@ -157,6 +157,8 @@ class Cell(Record):
     scene: str
     scene_hash: Id
     primitives: Count | None = None
+    smooth_sampler: bool = False
+    reproducible: bool = False
     engine: str
     shader: Choice
     sampler: Choice

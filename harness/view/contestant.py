@@ -15,10 +15,11 @@ from harness.measure import clock
 from harness.measure.contention import Disturbance
 from harness.measure.pool import WorkerMessage
 from harness.measure.sentinel import sentinel_seconds
+from harness.metrics import as_error
 from harness.plan.cells import WARM_UP_SEED, Cell
 from harness.run.recorder import CellRecord, Recorder
-from harness.statistics.convergence import first_crossing
-from harness.store.results import point_error
+from harness.statistics import crossing_seconds
+from harness.store.results import curve_of, point_error
 
 FINISHED = ("reached", "at_first")
 
@@ -87,12 +88,13 @@ class Contestant:
             self._next_checkpoint = next(self._checkpoints, self.spp + 1)
 
     def crossings(self) -> list[dict[str, Any]]:
-        """When each target was reached, as in reports; a negative error (noise) counts as unknown."""
-        times, errors = [point[0] for point in self.points], [point[1] for point in self.points]
-        found = []
+        """When each target was reached, as in reports."""
+        metric, cell = self._recorder.metric, self.cell
+        kind = {"smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible}
+        curve, found = curve_of({"points": self._record.points, **kind}, metric), []
         for target in self._recorder.plan.experiment.quality.targets or ():
-            crossing = first_crossing(times, errors, target)
-            found.append({"target": target, "seconds": crossing.x, "state": crossing.state})
+            crossing = crossing_seconds(curve, as_error(metric, target))
+            found.append({"target": target, "seconds": crossing.x.high, "state": crossing.state})
         return found
 
     def finish(self) -> None:

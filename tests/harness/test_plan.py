@@ -4,15 +4,18 @@ import json
 import random
 import sys
 from dataclasses import replace
+from types import MappingProxyType
 
 import pytest
 
 from engines.errors import RaybenchError
+from engines.external import Engine as Program
+from engines.mitsuba import Engine as MitsubaEngine
 from harness import config
 from harness.config.paths import shipped
 from harness.hashing import canonical_json, digest
 from harness.plan import planner, state
-from tests.harness import sweeping
+from tests.harness import fake_engines, sweeping
 
 
 def planned(folder, text=sweeping.EXPERIMENT, overrides=()):
@@ -149,6 +152,32 @@ def test_a_reference_takes_the_samplers_that_cells_take(sampler, tmp_path, monke
 def test_a_reference_refuses_a_sampler_that_nobody_knows(tmp_path):
     with pytest.raises(RaybenchError, match=r"reference\.sampler: unknown sampler 'sobel': did you mean 'sobol'"):
         planned(tmp_path, overrides=["reference.sampler=sobel"])
+class Unsure(fake_engines.Steady):
+    """Draws other numbers in every process."""
+
+    not_promised = MappingProxyType({"seeds_matter": "it draws from the clock"})
+
+
+def test_a_cell_says_whether_its_sampler_is_smooth_and_its_engine_reproducible(tmp_path):
+    """`random` alone of raybench's own; plugins and engines say so for theirs; a program's samplers are not known."""
+    text = sweeping.EXPERIMENT.replace("matrix: {", "matrix: {sampler: [random, sobol, stratified, halton], ")
+    smooth = {cell.settings["sampler"]["name"]: cell.smooth_sampler for cell in planned(tmp_path, text).cells}
+    assert smooth == {"random": True, "sobol": False, "stratified": False, "halton": False}
+    mitsuba = ("random", "independent"), ("stratified", "multijitter", "orthogonal", "ldsampler")
+    assert [[planner._is_smooth(MitsubaEngine(), name) for name in names] for names in mitsuba] == [[True] * 2, [False] * 4]
+    assert not planner._is_smooth(Program("configs/renderers/raybench.yaml"), "random")
+    assert all(cell.reproducible for cell in planned(tmp_path).cells)
+    assert not planner._is_reproducible(Program("configs/renderers/raybench.yaml"))
+    assert planner._is_reproducible(MitsubaEngine()) and not planner._is_reproducible(Unsure())
+
+
+def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
+    (tmp_path / "own_samplers.py").write_text(
+        "from engines.plugin import Sampler\nplain = Sampler('plain', smooth=True)\nnet = Sampler('net')\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found = [planner._is_smooth(fake_engines.Steady(), f"own_samplers:{name}") for name in ("plain", "net")]
+    assert found == [True, False]
 
 
 def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
@@ -164,6 +193,8 @@ def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
         ("matrix.engine=['fake_engines:Stedy']", "fake_engines:Stedy: cannot be imported"),
         ("shader=nothing:here", "nothing:here: cannot be imported"),
         ("baseline=stedy", "baseline = 'stedy': no engine of this experiment: did you mean 'steady'?"),
+        ("pairs=[{contestant: {engine: steady}, baseline: {engine: steady, threads: 64}}]",
+         "pairs[0].baseline = {engine: \"steady\", threads: 64}: no contestant of this experiment has these settings"),
     ],
 )
 def test_names_that_nobody_knows_are_errors_before_anything_runs(tmp_path, override, message):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import shutil
 from contextlib import contextmanager
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report.plots import Palette, draw, write_plots
 from harness.report.plots.curves import band, error_curves, pareto
+from harness.report.plots.drawing import _panel_sketches
 from harness.report.plots.panels import facets, panels
 from harness.report.plots.parallel import Beside
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
@@ -146,6 +148,19 @@ def test_a_legend_of_looks_fits_its_figure(analysis, draws):
         (legend,) = figure.legends
         box = legend.get_window_extent()
     assert box.x0 >= 0 and box.x1 <= figure.bbox.width
+
+
+def test_a_caption_speaks_of_slopes_only_where_the_legend_has_them(analysis):
+    panel, palette = panels(analysis)[0], Palette(analysis.results)
+    none = [dataclasses.replace(v, slope=v.slope._replace(value=math.nan)) for v in panel.verdicts]
+    for verdicts, expected in ((panel.verdicts[:5], True), (panel.verdicts * 2, False), (none[:5], False)):
+        shown = dataclasses.replace(panel, verdicts=verdicts)
+        captions = {sketch.name: sketch.description for sketch in _panel_sketches(analysis, shown, palette)}
+        said = ["slopes" in captions[f"error-over-{x}-{panel.stem}"] for x in ("samples", "time", "rays")]
+        figure = error_curves(analysis, shown, palette, "spp")
+        legends = [*figure.legends, *(legend for axis in figure.axes if (legend := axis.get_legend()))]
+        numbers = [text.get_text() for legend in legends for text in legend.get_texts() if "(-0." in text.get_text()]
+        assert said == [expected, False, False] and bool(numbers) == expected
 
 
 def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
