@@ -68,6 +68,7 @@ KEYS = Record("An experiment.", {
     "order": _section(sections.ORDER),
     "reference": _section(sections.REFERENCE),
     "quality": _section(sections.QUALITY),
+    "equivalence": _section(sections.EQUIVALENCE),
     "verify": Key(sections.VERIFY, sections.VERIFY.meaning, None),
 })  # fmt: skip
 
@@ -103,6 +104,7 @@ class Experiment:
     source: str
     verify: VerifyConfig | None
     limits: Limits
+    equivalence: Mapping[str, float]
 
 
 def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
@@ -131,6 +133,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         reference=given["reference"], quality=given["quality"], aa_twin=repeats >= 3 if aa_twin is None else aa_twin,
         images=given["images"], warnings=tuple(warnings), resolved={}, source=source, verify=given["verify"],
         timing=given["timing"], baseline=given["baseline"], limits=given["limits"],
+        equivalence=given["equivalence"],
         pairs=tuple(given["pairs"]), same_within=given["same_within"],
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
@@ -199,6 +202,6 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
         "pairs": list(experiment.pairs), "same_within": experiment.same_within,
         "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
-        "reference": asdict(experiment.reference),
+        "reference": asdict(experiment.reference), "equivalence": experiment.equivalence,
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
     }  # fmt: skip

@@ -17,16 +17,19 @@ from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
-from engines.registry import is_file, load_attribute
+from engines.registry import is_file, lineage_of, load_attribute
 from engines.scene import Scene, load_scene
 from harness.config import SCHEMA_VERSION, Experiment
+from harness.config.sections import AUTOMATIC
 from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
+from harness.plan import certifiers
 from harness.plan.cells import Cell, Plan, flow
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.source_hashes import engine_code, plugin_code
+from harness.statistics.equivalence import Margins
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
@@ -83,10 +86,13 @@ class _Known:
         self.allow_imports = allow_imports
         names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
-        for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
+        certify = experiment.reference.certify
+        named = None if certify == AUTOMATIC else certify
+        for name in filter(None, [*names, experiment.reference.engine, named]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+        self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
         self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
@@ -94,8 +100,21 @@ class _Known:
     def code(self, name: str) -> str:
         """The hash of an engine's code."""
         if name not in self._codes:
-            self._codes[name] = engine_code(self.engines[name], name)
+            engine = self.candidate(name)
+            assert engine is not None
+            self._codes[name] = engine_code(engine, name)
         return self._codes[name]
+
+    def candidate(self, name: str) -> Engine | None:
+        """An engine that the experiment may not name; None where it is not to be had."""
+        if name in self.engines:
+            return self.engines[name]
+        if name not in self.candidates:
+            try:
+                self.candidates[name] = engine_of(name)
+            except RaybenchError:
+                self.candidates[name] = None
+        return self.candidates[name]
 
     def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
@@ -249,20 +268,46 @@ def _reference(
     }  # fmt: skip
     spec["code"] = {"engine": known.code(given.engine), **_plugin_codes(render_settings)}
     threads = given.threads or len(usable_cores())
-    certifier = _certifier(given.certify, scene, {**render_settings, "threads": threads}, known) if given.certify else None
-    wanted = PlannedReference(
-        file.name, file.path, scene.content_hash, spec, {**render_settings, "threads": threads}, certifier
+    render_settings["threads"] = threads
+    planned = PlannedReference(
+        file.name, file.path, scene.content_hash, spec, render_settings, lineage_of(engine),
+        margins=Margins(**experiment.equivalence),
     )  # fmt: skip
-    return wanted, None
+    return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 
 
-def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Known) -> Certifier:
-    """The second engine, with its own accelerator and precision."""
-    engine = known.engines[name]
-    given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
+def _certifier(
+    experiment: Experiment, scene: Scene, wanted: PlannedReference, known: _Known
+) -> Certifier | None:  # fmt: skip
+    """The engine that the config names, or the first able one of another lineage."""
+    name, width, height = experiment.reference.certify, wanted.spec["width"], wanted.spec["height"]
+    if name is None:
+        return None
+    if name == AUTOMATIC:
+        names = certifiers.candidates(width, height)
+        return certifiers.first_able(names, wanted.lineage, lambda name: _as_certifier(name, scene, wanted, known))
+    engine, reference = known.engines[name], known.engines[experiment.reference.engine]
+    where = f"{experiment.source} reference.certify"
+    certifiers.refuse_own_lineage(where, engine, name, reference, experiment.reference.engine)
+    return _as_certifier(name, scene, wanted, known)
+
+
+def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
+    """An engine with its own accelerator and precision; None where it is not to be had."""
+    engine = known.candidate(name)
+    if engine is None:
+        return None
+    lineage = lineage_of(engine)
+    share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], wanted.spp)
+    given = certifiers.smaller(wanted.settings, share.factor)
+    given["accelerator"] = _resolved(engine, {"name": "auto"})
     given["precision"] = _precision(engine, scene, given, known.allow_imports)
-    version = f"{engine.version}+{known.code(name)[:8]}"
-    return Certifier(name, version, given, _why_not(engine, scene, given, known.allow_imports))
+    why_not = _why_not(engine, scene, given, known.allow_imports)
+    if why_not is not None:  # perhaps for its sampler, which need not be the reference's
+        given["sampler"] = choices.resolve("sampler", "random", choices.SAMPLERS).describe()
+        given["precision"] = _precision(engine, scene, given, known.allow_imports)
+        why_not = _why_not(engine, scene, given, known.allow_imports)
+    return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)
 
 
 def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:

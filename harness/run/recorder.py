@@ -168,7 +168,12 @@ class CellRecord:
             elif message["did"] == "point":
                 self._point(fields, film, reference)
             elif message["did"] == "end":
-                self.counters, self.disturbance = {**fields.get("counters", {}), **self.counters}, fields.get("machine", {})
+                self._ended(fields.get("counters", {}))
+                self.disturbance = fields.get("machine", {})
+
+    def _ended(self, counters: Mapping[str, float]) -> None:
+        bad = max(counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
+        self.counters = {**counters, **self.counters, "bad_samples": bad}
 
     def _imported(self, seconds: float, version: str, code: str) -> None:
         planned = str(self.cell.spec["engine_version"])

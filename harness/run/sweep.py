@@ -202,7 +202,7 @@ class Sweep:
             self.listener.note(f"reference of {wanted.describe()}: {found.message}")
 
     def _certify(self, wanted: PlannedReference, pool: references.Images) -> None:
-        """Has the reference compared with a second engine's image, once, and says what came out."""
+        """Has the reference compared with the image of another lineage, once, and says what came out."""
         if wanted.certifier is None or not references.ready(wanted, self.recorder.root):
             return
         found = certificates.existing(wanted, self.recorder.root)
@@ -217,7 +217,7 @@ class Sweep:
         said = [e["certificate_id"] for e in self.recorder.history if e["event"] == "certificate"]
         if found["certificate_id"] not in said:
             self.recorder.append({key: value for key, value in found.items() if key != "machine"})
-            if found["verdict"] != "equivalent":
+            if not certificates.certifies(found):
                 self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
 
     # --- verify jobs ------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,39 @@ class Brighter(Steady):
         renderer = FakeRenderer(self, scene, settings)
         add = renderer.film.add
         renderer.film.add = lambda samples: add(self.factor * samples)
+        return renderer
+
+
+class Apart(Steady):
+    """Equal to Steady, but for its random numbers."""
+
+    name = "apart"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        return super().prepare(scene, replace(settings, seed=settings.seed + 77_777))
+
+
+class Sibling(Steady):
+    """Another name for the code of Steady."""
+
+    name, lineage = "sibling", "steady"
+
+
+class Spotty(Steady):
+    """One sample of its first pixel is NaN; the film counts it as black."""
+
+    name = "spotty"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        add = renderer.film.add
+
+        def spoiled(samples: np.ndarray) -> None:
+            if renderer.film.spp == 0:
+                samples[0, 0] = np.nan
+            add(samples)
+
+        renderer.film.add = spoiled
         return renderer
 
 

@@ -153,6 +153,7 @@ def test_a_reference_refuses_a_sampler_that_nobody_knows(tmp_path):
     with pytest.raises(RaybenchError, match=r"reference\.sampler: unknown sampler 'sobel': did you mean 'sobol'"):
         planned(tmp_path, overrides=["reference.sampler=sobel"])
 
+
 class Unsure(fake_engines.Steady):
     """Draws other numbers in every process."""
 

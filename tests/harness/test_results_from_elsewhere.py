@@ -251,6 +251,36 @@ def test_the_committed_results_are_read(folder):
     assert len(store.read_events(results)) > 200 and store.read_manifest(results)["name"]
 
 
+def test_verdicts_of_p_values_in_an_older_archive_are_unresolved_and_say_so(whole, tmp_path):
+    """As archives had them before images were bounded. They are read, and nothing is concluded from them."""
+    from harness.analysis import analyse, archived_verdicts
+    from harness.report.tables.equivalence import bias_text, equivalence_text
+    from harness.store.results import load_results
+
+    folder = shutil.copytree(whole, tmp_path / "old")
+    shutil.rmtree(folder / "images")
+    fresh = archived_verdicts.event(analyse(load_results(whole)))
+    p_values = {
+        "pixel_p": 0.5, "pixel_threshold": 1e-6, "pixels_outside": 0, "tile_p": 0.5, "tile_threshold": 1e-4, "image_p": 0.5,
+        "ks_p": 0.5, "difference": 1e-4, "low": -1e-3, "high": 1e-3, "detectable": 1e-3, "verdict": "equivalent",
+    }  # fmt: skip
+    old = {
+        "event": "archived_verdicts", "baseline": [{"of": row["of"], **p_values} for row in fresh["baseline"]],
+        "bias": [{"of": row["of"], "squared": 1e-6, "se": 1e-6, "pairs": 1} for row in fresh["bias"]],
+        "pairs": [{**row, "found": p_values} for row in fresh["pairs"]],
+    }  # fmt: skip
+    with (folder / store.EVENTS).open("a") as file:
+        file.write(json.dumps(old) + "\n")
+    analysis = analyse(load_results(folder))
+    seen = [verdict for verdict in analysis.verdicts if verdict.equivalence is not None]
+    assert seen and {equivalence_text(verdict) for verdict in seen} == {"unresolved (old rule)"}
+    assert {bias_text(v) for v in analysis.verdicts if v.bias is not None} == {"unknown (old rule)"}
+    compared = [pair for pair in analysis.pairs if pair.comparison is not None]
+    assert compared and {pair.verdict for pair in compared} == {"unresolved"}
+    again = archived_verdicts.event(analysis)
+    assert {row["verdict"] for row in again["baseline"]} == {"unresolved"}
+
+
 @pytest.mark.parametrize("kind", ["Bias", "Verdict"])
 def test_records_that_become_objects_have_their_very_fields(kind):
     from harness.statistics import BiasEstimate, Equivalence
