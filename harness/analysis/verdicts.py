@@ -9,6 +9,7 @@ from functools import partial
 from harness.analysis import archived_verdicts
 from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, similarity
 from harness.analysis.model import Analysis, Verdict, seconds_per_sample
+from harness.config.experiment import PREFERRED_BASELINES
 from harness.metrics import as_error
 from harness.statistics import (
     bias_estimate,
@@ -23,8 +24,6 @@ from harness.statistics import (
 )
 from harness.statistics.equivalence import shared_alpha
 from harness.store.results import Contender, Event, Results, phase_seconds, point_error
-
-PREFERRED_BASELINES = ("numpy", "numba", "embree")
 
 
 def analyse(results: Results) -> Analysis:

@@ -41,6 +41,7 @@ def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, An
     found = {}
     for cell in cells:
         known = sorted(measured.get(cell.configuration, []))
-        most = min(cell.budget.timeout_seconds, cell.budget.max_time_seconds + OVERHEAD_SECONDS)
+        renders = sum(each.spp for each in cell.patterns) / cell.patterns[-1].spp if cell.patterns else 1.0
+        most = min(cell.budget.timeout_seconds, renders * cell.budget.max_time_seconds + OVERHEAD_SECONDS)
         found[cell.cell_id] = (known[len(known) // 2], True) if known else (most, False)
     return found

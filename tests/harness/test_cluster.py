@@ -81,8 +81,6 @@ def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_p
     assert [event["order"] for event in found] == [0, 1, 2, 3, 4, 5]
     events = [event["event"] for event in store.read_events(tmp_path / "out") if event["event"] in ("start", "cell")]
     assert events == ["start", "cell"] * 6
-    sentinels = [event for event in store.read_events(tmp_path / "out") if event["event"] == "sentinel"]
-    assert [event["block"] for event in sentinels] == [0, 1] and all(event["env_id"] for event in sentinels)
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
     again, _ = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
     assert again.measured == 0, "resuming is the same as on one machine"
@@ -175,19 +173,20 @@ def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back
     machines = {"tcp://a:1": {"host": "a"}, "tcp://a:9": {"host": "a"}, "tcp://b:1": {"host": "b"}}
     notes, failed = [], []
     recorder = SimpleNamespace(
-        stopped=False, listener=SimpleNamespace(note=notes.append), ready=lambda: [c for block in cells for c in block],
+        stopped=False, listener=SimpleNamespace(note=notes.append),
         plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
     )  # fmt: skip
-    blocks = Blocks(recorder, SimpleNamespace(present=lambda: dict(machines)))
+    cluster = SimpleNamespace(present=lambda: dict(machines))
+    blocks = Blocks(recorder, cluster, [cell for block in cells for cell in block])
     started = []
 
     def start(given, address):
         started.append((given[0].cell_id, address))
         made = Pending()
-        blocks.tasks[made] = SimpleNamespace(cell=given[0], rest=given[1:], address=address)
+        blocks.tasks[made] = SimpleNamespace(cell=given[0], rest=given[1:], address=address, attempt=1)
         return made
 
-    blocks._start, blocks._failed = start, lambda cell, message: failed.append((cell.cell_id, message))
+    blocks._start, blocks._failed = start, lambda cell, message, attempt: failed.append((cell.cell_id, message))
     blocks._look()
     blocks._feed()
     blocks._feed()
