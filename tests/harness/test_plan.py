@@ -140,6 +140,7 @@ def test_samplers_with_patterns_have_whole_ones_as_checkpoints(tmp_path):
     assert patterned.spec["patterns"][1] == {"spp": 16, "sampler": {"name": "stratified", "strata": 16}}
     assert patterned.request(made.experiment.checkpoints)["patterns"] == patterned.spec["patterns"]
     assert "strata: 16" in patterned.command(16) and "strata: 64" in patterned.command(64)
+    assert state.most_seconds(patterned) == pytest.approx(5.0 * (4 + 16 + 64) / 64 + state.OVERHEAD_SECONDS, rel=1e-3)
     small = {c.engine_name: c.skip for c in planned(tmp_path, PATTERNED, ["budget.max_spp=3"]).cells}
     assert small["steady"] is None and "no whole pattern of its sampler has at most 3 samples" in small["patterned"]
     free = planned(tmp_path, PATTERNED, ["sampler=random"])
@@ -228,7 +229,7 @@ def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tm
     events = {first.cell_id: {"state": "done", "configuration": first.configuration, "wall_seconds": 0.7}}
     expected = state.expected_seconds([twin, other], events)
     assert expected[twin.cell_id] == (0.7, True)
-    assert expected[other.cell_id] == (5.0 + state.OVERHEAD_SECONDS, False)
+    assert expected[other.cell_id] == (pytest.approx(5.0 + state.OVERHEAD_SECONDS, rel=1e-3), False), "96 pixels are scored"
 
 
 def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
