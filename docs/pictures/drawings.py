@@ -1,4 +1,4 @@
-"""Draws the house, a ray's way and a cell's way for docs/how/: python docs/pictures/drawings.py
+"""Draws the parts, a ray's way and a cell's way for docs/how/: python docs/pictures/drawings.py
 
 SVG on a ground of its own, so that it reads on light and dark pages.
 """
@@ -22,7 +22,7 @@ class Drawing:
     def box(self, x: int, y: int, w: int, h: int, title: str, lines: Sequence[str] = (), fill: str = GREY) -> None:
         self.parts.append(f"<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='6' fill='{fill}' stroke='{LINE}'/>")
         first = y + h / 2 - 7.5 * len(lines) + 5
-        self.text(x + w / 2, first, title, bold=True, size=13 if 8.4 * len(title) < w else 11)
+        self.text(x + w / 2, first, title, bold=True, size=13 if 8.4 * len(title) < w else 11 if 7.4 * len(title) < w else 10)
         for k, line in enumerate(lines, 1):
             self.text(x + w / 2, first + 15 * k, line, soft=True)
 
@@ -56,20 +56,21 @@ class Drawing:
 
 
 def house() -> None:
-    d = Drawing(780, 670, "The house: the harness, the public interface, the engines, the kernels and the scene")
+    d = Drawing(780, 670, "The parts: the harness, the public interface, the engines, the kernels and the scene")
     d.text(20, 30, "harness/", bold=True, at="start")
-    d.text(20, 47, "knows public names alone; each room imports from those to its right", soft=True, at="start")
+    d.text(20, 47, "imports public names of engines alone; each part imports from those to its right", soft=True, at="start")
     rooms = [
-        ("commands", ["cli/, console,", "verify/, view/"]), ("output", ["report/: tables,", "plots, chapter"]),
-        ("running", ["run/: sweep,", "recorder, dask"]), ("conclusions", ["analysis/,", "plan/"]),
-        ("foundation", ["store/, measure/,", "config/, statistics/"]),
+        ("commands", ["cli/, console,", "view/"]), ("output", ["report/: tables,", "plots, chapter"]),
+        ("runs", ["run/: sweep,", "recorder, executors"]), ("verdicts and plans", ["analysis/,", "plan/"]),
+        ("foundation", ["store/, measure/,", "config/, verify/,", "statistics/"]),
     ]  # fmt: skip
     for k, (title, lines) in enumerate(rooms):
         d.box(20 + 150 * k, 60, 140, 70, title, lines, BLUE)
     d.arrow((390, 130), (390, 166))
     d.box(20, 168, 740, 62, "engines: the public interface",
           ["interface: Engine, Renderer, Settings, Hits  |  registry: from a name to an engine",
-           "plugin: shaders, samplers, cameras of yours  |  conformance: what every engine must hold"], AMBER)  # fmt: skip
+           "plugin: shaders, samplers, lights, BSDFs, cameras of yours  |  conformance: tests of every engine"],
+          AMBER)  # fmt: skip
     d.arrow((390, 230), (390, 262), dashed=True)
     d.text(398, 251, "imported by name, when wanted", soft=True, at="start")
     engines = [
@@ -134,7 +135,7 @@ def ray() -> None:
     for k, (fill, words) in enumerate([
         (BLUE, "differs between engines: numba's list, grid and tree; Embree; an accelerator of yours"),
         (AMBER, "replaced by a plugin: sampler (draw), camera (begin), shader (shade)"),
-        (GREEN, "the same for all jitted engines"),
+        (GREEN, "the same for all jitted engines; plugins add lights and BSDFs"),
     ]):  # fmt: skip
         d.parts.append(f"<rect x='180' y='{302 + 21 * k}' width='14' height='14' fill='{fill}' stroke='{LINE}'/>")
         d.text(202, 314 + 21 * k, words, soft=True, at="start")
@@ -143,35 +144,35 @@ def ray() -> None:
 
 def cell() -> None:
     d = Drawing(780, 560, "A cell's way through the harness")
-    for x, title, words in ((20, "command", "never renders"), (275, "worker", "one an engine and block"),
-                            (530, "child", "one a cell, forked")):  # fmt: skip
+    for x, title, words in ((20, "command", "never renders"), (275, "worker", "one per engine and block"),
+                            (530, "child", "one per cell, forked")):  # fmt: skip
         d.text(x + 115, 26, title, bold=True)
         d.text(x + 115, 42, words, soft=True)
         d.parts.append(f"<line x1='{x + 115}' y1='50' x2='{x + 115}' y2='545' stroke='{LINE}' stroke-dasharray='2 5'/>")
     steps = [
         (20, 56, 44, "the next cell", ["of a block, in random order"], BLUE),
         (275, 56, 44, "imports the engine", [], GREEN),
-        (530, 116, 44, "loads the scene", [], GREEN),
-        (530, 168, 60, "prepares, compiles, renders 1 spp", ["at another seed, then drops it:", "what a cold start costs"],
+        (530, 108, 44, "loads the scene", [], GREEN),
+        (530, 172, 60, "prepares, compiles, renders 1 spp", ["at another seed, then drops it:", "what a cold start costs"],
          GREEN),
-        (530, 236, 44, "prepares the cell's own seed", ["off the clock"], GREEN),
-        (530, 300, 48, "render to the next checkpoint", ["on the clock: nothing but this"], AMBER),
+        (530, 252, 44, "prepares the cell's own seed", ["off the clock"], GREEN),
+        (530, 316, 48, "render to the next checkpoint", ["on the clock: nothing but this"], AMBER),
         (20, 372, 60, "error, image, progress", ["against the reference;", "nothing renders meanwhile"], BLUE),
         (20, 488, 52, "appends the event", ["written and synced"], BLUE),
     ]  # fmt: skip
     for x, y, h, title, lines, fill in steps:
         d.box(x, y, 230, h, title, lines, fill)
     d.arrow((250, 78), (274, 78))
-    d.arrow((505, 78), (645, 78), (645, 114))
+    d.arrow((505, 78), (645, 78), (645, 106))
     d.text(575, 72, "fork", soft=True)
-    for y0, y1 in ((160, 167), (228, 235), (280, 299)):
+    for y0, y1 in ((152, 170), (232, 250), (296, 314)):
         d.arrow((645, y0), (645, y1))
-    d.arrow((645, 348), (645, 390), (252, 390))
+    d.arrow((645, 364), (645, 390), (252, 390))
     d.text(440, 384, "the film's arrays, in a file", soft=True)
-    d.arrow((250, 420), (720, 420), (720, 350))
+    d.arrow((250, 420), (720, 420), (720, 366))
     d.text(440, 438, "go on, until the time, the samples or the checkpoints are spent", soft=True)
     d.arrow((135, 432), (135, 486))
-    d.text(145, 464, "the last one was it", soft=True, at="start")
+    d.text(145, 464, "after the last checkpoint", soft=True, at="start")
     d.save("cell")
 
 

@@ -23,7 +23,9 @@ SAMPLES = {
     "mobilert_cornell2": 2048,
 }  # fmt: skip
 SHADERS = {"mobilert_cornell": "whitted"}
-"""Whose picture is by another shader: its lamp hangs a centimetre below the ceiling, and no path finds that spot in time."""
+"""Whose picture is by another shader: its light hangs a centimetre below the ceiling, and no path finds that spot in time."""
+
+NOTES = {"furnace": "\nThe picture is white, as it has to be: every pixel is 1.\n"}
 
 PORT = """
 What Dahlquist's own program draws of it, byte for byte, with a picture behind the balls where other engines see the sky:
@@ -64,6 +66,7 @@ def marked(name: str) -> str:
 
 def entry(name: str) -> str:
     more = PORT.format(PORT_COMMAND) if name == "dahlquist" else ""
+    more += NOTES.get(name, "")
     picture = f"![{name}](pictures/gallery/{name}.png)"
     return f"## {name}\n\n{picture}\n\n{words(name)}\n\n```console {marked(name)}\n$ {' '.join(command(name))}\n```\n{more}"
 

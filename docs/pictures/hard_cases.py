@@ -191,7 +191,7 @@ def main(results: Path) -> None:
     with matplotlib.rc_context(cast(Any, STYLE)):
         for make in makers:
             saved(make(), make.__name__)
-        for sketch in stability.sketches(load_results(results).findings):
+        for sketch in stability.sketches(load_results(results).check_results):
             figure = sketch.make()
             if figure is not None:
                 saved(figure, sketch.name)

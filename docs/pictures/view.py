@@ -25,7 +25,7 @@ def rendered(page: Browser, scene: str, size: tuple[int, int], spp: int) -> None
 
 
 def view(page: Browser, address: str) -> None:
-    page.open(address, 1280, 960)
+    page.open(address, 1280, 1000)
     page.wait_for(READY)
     rendered(page, "two_spheres", (400, 300), 96)
     page.point(*page.spot(0.4, 0.6))

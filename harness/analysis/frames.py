@@ -102,7 +102,7 @@ def points(results: Results) -> Table:
         Column("cold_seconds", "The same with import, load, build and compilation.", "number"),
         Column("rays", "Rays so far.", "number"),
     ]  # fmt: skip
-    after = [Column("contended", "Whether its threads had to wait for a processor, or others took it.", "flag"),
+    after = [Column("contended", "Whether other work disturbed the timing.", "flag"),
              Column("image", "The checkpoint's image, relative to the results folder.")]  # fmt: skip
     names = dict.fromkeys(key for cell in measured for point in cell["points"] for key in point.get("metrics") or {})
     metrics = [Column(name, metric_meaning(name), "number") for name in names]

@@ -21,19 +21,24 @@ PHASE_HATCHES = {"import": "|||", "load": "xxx", "build": "///", "compile": "\\\
 
 
 def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
-    """A column a target; warm times are full dots, cold times hollow ones, whiskers intervals."""
+    """A panel for each target, two in a row; warm times are full dots, cold times hollow ones, whiskers intervals."""
     targets = analysis.results.targets
     if not targets:
         return None
-    rows = len(panel.verdicts)
-    figure = new_figure(max(7.2, 2.2 + 2.6 * len(targets)), 1.5 + 0.24 * rows)
-    axes = figure.subplots(1, len(targets), sharey=True, sharex=True, squeeze=False)[0]
-    for index, (axis, target) in enumerate(zip(axes, targets, strict=True)):
+    rows, columns = len(panel.verdicts), min(len(targets), 2)
+    lines = math.ceil(len(targets) / columns)
+    figure = new_figure(7.4, 0.7 + (0.8 + 0.24 * rows) * lines)
+    axes = figure.subplots(lines, columns, sharey=True, sharex=True, squeeze=False).ravel()
+    for axis in axes[len(targets) :]:
+        axis.set_visible(False)
+    for index, (axis, target) in enumerate(zip(axes, targets, strict=False)):
         for row, verdict in enumerate(panel.verdicts):
             _quality_row(axis, row, verdict, index, palette)
         log_scales(axis)
         axis.set_title(f"until {target:g}", fontsize=9)
-        axis.set_xlabel("time [s]")
+        if index >= len(targets) - columns:
+            axis.set_xlabel("time [s]")
+            axis.tick_params(labelbottom=True)
         axis.grid(axis="y", visible=False)
     axes[0].set_yticks(range(rows), [verdict.contender.name for verdict in panel.verdicts])
     axes[0].set_ylim(rows - 0.4, -0.6)

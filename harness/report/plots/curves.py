@@ -100,7 +100,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
     axis.set_xlabel(X_LABELS["seconds"])
     axis.set_ylabel(error_label(analysis.results.metric))
-    axis.plot([], [], "o", color=FAINT, alpha=0.4, markersize=3, label="surely beaten by another")
+    axis.plot([], [], "o", color=FAINT, alpha=0.4, markersize=3, label="dominated by another")
     _legend(figure, [axis], palette, panel.verdicts)
     return figure
 
@@ -206,7 +206,7 @@ def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contenders
     handles: list[Artist] = list(palette.key(contenders))
     labels = [str(handle.get_label()) for handle in handles]
     for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
-        if label.startswith(("noise of", "surely beaten")):
+        if label.startswith(("noise of", "dominated")):
             handles.append(handle)
             labels.append(label)
     figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels, 72 * figure.get_figwidth()))
