@@ -34,7 +34,7 @@ def state_of(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> str:
 
 
 def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, bool]]:
-    """Wall seconds by cell id, and whether they were measured (on the same configuration) or are the most allowed."""
+    """Wall seconds by cell id, and whether they were measured (on the same configuration) or are `budgeted_seconds`."""
     measured: dict[str, list[float]] = {}
     for event in events.values():
         if event.get("wall_seconds") and event["state"] == "done":
@@ -42,12 +42,12 @@ def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, An
     found = {}
     for cell in cells:
         known = sorted(measured.get(cell.configuration, []))
-        found[cell.cell_id] = (known[len(known) // 2], True) if known else (most_seconds(cell), False)
+        found[cell.cell_id] = (known[len(known) // 2], True) if known else (budgeted_seconds(cell), False)
     return found
 
 
-def most_seconds(cell: Cell) -> float:
-    """Wall seconds of a cell that uses its budget up."""
+def budgeted_seconds(cell: Cell) -> float:
+    """An estimate of the wall seconds of a cell that uses its budget up."""
     budget, pixels = cell.budget, cell.settings["width"] * cell.settings["height"]
     # Patterns are rendered anew: the last one takes the budget, those before it in proportion to their samples.
     renders = sum(each.spp for each in cell.patterns) / cell.patterns[-1].spp if cell.patterns else 1.0

@@ -140,7 +140,7 @@ def test_samplers_with_patterns_have_whole_ones_as_checkpoints(tmp_path):
     assert patterned.spec["patterns"][1] == {"spp": 16, "sampler": {"name": "stratified", "strata": 16}}
     assert patterned.request(made.experiment.checkpoints)["patterns"] == patterned.spec["patterns"]
     assert "strata: 16" in patterned.command(16) and "strata: 64" in patterned.command(64)
-    assert state.most_seconds(patterned) == pytest.approx(5.0 * (4 + 16 + 64) / 64 + state.OVERHEAD_SECONDS, rel=1e-3)
+    assert state.budgeted_seconds(patterned) == pytest.approx(5.0 * (4 + 16 + 64) / 64 + state.OVERHEAD_SECONDS, rel=1e-3)
     small = {c.engine_name: c.skip for c in planned(tmp_path, PATTERNED, ["budget.max_spp=3"]).cells}
     assert small["steady"] is None and "no whole pattern of its sampler has at most 3 samples" in small["patterned"]
     free = planned(tmp_path, PATTERNED, ["sampler=random"])
