@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from harness.analysis.equivalence import EnginePair
 from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
+from harness.statistics.bias import RadianceSample
 from harness.store.results import Contender, Results
 
 NOISY = "noisy_reference"
@@ -21,14 +22,20 @@ FLAGS = {
     "too_good_per_sample": "too good per sample",
     "nonfinite_pixels": "non-finite pixels",
     "bad_samples": "bad samples",
+    "ignores_seed": "ignores the seed",
+    "stale_image": "returns the image of another seed",
+    "reference_copied": "shares the reference's noise",
+    "fewer_samples": "errs more than its samples allow",
+    "too_many_threads": "uses more threads than allowed",
+    "works_between_calls": "works while the clock is stopped",
     "contended": "contended",
     "own_clock": "times reported by the program",
     NOISY: "reference too noisy for the target",
 }
 """What a reader of a verdict must know: name -> words."""
 OF_THE_CLOCK = frozenset({"contended", "own_clock"})
-"""Flags that leave a contestant in the rankings. All others say that its image, or the error it claims, is not to be
-trusted."""
+"""Flags that leave a contestant in the rankings. All others say that its image, the error it claims, or its times are not to
+be trusted."""
 
 
 @dataclass
@@ -38,7 +45,7 @@ class Verdict:
     `against` is the contestant that times are compared with, `factors` says in what the two differ;
     `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared.
     `baseline` is the contestant whose image is compared. `bias` and `equivalence` are None where images are missing
-    or seeds do not differ. `flags` are names of `FLAGS`.
+    or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of `FLAGS`.
     """
 
     contender: Contender
@@ -58,6 +65,7 @@ class Verdict:
     quality_speedups: list[Ratio | None] = field(default_factory=list)
     possible_winner: list[bool] = field(default_factory=list)
     bias: BiasEstimate | None = None
+    radiance: RadianceSample | None = None
     equivalence: Equivalence | None = None
     flags: list[str] = field(default_factory=list)
 

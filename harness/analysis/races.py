@@ -29,7 +29,7 @@ def run_races(analysis: Analysis) -> None:
     Contestants with a flag that disqualifies them are left out.
     """
     groups = list(raced_together(analysis.verdicts).values())
-    logs = {index: [_logs([_bounds(verdict, index) for verdict in group]) for group in groups]
+    logs = {index: [race_logs(group, index) for group in groups]
             for index in (None, *range(len(analysis.results.targets)))}  # fmt: skip
     twins = [_twins([verdict.contender for verdict in group]) for group in groups]
     distances: dict[int | None, dict[str, list[float]]] = {}
@@ -62,7 +62,7 @@ def _run(
     compared = [(rows[id(v.contender)], rows[id(v.against)]) for v in group
                 if id(v.contender) in rows and id(v.against) in rows]  # fmt: skip
     ranked = np.array([id(v.contender) in rows and not v.contender.settings.label for v in group])
-    found = race(low, high, compared, analysis.floor(scene, index), ranked=ranked, twins=twins, clock=_clock_steps(low),
+    found = race(low, high, compared, analysis.floor(scene, index), ranked=ranked, twins=twins, clock=clock_steps(low),
                  margin=margin(analysis.results), **_readings(analysis.results, group, index))  # fmt: skip
     if found.twins_separated:
         analysis.separated.add((scene, index))
@@ -113,7 +113,7 @@ def margin(results: Results) -> float:
     return float(value) if isinstance(value, (int, float)) and 0 < value < 1 else MARGIN
 
 
-def _clock_steps(low: Logs) -> Logs:
+def clock_steps(low: Logs) -> Logs:
     """(k,) what the clock resolves over the shortest time of each contestant."""
     shortest = np.min(np.where(np.isfinite(low), low, np.inf), axis=1, initial=np.inf)
     return CLOCK_SECONDS * np.exp(-shortest)
@@ -131,6 +131,11 @@ def _bounds(verdict: Verdict, index: int | None) -> Mapping[int, Bound]:
     if index is not None:
         return {cell["block"]: bound for cell, bound in zip(verdict.contender.runs, verdict.warm[index].crossings, strict=True)}
     return {block: Bound(seconds, seconds) for block, seconds in seconds_per_sample(verdict.contender).items()}
+
+
+def race_logs(group: Sequence[Verdict], index: int | None) -> tuple[Logs, Logs]:
+    """(k, n) bounds of ln seconds to the target of `index`, or per sample, of the verdicts of a race."""
+    return _logs([_bounds(verdict, index) for verdict in group])
 
 
 def _logs(bounds: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:

@@ -6,6 +6,7 @@ import math
 
 from harness.analysis import archived_verdicts
 from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
+from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, last_pictured
 from harness.analysis.image_flags import image_flags
 from harness.analysis.model import Analysis, Verdict, raced_together
@@ -20,6 +21,7 @@ from harness.statistics import (
     time_to_quality,
     too_good_per_sample,
 )
+from harness.statistics.bias import radiance_sample
 from harness.statistics.equivalence import shared_alpha
 from harness.store.results import Contender, Event, Results, phase_seconds, point_error
 
@@ -84,6 +86,7 @@ def _compare(results: Results, verdict: Verdict, baseline: Contender | None, ima
     if own_images and reference is not None and next(iter(own_images.values())).shape == reference.mean.shape:
         spp = [last_pictured(cell)["spp"] for cell in contender.done if cell["block"] in own_images]
         verdict.bias = bias_estimate(list(own_images.values()), reference, results.epsilon, spp)
+        verdict.radiance = radiance_sample(list(own_images.values()), reference, spp)
     if baseline is not None and baseline is not contender:
         verdict.baseline = baseline
         comparison = compared(baseline, contender, images, shared_alpha(len(results.contenders)))
@@ -91,7 +94,7 @@ def _compare(results: Results, verdict: Verdict, baseline: Contender | None, ima
 
 
 def _flags(results: Results, verdict: Verdict) -> list[str]:
-    flags = image_flags(results, verdict)
+    flags = image_flags(results, verdict) + conduct_flags(verdict.contender, verdict.bias)
     if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contender.settings.sampler:
         spp = common_spp(verdict.contender, verdict.baseline)
         own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))

@@ -249,6 +249,14 @@ def archive(
 
 
 @app.command()
+def calibrate(folder: Folder, references: References = None) -> None:
+    """Say how far a run's verdicts can be trusted, from its own noise. Exit code 1 where a figure is not what it must be."""
+    from harness.cli import results
+
+    raise typer.Exit(results.calibrate(folder))
+
+
+@app.command()
 def compare(
     before: Folder,
     after: Folder,

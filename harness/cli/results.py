@@ -99,6 +99,23 @@ def archive(folder: Path, out: Path) -> None:
     consoles()[0].print(f"{size / 1e6:.1f} MB besides what `raybench report {out}` makes again.", soft_wrap=True)
 
 
+def calibrate(folder: Path) -> int:
+    """Prints the figures of a calibration; 1 where one is not what it must be, else 0, also where a run is too small."""
+    from harness.analysis import analyse, calibration
+    from harness.store.results import load_results
+
+    require_results(folder)
+    found = calibration.calibrate(analyse(load_results(folder)))
+    console = consoles()[0]
+    console.print(calibration.rests_on(found), markup=False, soft_wrap=True)
+    table = Table("figure", "value", "must be", "", box=None, header_style="bold")
+    for figure in calibration.figures(found):
+        holds = "" if figure.holds is None else "holds" if figure.holds else "missed"
+        table.add_row(figure.name, figure.value, figure.wanted, holds)
+    console.print(table)
+    return 1 if found.missed else 0
+
+
 def compare(before: Path, after: Path, everything: bool, output: Path | None) -> None:
     """Prints what changed significantly between two results folders, or all that was compared."""
     from harness.report.tables import TEXTS, cell_text, changes

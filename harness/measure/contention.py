@@ -47,20 +47,29 @@ class Sample(NamedTuple):
 class Disturbance:
     """Sums what happened on the machine between `start` and `stop`, over all the timed calls of a cell.
 
-    `window` holds the moments (of `monotonic`) of the last call, `alive` the threads that there were after it.
+    `window` holds the moments (of `monotonic`) of the last call, `alive` the threads that there were after it. `off_clock` is
+    the processor time between one call and the next of threads other than the one that calls: nothing was asked of them.
     """
 
     def __init__(self) -> None:
-        self.wall = self.steal = self.others = self.cpu = 0.0
+        self.wall = self.steal = self.others = self.cpu = self.off_clock = 0.0
         self.waited: float | None = 0.0
         self.switches = 0
         self.window = (0.0, 0.0)
         self.alive: list[int] = []
         self._before, self._waits_before = sample(), own_waits()
+        self._other_threads: float | None = None
 
     def start(self) -> None:
+        self.rest()
         self._before, self._waits_before = sample(), own_waits()  # in this order: waits are counted in nanoseconds
         self.window = (monotonic(), 0.0)
+
+    def rest(self) -> None:
+        """Adds what threads did since the last call."""
+        if self._other_threads is not None:
+            self.off_clock += max(0.0, other_threads() - self._other_threads)
+            self._other_threads = None
 
     def stop(self, seconds: float) -> None:
         """Adds the interval since `start`, of which `seconds` were on the clock."""
@@ -77,6 +86,7 @@ class Disturbance:
             self.waited = None
         else:
             self.waited += 1e-9 * sum(wait - self._waits_before.get(thread, 0) for thread, wait in waits.items())
+        self._other_threads = other_threads()
 
     def report(self) -> dict[str, Any]:
         """The `machine` part of a cell's event, but for the verdict of `judged`."""
@@ -84,6 +94,7 @@ class Disturbance:
             "load_1m": round(load_1m(), 2),
             "timed_seconds": round(self.wall, 6),
             "cpu_seconds": round(self.cpu, 6),
+            "off_clock_cpu_seconds": round(self.off_clock, 6),
             "run_queue_seconds": None if self.waited is None else round(self.waited, 6),
             "steal_seconds": round(max(0.0, self.steal), 3),
             "other_cpu_seconds": round(max(0.0, self.others), 3),
@@ -102,6 +113,11 @@ def sample() -> Sample:
         ended = resource.getrusage(resource.RUSAGE_CHILDREN)  # renderers by process
         switches, children = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw, ended.ru_utime + ended.ru_stime
     return Sample(busy, steal, time.process_time() + children, switches)
+
+
+def other_threads() -> float:
+    """Processor time of this process without that of the thread that calls."""
+    return time.process_time() - time.thread_time()
 
 
 def own_waits() -> dict[int, int] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Mapping
 from numbers import Integral
@@ -94,6 +95,13 @@ def image_of(film: Film) -> Image:
     """(height, width, 3) linear radiance of a film; what image files cannot hold (float32) is infinite."""
     mean = film.mean()
     return np.where(abs(mean) > LARGEST, np.copysign(np.inf, mean), mean)
+
+
+def claimed_variance(film: Film) -> float | None:
+    """What the spread of a film's samples says of the variance of its pixels, averaged over pixels and channels; None for one
+    sample, and where the engine knows no spread."""
+    variance = float(film.variance_of_mean().mean())
+    return variance if math.isfinite(variance) else None
 
 
 def bad_pixels(image: NDArray[np.float64]) -> int:

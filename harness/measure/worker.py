@@ -161,6 +161,7 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
         timed = {"window": disturbance.window, "alive": disturbance.alive}
         hand_over(pipes, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
+    disturbance.rest()
     pipes.send(did="end", counters=counters, machine=disturbance.report())
 
 

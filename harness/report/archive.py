@@ -19,14 +19,14 @@ import numpy as np
 from engines.errors import ConfigError
 from engines.image import read_image, write_image
 from harness import store
-from harness.analysis import Analysis, analyse, archived_verdicts
+from harness.analysis import Analysis, analyse, archived_verdicts, calibration
 from harness.report.html.pictures import shown_images
 from harness.store import confined, reference_files
 from harness.store.results import load_results
 
 DIGITS = 6
 MEASURED = ("phases", "counters", "machine", "wall_seconds")
-DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT)
+DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT, calibration.EVENT)
 """Kinds of events that say nothing about what counts, or are written anew."""
 FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
 """The folders of an absolute path."""
@@ -60,6 +60,7 @@ def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path
         for event in _still_counting(store.read_events(folder)):
             events.append(without_folders(_shortened(event, kept, folder, out)))
         events.append(_rounded(archived_verdicts.event(analysis)))
+        events.append(_rounded(calibration.as_record(calibration.calibrate(analysis))))
     store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
     for image, source in kept.items():
         target = confined.inside(out, image, f"{out}: image")

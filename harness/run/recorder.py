@@ -243,7 +243,8 @@ class CellRecord:
         self.phases["render_seconds"] = answer["seconds"]
         image, quality = films.image_of(film), self.recorder.plan.experiment.quality
         scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
-        self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
+        said = {"metrics": {key: float(value) for key, value in scores.items()}, "film_variance": films.claimed_variance(film)}
+        self.points.append({**answer, **said, "image": None})
         if self.cell.patterns:
             self.points[-1]["sampler"] = dict(self.cell.sampler(answer["spp"]))
         self._last_film = film

@@ -9,6 +9,7 @@
     fronts       Pareto front of intervals, ECDF of targets reached
     bias         bias over pairs of seeds, sanity flags
     equivalence  two engines at three scales, with a positive verdict
+    calibration  how often these rules err on synthetic contestants made of a run's own noise
 """
 
 from harness.statistics.bias import BiasEstimate, bias_estimate, on_bias_floor, too_good_per_sample

@@ -15,13 +15,15 @@ from harness.statistics.equivalence import IMAGE_Z, TILE_Z
 from harness.statistics.intervals import mean_interval
 from harness.statistics.tiles import (
     TILE,
-    differences,
+    TileSample,
+    differences_of,
     family_z,
     image_scale,
     inflation,
     largest,
     relative,
     tile_means,
+    tile_sample,
     tile_scale,
     tile_sizes,
     tile_sums,
@@ -108,28 +110,40 @@ def bias_estimate(
     denominator = reference.mean**2 + epsilon
     products /= denominator
     weight = float((reference.mean**2 / denominator).mean())
-    estimate = BiasEstimate(float(products.mean()), standard_error(products), k * (k - 1) // 2, weight)
-    return estimate._replace(**_in_radiance(images, reference, spp))
+    pixels = {"squared": float(products.mean()), "se": standard_error(products), "pairs": k * (k - 1) // 2, "weight": weight}
+    return radiance_bias(radiance_sample(images, reference, spp))._replace(**pixels)
 
 
-def _in_radiance(
-    images: Sequence[Image], reference: Reference, spp: Sequence[int]
-) -> dict[str, float | tuple[int, int]]:
-    """The fields of a `BiasEstimate` on image mean and tiles."""
+class RadianceSample(NamedTuple):
+    """The tiles of images less the reference, and what differences are relative to: `truth` and `tile_scale` (rows, columns, 3)
+    and `image_scale` (3,), in radiance."""
+
+    tiles: TileSample
+    truth: Image
+    tile_scale: Image
+    image_scale: Image
+
+
+def radiance_sample(images: Sequence[Image], reference: Reference, spp: Sequence[int] = ()) -> RadianceSample:
+    """What the tests on image mean and tiles look at; two images or more, `spp` as in `bias_estimate`."""
     least = expected_variance(reference, spp) if spp else None
-    found = differences((image - reference.mean for image in images), noise_of(reference), least)
-    scales = image_scale(reference.mean), tile_scale(reference.mean)
-    image, tiles = relative(found.image, scales[0]), relative(found.tiles, scales[1])
-    image_se = np.hypot(relative(found.image_se, scales[0]), ROUNDED)
-    tiles_se = np.hypot(relative(found.tiles_se, scales[1]), ROUNDED)
+    tiles = tile_sample((image - reference.mean for image in images), noise_of(reference), least)
+    return RadianceSample(tiles, tile_means(reference.mean), tile_scale(reference.mean), image_scale(reference.mean))
+
+
+def radiance_bias(sample: RadianceSample) -> BiasEstimate:
+    """The estimate on image mean and tiles alone."""
+    found = differences_of(sample.tiles)
+    image, tiles = relative(found.image, sample.image_scale), relative(found.tiles, sample.tile_scale)
+    image_se = np.hypot(relative(found.image_se, sample.image_scale), ROUNDED)
+    tiles_se = np.hypot(relative(found.tiles_se, sample.tile_scale), ROUNDED)
     tile_z, (x, y) = largest(abs(tiles) / tiles_se)
     worst = tiles[y // TILE, x // TILE]
-    return {
-        "difference": _farthest(image), "image_z": float((abs(image) / image_se).max()),
-        "image_bound": float((abs(image) + IMAGE_Z * image_se).max()),
-        "tile_difference": _farthest(worst), "tile_z": tile_z,
-        "tile_bound": largest(abs(tiles) + TILE_Z * tiles_se)[0], "worst_tile": (x, y),
-    }  # fmt: skip
+    return BiasEstimate(
+        math.nan, math.nan, 0, difference=_farthest(image), image_z=float((abs(image) / image_se).max()),
+        image_bound=float((abs(image) + IMAGE_Z * image_se).max()), tile_difference=_farthest(worst), tile_z=tile_z,
+        tile_bound=largest(abs(tiles) + TILE_Z * tiles_se)[0], worst_tile=(x, y),
+    )  # fmt: skip
 
 
 def _farthest(channels: Image) -> float:

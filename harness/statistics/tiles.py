@@ -36,23 +36,38 @@ class Differences(NamedTuple):
     blocks: int
 
 
-class _Spread:
-    """Mean and variance of every pixel, and the tile means of every block, of images that come one by one."""
+class TileSample(NamedTuple):
+    """What the images of n blocks say of their tiles: `means` (n, rows, columns, 3), one tile mean a block; `within`
+    (rows, columns, 3), the variance of a block's tile mean by the spread of its pixels; `sizes` (rows, columns, 1), pixels.
 
-    def __init__(self, images: Iterable[Array]) -> None:
-        means = []
-        self.mean: Array = np.zeros((1, 1, 1))
-        squares: Array = np.zeros((1, 1, 1))
-        for count, image in enumerate(images, 1):
-            delta = image - self.mean
-            self.mean = self.mean + delta / count
-            squares = squares + delta * (image - self.mean)  # Welford 1962: a small spread survives a large mean
-            means.append(tile_means(image))
-        self.blocks = len(means)
-        if self.blocks < 2:
-            raise ValueError(f"{self.blocks} images: two or more are wanted on each side")
-        self.variance = squares / (self.blocks - 1)
-        self.tile_means = np.stack(means)
+    `fixed` and `least` (rows, columns, 3) are variances of tile means, see `differences`.
+    """
+
+    means: Array
+    within: Array
+    sizes: Array
+    fixed: Array | None = None
+    least: Array | None = None
+
+
+def tile_sample(
+    images: Iterable[Array], fixed_variance: Array | None = None, least_variance: Array | None = None
+) -> TileSample:
+    """The tiles of `images` (h, w, 3) that come one by one; variances (h, w, 3) as in `differences`. Raises ValueError for less
+    than two images."""
+    means = []
+    mean: Array = np.zeros((1, 1, 1))
+    squares: Array = np.zeros((1, 1, 1))
+    for count, image in enumerate(images, 1):
+        delta = image - mean
+        mean = mean + delta / count
+        squares = squares + delta * (image - mean)  # Welford 1962: a small spread survives a large mean
+        means.append(tile_means(image))
+    if len(means) < 2:
+        raise ValueError(f"{len(means)} images: two or more are wanted on each side")
+    sizes = tile_sizes(mean)
+    fixed, least = (None if v is None else tile_sums(v) / sizes**2 for v in (fixed_variance, least_variance))
+    return TileSample(np.stack(means), tile_sums(squares) / (len(means) - 1) / sizes**2, sizes, fixed, least)
 
 
 def differences(
@@ -66,27 +81,34 @@ def differences(
     `least_variance` (h, w, 3) is what s^2 is known to be at least: a tile whose few samples missed all that is rare and
     bright has too small a spread and too small a mean at once. Raises ValueError for less than two images.
     """
-    spread = _Spread(images)
-    sizes = tile_sizes(spread.mean)
-    within = tile_sums(spread.variance) / sizes**2
-    between = spread.tile_means.var(axis=0, ddof=1)
-    factor = inflation(between, within)
-    pixels = spread.mean.shape[0] * spread.mean.shape[1]
-    image_within = spread.variance.sum(axis=(0, 1)) / pixels**2
-    if least_variance is not None:
-        within = np.maximum(within, tile_sums(least_variance) / sizes**2)
-        image_within = np.maximum(image_within, least_variance.sum(axis=(0, 1)) / pixels**2)
+    return differences_of(tile_sample(images, fixed_variance, least_variance))
+
+
+def differences_of(sample: TileSample) -> Differences:
+    """`differences` from tile means."""
+    n = len(sample.means)
+    within, weights = sample.within, sample.sizes / sample.sizes.sum()
+    factor = inflation(sample.means.var(axis=0, ddof=1), within)
+    image_within = _of_image(within, weights)
+    if sample.least is not None:
+        within = np.maximum(within, sample.least)
+        image_within = np.maximum(image_within, _of_image(sample.least, weights))
     image_within = factor * image_within
-    image_between = (spread.tile_means * sizes).sum(axis=(1, 2)).var(axis=0, ddof=1) / pixels**2
+    image_means = (sample.means * weights).sum(axis=(1, 2))
+    image_between = image_means.var(axis=0, ddof=1)
     ratio = image_between / np.where(image_within > 0, image_within, 1.0)
-    shared = chdtrc(spread.blocks - 1, ratio * (spread.blocks - 1)) < SHARED_NOISE_P
-    tiles_variance = factor * within / spread.blocks
-    image_variance = np.where(shared, image_between, image_within) / spread.blocks
-    if fixed_variance is not None:
-        tiles_variance = tiles_variance + tile_sums(fixed_variance) / sizes**2
-        image_variance = image_variance + fixed_variance.sum(axis=(0, 1)) / pixels**2
-    return Differences(tile_means(spread.mean), np.sqrt(tiles_variance), spread.mean.mean(axis=(0, 1)),
-                       np.sqrt(image_variance), spread.blocks)  # fmt: skip
+    shared = chdtrc(n - 1, ratio * (n - 1)) < SHARED_NOISE_P
+    tiles_variance = factor * within / n
+    image_variance = np.where(shared, image_between, image_within) / n
+    if sample.fixed is not None:
+        tiles_variance = tiles_variance + sample.fixed
+        image_variance = image_variance + _of_image(sample.fixed, weights)
+    return Differences(sample.means.mean(axis=0), np.sqrt(tiles_variance), image_means.mean(axis=0), np.sqrt(image_variance), n)
+
+
+def _of_image(variances: Array, weights: Array) -> Array:
+    """(3,): the variance of the image mean from those of tile means with their shares of the pixels."""
+    return np.asarray((variances * weights**2).sum(axis=(0, 1)), np.float64)
 
 
 def inflation(between: Array, within: Array) -> float:

@@ -55,13 +55,15 @@ class Choice(Record):
 
 class Point(Record):
     """A checkpoint. `seconds` and `rays` count from the start of the cell, or of the checkpoint's own render in a cell of
-    `separate_renders`, where `sampler` says how its sampler was set."""
+    `separate_renders`, where `sampler` says how its sampler was set. `film_variance`: what the spread of the film's own samples
+    says of the variance of a pixel, averaged."""
 
     spp: Samples
     seconds: Seconds
     rays: float | None = None
     sampler: Choice | None = None
     metrics: Numbers
+    film_variance: Annotated[float, Field(ge=0)] | None = None
     image: ImagePath | None
 
 
@@ -277,6 +279,41 @@ class ArchivedVerdicts(Record):
     pairs: list[Pair] = []
 
 
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class RaceFigures(BaseModel):
+    """The fields of `statistics.calibration.RaceFigures`."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+    false_winners: Share
+    coverage: Share
+    power: Annotated[list[Share], Field(min_length=2, max_length=2)]
+
+
+class BiasFigures(BaseModel):
+    """The fields of `statistics.calibration.BiasFigures`."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+    smallest_image: Annotated[float, Field(ge=0)]
+    smallest_tile: Annotated[float, Field(ge=0)]
+    found_image: Share
+    found_tile: Share
+    false_alarms: Share
+
+
+class Calibration(Record):
+    """In archives: what the run's own noise says about its verdicts. See `analysis.calibration`."""
+
+    event: Literal["calibration"]
+    races: RaceFigures | None
+    bias: BiasFigures | None
+    race_count: Count
+    image_count: Count
+    repetitions: Count
+    image_repetitions: Count
+
+
 class VerifyJob(Record):
     event: Literal["verify_job"]
     verify_job_id: Id
@@ -287,7 +324,8 @@ class VerifyJob(Record):
 
 
 Event = Annotated[
-    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | Attempt | ArchivedVerdicts | VerifyJob,
+    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | Attempt | ArchivedVerdicts | Calibration
+    | VerifyJob,
     Field(discriminator="event"),
 ]
 

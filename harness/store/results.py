@@ -72,7 +72,8 @@ class Results:
     """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
-    `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks.
+    `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks,
+    `calibration` the figures of the run that an archive is a copy of.
     """
 
     folder: Path
@@ -86,6 +87,7 @@ class Results:
     certificates: dict[str, Event] = field(default_factory=dict)
     check_results: list[Event] = field(default_factory=list)
     archived_verdicts: Event | None = None
+    calibration: Event | None = None
     contenders: list[Contender] = field(default_factory=list)
 
     @property
@@ -163,7 +165,7 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
                       {event["env_id"]: event for event in of_kind(events, "environment")},
                       {event["reference_id"]: event for event in of_kind(events, "certificate")},
                       check_results(events, manifest.get("verify_job_ids")),
-                      last_event(events, "archived_verdicts"))  # fmt: skip
+                      last_event(events, "archived_verdicts"), last_event(events, "calibration"))  # fmt: skip
     results.contenders = _contenders(results.cells, _config_scenes(manifest))
     return results
 

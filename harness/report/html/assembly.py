@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.analysis import Analysis, equivalence, reports_its_time
+from harness.analysis import Analysis, calibration, equivalence, reports_its_time
 from harness.analysis.model import FLAGS, Verdict, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.pictures import picture_groups
@@ -42,7 +42,7 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     cells = cell_table(analysis)
     left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 700 * len(cells.rows)
     groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
-    results = analysis.results
+    results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return _environment().get_template("report.html.j2").render(
         title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
@@ -50,6 +50,7 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
         machines=_machines(analysis), runs=results.runs, references=_references(results),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
+        calibration=found, figures=calibration.figures(found), rests_on=calibration.rests_on(found),
         metric=metric_title(results.metric), error_words=error_words(results.metric), evidence=evidence(analysis),
         style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),

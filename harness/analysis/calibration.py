@@ -1,0 +1,152 @@
+"""How far a run's verdicts can be trusted: its own noise, on contestants whose truth is known. See `statistics.calibration`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from harness.analysis.model import Analysis, Verdict, raced_together
+from harness.analysis.races import clock_steps, margin, race_logs
+from harness.statistics.calibration import (
+    BIASED_IMAGE,
+    BIASED_TILE,
+    BiasFigures,
+    RaceFigures,
+    RaceNoise,
+    bias_figures,
+    race_figures,
+    scaled_residuals,
+)
+
+EVENT = "calibration"
+REPETITIONS = 1000
+OF_REPORTS = 200
+"""Repetitions of what a report computes about images: nothing is demanded of those figures."""
+SEED = 16
+MOST_FALSE_WINNERS, LEAST_COVERAGE = 0.065, 0.93
+"""What must hold: 5 % and 95 %, with what 1,000 repetitions leave open."""
+NO_RACES = "no race has two contestants that were timed in each of three or more blocks"
+NO_IMAGES = "no contestant has two or more images, of different seeds, beside a reference"
+
+
+class Calibration(NamedTuple):
+    """`races` and `bias` are None where the run is too small for them. They rest on `race_count` races and `image_count`
+    contestants, `repetitions` and `image_repetitions` times in all."""
+
+    races: RaceFigures | None
+    bias: BiasFigures | None
+    race_count: int
+    image_count: int
+    repetitions: int
+    image_repetitions: int
+
+    @property
+    def missed(self) -> list[str]:
+        """What must hold and does not."""
+        return [figure.name for figure in figures(self) if figure.holds is False]
+
+
+class Figure(NamedTuple):
+    """A line of a calibration: its value in words, what it must be, whether it is (None: nothing is demanded)."""
+
+    name: str
+    value: str
+    wanted: str = ""
+    holds: bool | None = None
+
+
+def calibrate(analysis: Analysis, image_repetitions: int = REPETITIONS) -> Calibration:
+    """Seeded: the same results give the same figures. An archive keeps those of the run that it is a copy of."""
+    archived = analysis.results.calibration
+    if archived is not None:
+        return from_record(archived)
+    noises = list(_noises(analysis))
+    samples = [verdict.radiance for verdict in analysis.verdicts if verdict.radiance and not verdict.contender.settings.label]
+    times, images = (np.random.default_rng([SEED, part]) for part in range(2))
+    races = race_figures(noises, REPETITIONS, times, margin(analysis.results)) if noises else None
+    bias = bias_figures(samples, image_repetitions, images) if samples else None
+    return Calibration(races, bias, len(noises), len(samples), REPETITIONS, image_repetitions)
+
+
+def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
+    """The races on targets with the times that are known in every block; where there are none, races in seconds per sample."""
+    groups = list(raced_together(analysis.verdicts).values())
+    targets = list(range(len(analysis.results.targets)))
+    for indices in (targets, [None]):
+        found = [noise for index in indices for group in groups if (noise := _noise(group, index)) is not None]
+        if found:
+            yield from found
+            return
+
+
+def _noise(group: Sequence[Verdict], index: int | None) -> RaceNoise | None:
+    low, high = race_logs(group, index)
+    labelled = np.array([bool(verdict.contender.settings.label) for verdict in group])
+    known = ((low == high) & np.isfinite(low)).all(axis=1) & ~labelled
+    residuals = scaled_residuals(low[known])
+    if residuals is None:
+        return None
+    return RaceNoise(residuals, int(known.sum()), low.shape[1], bool(labelled.any()), float(clock_steps(low[known]).max()))
+
+
+def figures(found: Calibration) -> list[Figure]:
+    """The five figures, of which the last has two parts, in words."""
+    lines: list[Figure] = []
+    if found.races is None:
+        lines.append(Figure("false winners, coverage, power", f"unknown: {NO_RACES}"))
+    else:
+        winners, coverage, power = found.races
+        lines += [
+            Figure("false winners among identical contestants", percent(winners), f"≤ {percent(MOST_FALSE_WINNERS)}",
+                   winners <= MOST_FALSE_WINNERS),
+            Figure("coverage of the 95 % intervals", percent(coverage), f"≥ {percent(LEAST_COVERAGE)}",
+                   coverage >= LEAST_COVERAGE),
+            Figure("5 % slower: called slower", percent(power[0])),
+            Figure("20 % slower: called slower", percent(power[1])),
+        ]  # fmt: skip
+    if found.bias is None:
+        return [*lines, Figure("smallest bias found in 80 %", f"unknown: {NO_IMAGES}")]
+    bias = found.bias
+    value = (
+        f"{percent(bias.smallest_image)} of the whole image, {percent(bias.smallest_tile)} of one tile "
+        f"({percent(BIASED_IMAGE)} and {percent(BIASED_TILE)} are found in {percent(bias.found_image)} and "
+        f"{percent(bias.found_tile)}; false alarms {percent(bias.false_alarms)})"
+    )
+    return [*lines, Figure("smallest bias found in 80 %", value)]
+
+
+def rests_on(found: Calibration) -> str:
+    """What the figures are about, in a sentence."""
+    races = f"{found.repetitions} synthetic races of each kind, with the residuals of {plural(found.race_count, 'race')}"
+    images = f"{found.image_repetitions} synthetic images, with the noise of {plural(found.image_count, 'contestant')}"
+    known = [text for text, part in ((races, found.races), (images, found.bias)) if part is not None]
+    return f"{' and '.join(known)} of this run." if known else "The run is too small for synthetic contestants."
+
+
+def plural(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def percent(share: float) -> str:
+    if math.isinf(share):
+        return "more than 100 %"
+    return f"{100 * share:.3g} %"
+
+
+def as_record(found: Calibration) -> dict[str, Any]:
+    """The event that archives keep."""
+    races = None if found.races is None else {**found.races._asdict(), "power": list(found.races.power)}
+    bias = None if found.bias is None else found.bias._asdict()
+    return {"event": EVENT, **found._asdict(), "races": races, "bias": bias}
+
+
+def from_record(record: Mapping[str, Any]) -> Calibration:
+    races, bias = record["races"], record["bias"]
+    return Calibration(
+        RaceFigures(races["false_winners"], races["coverage"], tuple(races["power"])) if races else None,
+        BiasFigures(**bias) if bias else None,
+        *(record[key] for key in ("race_count", "image_count", "repetitions", "image_repetitions")),
+    )

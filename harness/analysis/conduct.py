@@ -1,0 +1,126 @@
+"""Flags of what a contestant did with seeds, samples, the reference, threads and time.
+
+All are read from events, so that archives without images have them too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import combinations
+
+from harness.statistics import BiasEstimate, mean_interval
+from harness.statistics.bias import ROUNDED
+from harness.store.results import Contender, Event
+
+CORRELATED_Z = 5.0
+"""Standard errors by which products of differences from the two halves of a reference are negative, if noise is shared."""
+NOISIER = 1.3
+"""Times the variance that a film's own samples let expect; no sampler of samples that were taken has more."""
+FEWEST_SAMPLES = 4
+"""Below these the variance of a film's samples is too rough."""
+MORE_THREADS = 1.25
+"""Runnable threads over those allowed, over all timed calls. The thread that calls takes turns with those that it starts."""
+OFF_CLOCK_SHARE, OFF_CLOCK_SECONDS = 0.1, 0.05
+"""Processor time between timed calls, of a cell, over that within them, and at least: thread pools take a moment to rest."""
+
+
+def conduct_flags(contender: Contender, bias: BiasEstimate | None) -> list[str]:
+    """Names, of `analysis.model.FLAGS`; `bias` where there are images."""
+    seen = {
+        **seed_flags(contender),
+        "reference_copied": copies_reference(contender, bias),
+        "fewer_samples": not (bias and bias.biased) and has_fewer_samples(contender),
+        "too_many_threads": uses_more_threads(contender),
+        "works_between_calls": works_between_calls(contender),
+    }
+    return [name for name, found in seen.items() if found]
+
+
+def seed_flags(contender: Contender) -> dict[str, bool]:
+    """`ignores_seed`: all images of different seeds are equal at equal samples; `stale_image`: some are.
+
+    Images are equal where all their metrics are, to the last digit, and they show noise: scenes may have none.
+    """
+    equal = [_fingerprint(a) == _fingerprint(b) for a, b in _same_samples(contender)]
+    return {"ignores_seed": bool(equal) and all(equal), "stale_image": any(equal) and not all(equal)}
+
+
+def _same_samples(contender: Contender) -> Iterator[tuple[Event, Event]]:
+    """Checkpoints of two cells, of different seeds, at the same samples, where the reference has noise."""
+    for one, other in combinations(contender.done, 2):
+        theirs = {point["spp"]: point for point in other["points"]}
+        for point in one["points"]:
+            if one["seed"] != other["seed"] and point["spp"] in theirs and _noisy(point):
+                yield point, theirs[point["spp"]]
+
+
+def _noisy(point: Event) -> bool:
+    """Whether the reference has noise above rounding: by its variance the correction lowers the mean squared error."""
+    names = ("mse", "mse_corrected", "mean_r", "mean_g", "mean_b")
+    error, corrected, *means = (point["metrics"].get(name) or 0.0 for name in names)
+    return error - corrected > (ROUNDED * max(means)) ** 2
+
+
+def _fingerprint(point: Event) -> tuple[float | None, ...]:
+    return tuple(value for _, value in sorted(point["metrics"].items()))
+
+
+def copies_reference(contender: Contender, bias: BiasEstimate | None) -> bool:
+    """Whether the images share the noise of the reference's halves R1, R2.
+
+    Of an image A that is independent of them the mean of (A - R1)(A - R2) is its variance plus its squared bias, never
+    negative. If A holds the shares c1 and c2 of their noise, it is less by c1 (1 - c1) var(R1) + c2 (1 - c2) var(R2).
+    Looked for at each cell's last checkpoint, and over pairs of seeds (A - R1)(B - R2), free of the images' own noise.
+    """
+    if bias is not None and bias.squared < -CORRELATED_Z * bias.se:
+        return True
+    ends = [cell["points"][-1] for cell in contender.done]
+    errors = [tuple(end["metrics"].get(name) for name in ("mse_corrected", "mse_se")) for end in ends if _noisy(end)]
+    known = [(error, se) for error, se in errors if error is not None and se is not None]
+    return bool(known) and all(error < -CORRELATED_Z * se for error, se in known)
+
+
+def has_fewer_samples(contender: Contender) -> bool:
+    """Whether errors exceed, by more than `NOISIER` at 99 % over blocks, what the spread of as many samples explains.
+
+    At the first checkpoint of `FEWEST_SAMPLES` or more, where a bias is least of the error. The mean squared error of a film of
+    independent samples is its `film_variance`, and smaller with points that are spread evenly.
+    """
+    logs = []
+    for cell in contender.done:
+        point = next((p for p in cell["points"] if p["spp"] >= FEWEST_SAMPLES and p.get("film_variance") is not None), None)
+        error = (point["metrics"].get("mse_corrected") if point else None) or 0.0
+        if point is None or not 0 < error < math.inf:
+            return False
+        logs.append(math.log(error / point["film_variance"]) if point["film_variance"] > 0 else math.inf)
+    if len(logs) > 1 and all(math.isinf(value) for value in logs):
+        return not any(seed_flags(contender).values())
+    return bool(mean_interval(logs, 0.99).low > math.log(NOISIER))
+
+
+def uses_more_threads(contender: Contender) -> bool:
+    """Whether on average more threads ran, or waited for a processor, than the settings allow.
+
+    On a busy machine too many threads take no more processor time, but they wait.
+    """
+    runnable, allowed = 0.0, 0.0
+    for machine, threads in _machines(contender):
+        runnable += (machine.get("cpu_seconds") or 0.0) + (machine.get("run_queue_seconds") or 0.0)
+        allowed += (machine.get("timed_seconds") or 0.0) * threads
+    return runnable > MORE_THREADS * allowed + OFF_CLOCK_SECONDS
+
+
+def works_between_calls(contender: Contender) -> bool:
+    """Whether threads of the engine used a processor when nothing was asked of them, in every cell."""
+    found = [
+        (machine.get("off_clock_cpu_seconds") or 0.0)
+        > max(OFF_CLOCK_SHARE * (machine.get("cpu_seconds") or 0.0), OFF_CLOCK_SECONDS)
+        for machine, _ in _machines(contender)
+    ]
+    return bool(found) and all(found)
+
+
+def _machines(contender: Contender) -> Iterator[tuple[Event, int]]:
+    for cell in contender.done:
+        yield cell.get("machine") or {}, cell["threads"]
