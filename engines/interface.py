@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engines.errors import ConfigError
 from engines.film import Film
-from engines.scene.model import Camera, Scene, Shape
+from engines.scene import Camera, Scene, Shape
 
 OnPass = Callable[[Film], Any]
 
@@ -129,7 +129,11 @@ class Renderer(Protocol):
 
 @runtime_checkable
 class Engine(Protocol):
-    """A way to render scenes. `version` changes when its images or speed may change."""
+    """A way to render scenes. `version` changes when its images or speed may change.
+
+    Optional: `smooth_samplers`, the names of the samplers whose error falls smoothly with every sample, as that of independent
+    samples does. Without it that is `random`. Errors of other samplers are not interpolated between measurements.
+    """
 
     name: str
     version: str
