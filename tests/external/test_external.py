@@ -16,7 +16,7 @@ from engines import Settings
 from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.external.pictures import read_pfm
 from engines.external.template import filled
-from engines.scene.model import CustomLight
+from engines.scene import CustomLight
 from tests.external.describing import described
 
 ROOT = Path(__file__).resolve().parent.parent.parent

@@ -18,7 +18,7 @@ from engines.kernels.lane.shapes import disk
 from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES, RayBatch, aligned, batch_bytes
 from engines.numba_cpu.engine import MADE
-from engines.scene.model import Disk, Mesh, Plane, Sphere
+from engines.scene import Disk, Mesh, Plane, Sphere
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [16, 16]}
 EMPTY = {

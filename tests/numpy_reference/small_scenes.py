@@ -6,7 +6,7 @@ import numpy as np
 
 from engines.interface import Settings
 from engines.numpy_reference import Engine
-from engines.scene.model import Material, Mesh, Perspective, Scene, Sphere
+from engines.scene import Material, Mesh, Perspective, Scene, Sphere
 
 INF = float("inf")
 EPS = 2.0**-52

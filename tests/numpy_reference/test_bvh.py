@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engines.numpy_reference.accelerators.bvh_build import build
-from engines.scene.model import Plane, Sphere, SphereSet, Triangle
+from engines.scene import Plane, Sphere, SphereSet, Triangle
 from tests.numpy_reference.small_scenes import box_mesh, mesh, sphere_mesh, tracer, triangle_soup, unit_rows
 
 

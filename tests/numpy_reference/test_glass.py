@@ -6,7 +6,7 @@ import pytest
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
 from engines.numpy_reference.bsdf.mixture import refracted
 from engines.numpy_reference.interaction import SurfaceInteraction
-from engines.scene.model import EnvironmentLight, Mesh, Perspective, Plane, Sphere
+from engines.scene import EnvironmentLight, Mesh, Perspective, Plane, Sphere
 from tests.numpy_reference.small_scenes import (
     AHEAD,
     GLASS,

@@ -7,7 +7,7 @@ Statistical tests take the pixels of a very narrow view as independent replicate
 import numpy as np
 import pytest
 
-from engines.scene.model import DirectionalLight, EnvironmentLight, Plane, PointLight, Sphere, Triangle
+from engines.scene import DirectionalLight, EnvironmentLight, Plane, PointLight, Sphere, Triangle
 from tests.numpy_reference.small_scenes import (
     box_mesh,
     image,

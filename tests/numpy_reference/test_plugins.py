@@ -7,7 +7,7 @@ from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference import Engine
 from engines.numpy_reference.vectors import along, norm
-from engines.scene.model import CustomCamera, CustomLight, EnvironmentLight, Orthographic, Plane, PointLight
+from engines.scene import CustomCamera, CustomLight, EnvironmentLight, Orthographic, Plane, PointLight
 from tests.numpy_reference.small_scenes import (
     AHEAD,
     image,

@@ -16,7 +16,7 @@ from engines.numpy_reference import Engine
 from engines.numpy_reference import renderer as renderer_module
 from engines.numpy_reference.accelerators import bvh as bvh_module
 from engines.numpy_reference.accelerators import exhaustive, tracer
-from engines.scene.model import (
+from engines.scene import (
     EnvironmentLight,
     Orthographic,
     Perspective,

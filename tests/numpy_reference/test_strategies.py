@@ -6,7 +6,7 @@ Comparisons are by z of the difference of two independent means, |z| < 4.5: a fa
 import numpy as np
 import pytest
 
-from engines.scene.model import Disk, EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
+from engines.scene import Disk, EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
 from tests.numpy_reference.bsdf_points import GOLD, conductor
 from tests.numpy_reference.small_scenes import (
     box_mesh,

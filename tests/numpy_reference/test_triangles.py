@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from engines.scene.model import Triangle
+from engines.scene import Triangle
 from tests.numpy_reference.small_scenes import EPS, box_mesh, mesh, sphere_mesh, tracer, unit_rows
 
 UNIT = Triangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
