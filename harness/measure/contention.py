@@ -19,7 +19,7 @@ import psutil
 from harness.config.validators import is_number
 from harness.measure.machine import load_1m, usable_cores
 from harness.measure.memory import descendants
-from harness.measure.run_queue import thread_waits
+from harness.measure.run_queue import readable, thread_waits
 
 try:
     import resource
@@ -123,7 +123,7 @@ def other_threads() -> float:
 def own_waits() -> dict[int, int] | None:
     """`thread_waits` of this process and of all that it has started."""
     pid = os.getpid()
-    return thread_waits([pid, *descendants(pid)])
+    return thread_waits([pid, *descendants(pid)]) if readable() else None
 
 
 def _counted_twice(core: Any) -> float:

@@ -51,8 +51,7 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
          Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
-         Column("baseline", "Whom it is compared with: one that differs in a single factor, or that the config's pairs name."),
-         Column("factor", "In what the two differ."),
+         Column("baseline", "Whom it is compared with, and in brackets in what factor the two differ."),
          Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
                 "gives the most that it can be."),
          Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
@@ -64,6 +63,7 @@ def time_to_quality(analysis: Analysis) -> Table:
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
     found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
     found["speedup_verdict"] = found.verdict
+    found["baseline"] = found.baseline + " (" + found.factor + ")"
     found["warnings"] = [
         "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
     ]  # fmt: skip
