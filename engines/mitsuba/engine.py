@@ -34,6 +34,7 @@ class Engine:
     """
 
     name = "mitsuba"
+    lineage = "mitsuba"
     variant = library.LLVM
     tracing_precision = "float32"
     not_promised: Mapping[str, str] = NOT_PROMISED

@@ -14,6 +14,8 @@ NOISY = "noisy_reference"
 """Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
 FLAGS = {
     "biased": "biased",
+    "biased_image": "image mean biased",
+    "biased_tile": "a tile biased",
     "on_bias_floor": "sits on its bias floor",
     "other_image": "differs from the baseline's image",
     "too_good_per_sample": "too good per sample",
@@ -75,8 +77,18 @@ class Verdict:
     @property
     def warnings(self) -> list[str]:
         """The flags in words."""
-        size = {"biased": f" by {100 * self.bias.root:.2g} %"} if self.bias is not None else {}
+        size = bias_sizes(self.bias)
         return [FLAGS[flag] + size.get(flag, "") for flag in self.flags]
+
+
+def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
+    """Flag -> by how much, as shares of the radiance."""
+    if bias is None:
+        return {}
+    return {
+        "biased": f" by {100 * bias.root:.2g} %", "biased_image": f" by {100 * bias.difference:+.2g} %",
+        "biased_tile": f" by {100 * bias.tile_difference:+.2g} % at pixel {bias.worst_tile}",
+    }  # fmt: skip
 
 
 @dataclass

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from harness.analysis import archived_verdicts
 from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
-from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs
+from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, last_pictured
+from harness.analysis.image_flags import image_flags
 from harness.analysis.model import Analysis, Verdict, raced_together
 from harness.analysis.races import run_races
 from harness.analysis.slopes import slopes
@@ -18,7 +17,6 @@ from harness.statistics import (
     bias_estimate,
     efficiency,
     geometric_interval,
-    on_bias_floor,
     time_to_quality,
     too_good_per_sample,
 )
@@ -82,10 +80,10 @@ def error_targets(results: Results) -> list[float]:
 def _compare(results: Results, verdict: Verdict, baseline: Contender | None, images: Replicates) -> None:
     """Fills in what needs the reference or the images."""
     contender = verdict.contender
-    own_images = list(images.of(contender).values())
-    reference = results.reference(contender.done[0].get("reference_id"))
-    if own_images and reference is not None and own_images[0].shape == reference.mean.shape:
-        verdict.bias = bias_estimate(own_images, reference, results.epsilon)
+    own_images, reference = images.of(contender), images.reference(contender)
+    if own_images and reference is not None and next(iter(own_images.values())).shape == reference.mean.shape:
+        spp = [last_pictured(cell)["spp"] for cell in contender.done if cell["block"] in own_images]
+        verdict.bias = bias_estimate(list(own_images.values()), reference, results.epsilon, spp)
     if baseline is not None and baseline is not contender:
         verdict.baseline = baseline
         comparison = compared(baseline, contender, images, shared_alpha(len(results.contenders)))
@@ -93,24 +91,12 @@ def _compare(results: Results, verdict: Verdict, baseline: Contender | None, ima
 
 
 def _flags(results: Results, verdict: Verdict) -> list[str]:
-    flags = []
-    if verdict.bias is not None and verdict.bias.biased:
-        flags.append("biased")
-        left = [point_error(cell["points"][-1], results.relative_metric)[0] for cell in verdict.contender.done]
-        if on_bias_floor(verdict.bias, float(np.mean(left))):
-            flags.append("on_bias_floor")
-    if verdict.equivalence is not None and verdict.equivalence.verdict == "different":
-        flags.append("other_image")
+    flags = image_flags(results, verdict)
     if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contender.settings.sampler:
         spp = common_spp(verdict.contender, verdict.baseline)
         own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))
         if too_good_per_sample(own, theirs):
             flags.append("too_good_per_sample")
-    points = [point for cell in verdict.contender.cells for point in cell.get("points") or []]
-    if any((point.get("metrics") or {}).get("nonfinite") for point in points):
-        flags.append("nonfinite_pixels")
-    if any((cell.get("counters") or {}).get("bad_samples") for cell in verdict.contender.cells):
-        flags.append("bad_samples")
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
         flags.append("contended")
     if any(reports_its_time(cell) for cell in verdict.contender.done):

@@ -103,7 +103,7 @@ def plan(
     left = [cell for cell in made.cells if states[cell.cell_id] in ("queued", "outdated")]
     expected = expected_seconds(left, latest).values()
     seconds, measured = sum(s for s, _ in expected), sum(known for _, known in expected)
-    basis = "as measured before" if measured == len(left) else f"at most; {measured} of them by earlier measurements"
+    basis = "as measured before" if measured == len(left) else f"an estimate; {measured} of them by earlier measurements"
     counted = ", ".join(f"{count} {state}" for state, count in sorted(Counter(states.values()).items()))
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
@@ -208,8 +208,9 @@ def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str
 def _certified(
     wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console
 ) -> bool:  # fmt: skip
-    """Certifies a reference if the config has `certify`; whether the second engine makes another image."""
+    """Certifies a reference; whether the engine of another lineage makes another image."""
     if wanted.certifier is None:
+        stdout.print(f"{wanted.describe()}: uncertified", markup=False, soft_wrap=True)
         return False
     found = certificates.existing(wanted, root)
     if found is None:
@@ -217,7 +218,7 @@ def _certified(
         with progress.Terminal(stderr) as terminal:
             found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
     stdout.print(f"{wanted.describe()}: {certificates.words(found)}", markup=False, soft_wrap=True)
-    return found["verdict"] == "different"
+    return certificates.refutes(found)
 
 
 def status(folder: Path) -> None:

@@ -97,7 +97,7 @@ def _bias(analysis: Analysis) -> str:
     ]
     if not tested:
         return "Whether images converge to those of the references was not tested: it takes images of several seeds."
-    biased = [verdict.contender for verdict in tested if verdict.bias is not None and verdict.bias.biased]
+    biased = [verdict.contender for verdict in tested if verdict.bias is not None and verdict.bias.flags]
     number = plural(len(tested), "configuration")
     if not biased:
         return f"Of {number} none was found to converge to another image than its reference."

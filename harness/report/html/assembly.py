@@ -30,9 +30,9 @@ MOST_BYTES = 9_500_000
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
     "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
-    "shallower": "bad", "same": "even", "unresolved": "even", "inconclusive": "even", "unknown": "even", "skipped": "even",
+    "shallower": "bad", "same": "even", "unresolved": "even", "unknown": "even", "skipped": "even",
     "done": "good",
-    "pass": "good", "xfail": "even", "fail": "bad",
+    "identical": "good", "pass": "good", "xfail": "even", "fail": "bad",
 }  # fmt: skip
 
 
@@ -188,15 +188,14 @@ def _title(manifest: Mapping[str, Any], fallback: str) -> str:
 
 def _references(results: Results) -> list[dict[str, Any]]:
     """The events of references, each with what its certificate says and whether that is bad news."""
-    from harness.run.certificates import words
+    from harness.run.certificates import certifies, refutes, words
 
     found = []
     for reference_id, event in results.references.items():
         certificate = results.certificates.get(reference_id)
-        said = words(dict(certificate)) if certificate else "not certified by a second engine"
-        found.append(
-            {**event, "certificate": said, "refuted": bool(certificate and certificate["verdict"] == "different")}
-        )
+        said = words(certificate) if certificate else "uncertified: no engine of another lineage has made its image"
+        certified, refuted = (bool(certificate and judge(certificate)) for judge in (certifies, refutes))
+        found.append({**event, "certificate": said, "certified": certified, "refuted": refuted})
     return found
 
 

@@ -27,7 +27,7 @@ from harness.store.results import PHASES
 
 RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speedup"}
 """Columns of DataFrames by the names that these tables give them."""
-IN_OTHER_COLUMNS = ("biased", "other_image")
+IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image")
 """Flags that need no mention among the warnings."""
 
 
@@ -52,9 +52,9 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
          Column("baseline", "Whom it is compared with, and in brackets in what factor the two differ."),
-         Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
-                "< says what would have been seen."),
-         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive.",
+         Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
+                "gives the most that it can be."),
+         Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
                 title="image"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
          Column("warnings", "What else to know before believing the row.")],
