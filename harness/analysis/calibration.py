@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.analysis.model import Analysis, Verdict, raced_together
-from harness.analysis.races import clock_steps, margin, race_logs
+from harness.analysis.races import clock_steps, margin, times_found
 from harness.statistics.calibration import (
     BIASED_IMAGE,
     BIASED_TILE,
@@ -83,7 +83,7 @@ def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
 
 
 def _noise(group: Sequence[Verdict], index: int | None) -> RaceNoise | None:
-    low, high = race_logs(group, index)
+    low, high = times_found(group, index)
     labelled = np.array([bool(verdict.contender.settings.label) for verdict in group])
     known = ((low == high) & np.isfinite(low)).all(axis=1) & ~labelled
     residuals = scaled_residuals(low[known])

@@ -15,7 +15,7 @@ import pandas as pd
 
 from harness.analysis import races
 from harness.analysis.columns import Column, Table
-from harness.analysis.model import FLAGS, OF_THE_CLOCK, Analysis, Verdict
+from harness.analysis.model import FLAGS, OF_THE_TIME, Analysis, Verdict
 from harness.analysis.verdicts import analyse
 from harness.metrics import METRIC_MEANINGS
 from harness.store.results import PHASES, Event, Results, load_results, phase_seconds, settings_of
@@ -205,7 +205,7 @@ def verdicts(analysis: Analysis) -> Table:
                 "measured.", "percent"),
          Column("possible_winner", "Whether it may be the fastest of its scene, shader, size and machine, among those that "
                 "no flag disqualifies: no test finds it slower than another. Nobody where nobody got there.", "flag"),
-         Column("flags", f"Names joined by spaces. All but {' and '.join(sorted(OF_THE_CLOCK))} disqualify. {flags}.")],
+         Column("flags", f"Names joined by spaces. All but {', '.join(sorted(OF_THE_TIME))} disqualify. {flags}.")],
     )  # fmt: skip
     table.rows = [
         {**_verdict(verdict, index), "metric": analysis.results.metric, "target": target,

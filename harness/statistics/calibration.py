@@ -131,8 +131,9 @@ def bias_figures(samples: Sequence[RadianceSample], repetitions: int, rng: np.ra
             at = bisect_left(BIASES, True, key=lambda bias, shape=shape: _biased(sample, bias * shape))
             smallest[kind].append(BIASES[at] if at < len(BIASES) else math.inf)
     image, tile = (float(np.quantile(values, FOUND, method="inverted_cdf")) for values in smallest)
-    found = (np.mean(np.asarray(values) <= share) for values, share in zip(smallest, (BIASED_IMAGE, BIASED_TILE), strict=True))
-    return BiasFigures(image, tile, *map(float, found), false_alarms / repetitions)
+    found_image, found_tile = (sum(value <= share for value in values) / repetitions
+                               for values, share in zip(smallest, (BIASED_IMAGE, BIASED_TILE), strict=True))  # fmt: skip
+    return BiasFigures(image, tile, found_image, found_tile, false_alarms / repetitions)
 
 
 def _unbiased(sample: RadianceSample, rng: np.random.Generator) -> RadianceSample:

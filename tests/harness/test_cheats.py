@@ -6,7 +6,7 @@ import pytest
 from harness import store
 from harness.analysis import analyse
 from harness.analysis.conduct import conduct_flags
-from harness.analysis.model import FLAGS, OF_THE_CLOCK
+from harness.analysis.model import FLAGS, OF_THE_TIME
 from harness.store.results import load_results
 from tests.harness import sweeping
 
@@ -55,7 +55,7 @@ def verdicts(swept):
 def test_a_cheat_is_flagged_by_name_and_not_ranked(verdicts, name, flag):
     verdict = verdicts[getattr(cheating_engines, name).name, ""]
     assert flag in verdict.flags and FLAGS[flag] in " ".join(verdict.warnings)
-    assert flag not in OF_THE_CLOCK and verdict.disqualified() and not any(verdict.possible_winner)
+    assert flag not in OF_THE_TIME and verdict.disqualified and not any(verdict.possible_winner)
 
 
 @pytest.mark.parametrize(("name", "words"), cheating_engines.REFUSED.items())
@@ -91,4 +91,4 @@ def test_ten_cheats():
 
 def test_the_honest_ones_beside_them_earn_no_flag(verdicts):
     honest = [verdicts["steady", ""], verdicts["steady", "A/A"], verdicts["apart", ""]]
-    assert [set(verdict.flags) - OF_THE_CLOCK for verdict in honest] == [set()] * 3
+    assert [set(verdict.flags) - OF_THE_TIME for verdict in honest] == [set()] * 3
