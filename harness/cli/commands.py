@@ -136,15 +136,11 @@ def render(
 def dahlquist(
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "320x480",
     calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
-    time_elapsed: Annotated[
-        int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")
-    ] = 3000,
+    time_elapsed: Annotated[int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")] = 3000,
     no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
     no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
     interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
-    exact: Annotated[
-        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")
-    ] = False,
+    exact: Annotated[bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")] = False,
     redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
     probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
     probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
@@ -191,12 +187,8 @@ def report(
     folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
     chapter: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(
-            "--chapter",
-            metavar="DIR",
-            help="Write the chapter there instead, a section a folder. [default folders: "
-            "results/dissertation and results/dahlquist]",
-        ),
+        typer.Option(metavar="DIR", help="Write the chapter there instead, a section a folder. [default folders: "
+                     "results/dissertation and results/dahlquist]"),
     ] = None,
     references: References = None,
 ) -> None:
