@@ -16,13 +16,14 @@ from harness.store.results import Contender, Event
 CORRELATED_Z = 5.0
 """Standard errors by which products of differences from the two halves of a reference are negative, if noise is shared."""
 NOISIER = 1.3
-"""Times the variance that a film's own samples let expect; no sampler of samples that were taken has more."""
+"""Times the variance that a film's own samples let expect, if they are independent."""
 FEWEST_SAMPLES = 4
 """Below these the variance of a film's samples is too rough."""
-MORE_THREADS = 1.25
-"""Runnable threads over those allowed, over all timed calls. The thread that calls takes turns with those that it starts."""
+MORE_THREADS, LEAST_MORE = 0.25, 0.6
+"""Runnable threads beyond those allowed, as a share of these, and at least: the thread that calls takes turns with those that it
+starts, and on a busy machine both may wait for a moment."""
 OFF_CLOCK_SHARE, OFF_CLOCK_SECONDS = 0.1, 0.05
-"""Processor time between timed calls, of a cell, over that within them, and at least: thread pools take a moment to rest."""
+"""Processor time of a cell between timed calls, over that within them, and at least: thread pools take a moment to rest."""
 
 
 def conduct_flags(contender: Contender, bias: BiasEstimate | None) -> list[str]:
@@ -85,8 +86,11 @@ def has_fewer_samples(contender: Contender) -> bool:
     """Whether errors exceed, by more than `NOISIER` at 99 % over blocks, what the spread of as many samples explains.
 
     At the first checkpoint of `FEWEST_SAMPLES` or more, where a bias is least of the error. The mean squared error of a film of
-    independent samples is its `film_variance`, and smaller with points that are spread evenly.
+    independent samples is its `film_variance`. For points that depend on each other nothing is expected: few Halton points may
+    err more than independent ones.
     """
+    if not all(cell.get("smooth_sampler") for cell in contender.done):
+        return False
     logs = []
     for cell in contender.done:
         point = next((p for p in cell["points"] if p["spp"] >= FEWEST_SAMPLES and p.get("film_variance") is not None), None)
@@ -104,11 +108,11 @@ def uses_more_threads(contender: Contender) -> bool:
 
     On a busy machine too many threads take no more processor time, but they wait.
     """
-    runnable, allowed = 0.0, 0.0
+    runnable, most = 0.0, OFF_CLOCK_SECONDS
     for machine, threads in _machines(contender):
         runnable += (machine.get("cpu_seconds") or 0.0) + (machine.get("run_queue_seconds") or 0.0)
-        allowed += (machine.get("timed_seconds") or 0.0) * threads
-    return runnable > MORE_THREADS * allowed + OFF_CLOCK_SECONDS
+        most += (machine.get("timed_seconds") or 0.0) * (threads + max(MORE_THREADS * threads, LEAST_MORE))
+    return runnable > most
 
 
 def works_between_calls(contender: Contender) -> bool:
