@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engines.errors import ConfigError
 from engines.film import Film
-from engines.scene.model import Camera, Scene, Shape
+from engines.scene import Camera, Scene, Shape
 
 OnPass = Callable[[Film], Any]
 

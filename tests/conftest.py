@@ -1,9 +1,13 @@
 """What every test shares: hypothesis draws the same examples in every run, and sets no time limit on one. Reports come with
 SVG alone, for PNG and PDF take most of a report's time; tests/harness/test_plots.py draws them all. And one browser.
-References are kept in a folder of the session: the user's own are neither read nor written."""
+References are kept in a folder of the session: the user's own are neither read nor written.
+
+Temporary files lie in memory where there is such a file system, unless TMPDIR says where: results are synced to the disk
+line by line, and a run waits for it a thousand times. What a killed process has written is there in either case."""
 
 import os
 import tempfile
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -12,7 +16,23 @@ from tests.browser import PROGRAM, Browser
 
 os.environ["RAYBENCH_PLOTS"] = "svg"
 
-if "PYTEST_XDIST_WORKER" not in os.environ:  # its workers inherit the folder
+IN_MEMORY = Path("/dev/shm")
+ROOM = 2 << 30
+"""Bytes that must be free there: the tests of a whole session leave some hundred MiB."""
+
+
+def _in_memory() -> bool:
+    """Whether files can be kept in memory, and programs among them be run."""
+    if "TMPDIR" in os.environ or not os.access(IN_MEMORY, os.W_OK):
+        return False
+    there = os.statvfs(IN_MEMORY)
+    return not there.f_flag & os.ST_NOEXEC and there.f_bavail * there.f_frsize >= ROOM
+
+
+if "PYTEST_XDIST_WORKER" not in os.environ:  # its workers inherit the folders
+    if _in_memory():
+        _temporary = tempfile.TemporaryDirectory(prefix="raybench-", dir=IN_MEMORY, ignore_cleanup_errors=True)
+        os.environ["TMPDIR"] = tempfile.tempdir = _temporary.name
     _references = tempfile.TemporaryDirectory(prefix="raybench-references-")
     os.environ["RAYBENCH_REFERENCES"] = _references.name
 

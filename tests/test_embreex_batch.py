@@ -41,9 +41,9 @@ def test_hits_are_exact_even_far_from_the_origin(away):
 
 
 def test_a_scene_without_triangles_is_declined():
-    engine, ball = engines.engine("embreex_batch"), {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"}
+    engine, sphere = engines.engine("embreex_batch"), {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"}
     scene = engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA, "shapes": [ball], "materials": {"white": {"kd": 0.5}},
+        "raybench_scene": 1, "camera": CAMERA, "shapes": [sphere], "materials": {"white": {"kd": 0.5}},
     })  # fmt: skip
     assert engine.why_not(scene, Settings()) == "embreex holds triangles only, and none of the shapes is one"
     with pytest.raises(Unsupported, match="triangles only"):

@@ -191,11 +191,11 @@ def test_images_of_the_sky_are_sampled_by_texel(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_every_light_is_chosen_as_often_and_its_pdf_counts_that(engine):
     """Three spheres, a triangle and an environment: a fifth each; the rest of the draw still samples faces uniformly."""
-    balls = [Sphere((x, 3.0, 0.0), 0.2, 1) for x in (-2.0, 0.0, 2.0)]
+    spheres = [Sphere((x, 3.0, 0.0), 0.2, 1) for x in (-2.0, 0.0, 2.0)]
     lamp = Triangle((-0.5, 1.0, 4.0), (0.5, 1.0, 4.0), (0.0, 2.0, 4.0), 1)
-    wi, distance, pdf = sampled(engine, [*balls, lamp], [EnvironmentLight((0.5, 0.4, 0.3))])
+    wi, distance, pdf = sampled(engine, [*spheres, lamp], [EnvironmentLight((0.5, 0.4, 0.3))])
     points = wi * distance[:, None]
-    found = np.array([distance == 0, *(np.linalg.norm(points - b.center, axis=1) < 0.201 for b in balls),
+    found = np.array([distance == 0, *(np.linalg.norm(points - b.center, axis=1) < 0.201 for b in spheres),
                       np.abs(points[:, 2] - 4) < 1e-6])  # fmt: skip
     assert (found.sum(axis=0) == 1).all()
     assert stats.chisquare(found.sum(axis=1)).pvalue > 1e-4
@@ -224,7 +224,7 @@ def test_the_pdfs_that_the_engines_agree_with_integrate_to_one():
         inside = (t > 0) & (u >= 0) & (v >= 0) & (u + v <= 1)
         return np.where(inside, t**2 / (np.abs(w @ normal) / 2), 0.0)
 
-    def ball(w):  # from inside: the one point in the direction
+    def sphere_pdf(w):  # from inside: the one point in the direction
         center = np.array((0.1, 0.3, 0.2))
         b = w @ center
         t = b + np.sqrt(b * b - center @ center + 0.25)
@@ -233,7 +233,7 @@ def test_the_pdfs_that_the_engines_agree_with_integrate_to_one():
 
     weights = texel_weights(IMAGE)
     assert abs(_integral(triangle) - 1) < 2e-3
-    assert abs(_integral(ball) - 1) < 1e-3
+    assert abs(_integral(sphere_pdf) - 1) < 1e-3
     assert abs(_integral(lambda w: np.maximum(w[:, 1], 0) / np.pi) - 1) < 1e-3
     v = (np.arange(6000) + 0.5) / 6000
     rows = weights.sum(axis=1)[(v * 6).astype(int)] / weights.sum() * 6  # 2 pi^2 sin / (2 pi^2 sin) cancels

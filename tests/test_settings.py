@@ -5,7 +5,7 @@ import pytest
 
 from engines.errors import ConfigError
 from engines.interface import Settings
-from engines.scene.model import Perspective, Scene
+from engines.scene import Perspective, Scene
 
 CAMERA = Perspective((0, 0, 5), (0, 0, 0), (0, 1, 0), 40.0, "y", (320, 200))
 SCENE = Scene("empty", CAMERA, (), (), (), "0")

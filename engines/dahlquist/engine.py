@@ -21,7 +21,7 @@ from engines.dahlquist.pictures import formula_background, smooth_probe
 from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
-from engines.scene.model import Camera, Perspective, Scene, Shape, Sphere
+from engines.scene import Camera, Perspective, Scene, Shape, Sphere
 from engines.scene.support import plugins
 
 

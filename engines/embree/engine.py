@@ -11,7 +11,7 @@ from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import resolved, why_not
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 _OPTIONS = {
     "quality": Option("medium", "Embree's build quality", one_of(*QUALITIES)),

@@ -17,7 +17,7 @@ from engines.numpy_reference.engine import supported
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.renderer import Renderer
 from engines.numpy_reference.shapes import Triangles
-from engines.scene.model import Mesh, Scene, Triangle
+from engines.scene import Mesh, Scene, Triangle
 
 _OPTIONS = {
     "robust": Option(

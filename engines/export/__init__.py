@@ -8,7 +8,7 @@ from pathlib import Path
 from engines.errors import ConfigError, UnknownName
 from engines.export.mitsuba import write_mitsuba
 from engines.export.pbrt import write_pbrt
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 WRITERS: dict[str, tuple[str, Callable[[Scene, Path, int, int], None]]] = {
     "mitsuba": (".xml", write_mitsuba),

@@ -11,7 +11,7 @@ import numpy as np
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
 from engines.mitsuba.description import described, extent, scene_lacks, sensor
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 VERSION = "3.0.0"
 """The version of the file format."""

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+import engines.scene as model
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
 from engines.mitsuba.description import camera_lacks, extent, facing, material_lacks
-from engines.scene import model
 
 PLANE_EXTENTS = 1e3
 

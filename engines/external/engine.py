@@ -24,7 +24,7 @@ from engines.external.scenes import CARRIES, FORMATS
 from engines.external.template import filled
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
-from engines.scene.model import Camera, Scene, Shape
+from engines.scene import Camera, Scene, Shape
 from engines.temporary import TemporaryFolder
 
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

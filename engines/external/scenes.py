@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 from engines.errors import Unsupported
 from engines.interface import Settings
-from engines.scene.model import Scene
+from engines.scene import Scene
 from engines.scene.support import plugins
 
 Format = Callable[[Scene, Settings, Path], Path]

@@ -18,7 +18,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.values import call_stage, fetch_add, lowest_bit
 from engines.kernels.lane.vector import Vec3, select3
-from engines.kernels.layout import LANES, copy_path, ray_batch, waiting_rays
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, copy_path, ray_batch, waiting_rays
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
 DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, FIRST_BSDF = range(10)
@@ -80,7 +80,7 @@ def _pop(rays, stacks, lane, per_vertex):
     depth = top.depth[lane]
     rays.depth[lane] = depth
     rays.origin_primitive[lane] = top.origin_primitive[lane]
-    rays.dimension[lane] = 2 + 8 * (depth - 1) * per_vertex
+    rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * (depth - 1) * per_vertex
     rays.t[lane] = math.inf
     rays.waiting[lane] = waiting
 

@@ -35,8 +35,12 @@ from engines.kernels.compile.records import (
 BSDF_PARAMETERS = 11
 LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
-DRAWS = 8
-"""Random numbers of a vertex that a lane has room for."""
+VERTEX_DRAWS = 7
+"""Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
+VERTEX_DIMENSIONS = 8
+"""Dimensions from the first of a vertex to the first of the next; the last one is not drawn."""
+CAMERA_DIMENSIONS = 2
+"""Dimensions before the first vertex: the place in the pixel."""
 
 
 class RayBatch(LaneRecord):
@@ -64,7 +68,7 @@ class RayBatch(LaneRecord):
     pixel_x = real()
     pixel_y = real()
     pixel_key = integer()  # the sampler's key of the pixel
-    draw = reals(DRAWS)  # the random numbers of this vertex, in [0, 1)
+    draw = reals(VERTEX_DRAWS)  # the random numbers of this vertex, in [0, 1)
     draw_bits = bits_of(draw)
     primitive = integer()  # id of the primitive hit, -1 for none
     done = flag()  # the path has just ended
@@ -332,8 +336,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 
 __all__ = [
-    "ACCELERATOR", "BSDF_PARAMETERS", "DRAWS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS", "SLOTS",
-    "AnalyticRow", "CameraRow", "LightRow", "MarginRow", "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch",
-    "SceneTable", "SphereRow", "TriangleRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
-    "scene_table", "stack_bytes", "waiting_rays",
+    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow",
+    "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable", "SphereRow", "TriangleRow",
+    "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

@@ -22,9 +22,9 @@ from engines.kernels import driver, queries
 from engines.kernels.compile import jit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
-from engines.kernels.layout import LANES, SceneTable, aligned, batch_bytes, stack_bytes
+from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.stages import camera, light, sampler, scattering, shade, surface
-from engines.scene.model import Camera, Perspective, PerspectiveArctan, Scene, Shape
+from engines.scene import Camera, Perspective, PerspectiveArctan, Scene, Shape
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
@@ -142,9 +142,9 @@ class Renderer:
 
     def _bind_points(self, first: int, last: int) -> None:
         points = sampler.points(self.settings.sampler, first, last)
-        spare = np.zeros((len(points), sampler.DRAWS), np.uint32)  # a row is read to its end and beyond
+        spare = np.zeros((len(points), VERTEX_DRAWS), np.uint32)  # a row is read to its end and beyond
         self._flat.bind(SceneTable.sample_points, np.hstack([points, spare]))
-        self._flat.bind(SceneTable.points_stride, points.shape[1] + sampler.DRAWS)
+        self._flat.bind(SceneTable.points_stride, points.shape[1] + VERTEX_DRAWS)
         self._flat.bind(SceneTable.first_sample, first)
 
     def _stages(self) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
 from engines.kernels.flatten.lights import plugin_parameters
 from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
-from engines.scene.model import CustomBSDF, CustomLight, EnvironmentLight, Scene
+from engines.scene import CustomBSDF, CustomLight, EnvironmentLight, Scene
 from engines.scene.support import option_numbers, plugin_without
 
 

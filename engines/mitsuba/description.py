@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.geometry import bounds
-from engines.scene.model import (
+from engines.scene import (
     BLACK,
     Camera,
     Conductor,
@@ -173,7 +172,7 @@ def rgb(values: Any) -> Node:
 
 def extent(scene: Scene) -> float:
     """The largest coordinate of anything finite in the scene, the camera included; at least 1e-3."""
-    reach = [np.abs(box).max() for shape in scene.shapes if (box := bounds(shape)) is not None]
+    reach = [np.abs(box).max() for shape in scene.shapes if (box := shape.bounds()) is not None]
     reach += [np.abs(shape.point).max() for shape in scene.shapes if isinstance(shape, Plane)]
     reach += [np.abs(getattr(scene.camera, name, BLACK)).max() for name in ("eye", "target")]
     return float(max(1e-3, *reach))

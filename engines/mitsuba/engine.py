@@ -11,7 +11,7 @@ from engines.errors import Unsupported
 from engines.interface import Renderer, Settings
 from engines.mitsuba import library
 from engines.mitsuba.description import scene_lacks
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),

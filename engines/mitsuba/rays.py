@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from engines.interface import Hits
 from engines.mitsuba.library import SCALAR
 from engines.mitsuba.stage import Stage
-from engines.scene.model import Mesh, Triangle
+from engines.scene import Mesh, Triangle
 
 Array = NDArray[Any]
 FAR = 3e38

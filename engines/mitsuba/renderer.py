@@ -21,7 +21,7 @@ from engines.mitsuba.library import LLVM, active
 from engines.mitsuba.scalar import Passes
 from engines.mitsuba.stage import staged
 from engines.mitsuba.wavefront import Wavefront
-from engines.scene.model import Camera, Scene, Shape
+from engines.scene import Camera, Scene, Shape
 
 
 class Renderer:

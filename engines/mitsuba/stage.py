@@ -13,8 +13,7 @@ from engines.interface import Settings
 from engines.mitsuba.description import Description, Part, described, extent, sensor
 from engines.mitsuba.library import activate
 from engines.mitsuba.ply import write_ply
-from engines.scene.geometry import bounds
-from engines.scene.model import BLACK, Conductor, Material, Plane, Scene, Triple
+from engines.scene import BLACK, Conductor, Material, Plane, Scene, Triple
 from engines.temporary import TemporaryFolder
 
 Array = NDArray[Any]
@@ -128,5 +127,5 @@ def far_corner(stage: Stage) -> Array | None:
     given = stage.settings.shader.options["max_point"]
     if given is not None:
         return np.array(given, np.float64)
-    corners = [box[1] for shape in stage.scene.shapes if (box := bounds(shape)) is not None]
+    corners = [box[1] for shape in stage.scene.shapes if (box := shape.bounds()) is not None]
     return np.max(corners, axis=0) if corners else None

@@ -11,7 +11,7 @@ from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import resolved, why_not
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
-from engines.scene.model import Mesh, Scene, SphereSet
+from engines.scene import Mesh, Scene, SphereSet
 
 ACCELERATORS: dict[str, dict[str, Option]] = {
     "auto": {},

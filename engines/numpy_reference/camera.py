@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from engines.numpy_reference.vectors import Array, cross, unit
-from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan
+from engines.scene import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan
 
 Opening = Perspective | PerspectiveArctan | Orthographic
 

@@ -13,11 +13,11 @@ from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import SurfaceInteraction, surface_interaction
-from engines.numpy_reference.lights.scene_lights import Lights
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.sampler import Sampler
+from engines.numpy_reference.scene_lights import Lights
 from engines.numpy_reference.vectors import Array, Indices, Mask, norm
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 
 class Stopped(Exception):

@@ -9,7 +9,7 @@ from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference.renderer import Renderer, require_numpy
-from engines.scene.model import Scene
+from engines.scene import Scene
 
 
 def _leaf_size(value: object) -> str | None:

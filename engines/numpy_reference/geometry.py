@@ -12,7 +12,7 @@ import numpy as np
 
 from engines.numpy_reference.shapes import SHAPES, Primitives
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import Mesh, Shape
+from engines.scene import Mesh, Shape
 
 KINDS = tuple(dict.fromkeys(SHAPES.values()))
 """The classes of the registry; a kind of primitive is the place of its class here."""

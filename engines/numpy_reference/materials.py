@@ -9,7 +9,7 @@ import numpy as np
 from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask
-from engines.scene.model import Material
+from engines.scene import Material
 
 
 class Materials:

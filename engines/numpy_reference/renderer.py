@@ -23,7 +23,7 @@ from engines.numpy_reference.interaction import barycentric
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.vectors import Array, Indices, norm
-from engines.scene.model import Camera, Scene, Shape
+from engines.scene import Camera, Scene, Shape
 from engines.scene.support import plugin_without
 
 CHUNK = 32_768

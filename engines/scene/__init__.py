@@ -1,37 +1,27 @@
-"""Scenes: what they hold (`model`), read from YAML files (`load_scene`) or Python mappings (`scene_from`)."""
+"""Scenes: what they hold, read from YAML files (`load_scene`) or Python mappings (`scene_from`).
 
-from engines.scene.formats.raybench.scene import scene_schema
+What a module of this folder has in its `__all__` is public here.
+"""
+
+from engines.scene import bsdf, cameras, lights, materials, mesh, scene, shapes, sphere_set, triple
+from engines.scene.bsdf import *
+from engines.scene.cameras import *
+from engines.scene.lights import *
 from engines.scene.load import load_scene, scene_from
-from engines.scene.model import (
-    BLACK,
-    Camera,
-    Conductor,
-    CustomBSDF,
-    CustomCamera,
-    CustomLight,
-    DirectionalLight,
-    Disk,
-    EnvironmentLight,
-    Light,
-    Material,
-    Mesh,
-    Orthographic,
-    Perspective,
-    PerspectiveArctan,
-    Plane,
-    PointLight,
-    Scene,
-    Shape,
-    Sphere,
-    SphereSet,
-    SpotLight,
-    Triangle,
-    Triple,
-)  # fmt: skip
+from engines.scene.materials import *
+from engines.scene.mesh import *
+from engines.scene.scene import *
+from engines.scene.shapes import *
+from engines.scene.sphere_set import *
+from engines.scene.triple import *
 
-__all__ = [
-    "BLACK", "Camera", "Conductor", "CustomBSDF", "CustomCamera", "CustomLight", "DirectionalLight", "Disk",
-    "EnvironmentLight", "Light", "Material", "Mesh", "Orthographic", "Perspective", "PerspectiveArctan", "Plane",
-    "PointLight", "Scene", "Shape", "Sphere", "SphereSet", "SpotLight", "Triangle", "Triple", "load_scene",
-    "scene_from", "scene_schema",
-]  # fmt: skip
+__all__ = ["load_scene", "scene_from"]
+__all__ += bsdf.__all__
+__all__ += cameras.__all__
+__all__ += lights.__all__
+__all__ += materials.__all__
+__all__ += mesh.__all__
+__all__ += scene.__all__
+__all__ += shapes.__all__
+__all__ += sphere_set.__all__
+__all__ += triple.__all__

@@ -13,12 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Camera, CustomBSDF, CustomCamera, CustomLight, Light, Material, Mesh, Shape
+from engines.scene.bsdf import CustomBSDF
+from engines.scene.cameras import Camera, CustomCamera
+from engines.scene.lights import CustomLight, Light
+from engines.scene.materials import Material
+from engines.scene.mesh import Mesh
+from engines.scene.shapes import Shape
+from engines.source_files import OWN, code_files, digest
 
 VERSION = b"raybench scene 1"
 CHUNK = 1 << 20
 """Numbers of an array that are copied at a time."""
-_OWN = Path(__file__).parents[1]
 
 
 def content_hash(
@@ -46,12 +51,13 @@ def _camera(camera: Camera) -> Any:
 
 
 def _plugin(plugin: Any) -> list[Any]:
-    """What identifies a plugin: its class and name, and the files that define its two halves."""
+    """What identifies a plugin: its class and name, and the code of the modules that define its two halves, with what they
+    import from beside them."""
     kind = plugin if hasattr(plugin, "__qualname__") else type(plugin)
     halves = (kind, getattr(plugin, "jitted", None), getattr(plugin, "numpy", None))
     files = {file for half in halves for file in _files(half)}
     found = [f"{kind.__module__}:{kind.__qualname__}", str(getattr(plugin, "name", ""))]
-    return [*found, *sorted(hashlib.sha256(file.read_bytes()).hexdigest() for file in files)]
+    return [*found, digest(code for code in code_files(files) if not code[1].is_relative_to(OWN))]
 
 
 def _files(half: Any) -> Iterator[Path]:
@@ -64,7 +70,7 @@ def _files(half: Any) -> Iterator[Path]:
     module = inspect.getmodule(half) or inspect.getmodule(type(half))
     file = getattr(module, "__file__", None)
     known = module is not None and module.__name__.partition(".")[0] in sys.stdlib_module_names
-    if file is not None and not known and not Path(file).is_relative_to(_OWN):
+    if file is not None and not known and not Path(file).resolve().is_relative_to(OWN):
         yield Path(file)
 
 

@@ -1,32 +1,12 @@
-"""Geometry of shapes: bounds, and of triangles which have area, fans, and vertex normals of a smooth mesh."""
+"""Geometry of triangles: normals, which have an area, fans of polygons, and vertex normals of a smooth mesh."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Disk, Mesh, Plane, Shape, Sphere, SphereSet, Triangle
-
 CHUNK = 1 << 18
 """Faces handled at a time, so that temporaries stay small beside the mesh."""
-
-
-def bounds(shape: Shape) -> NDArray[np.float64] | None:
-    """(2, 3) lowest and highest coordinates; None for planes, which have none, and for meshes without faces."""
-    if isinstance(shape, Plane):
-        return None
-    if isinstance(shape, Disk):
-        reach = shape.radius * np.sqrt(np.maximum(0.0, 1.0 - np.square(shape.normal)))
-        return np.stack([np.subtract(shape.center, reach), np.add(shape.center, reach)])
-    if isinstance(shape, (Sphere, SphereSet)):
-        centers, radii = (shape.center, shape.radius) if isinstance(shape, Sphere) else (shape.centers, shape.radii[:, None])
-        low, high = np.atleast_2d(np.subtract(centers, radii)), np.atleast_2d(np.add(centers, radii))
-        return np.stack([low.min(axis=0), high.max(axis=0)])
-    is_triangle = isinstance(shape, Triangle)
-    corners = np.array([shape.a, shape.b, shape.c]) if is_triangle else shape.vertices[np.unique(shape.faces)]
-    return np.stack([corners.min(axis=0), corners.max(axis=0)]) if len(corners) else None
 
 
 def face_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -61,15 +41,6 @@ def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> N
         for axis in range(3):
             sums[:, axis] += np.bincount(faces[:, corner], areas[:, axis], len(vertices))
     return unit_rows(sums)
-
-
-def read_only_mesh(vertices: Any, faces: Any, materials: Any, normals: NDArray[np.float64] | None, name: str) -> Mesh:
-    """The mesh of these arrays, or of copies in the types of `Mesh`; nobody may write to them any more."""
-    vertices = np.ascontiguousarray(vertices, np.float64)
-    faces, materials = np.ascontiguousarray(faces, np.int32), np.ascontiguousarray(materials, np.int32)
-    for array in (vertices, faces, materials, *([] if normals is None else [normals])):
-        array.flags.writeable = False
-    return Mesh(vertices, faces, materials, normals, name)
 
 
 def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import SceneError
+from engines.scene.context import SceneReader
 from engines.scene.files import Place, find_scene
-from engines.scene.formats.raybench.context import SceneReader
-from engines.scene.formats.raybench.scene import SCENE
-from engines.scene.model import Scene
+from engines.scene.scene import SCENE, Scene
 from engines.schema.yaml_file import locate, read_yaml
 
 

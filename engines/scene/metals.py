@@ -7,7 +7,7 @@ clamped at 0. These are the values that Mitsuba's RGB variants evaluate for `mat
 
 from __future__ import annotations
 
-from engines.scene.model import Triple
+from engines.scene.triple import Triple
 
 METALS: dict[str, tuple[Triple, Triple]] = {
     "Ag": ((0.15528, 0.11673, 0.13839), (4.82835, 3.12222, 2.14690)),

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from engines.scene.model import CustomBSDF, CustomCamera, CustomLight, Scene
+from engines.scene.bsdf import CustomBSDF
+from engines.scene.cameras import CustomCamera
+from engines.scene.lights import CustomLight
+from engines.scene.scene import Scene
 
 
 def plugins(scene: Scene) -> list[tuple[str, Any]]:

@@ -34,12 +34,6 @@ class Schedule(NamedTuple):
     max_time_seconds: float
 
 
-class Phases(NamedTuple):
-    load_seconds: float
-    build_seconds: float
-    compile_seconds: float
-
-
 @dataclass(slots=True)
 class Point:
     """A checkpoint: `seconds` and `rays` are cumulative over the timed calls. `rays` is None where nobody counts them."""

@@ -172,14 +172,13 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
 
 def verify(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Runs one case of the accuracy suite."""
-    from dataclasses import asdict
 
     from harness.verify.subject import Subject
     from harness.verify.suite import CASES, run_case
 
     case = next(case for case in CASES if case.id == request["case"])
     subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
-    pipes.send(did="verified", results=[asdict(result) for result in run_case(case, subject)])
+    pipes.send(did="verified", results=[dict(result) for result in run_case(case, subject)])
     pipes.send(did="end")
 
 

@@ -206,7 +206,7 @@ def _reference(
     engine = known.engines[given.engine]
     render_settings = {
         **settings, "precision": given.precision, "threads": 1,
-        "sampler": choices.resolve("sampler", given.sampler, choices.SAMPLERS).describe(),
+        "sampler": dict(given.sampler),
         "accelerator": _resolved(engine, given.accelerator),
     }  # fmt: skip
     render_settings["precision"] = given.precision or _precision(engine, scene, render_settings, known.allow_imports)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from harness.store import confined
+from harness.verify.check_result import CheckResult
 
 
 def _path(text: str) -> str:
@@ -226,33 +227,6 @@ class ArchivedVerdicts(Record):
     bias: list[Bias] = []
     baseline: list[Beside] = []
     pairs: list[Pair] = []
-
-
-class CheckResult(BaseModel):
-    """The fields of `verify.suite.CheckResult`."""
-
-    model_config = ConfigDict(strict=True, extra="forbid")
-    engine: str
-    version: str
-    precision: str
-    tracing: str
-    accelerator: str
-    section: str
-    case: str
-    description: str
-    source: str
-    parameter: str
-    count: Count
-    error: float
-    unit: str
-    tolerance: float
-    outcome: Literal["pass", "xfail", "fail", "skip"]
-    median_ulp: float
-    p999_ulp: float
-    worst_ulp: float
-    seconds: float
-    note: str = ""
-    median_error: float = 0.0
 
 
 class VerifyJob(Record):

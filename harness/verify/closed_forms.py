@@ -73,6 +73,31 @@ def coaxial_discs(first: float, second: float) -> float:
     return (s - math.sqrt(s * s - 4 * (second / first) ** 2)) / 2
 
 
+def parallel_disk(radius: float, height: float, offset: float) -> float:
+    """Irradiance from a disk that faces a floor `height` below it, `offset` from its axis (Howell, B-13)."""
+    r2, h2, x2 = radius**2, height**2, offset**2
+    return math.pi / 2 * (1 - (h2 + x2 - r2) / math.sqrt((h2 + x2 + r2) ** 2 - 4 * r2 * x2))
+
+
+def conductor(eta: float, k: float, cosine: float) -> float:
+    """Fresnel reflectance of a metal for unpolarised light, in real numbers (Born and Wolf, Principles of Optics, 14.2)."""
+    c2, s2 = cosine**2, 1 - cosine**2
+    g = eta**2 - k**2 - s2
+    b = math.hypot(g, 2 * eta * k)
+    twice = 2 * cosine * math.sqrt(max(0.0, (b + g) / 2))
+    across = (b + c2 - twice) / (b + c2 + twice)
+    along = across * (b * c2 + s2**2 - twice * s2) / (b * c2 + s2**2 + twice * s2)
+    return (across + along) / 2
+
+
+def specular_value(alpha: float, wo: np.ndarray, wi: np.ndarray) -> float:
+    """f cos of a white isotropic GGX surface, its normal +y (Walter et al. 2007, equations 20, 33 and 34)."""
+    half = (wo + wi) / np.linalg.norm(wo + wi)
+    d = alpha**2 / (math.pi * (half[1] ** 2 * (alpha**2 - 1) + 1) ** 2)
+    g = [2 / (1 + math.sqrt(1 + alpha**2 * (1 / v[1] ** 2 - 1))) for v in (wo, wi)]
+    return float(d * g[0] * g[1] / (4 * wo[1]))
+
+
 def roulette_second_moment(emission: float, rho: float, survival: float) -> float:
     """E[L^2] of paths in a closed furnace that go on with a constant probability after every segment.
 

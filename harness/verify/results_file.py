@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from engines.errors import ConfigError
 from engines.input_files import open_regular
-from harness.verify.suite import CheckResult
+from harness.verify.check_result import CheckResult
 from harness.verify.summary import counts
 
 FORMAT_VERSION = 2
@@ -22,7 +21,7 @@ FORMAT_VERSION = 2
 
 def document(results: Sequence[CheckResult], quick: bool) -> dict[str, Any]:
     """Plain data. Numbers that JSON lacks are null (NaN) or the texts "inf" and "-inf"."""
-    rows = [{key: _plain(value) for key, value in dataclasses.asdict(result).items()} for result in results]
+    rows = [{key: _plain(value) for key, value in result} for result in results]
     return {"raybench_verify": FORMAT_VERSION, "quick": quick, "outcomes": dict(counts(results)), "results": rows}
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from engines.interface import Engine
 from harness.verify.case import Case, Measurement
+from harness.verify.check_result import CheckResult, Outcome
 from harness.verify.checks import (
     accelerators,
     cameras,
@@ -34,41 +34,7 @@ SECTIONS = (spheres.SECTION, triangles.SECTION, accelerators.SECTION, rays.SECTI
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 
-PASS, XFAIL, FAIL, SKIP = "pass", "xfail", "fail", "skip"
-OUTCOMES = (PASS, XFAIL, FAIL, SKIP)
-"""xfail: the precision has no tolerance for the case (an expected failure); skip: the engine's `why_not` refuses the scene."""
-
-
-@dataclass(frozen=True, slots=True)
-class CheckResult:
-    """One row of the tables: one measurement of a case, for one engine, precision and accelerator.
-
-    `error`, `tolerance` and `median_error` are in `unit` (see `tolerances`); `tolerance` is NaN where there is none.
-    `median_ulp`, `p999_ulp` (the 99.9 % quantile) and `worst_ulp` are in ulp of the precision `tracing`, NaN for cases that
-    measure no distances. `count` rays, pixels or samples were measured in `seconds`, compilation included.
-    """
-
-    engine: str
-    version: str
-    precision: str
-    tracing: str
-    accelerator: str
-    section: str
-    case: str
-    description: str
-    source: str
-    parameter: str
-    count: int
-    error: float
-    unit: str
-    tolerance: float
-    outcome: str
-    median_ulp: float
-    p999_ulp: float
-    worst_ulp: float
-    seconds: float
-    note: str = ""
-    median_error: float = float("nan")
+PASS, XFAIL, FAIL, SKIP = OUTCOMES = get_args(Outcome)
 
 
 def select_cases(names: Sequence[str]) -> list[Case]:
@@ -124,7 +90,7 @@ def _median_error(errors: Any) -> float:
     return float(np.median(np.where(np.isnan(errors), np.inf, np.abs(errors)))) if errors.size else float("nan")
 
 
-def _compared(case: Case, subject: Subject, tolerance: Tolerance, measured: Measurement, error: float) -> tuple[float, str]:
+def _compared(case: Case, subject: Subject, tolerance: Tolerance, measured: Measurement, error: float) -> tuple[float, Outcome]:
     """(tolerance, outcome). Without a tolerance in this precision the outcome is pass within that of float64, else xfail."""
     own = ENGINE_TOLERANCES.get((subject.engine.name, subject.precision), {})
     limit = own[case.id] if case.id in own else tolerance.limit(subject.tracing, measured.parameter)
@@ -137,7 +103,7 @@ def _compared(case: Case, subject: Subject, tolerance: Tolerance, measured: Meas
     return float(limit), PASS if good else FAIL
 
 
-def _result(case: Case, subject: Subject, measured: Measurement, outcome: str | None, seconds: float) -> CheckResult:
+def _result(case: Case, subject: Subject, measured: Measurement, outcome: Outcome | None, seconds: float) -> CheckResult:
     tolerance = TOLERANCES[case.id]
     error, limit = _error(tolerance, measured.errors), float("nan")
     if outcome is None:
@@ -145,7 +111,9 @@ def _result(case: Case, subject: Subject, measured: Measurement, outcome: str | 
     ulps = measured.ulps if measured.ulps is not None else np.full(1, np.nan)
     median, p999, worst = (float(np.quantile(ulps, q, method="higher")) for q in (0.5, 0.999, 1.0))
     return CheckResult(
-        subject.engine.name, subject.engine.version, subject.precision, subject.tracing, subject.accelerator,
-        case.section, case.id, case.description, case.source, measured.parameter, measured.errors.size, error,
-        tolerance.unit, limit, outcome, median, p999, worst, seconds, measured.note, _median_error(measured.errors),
+        engine=subject.engine.name, version=subject.engine.version, precision=subject.precision, tracing=subject.tracing,
+        accelerator=subject.accelerator, section=case.section, case=case.id, description=case.description,
+        source=case.source, parameter=measured.parameter, count=measured.errors.size, error=error, unit=tolerance.unit,
+        tolerance=limit, outcome=outcome, median_ulp=median, p999_ulp=p999, worst_ulp=worst, seconds=seconds,
+        note=measured.note, median_error=_median_error(measured.errors),
     )  # fmt: skip

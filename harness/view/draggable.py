@@ -1,4 +1,4 @@
-"""Objects that can be dragged: spheres, emitting shapes and point lights; and the scene with an object moved."""
+"""Objects that can be dragged: spheres, emitting shapes, point and spot lights; and the scene with an object moved."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.scene import Mesh, PointLight, Scene, Shape, Sphere, Triangle
+from engines.scene import Disk, Mesh, PointLight, Scene, Shape, Sphere, SpotLight, Triangle
 from harness.view.projection import Vector
 
 
@@ -36,7 +36,7 @@ def draggables(scene: Scene) -> list[Draggable]:
 def _shapes(scene: Scene) -> Iterator[Draggable]:
     spheres = emitters = 0
     for index, shape in enumerate(scene.shapes):
-        if not isinstance(shape, (Sphere, Triangle, Mesh)):
+        if not isinstance(shape, (Sphere, Triangle, Mesh, Disk)):
             continue
         used = shape.materials[:1].tolist() if isinstance(shape, Mesh) else [shape.material]
         material = scene.materials[used[0]]
@@ -50,18 +50,19 @@ def _shapes(scene: Scene) -> Iterator[Draggable]:
 
 def _lights(scene: Scene) -> Iterator[Draggable]:
     for index, light in enumerate(scene.lights):
-        if isinstance(light, PointLight):
-            yield Draggable(f"light:{index}", f"point light {index + 1}", "point")
+        if isinstance(light, (PointLight, SpotLight)):
+            kind = "point" if isinstance(light, PointLight) else "spot"
+            yield Draggable(f"light:{index}", f"{kind} light {index + 1}", kind)
 
 
 def center(scene: Scene, draggable: Draggable) -> Vector:
     """The centre of an object; for triangles and meshes that of the bounding box."""
     if not draggable.is_shape:
         light = scene.lights[draggable.scene_index]
-        assert isinstance(light, PointLight)
+        assert isinstance(light, (PointLight, SpotLight))
         return np.array(light.position)
     shape = scene.shapes[draggable.scene_index]
-    if isinstance(shape, Sphere):
+    if isinstance(shape, (Sphere, Disk)):
         return np.array(shape.center)
     corners = shape.vertices if isinstance(shape, Mesh) else np.array(_corners(shape))
     return (corners.min(axis=0) + corners.max(axis=0)) / 2
@@ -72,20 +73,20 @@ def _corners(shape: Any) -> tuple[Any, Any, Any]:
 
 
 def moved(scene: Scene, draggable: Draggable, offset: Vector) -> Scene:
-    """The scene with an object moved by `offset`. The content hash is not updated."""
+    """The scene with an object moved by `offset`; a spot light keeps its direction. The content hash is not updated."""
     if draggable.is_shape:
         shapes = list(scene.shapes)
         shapes[draggable.scene_index] = _moved_shape(shapes[draggable.scene_index], offset)
         return replace(scene, shapes=tuple(shapes))
     lights = list(scene.lights)
     light = lights[draggable.scene_index]
-    assert isinstance(light, PointLight)
+    assert isinstance(light, (PointLight, SpotLight))
     lights[draggable.scene_index] = replace(light, position=_triple(np.array(light.position) + offset))
     return replace(scene, lights=tuple(lights))
 
 
 def _moved_shape(shape: Shape, offset: Vector) -> Shape:
-    if isinstance(shape, Sphere):
+    if isinstance(shape, (Sphere, Disk)):
         return replace(shape, center=_triple(np.array(shape.center) + offset))
     if isinstance(shape, Triangle):
         a, b, c = (_triple(np.array(corner) + offset) for corner in _corners(shape))

@@ -34,7 +34,7 @@ class RaceController:
         self._stopped = threading.Event()
         self._race: Race | None = None
         self._racing: Contestant | None = None
-        self._state, self._activity, self._seq = "idle", "", 0
+        self._state, self._seq = "idle", 0
 
     def receive(self, request: Any) -> None:
         if request.type == "stop":
@@ -76,7 +76,7 @@ class RaceController:
         self._send(packed({"type": type, **fields}))
 
     def _set_state(self, state: str, activity: str = "") -> None:
-        self._state, self._activity = state, activity
+        self._state = state
         memory = psutil.Process().memory_info().rss
         self._send_message("state", state=state, activity=activity, seq=self._seq, memory_bytes=memory)
 

@@ -18,7 +18,7 @@ DIGITS = 9
 
 POSITION_KEYS = {
     "sphere": ("center",), "triangle": ("a", "b", "c"), "mesh": ("translate",), "point": ("position",),
-    "procedural": ("center",), "rectangle": ("corner",),
+    "spot": ("position", "target"), "disk": ("center",), "procedural": ("center",), "rectangle": ("corner",),
 }  # fmt: skip
 """The keys with the position of each kind of object. A procedural quad has `points` instead."""
 
@@ -45,6 +45,8 @@ def _moved(item: Mapping[str, Any], offset: Vector) -> dict[str, Any]:
         body["points"] = [_rounded(np.array(point) + offset) for point in body["points"]]
         return {**item, kind: body}
     keys = POSITION_KEYS["rectangle" if body.get("name") == "rectangle" else kind]
+    if "direction" in body:  # of a spot light, in the place of a target
+        keys = ("position",)
     for key in keys:
         body[key] = _rounded(np.array(body.get(key, (0.0, 0.0, 0.0))) + offset)
     return {**item, kind: body}

@@ -1,4 +1,4 @@
-"""What a ray costs, and what a tree: every accelerator on balls of 80 to 327,680 triangles, and how the cost of a ray grows."""
+"""What a ray costs, and what a tree: every accelerator on spheres of 80 to 327,680 triangles, and how a ray's cost grows."""
 
 from functools import cache
 

@@ -12,6 +12,7 @@ from engines.conformance import (
     Finding,
     assert_conforms,
     check_engine,
+    concurrency,
     hits,
     key_of,
     light,
@@ -131,7 +132,8 @@ def test_an_engine_without_single_rays_declines_what_needs_them_and_is_held_to_a
     assert found["update_of_the_shapes_starts_anew"].verdict == "holds"
 
 
-def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it():
+def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it(monkeypatch):
+    monkeypatch.setattr(concurrency, "PASS_SECONDS", 0.5)  # no pass comes to be waited for
     class Late(Renderer):
         def render(self, spp, on_pass=None):
             raise engines.Unsupported("not today")

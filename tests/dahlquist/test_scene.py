@@ -1,4 +1,4 @@
-"""The five balls in raybench's terms: the shipped scene, the port as an engine, and how near other engines come."""
+"""The five spheres in raybench's terms: the shipped scene, the port as an engine, and how near other engines come."""
 
 import numpy as np
 import pytest
@@ -50,16 +50,16 @@ def test_the_ports_film_is_its_frame(scene):
     assert np.nanmax(film.variance_of_mean()) < 1e-12
 
 
-def test_the_reference_comes_near_the_ports_balls(scene):
-    """Balls alone; what is left are shadows, deeper mirrors, and a sixty-fourth of each mirror."""
+def test_the_reference_comes_near_the_ports_spheres(scene):
+    """Spheres alone; what is left are shadows, deeper mirrors, and a sixty-fourth of each mirror."""
     settings = Settings(64, 64, **FRAME)
     tracer = dahlquist.Tracer(64, 64, engine="numpy", probe=dahlquist.smooth_probe())
     for _ in range(10):
         tracer.animation.step(3000)
     frame = tracer.call(3000)
-    balls = frame[..., 3] == dahlquist.SPHERE
+    spheres = frame[..., 3] == dahlquist.SPHERE
     image = np.clip(engines.engine("numpy").prepare(scene, settings).render(1).mean(), 0, 1)
-    difference = np.abs(image * 255 - frame[..., :3]).max(axis=2)[balls]
+    difference = np.abs(image * 255 - frame[..., :3]).max(axis=2)[spheres]
     assert np.median(difference) < 5
     assert np.mean(difference > 16) < 0.06
 

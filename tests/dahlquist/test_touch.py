@@ -1,4 +1,4 @@
-"""Balls are dragged by fingers and glide back."""
+"""Spheres are dragged by fingers and glide back."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from engines.dahlquist.animation import FOCAL, START
 
 SIZE = 200
 TOP = 4
-"""A ball that is in front of others, and whose target is far from the middle."""
+"""A sphere that is in front of others, and whose target is far from the middle."""
 
 
 def pixel_of(centre):
@@ -27,13 +27,13 @@ def test_nothing_is_found_before_the_first_call():
     assert Tracer(SIZE, SIZE, engine="numpy").touch(*pixel_of(START[0])) == -1
 
 
-def test_a_finger_finds_the_ball_that_is_seen_there(tracer):
+def test_a_finger_finds_the_sphere_that_is_seen_there(tracer):
     found = [tracer.touch(*pixel_of(centre), finger=k) for k, centre in enumerate(tracer.animation.centres)]
     assert found == [0, 1, 2, 3, 4]
     assert tracer.touch(SIZE - 1, 2 * SIZE - 1) == -1
 
 
-def test_a_held_ball_follows_the_finger_less_the_pull_of_its_target(tracer):
+def test_a_held_sphere_follows_the_finger_less_the_pull_of_its_target(tracer):
     tracer.touch(*pixel_of(tracer.animation.centres[TOP]))
     tracer.move(20, 30)
     depth = float(tracer.animation.centres[TOP, 0])
@@ -43,7 +43,7 @@ def test_a_held_ball_follows_the_finger_less_the_pull_of_its_target(tracer):
     assert tracer.animation.centres[TOP] == pytest.approx(0.91 * finger + 0.09 * target, rel=1e-5)
 
 
-def test_a_held_ball_is_drawn_under_the_finger(tracer):
+def test_a_held_sphere_is_drawn_under_the_finger(tracer):
     tracer.touch(*pixel_of(tracer.animation.centres[TOP]))
     for _ in range(3):
         tracer.move(30, 300)
@@ -51,7 +51,7 @@ def test_a_held_ball_is_drawn_under_the_finger(tracer):
     assert tracer.touch(30, 300, finger=1) == TOP
 
 
-def test_a_ball_that_is_let_go_glides_back(tracer):
+def test_a_sphere_that_is_let_go_glides_back(tracer):
     still = Tracer(SIZE, 2 * SIZE, engine="numpy")
     still.call(0)
     tracer.touch(*pixel_of(tracer.animation.centres[TOP]))

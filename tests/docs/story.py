@@ -2,15 +2,14 @@
 
 import contextlib
 import io
-import multiprocessing
 import os
 import shlex
 import subprocess
 import sys
-import tempfile
 import types
 from pathlib import Path
 
+from tests import forked
 from tests.docs.blocks import ROOT, Block, blocks, commands, missing
 
 SCENE = {
@@ -77,11 +76,6 @@ def console(block: Block, here: str) -> str:
     return everything
 
 
-FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["harness.cli", "harness.cli.experiments", "harness.report"])
-"""A process that has imported what our commands need and forks for each: importing it would take longer than most of them."""
-
-
 def run(line: str) -> tuple[int, str]:
     """Exit code and output of a line: `raybench` and its arguments in a process of its own, anything else in a shell."""
     words = shlex.split(line)
@@ -91,24 +85,8 @@ def run(line: str) -> tuple[int, str]:
             check=False,
         )  # fmt: skip
         return done.returncode, done.stdout
-    with tempfile.TemporaryDirectory() as folder:
-        output = Path(folder) / "output"
-        process = FORKS.Process(target=command_line, args=(words, str(output)))
-        process.start()
-        process.join()
-        return process.exitcode or 0, output.read_text(encoding="utf-8")
-
-
-def command_line(words: list[str], output: str) -> None:
-    """What `raybench` does, in this process, which it ends."""
-    with open(output, "wb") as file:
-        for stream in (sys.stdout, sys.stderr):
-            stream.flush()
-            os.dup2(file.fileno(), stream.fileno())
-    from harness.cli import main as raybench
-
-    sys.argv = words
-    raybench()
+    done = forked.raybench(words[1:], None, os.environ, merged=True)
+    return done.returncode, done.stdout
 
 
 def read(block: Block, here: str) -> None:

@@ -16,7 +16,7 @@ from engines import Settings
 from engines.errors import ConfigError, RendererFailed, Unsupported
 from engines.external.pictures import read_pfm
 from engines.external.template import filled
-from engines.scene.model import CustomLight
+from engines.scene import CustomLight
 from tests.external.describing import described
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -73,7 +73,7 @@ def test_the_process_is_the_clock_unless_its_words_are(tmp_path):
     timed = renderer(tmp_path)
     start = time.perf_counter()
     timed.render(4)
-    assert 0 < timed.counters()["told_seconds"] <= time.perf_counter() - start
+    assert 0 < timed.counters()["told_seconds"] <= time.perf_counter() - start  # one interval lies in the other
     told = renderer(tmp_path, time={"pattern": r"took (?:(?P<ms>[0-9.]+)ms|(?P<s>[0-9.]+)s)"})
     told.warm_up()
     assert told.counters()["told_seconds"] == 0 and told.film.spp == 0
@@ -90,9 +90,7 @@ def test_stop_kills_the_program_and_the_next_render_runs(tmp_path):
     hanging = renderer(tmp_path, "hang")
     watcher = threading.Timer(0.3, hanging.stop)
     watcher.start()
-    start = time.perf_counter()
-    assert hanging.render(1).spp == 0
-    assert time.perf_counter() - start < 300  # half of what it would take
+    assert hanging.render(1).spp == 0  # the program would end well after ten minutes
     with pytest.raises(Unsupported, match="single rays"):
         hanging.trace([[0, 0, 0]], [[0, 0, 1]])
 

@@ -25,23 +25,23 @@ HEADINGS = ("kind", "cases", "accepted", "refused", "failures", "worst [s]", "pe
 
 def main() -> int:
     """The exit code."""
-    asked = _asked()
-    if asked.case is not None:
-        return _one(asked)
-    print(f"seed {asked.seed}, {asked.cases} cases of each kind")
+    options = _options()
+    if options.case is not None:
+        return _one(options)
+    print(f"seed {options.seed}, {options.cases} cases of each kind")
     start = perf_counter()
     tallies = []
-    for kind in asked.kinds:
-        folder = asked.out / f"{kind}-{asked.seed}"
+    for kind in options.kinds:
+        folder = options.out / f"{kind}-{options.seed}"
         shutil.rmtree(folder, ignore_errors=True)
-        tallies.append(run(kind, asked.seed, 0, asked.cases, folder, asked.jobs, asked.limit))
-        _print_failures(tallies[-1], asked.seed, folder)
+        tallies.append(run(kind, options.seed, 0, options.cases, folder, options.jobs, options.limit))
+        _print_failures(tallies[-1], options.seed, folder)
     print(table(tallies))
-    print(f"{perf_counter() - start:.0f} s with {asked.jobs} processes")
+    print(f"{perf_counter() - start:.0f} s with {options.jobs} processes")
     return 1 if any(tally.failures for tally in tallies) else 0
 
 
-def _asked() -> argparse.Namespace:
+def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description="Reads damaged files.")
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join(KINDS)} [default: all]")
     parser.add_argument("--seed", type=int, default=1, help="another seed, other damage")
@@ -50,23 +50,23 @@ def _asked() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes side by side")
     parser.add_argument("--limit", type=float, default=20.0, help="seconds after which a case counts as hanging")
     parser.add_argument("--out", type=Path, default=Path("results/fuzz"), help="where the inputs of failures are kept")
-    asked = parser.parse_args()
-    asked.kinds = asked.kinds or list(KINDS)
-    if unknown := sorted(set(asked.kinds) - set(KINDS)):
+    options = parser.parse_args()
+    options.kinds = options.kinds or list(KINDS)
+    if unknown := sorted(set(options.kinds) - set(KINDS)):
         parser.error(f"unknown kind {unknown[0]}: known: {', '.join(KINDS)}")
-    if asked.case is not None and len(asked.kinds) != 1:
+    if options.case is not None and len(options.kinds) != 1:
         parser.error("--case wants one kind")
-    return asked
+    return options
 
 
-def _one(asked: argparse.Namespace) -> int:
+def _one(options: argparse.Namespace) -> int:
     """Repeats one case in this process; its input is kept."""
-    (kind,) = asked.kinds
-    folder = asked.out / f"{kind}-{asked.seed}" / str(asked.case)
+    (kind,) = options.kinds
+    folder = options.out / f"{kind}-{options.seed}" / str(options.case)
     faulthandler.enable()
-    faulthandler.dump_traceback_later(asked.limit, exit=True)
+    faulthandler.dump_traceback_later(options.limit, exit=True)
     module = importlib.import_module(f"tests.fuzz.{kind}")
-    outcome = run_case(module, asked.seed, asked.case, folder)
+    outcome = run_case(module, options.seed, options.case, folder)
     print(f"{outcome.outcome} after {outcome.seconds:.2f} s with {outcome.mebibytes:.0f} MiB: {outcome.what}\ninput: {folder}")
     if outcome.outcome != "failed":
         return 0

@@ -33,10 +33,15 @@ def write_whole(folder: Path) -> Path:
     write_folder(folder, Size(16, 12), seeds=2, threads=(1,))
     lines = [json.loads(line) for line in (folder / store.EVENTS).read_text().splitlines()]
     kept = [event for event in lines if event["event"] != "cell" or _is_kept(event)]
-    named = {str(Path(point["image"]).parent) for event in kept for point in event.get("points", []) if point["image"]}
+    for point in (point for event in kept for point in event.get("points", []) if point["spp"] not in (4, 64)):
+        point["image"] = None
+    named = {point["image"] for event in kept for point in event.get("points", [])}
     for images in folder.glob("images/*"):
-        if str(images.relative_to(folder)) not in named:
-            shutil.rmtree(images)
+        for image in images.iterdir():
+            if str(image.relative_to(folder)) not in named:
+                image.unlink()
+        if not any(images.iterdir()):
+            images.rmdir()
     cell = next(event for event in kept if event["event"] == "cell")
     reference = next(event for event in kept if event["event"] == "reference")
     verdict = {

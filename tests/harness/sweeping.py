@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from harness import config, store
 from harness.plan import planner
 from harness.run import sweep
+from tests import forked
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -93,7 +93,4 @@ def environment(**changes: str) -> dict[str, str]:
 
 def raybench(*arguments: str | Path, cwd: Path | None = None, **changes: str) -> subprocess.CompletedProcess[str]:
     """The command, to its end."""
-    command = [sys.executable, "-m", "harness", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=cwd, env=environment(**changes), check=False, timeout=300
-    )
+    return forked.raybench([*map(str, arguments)], cwd, environment(**changes), timeout=300)

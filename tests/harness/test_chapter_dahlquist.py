@@ -26,7 +26,7 @@ def undrawn(monkeypatch):
 
 @pytest.fixture(scope="module")
 def frame():
-    """The port's frame (40, 40, 3) over 255, and where it shows balls."""
+    """The port's frame (40, 40, 3) over 255, and where it shows spheres."""
     tracer = dahlquist.Tracer(*SIZE, engine="numpy", probe=dahlquist.smooth_probe())
     for _ in range(10):
         tracer.animation.step(3000)
@@ -116,18 +116,18 @@ def test_nothing_measured_is_said(tmp_path):
     assert "Nothing was measured." in text and "### Frames" not in text
 
 
-def test_images_are_compared_on_balls_alone(tmp_path, frame):
-    port, balls = frame
+def test_images_are_compared_on_spheres_alone(tmp_path, frame):
+    port, spheres = frame
     shifted, elsewhere = port.copy(), port.copy()
-    shifted[balls] = np.clip(np.where(port[balls] > 0.5, port[balls] - 20 / 255, port[balls] + 20 / 255), 0, 1)
-    elsewhere[~balls] = 0.5
+    shifted[spheres] = np.clip(np.where(port[spheres] > 0.5, port[spheres] - 20 / 255, port[spheres] + 20 / 255), 0, 1)
+    elsewhere[~spheres] = 0.5
     images = dict(zip(NAMES, (port, shifted, elsewhere), strict=True))
     made = []
     for name, image in images.items():
         write_image(tmp_path / f"{name[0]}.exr", image)
         made += [cell(name, 0.01, block, image=f"{name[0]}.exr") for block in range(2)]
     text = chapter(tmp_path, made, reference=port)
-    assert f"Balls show in {balls.sum()} pixels" in text
+    assert f"Balls show in {spheres.sum()} pixels" in text
     assert "- dahlquist area_hierarchy and embree show the balls as the reference does." in text
     assert (
         "- numba bvh: 20.0 levels of 255 from the port's in the median, and more than 16 in 100 % of the pixels."

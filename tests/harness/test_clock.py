@@ -139,8 +139,10 @@ def test_compilation_inside_prepare_is_compilation(fake_time):
     assert build == pytest.approx(0.02) and compilation == pytest.approx(0.04)
 
 
-def test_the_clock_itself_costs_less_than_a_percent_of_a_short_pass():
-    """Passes of 5 ms of arithmetic, on the clock and in a bare loop, in turn; the fastest of 60 are compared."""
+def test_the_clock_itself_costs_less_than_a_percent_of_a_short_pass(monkeypatch):
+    """Passes of 5 ms of arithmetic, on the clock and in a bare loop, in turn; the fastest of 60 are compared, by the CPU
+    time of this process."""
+    monkeypatch.setattr(clock, "perf_counter", time.process_time)
 
     class Busy:
         film = renderer().film
@@ -156,9 +158,9 @@ def test_the_clock_itself_costs_less_than_a_percent_of_a_short_pass():
     clocked, bare = [], []
     for _ in range(60):
         clocked.append(clock.timed_call(busy.render, 1, disturbance)[1])
-        start = time.perf_counter()
+        start = time.process_time()
         busy.render(1)
-        bare.append(time.perf_counter() - start)
+        bare.append(time.process_time() - start)
     # The clock's own cost is far below the noise of a shared machine: an empty pass shows it, and so does the fastest.
     empty = min(clock.timed_call(lambda spp: busy.film, 1, disturbance)[1] for _ in range(200))
     assert empty < 0.01 * min(bare)

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -120,6 +121,34 @@ def test_a_worker_that_is_killed_in_mid_cell_loses_nothing(machines, alone, tmp_
     assert len(done) == len(set(done)) == 3
 
 
+@pytest.mark.parametrize("what", ["measure_cell", "render_replicates"])
+def test_what_a_machine_dies_of_or_fails_at_is_tried_again(machines, tmp_path, monkeypatch, what):
+    """The first try kills its worker, the second raises an error, the third answers."""
+    from harness.run.executors import dask
+
+    tries = tmp_path / "tries"
+
+    def third_time_lucky(*_):
+        with tries.open("a") as file:
+            file.write("x")
+        number = len(tries.read_text())
+        if number == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if number == 2:
+            raise OSError("No space left on device")
+        return ["film"]
+
+    monkeypatch.setattr(dask, what, third_time_lucky)
+    request = {"scene_path": "nowhere.yaml", "settings": {}}
+    cell = SimpleNamespace(engine="numpy", budget=SimpleNamespace(timeout_seconds=60))
+    with dask.Cluster(machines.scheduler_address, allow_imports=False) as ours:
+        if what == "measure_cell":
+            assert ours.submit(cell, request, None, 1.0, first=False).result() == ["film"]
+        else:
+            assert list(ours.replicates("numpy", request, [1])) == ["film"]
+    assert tries.read_text() == "xxx"
+
+
 def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
     from harness.run.executors import dask
 
@@ -161,8 +190,6 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
 
 def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back():
     """A host of two workers, another of one; then the worker at a block is gone."""
-    from types import SimpleNamespace
-
     from harness.run.executors.dask import MOST_LOSSES, Blocks
 
     class Pending:

@@ -27,7 +27,7 @@ VALIDATOR = Draft202012Validator(config.experiment_schema())
 
 def reads_or_refuses(text, overrides=()):
     """The message of the refusal, or None; what is read fits the schema."""
-    start, problem = time.perf_counter(), None
+    start, problem = time.process_time(), None
     try:
         root = parse_yaml(text, "a.yaml", ConfigError)
         for given_override in overrides:
@@ -37,7 +37,7 @@ def reads_or_refuses(text, overrides=()):
     except ConfigError as error:
         problem = str(error)
         assert "\n" not in problem and len(problem) < 2000
-    assert time.perf_counter() - start < 60
+    assert time.process_time() - start < 60
     return problem
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import engines
+from engines import source_files
 from engines.errors import ConfigError
 from harness import config, source_hashes, store
 from harness.plan import planner
@@ -151,7 +152,7 @@ def package(folder: Path, name: str = "lantern") -> Path:
 
 
 def hashed(module):
-    return [name for name, _ in source_hashes._files([module])]
+    return [name for name, _ in source_files.code_files([module])]
 
 
 LANTERN = ["lantern/__init__.py", "lantern/core.so", "lantern/inner/__init__.py", "lantern/inner/deep.py"]
@@ -175,25 +176,25 @@ def test_the_code_of_a_module_that_is_no_package_is_its_file_alone(tmp_path):
 @pytest.mark.parametrize("name", LANTERN)
 def test_every_file_of_code_changes_the_hash_and_its_place_does_not(tmp_path, name):
     module = package(tmp_path / "here")
-    before = source_hashes._digest(source_hashes._files([module]))
-    assert source_hashes._digest(source_hashes._files([package(tmp_path / "there")])) == before
+    before = source_files.digest(source_files.code_files([module]))
+    assert source_files.digest(source_files.code_files([package(tmp_path / "there")])) == before
     (tmp_path / "here/lantern/notes.txt").write_text("other words")
-    assert source_hashes._digest(source_hashes._files([module])) == before
+    assert source_files.digest(source_files.code_files([module])) == before
     (tmp_path / "here" / name).write_text("print(1)")
-    assert source_hashes._digest(source_hashes._files([module])) != before
+    assert source_files.digest(source_files.code_files([module])) != before
 
 
 def test_raybenchs_own_kernels_are_part_of_its_engines(tmp_path):
     for name in ("numba", "embree", "numpy"):
         kind = type(engines.engine(name))
-        names = [each for each, _ in source_hashes._files(source_hashes._paths([kind.__module__]))]
+        names = [each for each, _ in source_files.code_files(source_hashes._paths([kind.__module__]))]
         assert {"engines/kernels/__init__.py", "engines/film.py"} <= set(names)
         assert not [each for each in names if not each.startswith("engines/")]
-    copy = shutil.copytree(source_hashes.OWN, tmp_path / "engines", ignore=shutil.ignore_patterns("__pycache__"))
-    before = source_hashes._digest(source_hashes._files([copy / "registry.py"]))
+    copy = shutil.copytree(source_files.OWN, tmp_path / "engines", ignore=shutil.ignore_patterns("__pycache__"))
+    before = source_files.digest(source_files.code_files([copy / "registry.py"]))
     assert before == source_hashes.engine_code(engines.engine("numba"), "numba")
     (copy / "kernels" / "__init__.py").write_text("# edited")
-    assert source_hashes._digest(source_hashes._files([copy / "registry.py"])) != before
+    assert source_files.digest(source_files.code_files([copy / "registry.py"])) != before
 
 
 def test_an_engine_may_name_files_of_its_own(tmp_path, monkeypatch):

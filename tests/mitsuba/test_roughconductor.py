@@ -8,8 +8,8 @@ import pytest
 
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
+from engines.scene import Conductor, Material
 from engines.scene.metals import METALS
-from engines.scene.model import Conductor, Material
 
 mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
 

@@ -7,7 +7,7 @@ import numpy as np
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import cosine_hemisphere, dot
-from engines.scene.model import Conductor, CustomBSDF, Material
+from engines.scene import Conductor, CustomBSDF, Material
 from tests.numpy_reference.small_scenes import material
 
 UP = np.array([[0.0], [0.0], [1.0]])

@@ -6,7 +6,7 @@ import numpy as np
 
 from engines.interface import Settings
 from engines.numpy_reference import Engine
-from engines.scene.model import Material, Mesh, Perspective, Scene, Sphere
+from engines.scene import Material, Mesh, Perspective, Scene, Sphere
 
 INF = float("inf")
 EPS = 2.0**-52
@@ -82,7 +82,7 @@ def mesh(vertices, faces, **more):
     return Mesh(np.asarray(vertices, np.float64), faces, np.zeros(len(faces), np.int32), **more)
 
 
-def ball_mesh(rings, center=(0.0, 0.0, 0.0), radius=1.0, smooth=False):
+def sphere_mesh(rings, center=(0.0, 0.0, 0.0), radius=1.0, smooth=False):
     """A closed sphere of 2 * rings * (rings - 1) * 2 triangles, counter-clockwise from outside."""
     theta, phi = np.linspace(0.0, np.pi, rings + 1)[1:-1], np.linspace(0.0, 2 * np.pi, 2 * rings, endpoint=False)
     theta, phi = np.meshgrid(theta, phi, indexing="ij")

@@ -7,7 +7,7 @@ from engines.numpy_reference.bsdf import ggx
 from engines.numpy_reference.bsdf.fresnel import fresnel_conductor, fresnel_dielectric
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import Frame
-from engines.scene.model import BLACK, DirectionalLight, Disk, EnvironmentLight, Plane, Sphere, Triangle
+from engines.scene import BLACK, DirectionalLight, Disk, EnvironmentLight, Plane, Sphere, Triangle
 from tests.numpy_reference.bsdf_points import (
     EAST,
     GOLD,

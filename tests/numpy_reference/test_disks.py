@@ -6,7 +6,7 @@ Statistical tests hold |z| < 4.5: a false alarm has probability 7e-6 each. Seeds
 import numpy as np
 import pytest
 
-from engines.scene.model import Disk, Perspective, Plane
+from engines.scene import Disk, Perspective, Plane
 from tests.numpy_reference.small_scenes import (
     image,
     material,

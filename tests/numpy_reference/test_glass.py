@@ -6,11 +6,10 @@ import pytest
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
 from engines.numpy_reference.bsdf.mixture import refracted
 from engines.numpy_reference.interaction import SurfaceInteraction
-from engines.scene.model import EnvironmentLight, Mesh, Perspective, Plane, Sphere
+from engines.scene import EnvironmentLight, Mesh, Perspective, Plane, Sphere
 from tests.numpy_reference.small_scenes import (
     AHEAD,
     GLASS,
-    ball_mesh,
     box_mesh,
     image,
     material,
@@ -18,6 +17,7 @@ from tests.numpy_reference.small_scenes import (
     point_view,
     renderer,
     scene,
+    sphere_mesh,
     unit_sphere,
     whitted,
 )
@@ -95,7 +95,7 @@ def test_radiance_inside_glass_is_greater_by_the_square_of_its_index():  # D3
 
 @pytest.mark.parametrize(
     "shapes",
-    [[unit_sphere()], [box_mesh()], [ball_mesh(8)], [Sphere((0.0, 0.0, 0.0), 1.5, 0), Sphere((0.3, 0.2, 0.0), 0.7, 0)]],
+    [[unit_sphere()], [box_mesh()], [sphere_mesh(8)], [Sphere((0.0, 0.0, 0.0), 1.5, 0), Sphere((0.3, 0.2, 0.0), 0.7, 0)]],
     ids=["sphere", "box", "mesh", "nested"],
 )
 def test_lossless_glass_of_any_shape_vanishes_in_a_uniform_sky(shapes):  # b, D4
@@ -143,13 +143,13 @@ def test_total_reflection_without_fresnel_keeps_the_weight_and_takes_the_mirror_
 
 
 def test_a_smooth_mesh_bends_its_mirror_but_never_through_the_surface():
-    ball = ball_mesh(8, smooth=True)
-    seen = image(scene([ball], [material(ks=1)], [SKY], AHEAD), path_tracer(64))
+    rounded = sphere_mesh(8, smooth=True)
+    seen = image(scene([rounded], [material(ks=1)], [SKY], AHEAD), path_tracer(64))
     assert set(np.unique(np.round(seen, 12))) <= {0.0, 1.0}  # a path that ends on the wrong side is black
     assert (seen > 0).mean() > 0.9
-    flat = Mesh(ball.vertices, ball.faces, ball.materials)
+    flat = Mesh(rounded.vertices, rounded.faces, rounded.materials)
     where = np.array([[0.1, 0.2, 5.0]]), np.array([[0.0, 0.0, -1.0]])
-    smooth_context, flat_context = (renderer(scene([m], [material(ks=1)]))._context for m in (ball, flat))
+    smooth_context, flat_context = (renderer(scene([m], [material(ks=1)]))._context for m in (rounded, flat))
     normals = []
     for context in (smooth_context, flat_context):
         o, d = where[0].T.copy(), where[1].T.copy()

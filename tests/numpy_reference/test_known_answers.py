@@ -7,15 +7,15 @@ Statistical tests take the pixels of a very narrow view as independent replicate
 import numpy as np
 import pytest
 
-from engines.scene.model import DirectionalLight, EnvironmentLight, Plane, PointLight, Sphere, Triangle
+from engines.scene import DirectionalLight, EnvironmentLight, Plane, PointLight, Sphere, Triangle
 from tests.numpy_reference.small_scenes import (
-    ball_mesh,
     box_mesh,
     image,
     material,
     path_tracer,
     point_view,
     scene,
+    sphere_mesh,
     unit_sphere,
     whitted,
     z_score,
@@ -37,9 +37,9 @@ def quad(corners, index):
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3, 4, 20])
-@pytest.mark.parametrize("shape", ["box", "ball", "sphere"])
+@pytest.mark.parametrize("shape", ["box", "mesh", "sphere"])
 def test_a_closed_furnace_is_uniform(depth, shape):  # a
-    hollow = {"box": box_mesh(), "ball": ball_mesh(8), "sphere": unit_sphere()}[shape]
+    hollow = {"box": box_mesh(), "mesh": sphere_mesh(8), "sphere": unit_sphere()}[shape]
     warm = material(kd=0.5, emission=0.5, two_sided=True)
     furnace = scene([hollow], [warm], (), point_view((0.2, 0.1, 0.3), (0.9, -0.2, 0.1), 4))
     expected = 0.5 * (1 - 0.5**depth) / (1 - 0.5)
@@ -60,7 +60,7 @@ def test_roulette_leaves_the_furnace_as_bright_as_it_is():
 
 @pytest.mark.parametrize("direct", STRATEGIES)
 def test_a_uniform_sky_makes_a_convex_surface_as_bright_as_its_albedo(direct):  # c
-    for shape in (unit_sphere(), box_mesh(), ball_mesh(8)):
+    for shape in (unit_sphere(), box_mesh(), sphere_mesh(8)):
         seen = image(scene([shape], [material(kd=0.7)], [SKY], point_view((0.5, 3.0, 2.0), (0.0, 0.0, 0.0), 8)),
                      path_tracer(2, direct))  # fmt: skip
         assert np.abs(seen - 0.7).max() < 1e-12
@@ -124,8 +124,8 @@ def test_a_spherical_light_lights_what_faces_it_and_what_it_grazes(direct):  # f
 def test_a_spherical_light_lights_its_own_inside(direct):
     """A two-sided lamp around everything is a furnace of one segment more: kd E."""
     lamp = material(emission=1.0, two_sided=True)
-    ball = Sphere((0.0, 0.0, 0.0), 0.2, 0)
-    room = scene([ball, unit_sphere(1)], [material(kd=0.6), lamp], (), point_view((0.7, 0.3, 0.0), (0.0, 0.0, 0.0), 32))
+    inner = Sphere((0.0, 0.0, 0.0), 0.2, 0)
+    room = scene([inner, unit_sphere(1)], [material(kd=0.6), lamp], (), point_view((0.7, 0.3, 0.0), (0.0, 0.0, 0.0), 32))
     assert abs(z_score(image(room, path_tracer(2, direct), spp=64), 0.6, 4e-3)) < 4.5
 
 
@@ -177,13 +177,13 @@ def test_whitted_and_no_shadows_add_the_ambient_term():
 
 def test_depth_is_grey_by_distance_and_albedo_shows_the_first_colour():
     view = point_view((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), 1)
-    ball = scene([unit_sphere()], [material(kt=0.3, emission=2.0)], [SKY], view)
+    held = scene([unit_sphere()], [material(kt=0.3, emission=2.0)], [SKY], view)
     reach = 1.1 * np.sqrt(1 + 1 + 16)
-    assert abs(image(ball, "depth_map", sampler="constant")[0, 0] - (reach - 4) / reach) < 1e-12
+    assert abs(image(held, "depth_map", sampler="constant")[0, 0] - (reach - 4) / reach) < 1e-12
     for point, expected in ((4.0, 0.0), (-3.0, (8.8 - 4) / 8.8), (5.0, 0.0)):
-        seen = image(ball, {"name": "depth_map", "max_point": [0, 0, point]}, sampler="constant")
+        seen = image(held, {"name": "depth_map", "max_point": [0, 0, point]}, sampler="constant")
         assert abs(seen[0, 0] - expected) < 1e-12
-    assert abs(image(ball, "albedo")[0, 0] - 0.3) == 0.0
+    assert abs(image(held, "albedo")[0, 0] - 0.3) == 0.0
     for shader in ("depth_map", "albedo"):
         assert not image(scene([], [material(kd=1)], [SKY]), shader).any()
     planes = scene([FLOOR], [material(kd=0.4)], [SKY], floor_view(side=2))

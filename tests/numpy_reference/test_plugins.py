@@ -7,7 +7,7 @@ from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference import Engine
 from engines.numpy_reference.vectors import along, norm
-from engines.scene.model import CustomCamera, CustomLight, EnvironmentLight, Orthographic, Plane, PointLight
+from engines.scene import CustomCamera, CustomLight, EnvironmentLight, Orthographic, Plane, PointLight
 from tests.numpy_reference.small_scenes import (
     AHEAD,
     image,
@@ -135,15 +135,15 @@ def test_a_light_plugin_that_is_a_point_light_gives_its_image(shader):
 
 
 def test_a_light_plugin_may_have_a_density_of_its_own():
-    """A ball seen from its outside, of radiance I / (pi r^2), sheds the light of a point of intensity I on what faces it."""
+    """A sphere seen from its outside, of radiance I / (pi r^2), sheds the light of a point of intensity I on what faces it."""
     floor = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0)
     lights = [CustomLight(Bulb(), {"radius": radius, "position": (0.0, 2.0, 0.0)}) for radius in (0.0, 0.5)]
-    point, ball = (
+    point, sphere = (
         image(scene([floor], lights=[light], camera=point_view((0, 1, 0.5), (0, -1, 0), 16)), path_tracer(), spp=4)
         for light in lights
     )
     assert point[0, 0] == pytest.approx(0.5 / np.pi * 9.0 / 9.0, rel=1e-3)
-    assert abs(z_score(ball.reshape(-1), point.mean())) < 5
+    assert abs(z_score(sphere.reshape(-1), point.mean())) < 5
 
 
 @pytest.mark.parametrize("kind", ["shader", "sampler", "accelerator", "camera"])

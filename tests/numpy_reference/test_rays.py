@@ -7,7 +7,7 @@ import pytest
 
 from engines.interface import Settings
 from engines.numpy_reference import Engine
-from engines.scene.model import Plane, Sphere
+from engines.scene import Plane, Sphere
 from tests.numpy_reference.small_scenes import box_mesh, rays_around, scene, tracer
 
 SHAPES = (

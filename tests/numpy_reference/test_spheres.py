@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from engines.scene.model import Sphere, SphereSet
+from engines.scene import Sphere, SphereSet
 from tests.numpy_reference.small_scenes import EPS, rays_around, tracer, unit_rows
 
 

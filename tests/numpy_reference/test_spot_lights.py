@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engines.scene.model import Disk, Plane, SpotLight
+from engines.scene import Disk, Plane, SpotLight
 from tests.numpy_reference.small_scenes import exact, image, material, path_tracer, point_view, renderer, scene, whitted
 
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)

@@ -6,16 +6,16 @@ Comparisons are by z of the difference of two independent means, |z| < 4.5: a fa
 import numpy as np
 import pytest
 
-from engines.scene.model import Disk, EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
+from engines.scene import Disk, EnvironmentLight, Plane, PointLight, Sphere, SphereSet, Triangle
 from tests.numpy_reference.bsdf_points import GOLD, conductor
 from tests.numpy_reference.small_scenes import (
-    ball_mesh,
     box_mesh,
     material,
     path_tracer,
     point_view,
     renderer,
     scene,
+    sphere_mesh,
     unit_rows,
 )
 
@@ -35,7 +35,7 @@ LIGHTS = {
     "constant sky": ([], [EnvironmentLight((0.5, 0.5, 0.5))]),
     "image sky": ([], [EnvironmentLight((1.0, 1.0, 1.0), IMAGE)]),
     "all": (
-        [TRIANGLE, Sphere((0.5, 2.3, 0.4), 0.2, 2), ball_mesh(6, (-1.0, 1.0, 0.6), 0.3),
+        [TRIANGLE, Sphere((0.5, 2.3, 0.4), 0.2, 2), sphere_mesh(6, (-1.0, 1.0, 0.6), 0.3),
          Plane((0.0, 9.0, 0.0), (0.0, -1.0, 0.0), 1)],
         [PointLight((0.0, 1.0, 2.0), (1.0, 1.0, 1.0)), EnvironmentLight((0.2, 0.2, 0.2)),
          EnvironmentLight((1.0, 1.0, 1.0), IMAGE)],

@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from engines.scene.model import Triangle
-from tests.numpy_reference.small_scenes import EPS, ball_mesh, box_mesh, mesh, tracer, unit_rows
+from engines.scene import Triangle
+from tests.numpy_reference.small_scenes import EPS, box_mesh, mesh, sphere_mesh, tracer, unit_rows
 
 UNIT = Triangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 
@@ -35,21 +35,21 @@ def test_a_small_sphere_far_away_has_no_holes():  # T2
     center = np.array([148376.0, 1234.0, -223423.0])
     rng = np.random.default_rng(2)
     origins = center + unit_rows(rng.normal(size=(20_000, 3))) * rng.random((20_000, 1))
-    hits = tracer(ball_mesh(200, center, 2.0), accelerator="bvh").trace(origins, rng.normal(size=(20_000, 3)))
+    hits = tracer(sphere_mesh(200, center, 2.0), accelerator="bvh").trace(origins, rng.normal(size=(20_000, 3)))
     assert np.isfinite(hits.t).all()
 
 
 def test_nothing_passes_between_triangles_at_shared_vertices_and_edges():  # T4
     """53 of 15,000 such rays pass with Moeller and Trumbore's test in float64."""
-    ball = ball_mesh(12)
+    hull = sphere_mesh(12)
     rng = np.random.default_rng(4)
-    corners = ball.vertices[ball.faces[rng.integers(len(ball.faces), size=15_000)]]
+    corners = hull.vertices[hull.faces[rng.integers(len(hull.faces), size=15_000)]]
     along = rng.random((15_000, 1)) * (rng.random((15_000, 1)) < 0.5)  # half of them at vertices
     targets = corners[:, 0] * (1 - along) + corners[:, 1] * along
     origins = 0.5 * rng.random((15_000, 1)) * unit_rows(rng.normal(size=(15_000, 3)))
     for scale in (1.0, 1e-6, 1e6):
         for accelerator in ("none", "bvh"):
-            scaled = mesh(ball.vertices * scale, ball.faces)
+            scaled = mesh(hull.vertices * scale, hull.faces)
             hits = tracer(scaled, accelerator=accelerator).trace(origins * scale, (targets - origins) * scale)
             assert np.isfinite(hits.t).all()
 

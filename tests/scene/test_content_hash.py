@@ -136,3 +136,25 @@ def test_a_plugin_counts_by_its_name_its_options_and_its_source(place, tmp_path,
         assert found[0] == hashed("own_plugin:one", place=[0, 0, 0], x=1.0)
     file.write_text(PLUGIN + "# edited")
     assert len({*found, hashed("own_plugin:one"), engines.scene_from(SCENE).content_hash}) == 5
+
+
+def test_a_plugin_counts_with_the_modules_beside_it_that_it_imports(tmp_path, monkeypatch):
+    files = {"with_helper.py": "import its_helper\n" + PLUGIN, "its_helper.py": "from its_table import TABLE\n",
+             "its_table.py": "TABLE = 1\n", "stranger.py": ""}  # fmt: skip
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in files:
+        monkeypatch.delitem(sys.modules, name.removesuffix(".py"), raising=False)
+
+    def hashed():
+        light = [{"plugin": {"type": "with_helper:one"}}]
+        return engines.scene_from({**SCENE, "lights": light}, allow_imports=True).content_hash
+
+    found = [hashed()]
+    (tmp_path / "stranger.py").write_text("# edited")
+    assert hashed() == found[0]
+    for name in ("its_helper.py", "its_table.py"):
+        (tmp_path / name).write_text(files[name] + "# edited")
+        found.append(hashed())
+    assert len(set(found)) == 3

@@ -10,8 +10,8 @@ import pytest
 import engines
 from engines.errors import SceneError
 
-HANG_SECONDS = 40.0
-"""Quadratic reading took more than a minute; linear reading takes one or two seconds."""
+CPU_SECONDS = 40.0
+"""Most that this process may compute: quadratic reading took more than a minute, linear reading takes one or two seconds."""
 CORNERS = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
@@ -31,21 +31,21 @@ def refusal(folder, text, material="m"):
 
 
 def test_two_hundred_thousand_materials_are_read_in_linear_time(tmp_path):
-    count, start = 200_000, time.perf_counter()
+    count, start = 200_000, time.process_time()
     text = "mtllib m.mtl\n" + CORNERS + "".join(f"usemtl n{index}\nf 1 2 3\n" for index in range(count))
     assert len(scene(tmp_path, text).shapes[0].faces) == count
     (tmp_path / "m.mtl").write_text("newmtl other\nKd 0 0 0\n")
     assert "uses material 'n0', which is not in m.mtl" in refusal(tmp_path, text, material=None)
-    assert time.perf_counter() - start < HANG_SECONDS
+    assert time.process_time() - start < CPU_SECONDS
 
 
 def test_materials_that_all_differ_are_hashed_and_warned_about_in_linear_time(tmp_path):
-    count, start = 40_000, time.perf_counter()
+    count, start = 40_000, time.process_time()
     (tmp_path / "m.mtl").write_text("".join(f"newmtl n{i}\nKd 0.5 0.5 {i / count:.6f}\nmap_Kd x.png\n" for i in range(count)))
     text = "mtllib m.mtl\n" + CORNERS + "".join(f"usemtl n{index}\nf 1 2 3\n" for index in range(count))
     found = scene(tmp_path, text, material=None)
     assert np.unique(found.shapes[0].materials).size == count and len(found.warnings) == count + 1
-    assert time.perf_counter() - start < HANG_SECONDS
+    assert time.process_time() - start < CPU_SECONDS
 
 
 def test_the_hash_of_a_mesh_does_not_depend_on_materials_of_the_same_value_being_one(tmp_path):
@@ -59,13 +59,13 @@ def test_the_hash_of_a_mesh_does_not_depend_on_materials_of_the_same_value_being
 
 @pytest.mark.parametrize("material", ["m", None])
 def test_a_hundred_and_fifty_thousand_libraries_are_read_or_refused_in_linear_time(tmp_path, material):
-    start = time.perf_counter()
+    start = time.process_time()
     text = "".join(f"mtllib x{index}.mtl\n" for index in range(150_000)) + CORNERS + "usemtl a\nf 1 2 3\n"
     if material:
         assert len(scene(tmp_path, text).shapes[0].faces) == 1
     else:
         assert "names 150000 MTL files: at most 1000 are read" in refusal(tmp_path, text, material)
-    assert time.perf_counter() - start < HANG_SECONDS
+    assert time.process_time() - start < CPU_SECONDS
 
 
 def test_many_libraries_are_listed_in_one_short_message(tmp_path):

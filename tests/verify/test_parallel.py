@@ -2,7 +2,6 @@
 
 import json
 import multiprocessing
-from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
@@ -21,11 +20,11 @@ CHOSEN = [case for case in CASES if case.id in ("S4", "S6", "S10", "T6", "R4")]
 def run_in_order(spec, processes):
     """All results of an engine in the order of the jobs, without their seconds."""
     jobs = make_jobs(describe_engines([spec]), True, CHOSEN)
-    return [replace(result, seconds=0.0) for done in sorted(run_jobs(jobs, processes)) for result in done.results]
+    return [result.model_copy(update={"seconds": 0.0}) for done in sorted(run_jobs(jobs, processes)) for result in done.results]
 
 
 def test_two_processes_give_the_results_of_one_in_the_same_order():
-    alone = [replace(f, seconds=0.0) for f in run_suite([engines.engine("numpy")], quick=True, cases=CHOSEN)]
+    alone = [f.model_copy(update={"seconds": 0.0}) for f in run_suite([engines.engine("numpy")], quick=True, cases=CHOSEN)]
     assert repr(run_in_order("numpy", 2)) == repr(alone)
 
 

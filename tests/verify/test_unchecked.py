@@ -16,6 +16,7 @@ from harness.verify import CASES, run_suite
 from harness.verify.scenes import UNIT_TRIANGLE
 from harness.verify.subject import Skipped, Subject, precisions
 from harness.verify.suite import PASS, SKIP
+from tests import forked
 
 HERE = Path(__file__).resolve().parent
 
@@ -23,8 +24,7 @@ HERE = Path(__file__).resolve().parent
 def raybench(*arguments, cwd):
     """The command, to its end."""
     environment = {**os.environ, "PYTHONPATH": f"{HERE.parents[1]}{os.pathsep}{HERE}", "COLUMNS": "200"}
-    command = [sys.executable, "-m", "harness", *arguments, "--allow-imports"]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=environment, check=False, timeout=300)
+    return forked.raybench([*arguments, "--allow-imports"], cwd, environment, timeout=300)
 
 
 def results_of(engine, *cases):

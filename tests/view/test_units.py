@@ -61,7 +61,26 @@ def test_a_camera_plugin_cannot_be_moved():
 
 @pytest.mark.parametrize("name", ["cornell_box", "two_spheres", "mobilert_spheres2", "veach_plates", "glassware"])
 def test_a_moved_object_is_where_the_exported_scene_puts_it(name):
-    scene = engines.load_scene(name)
+    _moves_as_exported(engines.load_scene(name))
+
+
+@pytest.mark.parametrize("aim", ["target: [0, 0, 1]", "direction: [0, -1, 0.5]"])
+def test_a_moved_spot_light_keeps_its_direction(aim, tmp_path):
+    (tmp_path / "spot.yaml").write_text(f"""\
+raybench_scene: 1
+camera: {{type: perspective, eye: [0, 0, 5], target: [0, 0, 0]}}
+materials: {{lamp: {{emission: 1}}}}
+shapes: [{{disk: {{center: [0, 2, 0], normal: [0, -1, 0], radius: 1}}, material: lamp}}]
+lights: [{{spot: {{position: [0, 2, 0], {aim}, intensity: 1}}}}]
+""")
+    scene = engines.load_scene(tmp_path / "spot.yaml")
+    again = _moves_as_exported(scene)
+    assert [item.kind for item in draggables(scene)] == ["light", "spot"]
+    assert again.lights[0].direction == pytest.approx(scene.lights[0].direction)
+
+
+def _moves_as_exported(scene):
+    """The scene that is read from the YAML of one of which every object was moved."""
     objects, step = draggables(scene), np.array([0.125, -0.25, 0.5])
     assert objects
     after = scene
@@ -76,6 +95,7 @@ def test_a_moved_object_is_where_the_exported_scene_puts_it(name):
     for item in objects:
         assert center(again, item) == pytest.approx(center(after, item), rel=1e-7, abs=1e-7)
     assert again.camera == scene.camera and len(again.lights) == len(scene.lights)
+    return again
 
 
 def test_the_library_lists_scenes_and_refuses_paths_outside_its_folder(tmp_path):

@@ -14,7 +14,7 @@ from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic, models, register_model
 
 from engines.kernels.compile.fields import LANES, Field, Layout, word_of
-from engines.kernels.compile.memory import WORD, load, store, teach_items
+from engines.kernels.compile.memory import WORD, index_word, load, store, teach_items
 from engines.kernels.compile.vec3 import vec3_of
 
 
@@ -155,3 +155,18 @@ def lane_view(layout: type[LaneRecord]) -> Callable[..., Any]:
         return LaneView(layout, kind.dtype)(types.int64, kind), generate
 
     return view
+
+
+@intrinsic
+def lane_numbers(typing, field, lane):
+    """A lane's numbers of a field of `reals` or `doubles`, as a tuple."""
+
+    def generate(context, builder, sig, arguments):
+        number = index_word(context, builder, arguments[1], sig.args[1])
+        words = [[ir.Constant(WORD, k), number] for k in range(field.field.n)]
+        return context.make_tuple(
+            builder, sig.return_type, [_get_lane(context, builder, field, arguments[0], index) for index in words]
+        )
+
+    pair = types.UniTuple(types.int64, 2)
+    return types.UniTuple(_lane_item(field, pair), field.field.n)(field, lane), generate

@@ -4,7 +4,7 @@ Three kinds of layout are declared as classes:
 
 - `LaneRecord`: the state of sixteen lanes, field by field, each field sixteen numbers in a row. `lane_view(Layout)` makes
   the function `view(address, real)`. Of a view, `view.field[lane]` loads and `view.field[lane] = value` stores; `view[k]`
-  is the view of the k-th such record in memory that holds several.
+  is the view of the k-th such record in memory that holds several. `lane_numbers(view.field, lane)` loads a tuple.
 - `Row`: numbers of one type side by side; `row.field` loads.
 - `Table`: 64-bit slots, each the address of an array or a whole number. `table_view(Layout)` makes `view(address, real)`,
   of which `view.array[i]` and `view.number` load.
@@ -28,10 +28,10 @@ from engines.kernels.compile.fields import (
     vector,
     vectors,
 )
-from engines.kernels.compile.lanes import LaneField, LaneRecord, lane_view
+from engines.kernels.compile.lanes import LaneField, LaneRecord, lane_numbers, lane_view
 from engines.kernels.compile.tables import Row, Table, table_view
 
 __all__ = [
     "LANES", "REAL", "Field", "LaneField", "LaneRecord", "Row", "Table", "array", "bits_of", "doubles", "flag", "integer",
-    "lane_view", "real", "reals", "rows", "scalar", "table_view", "vector", "vectors",
+    "lane_numbers", "lane_view", "real", "reals", "rows", "scalar", "table_view", "vector", "vectors",
 ]  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import EnvironmentLight
+from engines.scene import EnvironmentLight
 
 
 def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -15,7 +15,7 @@ from engines.kernels.flatten import shapes
 from engines.kernels.flatten.plugins import kind_of, light_sample
 from engines.kernels.lane.lights import constant_environment, directional, disk, mesh, point, sphere, spot
 from engines.kernels.layout import LightRow
-from engines.scene.model import (
+from engines.scene import (
     WHITE,
     CustomLight,
     DirectionalLight,

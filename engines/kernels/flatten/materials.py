@@ -14,7 +14,7 @@ from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.lane.bsdf import conductor, mixture
 from engines.kernels.lane.bsdf.interface import LaneBSDF
 from engines.kernels.layout import MaterialRow
-from engines.scene.model import Conductor, CustomBSDF, Material
+from engines.scene import Conductor, CustomBSDF, Material
 from engines.scene.support import option_numbers
 
 MIXTURE, CONDUCTOR = range(2)

@@ -15,7 +15,7 @@ from engines.kernels.flatten.lights import MESH, LightList
 from engines.kernels.flatten.materials import material_features, material_rows
 from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
 from engines.kernels.layout import SLOTS, LightRow, PrimitiveRow, SceneTable
-from engines.scene.model import Mesh, Scene
+from engines.scene import Mesh, Scene
 
 
 @dataclass(slots=True)

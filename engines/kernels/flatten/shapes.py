@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import kernel
 from engines.kernels.lane.shapes import disk
 from engines.kernels.layout import SHAPE_PARAMETERS
-from engines.scene.model import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.scene import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
 
 TRIANGLE, SPHERE, PLANE, DISK = range(4)
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.lane import camera as lane_camera
 from engines.kernels.lane.vector import Vec3, to_real, unit
-from engines.kernels.layout import LANES, CameraRow, ray_batch, scene_table
-from engines.scene.model import CustomCamera, Orthographic, Perspective, PerspectiveArctan
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, CameraRow, ray_batch, scene_table
+from engines.scene import CustomCamera, Orthographic, Perspective, PerspectiveArctan
 from engines.scene.support import option_numbers
 
 RAYS: dict[type, Any] = {
@@ -98,7 +98,7 @@ def _make(ray: Any, normalised: bool, real: Any) -> Any:
             rays.depth[lane] = 1
             rays.light[lane] = 0
             rays.waiting[lane] = 0
-            rays.dimension[lane] = 2
+            rays.dimension[lane] = CAMERA_DIMENSIONS
 
     return begin
 

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.records import lane_numbers
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3
 from engines.kernels.layout import LANES, ray_batch, scene_table
 from engines.kernels.stages import environment
-from engines.kernels.stages.surface import light_parameters, load_vertices
+from engines.kernels.stages.surface import load_vertices
 
 
 @cache
@@ -94,7 +95,7 @@ def _make(kinds: tuple[int, ...], many: bool, every: bool, real: Any) -> Any:
         share = one if every else one / real(scene.n_lights)
         for lane in range(np.uint64(LANES)):
             light = Light(
-                light_parameters(rays, lane), rays.light_color[lane], rays.two_sided[lane],
+                lane_numbers(rays.light_parameters, lane), rays.light_color[lane], rays.two_sided[lane],
                 rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
             )  # fmt: skip
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)

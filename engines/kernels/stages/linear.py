@@ -98,40 +98,30 @@ def analytic_distance(kinds: tuple[int, ...]) -> Any:
 
 
 @cache
-def make_closest_analytic(kinds: tuple[int, ...]) -> Any:
-    """The function (rays, scene, real) that tests the batch's rays against all analytic shapes, of these kinds."""
+def make_analytic_test(kinds: tuple[int, ...], shadow: bool) -> Any:
+    """The function (rays, scene, real) that tests the batch's rays, or its shadow rays, against all analytic shapes, of
+    these kinds."""
     if not kinds:
         return nothing
     distance = analytic_distance(kinds)
 
     @inline
-    def closest(rays, scene, real):
+    def test(rays, scene, real):
+        if shadow:
+            origin, direction = rays.shadow_origin, rays.wi
+        else:
+            origin, direction = rays.origin, rays.direction
         for i in range(scene.n_analytic):
             primitive = scene.analytic_primitives[i]
             for lane in range(np.uint64(LANES)):
-                t = real(distance(scene, i, to_float64(rays.origin[lane]), to_float64(rays.direction[lane])))
-                valid = (t < real(np.inf)) & (primitive != rays.origin_primitive[lane])
-                keep_nearer(rays, lane, t, primitive, valid)
+                t = real(distance(scene, i, to_float64(origin[lane]), to_float64(direction[lane])))
+                other = primitive != rays.origin_primitive[lane]
+                if shadow:
+                    block_shadow(rays, lane, t, other)
+                else:
+                    keep_nearer(rays, lane, t, primitive, (t < real(np.inf)) & other)
 
-    return closest
-
-
-@cache
-def make_occluded_analytic(kinds: tuple[int, ...]) -> Any:
-    """The same for shadow rays."""
-    if not kinds:
-        return nothing
-    distance = analytic_distance(kinds)
-
-    @inline
-    def occluded(rays, scene, real):
-        for i in range(scene.n_analytic):
-            primitive = scene.analytic_primitives[i]
-            for lane in range(np.uint64(LANES)):
-                t = real(distance(scene, i, to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])))
-                block_shadow(rays, lane, t, primitive != rays.origin_primitive[lane])
-
-    return occluded
+    return test
 
 
 @inline

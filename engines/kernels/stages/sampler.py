@@ -17,7 +17,7 @@ from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const
 from engines.kernels.lane import sampler as lane_sampler
 from engines.kernels.lane.sampler import dimension_key, mix, random_bits
-from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DRAWS, ray_batch, scene_table
 from engines.sobol_numbers import DIRECTIONS
 
 BITS = {
@@ -31,8 +31,7 @@ TABULATED = ("sobol", "halton")
 SAMPLER_OPTION = 8
 """Index in the scene's options of the sampler's number: a constant's value, the bits of a stratified grid."""
 
-DRAWS = 7
-ALL_WANTED = (1 << DRAWS) - 1
+ALL_WANTED = (1 << VERTEX_DRAWS) - 1
 SOBOL_DIMENSIONS = 64
 HALTON_DIMENSIONS = 32
 
@@ -105,12 +104,12 @@ def _make(value: Any, tabulated: bool, draws: int, real: Any) -> Any:
 
     def draw(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        wanted = scene.wanted_draws if draws == DRAWS else np.int64(ALL_WANTED)
+        wanted = scene.wanted_draws if draws == VERTEX_DRAWS else np.int64(ALL_WANTED)
         option, seed_key = scene.options[SAMPLER_OPTION], np.uint32(scene.seed_key)
-        columns = scene.points_stride - DRAWS
+        columns = scene.points_stride - VERTEX_DRAWS
         last = _store_keys(rays, seed_key)
         if tabulated:
-            _load_points(rays, scene.sample_points, columns + DRAWS, columns, scene.first_sample, draws)
+            _load_points(rays, scene.sample_points, columns + VERTEX_DRAWS, columns, scene.first_sample, draws)
         for k in range(draws):
             if (wanted >> k) & 1 == 0:
                 continue
@@ -144,7 +143,7 @@ def stages(sampler: Choice, real: Any) -> tuple[Any, Any]:
         scrambled, plain = BITS[sampler.name]
         value = _to_real(plain if sampler.options.get("scramble") == "none" else scrambled, real)
     tabulated = sampler.plugin is None and sampler.name in TABULATED
-    return tuple(_stage(value, tabulated, draws, real) for draws in (2, DRAWS))  # type: ignore[return-value]
+    return tuple(_stage(value, tabulated, draws, real) for draws in (CAMERA_DIMENSIONS, VERTEX_DRAWS))  # type: ignore[return-value]
 
 
 @cache

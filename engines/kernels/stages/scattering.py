@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.materials import MODELS
@@ -46,15 +47,6 @@ def load_draws(rays, lane):
     return Draws(rays.draw[3, lane], rays.draw[4, lane], rays.draw[5, lane], rays.draw[6, lane])
 
 
-@inline
-def _parameters(rays, lane):
-    return (
-        rays.bsdf[0, lane], rays.bsdf[1, lane], rays.bsdf[2, lane], rays.bsdf[3, lane], rays.bsdf[4, lane],
-        rays.bsdf[5, lane], rays.bsdf[6, lane], rays.bsdf[7, lane], rays.bsdf[8, lane], rays.bsdf[9, lane],
-        rays.bsdf[10, lane],
-    )  # fmt: skip
-
-
 @cache
 def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
@@ -64,7 +56,7 @@ def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
 
     @inline
     def scatter(rays, lane, si, draws):
-        parameters, wi, zero = _parameters(rays, lane), rays.wi[lane], const(0.0, si.t)
+        parameters, wi, zero = lane_numbers(rays.bsdf, lane), rays.wi[lane], const(0.0, si.t)
         none = Vec3(zero, zero, zero)
         value, pdf, diffuse, albedo = Spectrum(none, zero), zero, none, none
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)

@@ -19,7 +19,7 @@ from engines.kernels.integrators.interface import Integrator, Path, SurfaceInter
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
 from engines.kernels.lane.vector import Vec3, length, select3
-from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, VERTEX_DRAWS, ray_batch, scene_table
 from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering
 
 INTEGRATORS: Mapping[str, Integrator] = {
@@ -58,10 +58,10 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
 
 
 def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
-    """A bit for each draw of a vertex that the integrator may use in a scene of these features: two places on the
-    light, the choice of light, the lobe, two for the direction, roulette."""
+    """A bit for each draw of a vertex, in the order of `VERTEX_DRAWS`, that the integrator may use in a scene of these
+    features."""
     if shader.plugin is not None:
-        return 0b1111111
+        return (1 << VERTEX_DRAWS) - 1
     light = 0b011 | (0b100 if features.many_lights or features.mesh_lights else 0)
     if shader.name != "path_tracer":
         return light
@@ -119,7 +119,7 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
     rays.origin_primitive[lane] = rays.primitive[lane]
     depth = select(goes, depth + 1, depth)
     rays.depth[lane] = depth
-    rays.dimension[lane] = 2 + 8 * ((depth - 1) * per_vertex + following)
+    rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * ((depth - 1) * per_vertex + following)
     rays.t[lane] = select(goes, const(math.inf, offset), const(-1.0, offset))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, keep_scalar, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
@@ -174,15 +175,6 @@ def _make_load_hit(features: SceneFeatures) -> Any:
 # ---- the interaction -------------------------------------------------------------------------------------------------
 
 
-@inline
-def _seven(rays, lane):
-    return (
-        rays.shape_parameters[0, lane], rays.shape_parameters[1, lane], rays.shape_parameters[2, lane],
-        rays.shape_parameters[3, lane], rays.shape_parameters[4, lane], rays.shape_parameters[5, lane],
-        rays.shape_parameters[6, lane],
-    )  # fmt: skip
-
-
 @cache
 def _make_analytic(kinds: tuple[int, ...], real: Any) -> Any:
     """The function (parameters, kind, o, d, found) -> intersection with an analytic shape of these kinds, else
@@ -220,14 +212,14 @@ def _make_intersection(features: SceneFeatures, real: Any) -> Any:
                 rays.vertex_normal0[lane], rays.vertex_normal1[lane], rays.vertex_normal2[lane], smooth,
             )  # fmt: skip
         if spheres or planes:
-            x, y, z, a, b, c, _ = _seven(rays, lane)
+            x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
             point = Vec3(x, y, z)
             if spheres:
                 found = choose(kind == SPHERE, sphere.intersection(o, d, point, a, real), found)
             if planes:
                 found = choose(kind == PLANE, plane.intersection(o, d, point, Vec3(a, b, c), real), found)
         if has_analytic:
-            found = analytic(_seven(rays, lane), kind, o, d, found)
+            found = analytic(lane_numbers(rays.shape_parameters, lane), kind, o, d, found)
         return found
 
     return intersection
@@ -286,15 +278,6 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
     return chosen
 
 
-@inline
-def light_parameters(rays, lane):
-    return (
-        rays.light_parameters[0, lane], rays.light_parameters[1, lane], rays.light_parameters[2, lane],
-        rays.light_parameters[3, lane], rays.light_parameters[4, lane], rays.light_parameters[5, lane],
-        rays.light_parameters[6, lane], rays.light_parameters[7, lane],
-    )  # fmt: skip
-
-
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, intersection = _make_load_hit(features), _make_intersection(features, real)
@@ -326,7 +309,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                 emitted = select3(lit, rays.emission[lane], none)
                 if listed_shapes:
                     facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
-                    parameters, shape = light_parameters(rays, lane), rays.shape[lane]
+                    parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
                     light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, n_lights), zero)
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)

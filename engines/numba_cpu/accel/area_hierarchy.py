@@ -23,7 +23,7 @@ from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import LANES, CameraRow, SceneTable, ray_batch, scene_table
-from engines.kernels.stages.linear import closest_planes, keep_nearer, make_closest_analytic
+from engines.kernels.stages.linear import closest_planes, keep_nearer, make_analytic_test
 from engines.numba_cpu.accel import none
 from engines.numba_cpu.accel.primitives import CornersRow, corners, distance_to_triangle, make_ray
 
@@ -159,7 +159,7 @@ def _project(rays, lane, eye, real):
 
 def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], real: Any) -> Any:
     eps = float(np.finfo(real).eps)
-    closest_analytic = make_closest_analytic(analytic)
+    test_analytic = make_analytic_test(analytic, False)
 
     def closest(batch, scene_address):
         rays, scene, own = ray_batch(batch, real), scene_table(scene_address, real), area_table(scene_address, real)
@@ -199,7 +199,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                     keep_nearer(rays, lane, t, primitive, t < real(np.inf))
         if planes:
             closest_planes(rays, scene, real)
-        closest_analytic(rays, scene, real)
+        test_analytic(rays, scene, real)
 
     return closest
 

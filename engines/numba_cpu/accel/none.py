@@ -25,8 +25,7 @@ from engines.kernels.stages.linear import (
     block_shadow,
     closest_planes,
     closest_spheres,
-    make_closest_analytic,
-    make_occluded_analytic,
+    make_analytic_test,
     occluded_planes,
     occluded_spheres,
 )
@@ -130,7 +129,7 @@ def _take(rays, lane, t, primitive, shadow, zero):
 
 def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
     scratch = RayBatch.bytes(real)
-    occluded_analytic, closest_analytic = make_occluded_analytic(analytic), make_closest_analytic(analytic)
+    test_analytic = make_analytic_test(analytic, shadow)
 
     def stage(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -164,13 +163,12 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                 occluded_spheres(rays, scene, real)
             if planes:
                 occluded_planes(rays, scene, real)
-            occluded_analytic(rays, scene, real)
         else:
             if spheres:
                 closest_spheres(rays, scene, real)
             if planes:
                 closest_planes(rays, scene, real)
-            closest_analytic(rays, scene, real)
+        test_analytic(rays, scene, real)
 
     return stage
 

@@ -1,18 +1,10 @@
 """The models of reflection, one a module, and the registry through which the rest of the engine knows them."""
 
-from types import NoneType
-
-from engines.numpy_reference.bsdf.conductor import ConductorBSDF
 from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes
-from engines.numpy_reference.bsdf.mixture import MixtureBSDF
-from engines.numpy_reference.bsdf.plugins import PluginBSDF
-from engines.scene.model import Conductor, CustomBSDF
+from engines.numpy_reference.registry import collect
 
-BSDFS: dict[type, type[BSDF]] = {
-    NoneType: MixtureBSDF,
-    Conductor: ConductorBSDF,
-    CustomBSDF: PluginBSDF,
-}
-"""For each type of `Material.bsdf`, the class that holds all materials of that model; None stands for kd, ks and kt."""
+BSDFS: dict[type, type[BSDF]] = collect("BSDFS", __name__, __path__)
+"""For each type of `Material.bsdf`, the class that holds all materials of that model; None stands for kd, ks and kt. From the
+tables `BSDFS` of the modules."""
 
 __all__ = ["BSDF", "BSDFS", "BSDFSample", "Lobes"]

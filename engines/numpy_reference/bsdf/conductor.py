@@ -11,7 +11,7 @@ from engines.numpy_reference.bsdf.fresnel import fresnel_conductor
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Frame, Indices, Mask, dot, unit
-from engines.scene.model import Conductor, Material
+from engines.scene import Conductor, Material
 
 
 class ConductorBSDF:
@@ -80,6 +80,9 @@ class ConductorBSDF:
         """(3, n) reflectance of a mirror that is seen under this cosine."""
         eta, k, scale = (table.take(material, axis=1) for table in (self._eta, self._k, self._reflectance))
         return scale * fresnel_conductor(cosine, eta, k)
+
+
+BSDFS = {Conductor: ConductorBSDF}
 
 
 def _reflects(at: SurfaceInteraction, wi: Array) -> Mask:

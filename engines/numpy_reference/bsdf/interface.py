@@ -1,6 +1,6 @@
 """What a model of reflection can do: three verbs on n points, in world directions. Both `wo` and `wi` lead away from them.
 
-A new model is a module with a class that has these verbs, and its line in the registry `BSDFS` of this package.
+A new model is a module with a class that has these verbs, and a table: `BSDFS = {NoneType: MixtureBSDF}`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, dot
-from engines.scene.model import Material
+from engines.scene import Material
 
 
 class Lobes(IntFlag):

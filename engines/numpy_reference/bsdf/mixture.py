@@ -6,6 +6,7 @@ With `fresnel` the mirror is weighted by the reflectance F of a dielectric, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import NoneType
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, cosine_hemisphere, dot
-from engines.scene.model import Material
+from engines.scene import Material
 
 LOBES = (Lobes.DIFFUSE_REFLECTION, Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION)
 
@@ -88,6 +89,9 @@ class MixtureBSDF:
         """(n,) the index behind the surface over the one before it, as the viewer sees it."""
         ior = self._ior[material]
         return np.where(at.front, ior, 1.0 / ior)
+
+
+BSDFS = {NoneType: MixtureBSDF}
 
 
 class _Weights(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import CustomBSDF, Material
+from engines.scene import CustomBSDF, Material
 
 
 class PluginBSDF:
@@ -56,6 +56,9 @@ class PluginBSDF:
 
     def _by_model(self, material: Indices) -> list[tuple[CustomBSDF, Indices]]:
         return [(self._models[member], np.flatnonzero(material == member)) for member in np.unique(material)]
+
+
+BSDFS = {CustomBSDF: PluginBSDF}
 
 
 def _lobes(plugin: Any) -> Lobes:

@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import DirectionalLight
+from engines.scene import DirectionalLight
 
 
 class DirectionalLights:
@@ -24,3 +24,6 @@ class DirectionalLights:
         """The same from every point."""
         endless = np.full(light.size, np.inf)
         return LightSample(self._towards.take(light, axis=1), endless, self._irradiance.take(light, axis=1), endless)
+
+
+LIGHTS = {DirectionalLight: DirectionalLights}

@@ -9,7 +9,7 @@ import numpy as np
 from engines.numpy_reference.lights.image_environment import ImageEnvironment
 from engines.numpy_reference.lights.interface import LightSample
 from engines.numpy_reference.vectors import Array, Indices, cosine_hemisphere, dot
-from engines.scene.model import EnvironmentLight
+from engines.scene import EnvironmentLight
 
 
 class EnvironmentLights:
@@ -38,6 +38,9 @@ class EnvironmentLights:
 
     def pdf(self, light: int, direction: Array, normal: Array) -> Array:
         return self._lights[light].pdf(direction, normal)
+
+
+LIGHTS = {EnvironmentLight: EnvironmentLights}
 
 
 class ConstantEnvironment:

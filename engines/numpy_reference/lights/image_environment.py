@@ -6,7 +6,7 @@ import numpy as np
 
 from engines.numpy_reference.distribution import first_above, rest, shares
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import EnvironmentLight
+from engines.scene import EnvironmentLight
 
 
 class ImageEnvironment:

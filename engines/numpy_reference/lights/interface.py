@@ -1,6 +1,6 @@
 """What a kind of light can do, and what sampling a light from a point gives, whatever the light.
 
-A new kind is a module with a class that has the verbs of `LightSet`, and its line in the registry `LIGHTS` of this package.
+A new kind is a module with a class that has the verbs of `LightSet`, and a table: `LIGHTS = {PointLight: PointLights}`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene.model import CustomLight
+from engines.scene import CustomLight
 
 
 class PluginLights:
@@ -32,3 +32,6 @@ class PluginLights:
             weight, pdf = np.where(there, radiance, 0.0), np.where(there, np.inf, 0.0)
             found.put(lanes, LightSample(wi, distance, weight, pdf))
         return found
+
+
+LIGHTS = {CustomLight: PluginLights}

@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices, dot, norm
-from engines.scene.model import PointLight
+from engines.scene import PointLight
 
 
 class PointLights:
@@ -28,3 +28,6 @@ class PointLights:
         square = np.where(self._falloff[light], dot(to_light, to_light), 1.0)
         irradiance = self._intensity.take(light, axis=1) / square
         return LightSample(to_light / distance, distance, irradiance, np.full(light.size, np.inf))
+
+
+LIGHTS = {PointLight: PointLights}

@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.lights.interface import LightSample, triples
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm
-from engines.scene.model import SpotLight
+from engines.scene import SpotLight
 
 
 class SpotLights:
@@ -39,3 +39,6 @@ class SpotLights:
         with np.errstate(divide="ignore", invalid="ignore"):
             linear = np.minimum((cutoff - angle) / (cutoff - beam_width), 1.0)
         return np.where(angle < cutoff, linear, 0.0)
+
+
+LIGHTS = {SpotLight: SpotLights}

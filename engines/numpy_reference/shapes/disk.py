@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, columns, pdf_solid_angle
 from engines.numpy_reference.vectors import Array, Indices, along, dot, norm, unit
-from engines.scene.model import Disk
+from engines.scene import Disk
 
 
 class Disks:
@@ -67,3 +67,6 @@ class Disks:
     @staticmethod
     def pdf(index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         return pdf_solid_angle(distance, cosine, area)
+
+
+SHAPES = {Disk: Disks}

@@ -1,6 +1,6 @@
 """What a kind of shape can do: the verbs that accelerators, interactions and area lights call.
 
-A new kind is a module with a class that has these verbs, and its line in the registry `SHAPES` of this package.
+A new kind is a module with a class that has these verbs, and a table: `SHAPES = {Plane: Planes}`.
 """
 
 from __future__ import annotations

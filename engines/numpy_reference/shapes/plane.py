@@ -8,7 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, columns
 from engines.numpy_reference.vectors import Array, Indices, dot, unit
-from engines.scene.model import Plane
+from engines.scene import Plane
 
 
 class Planes:
@@ -55,3 +55,6 @@ class Planes:
 
     def pdf(self, index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         return np.zeros(distance.size)
+
+
+SHAPES = {Plane: Planes}

@@ -12,7 +12,7 @@ import numpy as np
 
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample
 from engines.numpy_reference.vectors import EPSILON, Array, Indices, Mask, along, dot, norm, unit
-from engines.scene.model import Sphere, SphereSet
+from engines.scene import Sphere, SphereSet
 
 
 class Spheres:
@@ -104,6 +104,9 @@ class Spheres:
         radius = self._radius[index]
         cone = _cone(self._center.take(index, axis=1) - point, radius)
         return np.where(cone.outside, cone.pdf, _pdf_by_area(distance, cosine, radius))
+
+
+SHAPES = {Sphere: Spheres, SphereSet: Spheres}
 
 
 class _Cone(NamedTuple):

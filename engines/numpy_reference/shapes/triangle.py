@@ -9,7 +9,7 @@ import numpy as np
 from engines.numpy_reference.shapes import watertight
 from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, pdf_solid_angle
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm, unit
-from engines.scene.model import Mesh, Triangle
+from engines.scene import Mesh, Triangle
 
 
 class Triangles:
@@ -84,6 +84,9 @@ class Triangles:
     @staticmethod
     def pdf(index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         return pdf_solid_angle(distance, cosine, area)
+
+
+SHAPES = {Triangle: Triangles, Mesh: Triangles}
 
 
 def _corners(shape: Triangle | Mesh) -> Array:

@@ -23,7 +23,7 @@ from engines.scene.files import Place
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
 from engines.scene.geometry import fans, unit_rows
-from engines.scene.model import Material
+from engines.scene.materials import Material
 from engines.schema import fields
 from engines.schema.yaml_file import Located
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
-from engines.scene.model import BLACK, ENERGY_TOLERANCE, Material, Triple
+from engines.scene.materials import ENERGY_TOLERANCE, Material
+from engines.scene.triple import BLACK, Triple
 from engines.schema.yaml_file import Located
 
 MIRRORS = (3, 5, 7)

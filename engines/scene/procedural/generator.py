@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.geometry import read_only_mesh
-from engines.scene.model import Mesh, SphereSet
+from engines.scene.mesh import Mesh, read_only_mesh
+from engines.scene.sphere_set import SphereSet
 from engines.schema.fields import refuse_above_memory
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import NUMBER, POINT, POSITIVE

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Triple
 from engines.scene.procedural.generator import (
     BYTES_PER_FACE,
     BYTES_PER_SPHERE,
@@ -25,6 +24,7 @@ from engines.scene.procedural.generator import (
     generator,
     quads,
 )  # fmt: skip
+from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import POINT, POSITIVE, integer, one_of, within
 

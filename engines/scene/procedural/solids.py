@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Triple
 from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, RADIUS, ROTATE_Y, Faces, generator, turned
+from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Key
 from engines.schema.kinds import POINT, ROWS, Kind, integer

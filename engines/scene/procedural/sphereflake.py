@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Triple
 from engines.scene.procedural.generator import BYTES_PER_SPHERE, CENTER, Spheres, generator
+from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import POSITIVE, integer
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.model import Triple
 from engines.scene.procedural.generator import BYTES_PER_FACE, ORIGIN, ROTATE_Y, Faces, generator, grid_faces, turned
+from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import POINT, POSITIVE, integer
 

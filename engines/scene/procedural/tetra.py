@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.scene.model import Triple
 from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, RADIUS, Faces, generator
+from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import integer
 

@@ -111,7 +111,7 @@ def accuracy(analysis: Analysis) -> Table:
          Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip."),
          Column("stands_for", "Results that the row stands for.", "count")],
     )  # fmt: skip
-    results = [CheckResult(**{str(key): value for key, value in each.items()}) for each in analysis.results.check_results]
+    results = [CheckResult.model_validate(each) for each in analysis.results.check_results]
     for result, others, _ in worst_per_check(results):
         row = {column.name: getattr(result, column.name) for column in table.columns[:-1]}
         table.rows.append(row | {"stands_for": others + 1})

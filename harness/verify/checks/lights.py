@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene import DirectionalLight, Mesh, Orthographic, PointLight, Shape
+from engines.scene import DirectionalLight, Disk, Mesh, Orthographic, PointLight, Shape, SpotLight
 from harness.verify import closed_forms as forms
 from harness.verify.case import Measurement, Section, measurement
 from harness.verify.replicates import STRATEGIES, means, z_score
@@ -163,6 +163,31 @@ def small_lights(subject: Subject) -> Iterator[Measurement]:
         seen = [subject.image([FLOOR], [material(kd=rho)], both, view, shaders[k], **PIXEL_CENTRE)[0, 0] for k in (0, -1)]
         truth = 4 * h / (h * h + x * x) ** 1.5 + 3 * h / down
         yield measurement(np.array(seen) - rho / math.pi * truth, f"three lights, h {h}, x {x}")
+
+
+@SECTION.case("spot", "A spot light is a point light that falls off linearly in the angle from its axis.", "Mitsuba 3")
+def spot_lights(subject: Subject) -> Iterator[Measurement]:
+    """`degrees`: between the axis and the way to the point that is seen."""
+    h, x, cutoff, beam_width = 1.5, 0.7, 30.0, 20.0
+    view, toward_point = point_view((x, 5.0, 0.0), (x, 0.0, 0.0), up=(0.0, 0.0, 1.0)), math.atan2(x, h)
+    for degrees, share in ((0, 1.0), (19, 1.0), (-25, 0.5), (29, 0.1), (31, 0.0)):
+        angle = toward_point + math.radians(degrees)
+        light = SpotLight((0.0, h, 0.0), (math.sin(angle), -math.cos(angle), 0.0), grey(2), cutoff, beam_width)
+        truth = 0.5 / math.pi * share * 2 * h / math.hypot(h, x) ** 3
+        seen = [subject.image([FLOOR], [material(kd=0.5)], [light], view, shader, **PIXEL_CENTRE)[0, 0]
+                for shader in (whitted(), path_tracer(2))]  # fmt: skip
+        yield measurement(np.array(seen) - truth, f"{degrees} degrees off the axis")
+
+
+@SECTION.case("disk", "The irradiance of a disk light has its closed form, on its axis and off it.", "Howell's catalogue")
+def disk_lights(subject: Subject) -> Iterator[Measurement]:
+    for radius, height, x in subject.subset(((0.5, 1.0, 0.7), (1.0, 2.0, 0.0), (2.0, 1.5, 1.5)), 1):
+        emitter = Disk((0.0, height, 0.0), (0.0, -1.0, 0.0), radius, 1)
+        truth = 0.5 / math.pi * forms.parallel_disk(radius, height, x)
+        view, materials = point_view((x - 2.0, 0.2, 3.0), (x, 0.0, 0.0), 32), [material(kd=0.5), material(emission=1.0)]
+        for direct in STRATEGIES:
+            seen = means(subject, [FLOOR, emitter], materials, [], view, path_tracer(2, direct))
+            yield z_score(subject, seen, truth, f"R {radius}, h {height}, x {x}, {direct}")
 
 
 @SECTION.case("m", "The shadow of a sphere under a point light ends at h tan(asin(r / (h - c))).", "raybench")

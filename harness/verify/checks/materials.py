@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene import DirectionalLight, Material, Plane, Shape
+from engines.scene import Conductor, DirectionalLight, Material, Plane, Shape
+from harness.verify import closed_forms as forms
 from harness.verify.case import Measurement, Section, measurement
 from harness.verify.checks.glass import cosine_of, fresnel, toward
 from harness.verify.replicates import STRATEGIES, means, z_score
@@ -98,6 +99,30 @@ def _weights(given: Material, eta: float, cosine: float) -> tuple[float, float]:
         return kd + ks * share, kt * (1 - share)
     total = (1 - cosine**2) / eta**2 >= 1
     return (kd + ks + kt, 0.0) if total else (kd + ks, kt)
+
+
+@SECTION.case("metal", "A smooth metal reflects by Fresnel's equations, a rough one by GGX microfacets.", "Walter et al. 2007")
+def metals(subject: Subject) -> Iterator[Measurement]:
+    eta, k = 0.4, 2.4
+    smooth, rough = (_metal(eta, k, alpha) for alpha in (0.0, 0.4))
+    errors = []
+    for degrees in ANGLES:
+        view = toward(degrees, False)
+        truth = forms.conductor(eta, k, cosine_of(view))
+        errors += [subject.image([FLOOR], [smooth], [WHITE_SKY], view, shader, **PIXEL_CENTRE)[0, 0] - truth
+                   for shader in (whitted(2), path_tracer(2))]  # fmt: skip
+    yield measurement(errors, "smooth")
+    errors = []
+    for light, eye in (((30, 10), (30, 190)), ((60, 200), (20, 50)), ((10, 0), (70, 100))):
+        wi, wo = _direction(*light), _direction(*eye)
+        cosine = float(wi @ (wi + wo) / np.linalg.norm(wi + wo))
+        truth = forms.conductor(eta, k, cosine) * forms.specular_value(0.4, wo, wi)
+        errors.append(_scattered(subject, rough, wi, wo) * wi[1] - truth)
+    yield measurement(errors, "rough")
+
+
+def _metal(eta: float, k: float, alpha: float) -> Material:
+    return material(bsdf=Conductor(grey(eta), grey(k), alpha=(alpha, alpha)))
 
 
 @SECTION.case("recip", "BSDFs are reciprocal: f(wi, wo) = f(wo, wi).", "Veach 1997, 5.2")

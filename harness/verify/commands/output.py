@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections import Counter
@@ -56,7 +55,7 @@ COLOURS = {PASS: "green", XFAIL: "yellow", FAIL: "bold red", SKIP: "dim"}
 def table(results: Sequence[CheckResult], names: Sequence[str] = ()) -> Table:
     """All results as a table of the harness; `names` chooses columns."""
     chosen = [column for column in COLUMNS if not names or column.name in names]
-    rows = [dataclasses.asdict(result) for result in results]
+    rows = [dict(result) for result in results]
     note = "Errors compared with the tolerances of the precision in which each engine traces."
     return Table("verify", "Accuracy of the engines", note, chosen, rows)
 
@@ -66,7 +65,7 @@ def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     from harness.report.plots import draw_stability
 
     folder.mkdir(parents=True, exist_ok=True)
-    plots = draw_stability([dataclasses.asdict(result) for result in results], folder / "plots")
+    plots = draw_stability([dict(result) for result in results], folder / "plots")
     texts = {
         "json": json.dumps(document(results, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(results)),

@@ -37,7 +37,7 @@ export class ImageInput {
     return { x: ((event.clientX - box.left) / box.width) * this.canvas.width, y: ((event.clientY - box.top) / box.height) * this.canvas.height };
   }
 
-  // Handles of point lights. They are buttons, so that they take the keyboard focus.
+  // Handles of point and spot lights. They are buttons, so that they take the keyboard focus.
   showHandles(places) {
     const existing = new Map(Array.from(this.overlay.querySelectorAll(".handle"), (handle) => [handle.dataset.id, handle]));
     for (const { id, x, y } of places) {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from engines.scene.files import Place
-from engines.scene.model import Material
+from engines.scene.materials import Material
 from engines.schema import fields
 from engines.schema.yaml_file import Located
 

@@ -7,13 +7,14 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engines.errors import suggestion
-from engines.scene.formats.raybench.context import SceneReader
+import numpy as np
+
+from engines.errors import UnknownName, suggestion
 from engines.schema import fields
 from engines.schema.yaml_file import Located
 
 
-def load_plugin(named: Located, what: str, context: SceneReader, known: Collection[str] = ()) -> Any:
+def load_plugin(named: Located, what: str, allow_imports: bool, known: Collection[str] = ()) -> Any:
     """The plugin that a scene names here; from Python `named` may hold the plugin itself. A class is called.
 
     `known` are the names of what is built in, for the message about a name without a colon.
@@ -25,7 +26,7 @@ def load_plugin(named: Located, what: str, context: SceneReader, known: Collecti
         if ":" not in plugin:
             built_in = f"unknown {what}: {suggestion(plugin, known)}, or" if known else "must be"
             raise named.refuse(f"{built_in} module:attribute")
-        if not context.allow_imports:
+        if not allow_imports:
             raise named.refuse("imports code: pass --allow-imports (from Python: allow_imports=True) to permit it")
         plugin = _load_attribute(named)
     return plugin() if isinstance(plugin, type) else plugin
@@ -57,7 +58,7 @@ class PluginKind:
         if "type" not in node.value:
             raise node.refuse_key("type", "is missing: module:attribute of a plugin is wanted")
         named = node.value["type"]
-        plugin = load_plugin(named, self.what, context)
+        plugin = load_plugin(named, self.what, context.allow_imports)
         if not isinstance(getattr(plugin, "options", None), Mapping):
             raise named.refuse(f"is no {self.what} plugin: it has no `options`, a mapping from names to defaults")
         return self.make(plugin, read_options(node, plugin, ("type",)))
@@ -66,6 +67,15 @@ class PluginKind:
         """Any mapping with a type."""
         named = {"type": "string", "pattern": ":", "description": "The plugin. Its options stand beside this key."}
         return {"type": "object", "required": ["type"], "properties": {"type": named}, "description": self.meaning}
+
+
+def all_options(what: str, plugin: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    known = plugin.options
+    for name in given:
+        if name not in known:
+            raise UnknownName(f"option of the {what} {plugin.name!r}", name, known)
+    values = {name: given.get(name, default) for name, default in known.items()}
+    return {name: tuple(map(float, x)) if np.ndim(x) else float(x) for name, x in values.items()}
 
 
 def read_options(node: Located, plugin: Any, others: Collection[str]) -> dict[str, Any]:

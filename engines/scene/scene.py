@@ -1,21 +1,43 @@
-"""The scene file as a whole: what it holds, its reader and its JSON schema. The format is in DESIGN section 3."""
+"""The scene as a whole: what engines get, and the keys of a scene file with its JSON schema. The format is in DESIGN section 3.
+
+Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights name materials by index into
+`Scene.materials`. The arrays are read-only float64/int32. Everything in a scene has been checked by the loader
+(`engines.scene.load`): engines may rely on finite numbers, unit plane normals and valid indices.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import Any
 
+from engines.scene.cameras import CAMERA, Camera
 from engines.scene.content import content_hash
-from engines.scene.formats.raybench.cameras import CAMERA
-from engines.scene.formats.raybench.context import SceneReader
-from engines.scene.formats.raybench.lights import LIGHTS
-from engines.scene.formats.raybench.materials import MATERIAL
-from engines.scene.formats.raybench.shapes import ShapeKind
-from engines.scene.model import Light, Material, Mesh, Scene, Shape
+from engines.scene.context import SceneReader
+from engines.scene.lights import LIGHTS, Light
+from engines.scene.materials import MATERIAL, Material
+from engines.scene.mesh import Mesh
+from engines.scene.shapes import Shape, ShapeKind
 from engines.schema.keys import Given, Key, Record, by_name, list_of
 from engines.schema.kinds import TEXT, integer
 from engines.schema.yaml_file import Located
 
+__all__ = ["Scene", "scene_schema"]
+
 FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order)."""
+
+    name: str
+    camera: Camera
+    materials: tuple[Material, ...]
+    shapes: tuple[Shape, ...]
+    lights: tuple[Light, ...]
+    content_hash: str
+    source: str = ""
+    warnings: tuple[str, ...] = field(default=())
 
 
 class MaterialsKind:

@@ -17,7 +17,7 @@ from engines.numpy_reference.lights import LIGHTS, InfiniteLightSet, LightSample
 from engines.numpy_reference.lights.area import AreaLights
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import Array, Indices, dot
-from engines.scene.model import Light
+from engines.scene import Light
 
 
 class Infinite(NamedTuple):

@@ -1,17 +1,20 @@
-"""Cameras of a scene file: those of `CAMERAS`, or a plugin named `module:attribute`. A camera is one entry."""
+"""Cameras: what engines get, and the keys of a scene file. One is an entry of `CAMERAS`, or a plugin `module:attribute`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
-from engines.scene.formats.raybench.context import SceneReader
-from engines.scene.formats.raybench.plugins import load_plugin, read_options
-from engines.scene.model import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, Triple
+from engines.scene.plugins import all_options, load_plugin, read_options
+from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Tagged
 from engines.schema.kinds import ANGLE, POINT, POSITIVE, Kind, integer, one_of
 from engines.schema.yaml_file import Located
+
+__all__ = ["Camera", "CustomCamera", "Orthographic", "Perspective", "PerspectiveArctan"]
 
 DEFAULT_RESOLUTION = (256, 256)
 LARGEST_SIDE = 65_536
@@ -19,6 +22,63 @@ PARALLEL = 1e-9
 """Sine of the angle between `up` and the view below which they count as parallel."""
 BYTES_PER_PIXEL = 200
 """Sums, squares, halves and counts of a film, and a mean and a bitmap made from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Perspective:
+    """Pinhole: `fov` in degrees is the full angle along `fov_axis` ("x" or "y")."""
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    fov: float
+    fov_axis: str
+    resolution: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class PerspectiveArctan:
+    """MobileRT's camera: a ray's slope is the arctangent of an angle in proportion to its place on the image.
+
+    A ray at the share s of the half image, from -1 to 1, has the slope A(s fov/2), `fov` (degrees) along `fov_axis`;
+    along the other axis the angle is in proportion to the sides. A is MobileRT's polynomial for the arctangent, right
+    to 0.0015: `A(x) = x (pi/4 + (1 - |x|)(0.2447 + 0.0663 |x|))` up to x = 1, and `pi/2 - A(1/x)` beyond. It shows less
+    than a pinhole of that angle (40.9 degrees for 45), and bends lines that miss the middle.
+    """
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    fov: float
+    fov_axis: str
+    resolution: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Orthographic:
+    """Parallel rays along target - eye from a window centred on `eye`, `height` metres high in full."""
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    height: float
+    resolution: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class CustomCamera:
+    """A camera plugin (see `engines.plugin.Camera`); `options` as in `CustomBSDF`, or any where the plugin lists none."""
+
+    plugin: Any
+    options: Mapping[str, Any]
+    resolution: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if getattr(self.plugin, "options", None) is not None:
+            object.__setattr__(self, "options", all_options("camera", self.plugin, self.options))
+
+
+Camera = Perspective | PerspectiveArctan | Orthographic | CustomCamera
 
 
 def _resolution(node: Located) -> tuple[int, int]:
@@ -41,7 +101,7 @@ def _cross(a: Triple, b: Triple) -> Triple:
 
 
 def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
-    def make(given: Given, context: SceneReader) -> Camera:
+    def make(given: Given, context: Any) -> Camera:
         _check_frame(given)
         return kind(**given.values)
 
@@ -74,8 +134,8 @@ CAMERAS = {
 }
 
 
-def _custom(node: Located, named: Located, context: SceneReader) -> CustomCamera:
-    plugin = load_plugin(named, "camera", context, CAMERAS)
+def _custom(node: Located, named: Located, context: Any) -> CustomCamera:
+    plugin = load_plugin(named, "camera", context.allow_imports, CAMERAS)
     if getattr(plugin, "options", None) is None:
         options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
     else:

@@ -1,0 +1,158 @@
+"""Lights: what engines get of each, and beside it the keys of a scene file. A light is one entry of `LIGHTS`.
+
+Area lights are not among them: they are shapes whose material emits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import SceneError
+from engines.scene.context import SceneReader
+from engines.scene.plugins import PluginKind, all_options
+from engines.scene.triple import Triple
+from engines.schema import fields
+from engines.schema.keys import Given, Key, Record, Variants
+from engines.schema.kinds import ANGLE, DIRECTION, POINT, TEXT, color, one_of
+
+__all__ = ["CustomLight", "DirectionalLight", "EnvironmentLight", "Light", "PointLight", "SpotLight"]
+
+_POSITION = Key(POINT, "Position of the light.", unit="metres")
+
+
+@dataclass(frozen=True, slots=True)
+class PointLight:
+    """`intensity` in W/sr; `falloff` off is for the historical scenes only: the light then acts as at distance 1."""
+
+    position: Triple
+    intensity: Triple
+    falloff: bool = True
+
+
+def _point(given: Given, context: SceneReader) -> PointLight:
+    return PointLight(given["position"], given["intensity"], given["falloff"] != "none")
+
+
+_FALLOFF = one_of(("inverse_square", "none"), "falloff")
+_POINT = Record("A point light that is equal in all directions.", {
+    "position": _POSITION,
+    "intensity": Key(color(), "Radiant intensity.", unit="W/sr"),
+    "falloff": Key(_FALLOFF, "Dependence on distance; with none it is everywhere that at 1 m.", "inverse_square"),
+}, _point)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class SpotLight:
+    """A point light that shines into a cone about the unit vector `direction`.
+
+    `intensity` in W/sr holds within `beam_width` degrees of `direction` and falls linearly with the angle theta to 0 at
+    `cutoff` degrees: times (cutoff - theta) / (cutoff - beam_width). Half angles; 0 < `beam_width` <= `cutoff` < 180.
+    """
+
+    position: Triple
+    direction: Triple
+    intensity: Triple
+    cutoff: float
+    beam_width: float
+
+
+def _spot(given: Given, context: SceneReader) -> SpotLight:
+    position, cutoff, beam_width = given["position"], given["cutoff"], given["beam_width"]
+    direction = given["direction"] or fields.towards(given.at("target"), position, "position")
+    if beam_width is None:
+        beam_width = 0.75 * cutoff
+    elif beam_width > cutoff:
+        raise given.at("beam_width").refuse(f"must not exceed cutoff, which is {cutoff:g}")
+    return SpotLight(position, direction, given["intensity"], cutoff, beam_width)
+
+
+_SPOT = Record("A point light that is limited to a cone about an axis.", {
+    "position": _POSITION,
+    "target": Key(POINT, "A point on the axis.", None, unit="metres"),
+    "direction": Key(DIRECTION, "Direction of the axis, of any length.", None),
+    "intensity": Key(color(), "Radiant intensity within beam_width of the axis.", unit="W/sr"),
+    "cutoff": Key(ANGLE, "Angle from the axis beyond which there is no light.", 20, unit="degrees"),
+    "beam_width": Key(
+        ANGLE, "Angle from the axis beyond which intensity falls linearly, to 0 at cutoff; by default 3/4 of that.",
+        None, unit="degrees",
+    ),
+}, _spot, either=(("target",), ("direction",)))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionalLight:
+    """`direction` of travel, unit; `irradiance` in W/m2 on a surface that faces it."""
+
+    direction: Triple
+    irradiance: Triple
+
+
+_DIRECTIONAL = Record("Parallel light from infinity, as from the sun.", {
+    "direction": Key(DIRECTION, "Direction in which light travels, of any length."),
+    "irradiance": Key(color(), "Irradiance of a surface that faces the light.", unit="W/m²"),
+}, lambda given, context: DirectionalLight(**given.values))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EnvironmentLight:
+    """Radiance from infinity: constant `radiance`, or `image` (h, w, 3) latitude-longitude times `radiance`.
+
+    Image convention: +y up, row 0 at the top (theta = 0); a direction d has v = acos(d.y)/pi and
+    u = atan2(d.x, -d.z)/(2 pi) modulo 1, so -z is at the left edge and +z in the middle. Looked up bilinearly.
+    """
+
+    radiance: Triple
+    image: NDArray[np.float64] | None = None
+
+
+def _environment(given: Given, context: SceneReader) -> EnvironmentLight:
+    if not given.node.value:
+        raise given.node.refuse("needs radiance, image, or both")
+    return EnvironmentLight(given["radiance"], _image(given, context) if given.has("image") else None)
+
+
+def _image(given: Given, context: SceneReader) -> Any:
+    from engines.image import read_image
+
+    node = given.at("image")
+    file = context.place.find(node, given["image"])
+    try:
+        image = read_image(file)
+    except SceneError as problem:
+        raise SceneError(f"{node.where}: {problem}") from problem
+    if not (image >= 0.0).all() or image.max() == float("inf"):
+        raise node.refuse("holds radiance that is negative, infinite or not a number")
+    image.flags.writeable = False
+    return image
+
+
+_ENVIRONMENT = Record("Light from infinity, all around. At least one of the keys is required.", {
+    "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
+    "image": Key(TEXT, "File of a latitude-longitude image, +y up, .exr or 8-bit, relative to the scene's folder.", None),
+}, _environment)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class CustomLight:
+    """A light plugin (see `engines.plugin.Light`); `options` as in `CustomBSDF`."""
+
+    plugin: Any
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "options", all_options("light", self.plugin, self.options))
+
+
+Light = PointLight | DirectionalLight | SpotLight | EnvironmentLight | CustomLight
+LIGHTS = Variants("light", {
+    "point": _POINT,
+    "spot": _SPOT,
+    "directional": _DIRECTIONAL,
+    "environment": _ENVIRONMENT,
+    "plugin": PluginKind("light", "A light of one's own; loaded with --allow-imports alone.", CustomLight),
+})  # fmt: skip

@@ -1,0 +1,149 @@
+"""Shapes: what engines get of each, and beside it the keys of a scene file. A shape is one entry of `SHAPES`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.context import SceneReader
+from engines.scene.geometry import has_area
+from engines.scene.mesh import MESH, Mesh
+from engines.scene.procedural import PROCEDURAL
+from engines.scene.sphere_set import SphereSet
+from engines.scene.triple import Triple
+from engines.schema.keys import Given, Key, Record, Variants
+from engines.schema.kinds import DIRECTION, POINT, POSITIVE, TEXT
+from engines.schema.yaml_file import Located
+
+__all__ = ["Disk", "Plane", "Shape", "Sphere", "Triangle"]
+
+Box = NDArray[np.float64]
+"""(2, 3) lowest and highest coordinates."""
+
+
+def _of(shape: Callable[..., Shape]) -> Callable[[Given, SceneReader], Shape]:
+    return lambda given, context: shape(**given.values, material=context.material)
+
+
+_CENTER = Key(POINT, "Center of the shape.", unit="metres")
+_NORMAL = Key(DIRECTION, "Direction towards the front, of any length.")
+_RADIUS = Key(POSITIVE, "Radius of the shape.", unit="metres")
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """Infinite; `normal` is unit and points to the front."""
+
+    point: Triple
+    normal: Triple
+    material: int
+
+    def bounds(self) -> None:
+        """None: a plane has no end."""
+
+
+_PLANE = Record(
+    "An infinite plane. One that emits is found by scattered rays alone.",
+    {"point": Key(POINT, "Any point of the plane.", unit="metres"), "normal": _NORMAL}, _of(Plane),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """Outside is the front: the normal points away from `center`; `radius` is above zero."""
+
+    center: Triple
+    radius: float
+    material: int
+
+    def bounds(self) -> Box:
+        """The corners of its bounding box."""
+        return np.stack([np.subtract(self.center, self.radius), np.add(self.center, self.radius)])
+
+
+_SPHERE = Record("A sphere. Its outside is the front.", {"center": _CENTER, "radius": _RADIUS}, _of(Sphere))
+
+
+@dataclass(frozen=True, slots=True)
+class Disk:
+    """Flat and round; `normal` is unit and points to the front; `radius` is above zero. One that emits is sampled."""
+
+    center: Triple
+    normal: Triple
+    radius: float
+    material: int
+
+    def bounds(self) -> Box:
+        """The corners of its bounding box: along an axis it reaches as far as the sine of its normal's angle with the axis."""
+        extent = self.radius * np.sqrt(np.maximum(0.0, 1.0 - np.square(self.normal)))
+        return np.stack([np.subtract(self.center, extent), np.add(self.center, extent)])
+
+
+_DISK = Record("A flat disk.", {"center": _CENTER, "normal": _NORMAL, "radius": _RADIUS}, _of(Disk))
+
+
+@dataclass(frozen=True, slots=True)
+class Triangle:
+    """Counter-clockwise seen from the front: the normal is (b - a) x (c - a)."""
+
+    a: Triple
+    b: Triple
+    c: Triple
+    material: int
+
+    def bounds(self) -> Box:
+        """The corners of its bounding box."""
+        corners = np.array([self.a, self.b, self.c])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+
+_CORNER = Key(POINT, "A corner; a, b, c run counter-clockwise seen from the front.", unit="metres")
+_TRIANGLE = Record("A triangle.", dict.fromkeys("abc", _CORNER), _of(Triangle))
+
+Shape = Plane | Sphere | Disk | Triangle | Mesh | SphereSet
+SHAPES = Variants("shape", {
+    "sphere": _SPHERE,
+    "disk": _DISK,
+    "plane": _PLANE,
+    "triangle": _TRIANGLE,
+    "mesh": MESH,
+    "procedural": PROCEDURAL,
+}, {"material": Key(TEXT, "Name of one of the materials; a mesh from an OBJ file may leave it to the file.")})  # fmt: skip
+
+
+class ShapeKind:
+    """A shape with its material. The context is a `SceneReader`."""
+
+    def read(self, node: Located, context: Any = None) -> Shape:
+        kind = SHAPES.choose(node)
+        body, named = node.value[kind], node.value.get("material")
+        context.material = None if named is None else context.table.index(named)
+        if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
+            raise node.refuse_key("material", "is missing")
+        shape = SHAPES.records[kind].read(body, context)
+        _check_area(node, shape, context)
+        return shape
+
+    def schema(self) -> dict[str, Any]:
+        return SHAPES.schema()
+
+
+def _check_area(node: Located, shape: Shape, context: SceneReader) -> None:
+    """Counts degenerate triangles, and refuses an emitting material where they are all there is."""
+    if isinstance(shape, Triangle):
+        vertices, faces = np.array([shape.a, shape.b, shape.c]), np.array([[0, 1, 2]], np.int32)
+        materials = np.array([shape.material], np.int32)
+    elif isinstance(shape, Mesh):
+        vertices, faces, materials = shape.vertices, shape.faces, shape.materials
+    else:
+        return
+    area = has_area(vertices, faces)
+    context.degenerate += int((~area).sum())
+    emits = np.array([material.emits for material in context.table.materials], bool)[materials]
+    if emits.any() and not (emits & area).any():
+        name = context.table.materials[int(materials[emits][0])].name
+        raise node.refuse(f"material {name!r} emits, but the shape has no area")
