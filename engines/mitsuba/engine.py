@@ -40,7 +40,7 @@ class Engine:
     """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32.
 
     With `on_pass`, `stop` is heard after every sample a pixel, or where the sampler has patterns, every sixteen. Without, it
-    is heard between kernel launches: three quarters of a second, or seventy times as long as recording one takes where
+    is heard between kernel launches: a second and a half, or seventy times as long as recording one takes where
     surfaces are many; and of patterns as long as it takes to trace four million paths, or a whole pattern of one pixel.
     Shorter launches would make the peer look slow. A pattern that `stop` ends between its launches is dropped.
     """

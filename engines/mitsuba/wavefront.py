@@ -1,8 +1,9 @@
 """Passes of the JIT-compiled variant: every lane of a launch is one sample of one pixel, as in `mitsuba.render`.
 
-The samples of a pixel lie side by side, so that the lanes of a vector follow similar paths. A second kernel adds them to
-the film's sums, squares and even sums, in the order of their indices: the film does not depend on how samples are split into
-calls. `python -m tests.benchmarks.adapter_overhead` compares the time that this takes with that of `mitsuba.render`.
+The samples of a pixel lie side by side, and neighbouring pixels next, so that the lanes of a vector follow similar paths. A
+second kernel adds them to the film's sums, squares and even sums, in the order of their indices: the film does not depend
+on how samples are split into calls. `python -m tests.benchmarks.adapter_overhead` compares the time that this takes with that
+of `mitsuba.render`.
 """
 
 from __future__ import annotations
@@ -24,10 +25,14 @@ FIRST_LANES = 1 << 20
 recording one."""
 MOST_LANES = 1 << 22
 """Of a launch, where a pixel needs no more: the radiance of its samples, 12 bytes a lane, lies in memory until it is added."""
-LAUNCH_SECONDS, RECORDINGS = 0.5, 50.0
+LAUNCH_SECONDS, RECORDINGS = 1.0, 50.0
 """Recording costs milliseconds, and seconds where surfaces are many; in a launch neither `stop` nor an interrupt is heard."""
 LANES_OF_A_VECTOR = 16
 """At most. A part of a pattern costs least in whole vectors, for the lanes of its other samples idle."""
+
+
+STRIP_ROWS = 4
+"""Independent samples are launched along columns of so many rows: a vector then covers four pixels by four, or fewer."""
 
 
 class Band(NamedTuple):
@@ -64,7 +69,8 @@ class Wavefront:
 
     def _zeros(self, pixels: int) -> Sums:
         mi, dr = self._stage.mi, self._stage.dr
-        zeros = Sums(*(dr.zeros(mi.Float64, 3 * pixels) for _ in range(3)), dr.zeros(mi.UInt32, pixels))
+        sums, squares, evens = (dr.zeros(mi.Float64, 3 * pixels) for _ in range(3))
+        zeros = Sums(sums, squares, evens, dr.zeros(mi.UInt32, pixels))
         dr.make_opaque(*zeros)  # known constants would make a kernel of their own
         return zeros
 
@@ -85,11 +91,11 @@ class Wavefront:
 
     def compile(self) -> None:
         """Compiles the kernels of `render`, by two samples of a few pixels."""
-        band = Band(0, min(4, self._bands[0].pixels))
+        band = Band(0, min(STRIP_ROWS, self._bands[0].pixels))
         self._launch(band, self._zeros(band.pixels), 0, min(2, self._pattern or 2))
 
     def render(self, samples: int) -> bool:
-        """Adds samples to every pixel; False where `cancel` ended that, and then those of a whole call or pattern are missing."""
+        """Adds samples to every pixel; False where `cancel` ended that, between patterns or within one, which is dropped."""
         self._cancelled = False
         while samples > 0:
             now = min(samples, self._pattern - self.done % self._pattern) if self._pattern else samples
@@ -143,14 +149,30 @@ class Wavefront:
         pixel = mi.UInt32((mi.Float64(lane) + 0.5) / mi.Float64(per_pixel))  # exact below 2^32, and vectors divide so
         sample = lane - pixel * per_pixel
         pixel += dr.opaque(mi.UInt32, band.first)
+        x, y = (pixel % width, pixel // width) if self._pattern else self._from_strips(pixel)
         sampler = self._sampler(band, first, pixel, sample)
         active = mi.Bool(True)
         if self._pattern:
             active = (sample >= dr.opaque(mi.UInt32, place)) & (sample < dr.opaque(mi.UInt32, place + count))
-        corner = mi.Vector2f(pixel % width, pixel // width)
-        position = (corner + sampler.next_2d(active)) / mi.Vector2f(width, height)
+        position = (mi.Vector2f(x, y) + sampler.next_2d(active)) / mi.Vector2f(width, height)
         ray, weight = self._stage.camera.sample_ray_differential(0.0, 0.5, position, mi.Point2f(0.5), active)
         return mi.Color3f(weight * self._radiance(sampler, ray, active)), lanes, place
+
+    def _from_strips(self, index: Any) -> tuple[Any, Any]:
+        """Column and row of the pixels of an index that runs along columns of `STRIP_ROWS` rows."""
+        mi, dr, (width, height) = self._stage.mi, self._stage.dr, self._stage.size
+        top = index // (STRIP_ROWS * width) * STRIP_ROWS
+        rows = dr.minimum(height - top, STRIP_ROWS)
+        within = index - top * width
+        column = mi.UInt32((mi.Float(within) + 0.5) / mi.Float(rows))  # exact below 2^22
+        return column, top + within - column * rows
+
+    def _in_strips(self, pixel: Any) -> Any:
+        """The inverse of `_from_strips`, of y * width + x."""
+        dr, (width, height) = self._stage.dr, self._stage.size
+        x, y = pixel % width, pixel // width
+        top = y // STRIP_ROWS * STRIP_ROWS
+        return top * width + x * dr.minimum(height - top, STRIP_ROWS) + y - top
 
     def _sampler(self, band: Band, first: int, pixel: Any, sample: Any) -> Any:
         mi, dr, seed = self._stage.mi, self._stage.dr, self._stage.settings.seed
@@ -169,7 +191,8 @@ class Wavefront:
         """`before` with samples added, in the order of their indices."""
         mi, dr = self._stage.mi, self._stage.dr
         pixel = dr.arange(mi.UInt32, len(before.bad))
-        begin = pixel * dr.opaque(mi.UInt32, lanes) + dr.opaque(mi.UInt32, place)
+        launched = pixel if self._pattern else self._in_strips(pixel)
+        begin = launched * dr.opaque(mi.UInt32, lanes) + dr.opaque(mi.UInt32, place)
         parity, end = dr.opaque(mi.UInt32, first & 1), dr.opaque(mi.UInt32, count)
 
         def go_on(index: Any, *state: Any) -> Any:
@@ -186,7 +209,8 @@ class Wavefront:
         held = [dr.gather(mi.Vector3d, array, pixel) for array in before[:3]]
         labels = ("index", "sums", "squares", "evens", "bad")
         _, *gathered, bad = dr.while_loop((mi.UInt32(0), *held, before.bad), go_on, step, labels=labels)
-        return Sums(*map(dr.ravel, gathered), bad)
+        sums, squares, evens = map(dr.ravel, gathered)
+        return Sums(sums, squares, evens, bad)
 
 
 def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:

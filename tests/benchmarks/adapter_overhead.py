@@ -1,4 +1,4 @@
-"""What an adapter costs its peer: `python -m tests.benchmarks.adapter_overhead --engine mitsuba [--scenes NAME...] [--spp N...]`.
+"""What an adapter costs its peer: `python -m tests.benchmarks.adapter_overhead [--engine mitsuba] [--spp N...] [--rounds N]`.
 
 The peer's own call (`mitsuba.render`, evaluated and waited for) and `render` of the engine take turns in one process, on the
 same loaded scene with the same integrator, sampler, size and threads, in mirrored order (native, adapter, adapter, native).
@@ -120,9 +120,9 @@ def main() -> None:
     for name in given.scenes:
         scene = engines.load_scene(paths.find("scenes", name))
         for sampler in given.samplers:
-            for spp in given.spp:
-                whole = engine.full_pattern({"name": sampler}, spp)
-                spp, chosen = (spp, sampler) if whole is None else (whole.spp, whole.sampler)
+            for wanted in given.spp:
+                whole = engine.full_pattern({"name": sampler}, wanted)
+                spp, chosen = (wanted, sampler) if whole is None else (whole.spp, whole.sampler)
                 settings = engines.Settings(
                     given.size, given.size, shader=SHADER, sampler=chosen, threads=given.threads, precision="float32"
                 )

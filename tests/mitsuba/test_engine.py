@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -188,9 +189,21 @@ def test_every_sample_of_every_pixel_has_a_stream_of_its_own():
     draws = draws.reshape(6, 256, 256).astype(float)
     assert abs(draws.mean() - 0.5) < 5 / np.sqrt(12 * draws.size)
     flat = draws.reshape(6, -1)
-    beside = [flat[0, 1:], flat[0, :-1], draws[0].T.ravel()[1:], draws[0].T.ravel()[:-1]]
-    for one, other in (*zip(flat[:-1], flat[1:], strict=True), beside[:2], beside[2:]):
+    of_a_pixel = draws[0].T.ravel()
+    beside = (flat[0, 1:], flat[0, :-1]), (of_a_pixel[1:], of_a_pixel[:-1])
+    for one, other in (*pairwise(flat), *beside):
         assert abs(np.corrcoef(one, other)[0, 1]) < 5 / 256
+
+
+@installed
+@pytest.mark.parametrize("size", [(1, 1), (9, 7), (5, 8), (2, 65)])
+def test_independent_samples_are_launched_in_strips_that_hold_every_pixel(size):
+    passes = Engine().prepare(_plain(), Settings(*size, sampler="random"))._passes
+    mi, dr = passes._stage.mi, passes._stage.dr
+    x, y = (np.array(of, int) for of in passes._from_strips(dr.arange(mi.UInt32, size[0] * size[1])))
+    assert sorted(y * size[0] + x) == list(range(size[0] * size[1]))
+    assert np.array_equal(passes._in_strips(mi.UInt32(y * size[0] + x)), np.arange(len(x)))
+    assert x[:16].max() <= 3  # a vector's lanes stay together
 
 
 def test_every_seed_and_pass_has_a_seed_of_its_own():
