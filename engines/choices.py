@@ -103,6 +103,10 @@ SAMPLERS: dict[str, dict[str, Option]] = {
     "sobol": {"scramble": Option("owen", "per-pixel randomisation", one_of("owen", "none"))},
 }
 
+SMOOTH_SAMPLERS = ("random",)
+"""Samplers of independent samples, whose error falls smoothly with every sample. That of the others is least after whole
+patterns (powers of two, all strata) and larger between them."""
+
 
 def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) -> Choice:
     """Turns what a user wrote into a `Choice` with every option present; NumPy numbers become Python's.

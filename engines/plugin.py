@@ -41,12 +41,16 @@ class Shader:
 
 @dataclass(frozen=True, slots=True)
 class Sampler:
-    """A sampler as a plugin: pure functions of (pixel, sample, dimension, seed); see `Shader` for the two engines."""
+    """A sampler as a plugin: pure functions of (pixel, sample, dimension, seed); see `Shader` for the two engines.
+
+    `smooth`: whether its samples are independent, so that the error falls smoothly with every one, rather than patterned.
+    """
 
     name: str
     jitted: Callable[..., Any] | None = None
     numpy: Callable[..., Any] | None = None
     options: Mapping[str, float] = field(default_factory=dict)
+    smooth: bool = False
 
 
 @dataclass(frozen=True, slots=True)

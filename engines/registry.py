@@ -60,6 +60,11 @@ def engine(name: Any) -> Engine:
     raise UnknownName("engine", name, known_names())
 
 
+def lineage_of(engine: Engine) -> str:
+    """What an engine shares its code with, and so its errors: its attribute `lineage`, or its own name."""
+    return str(getattr(engine, "lineage", engine.name))
+
+
 def all_engines() -> list[Engine]:
     """Every engine that can be had by name; one that cannot is left out with a warning that says why."""
     found = []
@@ -112,6 +117,9 @@ def _made(found: Any, name: object) -> Engine:
         raise ConfigError(f"engine {name!r}: {found!r} is no engine: it lacks {', '.join(lacking)}")
     if not isinstance(made.name, str) or not made.name.isprintable() or not made.name.strip():
         raise ConfigError(f"engine {name!r}: its name is {made.name!r}: a line of text is wanted")
+    lineage = getattr(made, "lineage", made.name)
+    if not isinstance(lineage, str) or not lineage.isprintable() or not lineage.strip():
+        raise ConfigError(f"engine {name!r}: its lineage is {lineage!r}: a line of text is wanted")
     return made
 
 

@@ -8,6 +8,7 @@ image that holds one has infinite error and unknown (NaN) perceptual scores.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 
@@ -27,15 +28,19 @@ LATTICE = 8
 METRIC_MEANINGS = {
     "relmse": "mean((A-R)^2 / (R^2 + eps)) over pixels and channels (Rousselle et al. 2011); eps is in the name",
     "relmse_corrected": "mean((A-R1)(A-R2) / (R^2 + eps)): the reference's own noise cancels; may be negative",
-    "relmse_se": "standard error of the corrected relMSE over interleaved groups of pixels",
+    "relmse_se": "standard error of the corrected relMSE by the noise of the reference",
     "relmse_trimmed": "relMSE without the 0.1 % of pixels where it is largest",
     "mse": "mean((A-R)^2), radiance squared",
     "mse_corrected": "mean((A-R1)(A-R2)), radiance squared; may be negative",
+    "mse_se": "standard error of the corrected MSE by the noise of the reference",
     "mape": "mean(|A-R| / (|R| + 0.01))",
     "smape": "mean(|A-R| / ((|A|+|R|)/2 + 0.01))",
     "psnr": "10 log10(1 / MSE) in dB of sRGB-encoded, clipped images",
     "ssim": "structural similarity of sRGB-encoded, clipped images (Gaussian window of 11 pixels, sigma 1.5)",
     "flip": "mean FLIP (LDR, 67 pixels per degree) of sRGB-encoded, clipped images",
+    **{f"{name}_se": f"how far the reference's noise moves {what}, from the scores against its halves; of the targets' metric"
+       for name, what in (("mape", "MAPE"), ("smape", "SMAPE"), ("psnr", "the MSE that PSNR stands for"),
+                          ("ssim", "1 - SSIM"), ("flip", "FLIP"))},
     "nonfinite": "pixels with a NaN or infinite channel",
     "mean": "mean radiance of a channel over the image",
 }
@@ -55,10 +60,11 @@ class Reference:
     spp: int
 
 
-def measure(image: Image, reference: Reference, epsilon: float) -> dict[str, float]:
+def measure(image: Image, reference: Reference, epsilon: float, metric: str = "") -> dict[str, float]:
     """All metrics of `image` (h, w, 3) against `reference`; METRIC_MEANINGS explains the keys.
 
-    Raises ValueError where the shapes differ or `epsilon` is not positive.
+    `metric` is the one that targets are set on: it has a standard error by the reference's noise, which relMSE and MSE
+    have always. Raises ValueError where the shapes differ or `epsilon` is not positive.
     """
     image = np.asarray(image, np.float64)
     if image.shape != reference.mean.shape:
@@ -68,6 +74,8 @@ def measure(image: Image, reference: Reference, epsilon: float) -> dict[str, flo
     nonfinite = int((~np.isfinite(image).all(axis=2)).sum())
     with np.errstate(invalid="ignore", over="ignore"):
         scores = {**_errors(image, reference, epsilon), **_display_scores(image, reference.mean, nonfinite == 0)}
+        if metric in _UNCORRECTED:
+            scores[f"{metric}_se"] = math.inf if nonfinite else noise_by_halves(metric, image, reference)
         means = {f"mean_{name}": float(image[:, :, channel].mean()) for channel, name in enumerate("rgb")}
     if nonfinite:
         scores = {key: math.inf if key not in _display_keys() else value for key, value in scores.items()}
@@ -105,10 +113,44 @@ def error_words(metric: str) -> str:
     return f"{error}not freed of the reference's noise"
 
 
+def reference_noise(image: Image, reference: Reference, epsilon: float | None = None) -> float:
+    """Standard error by the noise of the reference: of the corrected relMSE, without `epsilon` of the corrected MSE.
+
+    With e = A - R its square is the sum over pixels of (sum over channels of w e (R1 - R2))^2, over N^2 for N pixels times
+    channels. R1 - R2 has the variance of R1 + R2, by which each product (A-R1)(A-R2) errs, and is uncorrelated with it. w is
+    1 for MSE. For relMSE it is (1 + e R / d) / d, since the denominator d = R^2 + eps errs as well: without that term the
+    result is several times too small where e is larger than R. And the noise of d shifts the expectation, by the mean of
+    e^2 v (4 R^2 / d - 1) / d^2 with v = (R1 - R2)^2 / 4, which is added to the standard error (root of squares). The
+    noises of a pixel's channels may be correlated, those of different pixels are not.
+    """
+    error, difference = image - reference.mean, reference.half_1 - reference.half_2
+    parts, shift = error * difference, 0.0
+    if epsilon is not None:
+        denominator = reference.mean**2 + epsilon
+        share = reference.mean**2 / denominator
+        shift = float(((parts / denominator) ** 2 * (share - 0.25)).mean())
+        parts *= (1.0 + error * reference.mean / denominator) / denominator
+    return math.hypot(math.sqrt((parts.sum(axis=2) ** 2).sum()) / parts.size, shift)
+
+
+def noise_by_halves(metric: str, image: Image, reference: Reference) -> float:
+    """How far the reference's noise moves a metric that is not freed of it (`as_error`), from scores against its halves.
+
+    A half has twice the variance. What a score's expectation grows by, in proportion to the variance while the noise is
+    small beside the error, is thus the mean score of the halves less that of the reference; and half the difference
+    of the halves' scores has the spread of their mean. The root of the sum of both squares.
+    """
+    whole, *halves = (
+        as_error(metric, _UNCORRECTED[metric](image, other))
+        for other in (reference.mean, reference.half_1, reference.half_2)
+    )
+    return math.hypot(sum(halves) / 2 - whole, (halves[0] - halves[1]) / 2)
+
+
 def corrected_error_map(image: Image, reference: Reference, epsilon: float) -> Image:
     """(h, w, 3): (A-R1)(A-R2) / (R^2 + eps), whose expectation holds no noise of the reference.
 
-    That is true to second order: R in the denominator is noisy itself, so the reference should be good to 10 % a pixel.
+    R in the denominator is noisy itself, which shifts it: see `reference_noise`.
     """
     return (image - reference.half_1) * (image - reference.half_2) / (reference.mean**2 + epsilon)
 
@@ -134,17 +176,25 @@ def _errors(image: Image, reference: Reference, epsilon: float) -> dict[str, flo
     mean = reference.mean
     difference = image - mean
     relative = difference**2 / (mean**2 + epsilon)
-    corrected = corrected_error_map(image, reference, epsilon)
     return {
         name: float(relative.mean()),
-        f"{name}_corrected": float(corrected.mean()),
-        f"{name}_se": standard_error(corrected),
+        f"{name}_corrected": float(corrected_error_map(image, reference, epsilon).mean()),
+        f"{name}_se": reference_noise(image, reference, epsilon),
         f"{name}_trimmed": _trimmed_mean(relative),
         "mse": float((difference**2).mean()),
         "mse_corrected": float(((image - reference.half_1) * (image - reference.half_2)).mean()),
-        "mape": float((abs(difference) / (abs(mean) + PERCENTAGE_EPSILON)).mean()),
-        "smape": float((abs(difference) / ((abs(image) + abs(mean)) / 2 + PERCENTAGE_EPSILON)).mean()),
+        "mse_se": reference_noise(image, reference),
+        "mape": _mape(image, mean),
+        "smape": _smape(image, mean),
     }
+
+
+def _mape(image: Image, mean: Image) -> float:
+    return float((abs(image - mean) / (abs(mean) + PERCENTAGE_EPSILON)).mean())
+
+
+def _smape(image: Image, mean: Image) -> float:
+    return float((abs(image - mean) / ((abs(image) + abs(mean)) / 2 + PERCENTAGE_EPSILON)).mean())
 
 
 def _trimmed_mean(values: Image) -> float:
@@ -163,11 +213,12 @@ def _display_scores(image: Image, mean: Image, finite: bool) -> dict[str, float]
     if not finite:
         return dict.fromkeys(_display_keys(), math.nan)
     shown, wanted = srgb(image), srgb(mean)
+    return {key: _DISPLAY[key](shown, wanted) for key in _display_keys()}
+
+
+def _psnr(shown: Image, wanted: Image) -> float:
     mse = float(((shown - wanted) ** 2).mean())
-    scores = {"psnr": -10.0 * math.log10(mse) if mse > 0 else math.inf, "ssim": _ssim(shown, wanted)}
-    if "flip" in _display_keys():
-        scores["flip"] = _flip(shown, wanted)
-    return scores
+    return -10.0 * math.log10(mse) if mse > 0 else math.inf
 
 
 def _ssim(shown: Image, wanted: Image) -> float:
@@ -188,3 +239,12 @@ def _flip(shown: Image, wanted: Image) -> float:
 
     pair = (np.ascontiguousarray(wanted, np.float32), np.ascontiguousarray(shown, np.float32))
     return float(flip_evaluator.evaluate(*pair, "LDR", applyMagma=False)[1])
+
+
+_DISPLAY: dict[str, Callable[[Image, Image], float]] = {"psnr": _psnr, "ssim": _ssim, "flip": _flip}
+"""Scores of two images that are clipped and sRGB-encoded."""
+_UNCORRECTED: dict[str, Callable[[Image, Image], float]] = {
+    "mape": _mape, "smape": _smape,
+    **{key: lambda image, mean, score=score: score(srgb(image), srgb(mean)) for key, score in _DISPLAY.items()},
+}  # fmt: skip
+"""Scores of two images of linear radiance that hold the reference's noise."""

@@ -39,6 +39,7 @@ class Engine:
     confirmed and solved anew, which `refine` switches off."""
 
     name = "embree"
+    lineage = "raybench-kernels"
     version = "2"
     not_promised: Mapping[str, str] = NOT_PROMISED
 

@@ -36,6 +36,7 @@ class Engine:
     """
 
     name = "embreex_batch"
+    lineage = "raybench-numpy"
     version = "1"
     tracing_precision = "float32"
 

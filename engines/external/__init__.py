@@ -2,6 +2,7 @@
 
     raybench_renderer: 1
     name: lantern                      # what tables call it; not the name of one of raybench's engines
+    lineage: lantern                   # engines that share its code; by default the name
     version: "3.9"                     # part of a cell's identity, as is the content of this file
     command: [lantern, -t, "{threads}", -n, "{spp}", --seed, "{seed}", -o, "{image}", "{scene}"]
     scene_format: raybench             # what {scene} is: the scene's own file; or mitsuba, pbrt: exported for it

@@ -20,7 +20,7 @@ UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 ALWAYS = ("scene", "image", "folder", "spp", "seed", "threads", "width", "height", "precision", "shader", "sampler")
 MUST_OCCUR = ("scene", "image", "spp", "seed")
 KEYS = (
-    "raybench_renderer", "name", "version", "command", "scene_format", "image", "time", "shaders", "samplers",
+    "raybench_renderer", "name", "version", "lineage", "command", "scene_format", "image", "time", "shaders", "samplers",
     "precision", "threads", "environment",
 )  # fmt: skip
 REQUIRED = ("raybench_renderer", "name", "version", "command", "shaders")
@@ -28,7 +28,10 @@ REQUIRED = ("raybench_renderer", "name", "version", "command", "shaders")
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What a file says. `time` is None for the process's own; `digest` is of the file's bytes."""
+    """What a file says. `time` is None for the process's own; `digest` is of the file's bytes.
+
+    `lineage` is the name where the file has none.
+    """
 
     file: Path
     digest: str
@@ -44,6 +47,7 @@ class Description:
     time: re.Pattern[str] | None = None
     precision: str = "float32"
     threads: int | None = None
+    lineage: str = ""
 
 
 def read(path: str | Path) -> Description:
@@ -72,6 +76,7 @@ def read(path: str | Path) -> Description:
         file=file, digest=hashlib.sha256(file.read_bytes()).hexdigest()[:8], name=_name(given["name"]),
         version=str(given["version"].value), command=command, environment=environment, shaders=shaders,
         samplers=samplers, passed=passed, threads=threads,
+        lineage=_line(given["lineage"] if "lineage" in given else given["name"]),
         time=_time(given["time"]) if "time" in given else None,
         **{key: fields.one_of(given[key], values, what) for key, values, what in (
             ("scene_format", FORMATS, "scene format"), ("image", IMAGE_FORMATS, "image format"),
@@ -85,6 +90,12 @@ def _name(node: Located) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9._-]*", name):
         raise node.refuse("must be letters, digits, '.', '_' and '-', and start with a letter")
     return name
+
+
+def _line(node: Located) -> str:
+    if not fields.text(node).isprintable():
+        raise node.refuse("must be a line of text")
+    return node.value
 
 
 def _words(node: Located) -> list[str]:

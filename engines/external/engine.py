@@ -47,10 +47,11 @@ class Engine:
     """
 
     not_promised: Mapping[str, str] = NOT_PROMISED
+    smooth_samplers = ()  # what the program does under a sampler's name is not known
 
     def __init__(self, file: str | PathLike[str]) -> None:
         self._said = said = read(Path(file))
-        self.name = said.name
+        self.name, self.lineage = said.name, said.lineage
         self.version = f"{said.version}-{said.digest}"
         self.reads_files = said.scene_format == "raybench"
         self.listed: Mapping[str, Sequence[Any]] = {

@@ -46,9 +46,11 @@ class Engine:
     """
 
     name = "mitsuba"
+    lineage = "mitsuba"
     variant = library.LLVM
     tracing_precision = "float32"
     not_promised: Mapping[str, str] = NOT_PROMISED
+    smooth_samplers = ("random", "independent")
 
     @property
     def version(self) -> str:

@@ -32,6 +32,7 @@ class Engine:
     """Float64 by default, as accurate as the reference; float32 is nearly twice as fast."""
 
     name = "numba"
+    lineage = "raybench-kernels"
     version = "1"
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:

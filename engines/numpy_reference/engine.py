@@ -31,6 +31,7 @@ class Engine:
     """
 
     name = "numpy"
+    lineage = "raybench-numpy"
     version = "1.0"
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:

@@ -1,7 +1,7 @@
 """Conclusions from results: `analyse` gives every contender's verdict, computed once for tables, plots and the report."""
 
 from harness.analysis.model import Analysis, Verdict, seconds_per_sample
-from harness.analysis.verdicts import analyse, baseline_engine_of, error_targets, noise_floors, reports_its_time
+from harness.analysis.verdicts import analyse, baseline_engine_of, error_targets, reports_its_time
 
 __all__ = [
     "Analysis",
@@ -9,7 +9,6 @@ __all__ = [
     "analyse",
     "baseline_engine_of",
     "error_targets",
-    "noise_floors",
     "reports_its_time",
     "seconds_per_sample",
 ]  # fmt: skip

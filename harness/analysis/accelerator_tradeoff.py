@@ -7,22 +7,23 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from harness.analysis.model import Analysis, seconds_per_sample
+from harness.analysis.races import race_of
 from harness.analysis.scaling import microseconds_a_path
-from harness.statistics import Estimate, Speedup, median_interval, paired_speedup
+from harness.statistics import Estimate, Ratio, geometric_interval
 from harness.store.results import Contender, Results, phase_seconds
 
 
 class BreakEven(NamedTuple):
     """An accelerator beside the one of its family that is built fastest, `against` (None for that one itself).
 
-    `break_even_spp`: samples per pixel from which on its build and rendering together take less; inf: never.
+    `break_even_spp`: samples per pixel from which on its build and rendering together take less; inf: never; None: unresolved.
     """
 
     contender: Contender
     against: Contender | None
     build_seconds: Estimate
     path_microseconds: Estimate
-    speedup: Speedup | None
+    speedup: Ratio | None
     break_even_spp: Estimate | None
 
 
@@ -41,28 +42,37 @@ def build_seconds(contender: Contender) -> dict[int, float]:
 
 
 def build(contender: Contender) -> Estimate:
-    """Median over seeds of the seconds of the build."""
-    return median_interval(list(build_seconds(contender).values()))
+    """Geometric mean over seeds of the seconds of the build."""
+    return geometric_interval(list(build_seconds(contender).values()))
 
 
 def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
-    """Every member of every family."""
-    for first, *others in families(analysis.results):
+    """Every member of every family; none of its ratios of a contender with a flag that disqualifies it."""
+    unfit = {id(verdict.contender) for verdict in analysis.verdicts if verdict.disqualified()}
+    for family in families(analysis.results):
+        first, *others = family
         yield BreakEven(first, None, build(first), microseconds_a_path(first), None, None)
-        floor = analysis.floors.get(first.settings.scene, 0.0)
-        for other in others:
-            speedup = paired_speedup(seconds_per_sample(first), seconds_per_sample(other), floor)
-            yield BreakEven(other, first, build(other), microseconds_a_path(other), speedup, break_even_spp(first, other))
+        compared = [(row, 0) for row, other in enumerate(family) if row and not unfit & {id(first), id(other)}]
+        floor = analysis.floor(first.settings.scene)
+        ratios = race_of([seconds_per_sample(c) for c in family], compared, floor).ratios
+        found = {row: ratio for (row, _), ratio in zip(compared, ratios, strict=True)}
+        for row, other in enumerate(others, 1):
+            yield BreakEven(other, first, build(other), microseconds_a_path(other), found.get(row),
+                            break_even_spp(first, other, found.get(row)))  # fmt: skip
 
 
-def break_even_spp(first: Contender, other: Contender) -> Estimate:
-    """Median over blocks of (build - build of the first) / (seconds a sample that it saves)."""
+def break_even_spp(first: Contender, other: Contender, speedup: Ratio | None) -> Estimate | None:
+    """Geometric mean over blocks of (build - build of the first) / (seconds a sample that it saves), where it surely
+    saves some.
+
+    0 where some build is no dearer. Surely none saved: never.
+    """
+    if speedup is None or speedup.verdict not in ("faster", "slower"):
+        return None
+    if speedup.verdict == "slower":
+        return Estimate(math.inf, math.nan, math.nan, speedup.blocks)
     samples, builds = ([function(c) for c in (first, other)] for function in (seconds_per_sample, build_seconds))
-    return median_interval([_break_even(builds[1][block] - builds[0][block], samples[0][block] - samples[1][block])
-                            for block in sorted(samples[0].keys() & samples[1].keys())])  # fmt: skip
-
-
-def _break_even(dearer: float, saved: float) -> float:
-    if saved <= 0:
-        return math.inf
-    return max(dearer / saved, 0.0)
+    blocks = sorted(samples[0].keys() & samples[1].keys())
+    saved = [samples[0][block] - samples[1][block] for block in blocks]
+    dearer = [max(builds[1][block] - builds[0][block], 0.0) for block in blocks]
+    return geometric_interval([d / s for d, s in zip(dearer, saved, strict=True)]) if min(saved) > 0 else None

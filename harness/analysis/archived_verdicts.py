@@ -1,12 +1,13 @@
 """Verdicts from images, kept as an event: an archive without the images still has them.
 
-Bias, equality with the baseline and pairs of engines need every seed's picture. Nothing else does.
+Bias, equality with the baseline and pairs of engines need every seed's picture. Nothing else does. What was archived under
+the rule of p values is read as unresolved, without bounds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from harness.analysis.equivalence import Comparison
@@ -33,9 +34,9 @@ def event(analysis: Analysis) -> dict[str, Any]:
     pairs = [(p.first.settings, p.second.settings, p.comparison) for p in analysis.pairs if p.comparison is not None]
     return {
         "event": EVENT,
-        "bias": [{"of": list(settings), **found._asdict()} for settings, found in biased],
-        "baseline": [{"of": list(settings), **asdict(found)} for settings, found in equal],
-        "pairs": [{"first": list(a), "second": list(b), "found": asdict(c.found), "replicates": list(c.replicates),
+        "bias": [{"of": list(settings), **found._asdict(), "worst_tile": list(found.worst_tile)} for settings, found in biased],
+        "baseline": [{"of": list(settings), **found.as_record()} for settings, found in equal],
+        "pairs": [{"first": list(a), "second": list(b), "found": c.found.as_record(), "replicates": list(c.replicates),
                    "spp": list(c.spp), "paired": c.paired} for a, b, c in pairs],
     }  # fmt: skip
 
@@ -45,13 +46,14 @@ def read_archived(results: Results) -> ArchivedVerdicts:
     rows: Mapping[str, Any] = results.archived_verdicts or {}
     found = ArchivedVerdicts()
     for row in rows.get("bias", []):
-        found.bias[_settings(row["of"])] = BiasEstimate(**_without(row, "of"))
+        x, y = row.get("worst_tile", (0, 0))
+        found.bias[_settings(row["of"])] = BiasEstimate(**{**_without(row, "of"), "worst_tile": (x, y)})
     for row in rows.get("baseline", []):
-        found.baseline[_settings(row["of"])] = Equivalence(**_without(row, "of"))
+        found.baseline[_settings(row["of"])] = Equivalence.from_record(_without(row, "of"))
     for row in rows.get("pairs", []):
         pair = _settings(row["first"]), _settings(row["second"])
         replicates, spp = (tuple(row[key]) for key in ("replicates", "spp"))
-        found.pairs[pair] = Comparison(Equivalence(**row["found"]), replicates, spp, row["paired"])
+        found.pairs[pair] = Comparison(Equivalence.from_record(row["found"]), replicates, spp, row["paired"])
     return found
 
 

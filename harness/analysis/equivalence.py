@@ -1,21 +1,24 @@
 """Whether contenders make the same image, from the images that a run stored: pairs of engines, and what they rest on.
 
-Every configuration has the same seeds, block by block. Engines that share samplers then share their noise, and the
-difference of their images is known far better than either image: where both have pictures at the same number of
-samples, means are compared in pairs of one seed. Pixels and tiles are compared as if seeds were independent, which is on
-the safe side.
+Images are compared in pairs of one block, in two ways. At equal samples: the most that all blocks of both have; every
+configuration has the same seeds, so engines that share samplers share their noise, and it cancels. At unequal samples: the
+last image of each, which is the better one where the noise is not shared. Of the two the one with the smaller standard error
+is taken, whatever it finds.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
+from harness.metrics import Reference
 from harness.statistics import Equivalence, equivalence
-from harness.statistics.equivalence import MARGIN, shared_alpha
+from harness.statistics.bias import expected_variance
+from harness.statistics.equivalence import Margins, shared_alpha
 from harness.store.results import Contender, Event, Results, Settings
 
 SIMILARITY_WEIGHTS = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
@@ -24,7 +27,7 @@ Images = Mapping[int, np.ndarray]
 
 
 class Comparison(NamedTuple):
-    """An equivalence, and what it rests on: images and samples per pixel of each side, and whether seeds were paired."""
+    """An equivalence, and what it rests on: images and samples per pixel of each side, and whether the samples are equal."""
 
     found: Equivalence
     replicates: tuple[int, int]
@@ -50,6 +53,14 @@ class Replicates:
     def __init__(self, results: Results, keep: int = 8) -> None:
         self.results, self.keep = results, keep
         self.held: dict[tuple[int, int | None], Images] = {}
+        self.references: dict[str, Reference | None] = {}
+
+    def reference(self, contender: Contender) -> Reference | None:
+        """The reference that a contender was compared with; None where it is missing."""
+        key = str(contender.done[0].get("reference_id"))
+        if key not in self.references:
+            self.references = {key: self.results.reference(key)}
+        return self.references[key]
 
     def of(self, contender: Contender, spp: int | None = None) -> Images:
         """Block -> (h, w, 3): two or more finite, distinct images at `spp` samples or at each cell's last; or nothing."""
@@ -82,32 +93,43 @@ def common_spp(*contenders: Contender, pictured: bool = False) -> int | None:
     return max(set.intersection(*sets), default=None) if sets else None
 
 
+def margins_of(results: Results) -> Margins:
+    """The margins of the config; the defaults where it has none."""
+    given = (results.manifest.get("config") or {}).get("equivalence") or {}
+    return Margins(**{name: float(given[name]) for name in Margins._fields if given.get(name) is not None})
+
+
 def compared(first: Contender, second: Contender, images: Replicates, alpha: float) -> Comparison | None:
-    """Their last images, or those at equal samples in pairs of one seed: whichever would see the smaller bias."""
+    """Their images at equal samples or their last ones, whichever has the smaller standard error."""
     spp = common_spp(first, second, pictured=True)
-    found = [_compared(first, second, images, alpha, at) for at in dict.fromkeys([None, spp])]
+    found = [_compared(first, second, images, alpha, at) for at in dict.fromkeys([spp, None])]
     usable = [comparison for comparison in found if comparison is not None]
-    return min(usable, key=lambda comparison: comparison.found.detectable, default=None)
+    return min(usable, key=lambda comparison: comparison.found.high - comparison.found.low, default=None)
 
 
 def _compared(
     first: Contender, second: Contender, images: Replicates, alpha: float, spp: int | None
 ) -> Comparison | None:  # fmt: skip
     ours, theirs = images.of(first, spp), images.of(second, spp)
-    if spp is not None:
-        shared = sorted(ours.keys() & theirs.keys())
-        ours, theirs = ({block: side[block] for block in shared} for side in (ours, theirs))
-    a, b = list(ours.values()), list(theirs.values())
-    if min(len(a), len(b)) < 2 or a[0].shape != b[0].shape:
+    shared = sorted(ours.keys() & theirs.keys())
+    a, b = [ours[block] for block in shared], [theirs[block] for block in shared]
+    if len(shared) < 2 or a[0].shape != b[0].shape:
         return None
-    paired = spp is not None
-    samples = (spp, spp) if paired else (_typical_spp(first), _typical_spp(second))
-    found = equivalence(np.stack(a), np.stack(b), alpha=alpha, paired=paired)
-    return Comparison(found, (len(a), len(b)), samples, paired)
+    samples = [[last_pictured(cell, spp)["spp"] for cell in each.done if cell["block"] in shared] for each in (first, second)]
+    paired = samples[0] == samples[1]
+    least = None if paired else _least_variance(images.reference(first), a[0].shape, samples)
+    found = equivalence(a, b, margins_of(images.results), alpha, least)
+    typical = int(np.median(samples[0])), int(np.median(samples[1]))
+    return Comparison(found, (len(a), len(b)), typical, paired)
 
 
-def _typical_spp(contender: Contender) -> int:
-    return int(np.median([last_pictured(cell).get("spp", 0) for cell in contender.done]))
+def _least_variance(
+    reference: Reference | None, shape: tuple[int, ...], samples: Sequence[Sequence[int]]
+) -> np.ndarray | None:  # fmt: skip
+    """What images of unequal samples differ by at least, for the side of few samples may have missed what is rare."""
+    if reference is None or reference.mean.shape != shape:
+        return None
+    return expected_variance(reference, samples[0]) + expected_variance(reference, samples[1])
 
 
 Known = Mapping[tuple[Settings, Settings], Comparison]
@@ -146,39 +168,49 @@ def describe_pair(pair: EnginePair) -> str:
     names = f"{pair.first.name} and {pair.second.name}"
     if pair.comparison is None:
         return f"{names}: not compared, for there are no two different images of each."
-    found, (k, m), (n, o), paired = pair.comparison
-    samples = f"{n} spp" if n == o else f"{n} and {o} spp"
-    rests = f"{k} and {m} images of {samples}{', pairs of one seed' if paired else ''}"
-    return f"{names} {describe(found)} ({rests})."
+    return f"{names} {describe(pair.comparison.found)} ({rests_on(pair.comparison)})."
 
 
-def describe(found: Equivalence, margin: float = MARGIN) -> str:
-    """The verdict on two engines as the rest of a sentence, and the bias that would have been seen."""
-    interval = f"between {percent(found.low)} and {percent(found.high)}"
-    sentence = {
-        "equivalent": f"make the same image: the means differ by {interval}, less than {100 * margin:g} %, and "
-                      "neither pixels nor tiles stand out",
-        "different": f"make different images: {'; '.join(_reasons(found, margin))}",
-        "inconclusive": f"are not separated, nor shown to be equal: the means differ by {interval}, and only less than "
-                        f"{100 * margin:g} % would count as equal",
+def rests_on(comparison: Comparison) -> str:
+    """`5 pairs of images at 64 spp`."""
+    n, o = comparison.spp
+    samples = f"at {n} spp" if comparison.paired else f"at {n} and {o} spp" if n != o else f"at some {n} spp"
+    return f"{comparison.replicates[0]} pairs of images {samples}"
+
+
+def describe(found: Equivalence) -> str:
+    """The verdict on two engines as the rest of a sentence, with its bounds."""
+    if found.of_old_rule:
+        return "were compared by an older rule, which stated no bounds: unresolved"
+    margins = f"{100 * found.image_margin:g} % and {100 * found.tile_margin:g} %"
+    same = f"{math.floor(1000 * found.same_pixels) / 10:g}" if not math.isnan(found.same_pixels) else ""
+    x, y = found.worst_tile
+    found_bounds = bounds(found.image_bound, found.tile_bound)
+    return {
+        "identical": f"draw the same numbers, and their images are identical up to rounding in {same} % of the pixels: "
+                     f"{found_bounds}",
+        "equivalent": f"make equivalent images: {found_bounds}",
+        "different": f"make different images: the image means differ by {percent(found.difference)} "
+                     f"[{percent(found.low)}, {percent(found.high)}], the tile at pixel ({x}, {y}) by up to "
+                     f"{bound(found.tile_bound)}, and {margins} are allowed",
+        "unresolved": f"are neither shown to make the same image nor different ones: {found_bounds}, and {margins} are "
+                      "allowed",
     }[found.verdict]  # fmt: skip
-    return f"{sentence}. A bias of {percent(found.detectable).removeprefix('+')} would have been seen"
+
+
+def bounds(image: float, tile: float) -> str:
+    """`image means differ by at most 0.08 %, no tile by more than 1.9 %`."""
+    return f"image means differ by at most {bound(image)}, no tile by more than {bound(tile)}"
+
+
+def bound(share: float) -> str:
+    """An upper bound in percent, rounded up to two digits."""
+    if not 0 < share < math.inf:
+        return "0 %" if share == 0 else "an unknown amount"
+    unit = 10.0 ** (math.floor(math.log10(100 * share)) - 1)
+    return f"{math.ceil(100 * share / unit - 1e-9) * unit:.6g} %"
 
 
 def percent(share: float) -> str:
-    """A share in percent with its sign; what is below a thousandth of a percent is as good as none."""
-    return "0.001 %" if abs(share) < 1e-5 else f"{100 * share:+.2g} %"
-
-
-def _reasons(found: Equivalence, margin: float) -> list[str]:
-    """Which of the tests a pair failed."""
-    reasons = []
-    if not -margin < found.low <= found.high < margin and found.image_p < found.alpha:
-        reasons.append(f"the means differ by {percent(found.difference)}")
-    if found.tile_p < found.tile_threshold:
-        reasons.append("tiles stand out")
-    if found.pixel_p < found.pixel_threshold:
-        reasons.append(f"{found.pixels_outside} values of pixels stand out")
-    if found.ks_p < found.alpha:
-        reasons.append("more tiles differ than chance allows")
-    return reasons
+    """A share in percent with its sign, to two digits."""
+    return f"{100 * share:+.2g} %" if share else "0 %"

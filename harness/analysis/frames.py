@@ -13,8 +13,9 @@ from typing import Any
 
 import pandas as pd
 
+from harness.analysis import races
 from harness.analysis.columns import Column, Table
-from harness.analysis.model import FLAGS, Analysis, Verdict, possible_winners, ranked_together
+from harness.analysis.model import FLAGS, OF_THE_CLOCK, Analysis, Verdict
 from harness.analysis.verdicts import analyse
 from harness.metrics import METRIC_MEANINGS
 from harness.store.results import PHASES, Event, Results, load_results, phase_seconds, settings_of
@@ -33,6 +34,11 @@ IDENTITY = [
     Column("height", "Pixels.", "count"),
     Column("label", "A/A label, empty for ordinary cells."),
 ]
+SECONDS = Column(
+    "seconds",
+    "Geometric mean over seeds, Student's 95 % interval. inf where some seed did not get there: it takes longer than the lower "
+    "end. Where some were there at their first checkpoint the lower end is 0: it takes less than the upper one.", "estimate",
+)  # fmt: skip
 CELL = [
     Column("cell_id", "Hash of the spec."),
     Column("env_id", "Hash of the machine and library versions."),
@@ -126,7 +132,7 @@ def times_to_quality(analysis: Analysis) -> Table:
         "ttq", "Time to quality", "One row a contestant, target and start.",
         [CONTESTANT, *IDENTITY, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
          Column("start", "warm: rendering alone; cold: with import, load, build and compilation."),
-         Column("seconds", "Median over seeds; inf where the median seed did not get there.", "estimate"),
+         SECONDS,
          Column("reached", "Seeds that reached the target.", "count"),
          Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
          Column("seeds", "Seeds that were run.", "count")],
@@ -140,7 +146,7 @@ def times_to_quality(analysis: Analysis) -> Table:
         for start, times in (("warm", verdict.warm), ("cold", verdict.cold)):
             for target, time in zip(analysis.results.targets, times, strict=True):
                 table.rows.append({
-                    **who, "target": target, "start": start, "seconds": (time.median, time.low, time.high),
+                    **who, "target": target, "start": start, "seconds": (time.value, time.low, time.high),
                     "reached": time.reached, "at_first": time.at_first, "seeds": time.seeds,
                 })  # fmt: skip
     return table
@@ -160,7 +166,6 @@ def cells(results: Results) -> Table:
         *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
         *(Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
           for name, values in machine.items()),
-        Column("sentinel_seconds", "Seconds of the fixed sentinel kernel beside the cell.", "number"),
         Column("message", "Why it has no result."),
     ]  # fmt: skip
     contestants = _contestants(results)
@@ -168,7 +173,7 @@ def cells(results: Results) -> Table:
         {**(cell.get("phases") or {}), **_cell(cell), "contestant": contestants[cell["cell_id"]],
          **{f"counter_{name}": value for name, value in (cell.get("counters") or {}).items()},
          **{f"machine_{name}": value for name, value in (cell.get("machine") or {}).items()},
-         "sentinel_seconds": cell.get("sentinel_seconds"), "message": cell.get("message")}
+         "message": cell.get("message")}
         for cell in results.cells
     ]  # fmt: skip
     return Table("phases", "Phases", "One row a cell.", columns, rows)
@@ -177,51 +182,50 @@ def cells(results: Results) -> Table:
 def verdicts(analysis: Analysis) -> Table:
     """One row a scene, target and contestant."""
     flags = "; ".join(f"{name}: {words}" for name, words in FLAGS.items())
+    margin = f"{100 * races.margin(analysis.results):g} %"
     table = Table(
         "verdicts", "Verdicts", "One row a scene, target and contestant that has a measured cell.",
         [IDENTITY[0], CONTESTANT, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
          *IDENTITY[1:],
-         Column("seconds", "Seconds of rendering alone (warm) until the target: median over seeds, 95 % interval; inf where "
-                "the median seed did not get there.", "estimate"),
+         SECONDS._replace(meaning=f"Seconds of rendering alone (warm) until the target. {SECONDS.meaning}"),
          Column("cold_seconds", "The same with import, load, build and compilation.", "estimate"),
          Column("reached", "Seeds that reached the target.", "count"),
          Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
          Column("seeds", "Seeds that were run.", "count"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count"),
-         Column("baseline", "Contestant compared with: the baseline engine's nearest relative; unknown for itself."),
-         Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster.", "ratio"),
-         Column("verdict", "faster, slower, tie (interval holds 1 or the noise floor), unknown; empty for the baseline."),
-         Column("possible_winner", "Whether it is the fastest, or not surely slower than the fastest, of its scene, shader, "
-                "size and machine.", "flag"),
-         Column("flags", f"Names joined by spaces. {flags}.")],
+         Column("baseline", "Contestant compared with: one that differs in a single factor, or that the config's pairs name. "
+                "Unknown where none is."),
+         Column("factor", "In what the two differ."),
+         Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster. Where a target was not "
+                "reached, only an end of the interval is known. Unknown where one of the two has a flag that disqualifies it.",
+                "ratio"),
+         Column("verdict", "faster or slower: beyond the noise floor, all of a scene and target together at 5 % (Holm). same: "
+                f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared."),
+         Column("noise_floor", "What a ratio has to differ from 1 by, from the scene's A/A twin; unknown where that was not "
+                "measured.", "percent"),
+         Column("possible_winner", "Whether it may be the fastest of its scene, shader, size and machine, among those that "
+                "no flag disqualifies: no test finds it slower than another. Nobody where nobody got there.", "flag"),
+         Column("flags", f"Names joined by spaces. All but {' and '.join(sorted(OF_THE_CLOCK))} disqualify. {flags}.")],
     )  # fmt: skip
-    winners = [_winners(analysis, index) for index in range(len(analysis.results.targets))]
     table.rows = [
         {**_verdict(verdict, index), "metric": analysis.results.metric, "target": target,
-         "possible_winner": id(verdict) in winners[index]}
+         "noise_floor": math.expm1(analysis.floor(verdict.contender.settings.scene, index))}
         for verdict in analysis.verdicts for index, target in enumerate(analysis.results.targets)
     ]  # fmt: skip
     return table
 
 
-def _winners(analysis: Analysis, index: int) -> set[int]:
-    """The ids of all verdicts that may be the fastest of those they are ranked with."""
-    groups = ranked_together(analysis.verdicts)
-    found = [possible_winners(group, index, analysis.floors.get(scene, 0.0)) for (scene, *_), group in groups.items()]
-    return {id(winner) for group in found for winner in group}
-
-
 def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
     """A verdict on the target of `index`."""
-    warm, cold = verdict.warm[index], verdict.cold[index]
-    ratio = verdict.quality_speedups[index] if verdict.quality_speedups else None
+    warm, cold, ratio = verdict.warm[index], verdict.cold[index], verdict.quality_speedups[index]
     return {
         **_cell(verdict.contender.done[0]), "contestant": verdict.contender.name,
-        "seconds": (warm.median, warm.low, warm.high), "cold_seconds": (cold.median, cold.low, cold.high),
+        "seconds": (warm.value, warm.low, warm.high), "cold_seconds": (cold.value, cold.low, cold.high),
         "reached": warm.reached, "at_first": warm.at_first, "seeds": warm.seeds, "failed_cells": verdict.failures,
-        "baseline": verdict.baseline.name if verdict.baseline else None,
-        "ratio": ratio[:3] if ratio and not math.isnan(ratio.ratio) else None,
-        "verdict": ratio.verdict if ratio else "", "flags": " ".join(verdict.flags),
+        "baseline": verdict.against.name if verdict.against else None, "factor": verdict.factors or None,
+        "ratio": ratio[:3] if ratio else None,
+        "verdict": ratio.verdict if ratio else "unresolved" if verdict.against else "",
+        "possible_winner": verdict.possible_winner[index], "flags": " ".join(verdict.flags_of(index)),
     }  # fmt: skip
 
 

@@ -7,11 +7,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from harness.analysis.equivalence import EnginePair
-from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Slope, Speedup
+from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
 from harness.store.results import Contender, Results
 
+NOISY = "noisy_reference"
+"""Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
 FLAGS = {
     "biased": "biased",
+    "biased_image": "image mean biased",
+    "biased_tile": "a tile biased",
     "on_bias_floor": "sits on its bias floor",
     "other_image": "differs from the baseline's image",
     "too_good_per_sample": "too good per sample",
@@ -19,16 +23,22 @@ FLAGS = {
     "bad_samples": "bad samples",
     "contended": "contended",
     "own_clock": "times reported by the program",
+    NOISY: "reference too noisy for the target",
 }
 """What a reader of a verdict must know: name -> words."""
+OF_THE_CLOCK = frozenset({"contended", "own_clock"})
+"""Flags that leave a contestant in the rankings. All others say that its image, or the error it claims, is not to be
+trusted."""
 
 
 @dataclass
 class Verdict:
     """All that is concluded about one contender. Lists run along the results' targets.
 
-    `speedup` compares seconds per sample with `baseline`, `quality_speedups` warm time-to-quality. `bias` and
-    `equivalence` are None where images are missing or seeds do not differ. `flags` are names of `FLAGS`.
+    `against` is the contestant that times are compared with, `factors` says in what the two differ;
+    `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared.
+    `baseline` is the contestant whose image is compared. `bias` and `equivalence` are None where images are missing
+    or seeds do not differ. `flags` are names of `FLAGS`.
     """
 
     contender: Contender
@@ -42,8 +52,11 @@ class Verdict:
     rays_per_second: Estimate
     phases: dict[str, Estimate]
     baseline: Contender | None = None
-    speedup: Speedup | None = None
-    quality_speedups: list[Speedup] = field(default_factory=list)
+    against: Contender | None = None
+    factors: str = ""
+    speedup: Ratio | None = None
+    quality_speedups: list[Ratio | None] = field(default_factory=list)
+    possible_winner: list[bool] = field(default_factory=list)
     bias: BiasEstimate | None = None
     equivalence: Equivalence | None = None
     flags: list[str] = field(default_factory=list)
@@ -53,49 +66,77 @@ class Verdict:
         """Cells that failed or ran out of time."""
         return sum(cell["state"] in ("failed", "timeout") for cell in self.contender.cells)
 
+    def disqualified(self, index: int | None = None) -> bool:
+        """Whether a flag keeps it out of the ranking on the target of `index`, or out of that of seconds per sample."""
+        return bool(set(self.flags_of(index)) - OF_THE_CLOCK)
+
+    def flags_of(self, index: int | None = None) -> list[str]:
+        """The flags, with those of the time to the target of `index`."""
+        noisy = index is not None and not self.warm[index].reliable
+        return [*self.flags, *([NOISY] if noisy else [])]
+
     @property
     def warnings(self) -> list[str]:
         """The flags in words."""
-        size = {"biased": f" by {100 * self.bias.root:.2g} %"} if self.bias is not None else {}
+        size = bias_sizes(self.bias)
         return [FLAGS[flag] + size.get(flag, "") for flag in self.flags]
+
+
+def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
+    """Flag -> by how much, as shares of the radiance."""
+    if bias is None:
+        return {}
+    return {
+        "biased": f" by {100 * bias.root:.2g} %", "biased_image": f" by {100 * bias.difference:+.2g} %",
+        "biased_tile": f" by {100 * bias.tile_difference:+.2g} % at pixel {bias.worst_tile}",
+    }  # fmt: skip
 
 
 @dataclass
 class Analysis:
-    """`verdicts` of all contenders that have a measured cell; `floors`: scene -> noise floor (log-ratio) of its A/A.
+    """`verdicts` of all contenders that have a measured cell. `pairs` are engines compared under equal settings.
 
-    `pairs` are engines compared under equal settings.
+    `floors`: (scene, index of the target) -> noise floor as a log ratio, NaN where it was not measured; the index
+    None stands for seconds per sample. `separated` are those whose A/A twins differ, so that nothing is concluded.
     """
 
     results: Results
     verdicts: list[Verdict]
-    floors: dict[str, float]
     baseline_engine: str
+    floors: dict[tuple[str, int | None], float] = field(default_factory=dict)
+    separated: set[tuple[str, int | None]] = field(default_factory=set)
     pairs: list[EnginePair] = field(default_factory=list)
 
     def of_scene(self, scene: str) -> list[Verdict]:
         return [verdict for verdict in self.verdicts if verdict.contender.settings.scene == scene]
 
+    def floor(self, scene: str, index: int | None = None) -> float:
+        """The scene's noise floor as a log ratio; NaN where it was not measured."""
+        return self.floors.get((scene, index), math.nan)
 
-def ranked_together(verdicts: Iterable[Verdict]) -> dict[tuple[str, str, str, str], list[Verdict]]:
-    """(scene, shader, size, machine) -> its verdicts; those of the A/A twin's second label are left out."""
-    groups: dict[tuple[str, str, str, str], list[Verdict]] = {}
+
+Group = tuple[str, str, str, str]
+"""Scene, shader, size and machine."""
+
+
+def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
+    """The verdicts of each race, those of A/A twins included."""
+    groups: dict[Group, list[Verdict]] = {}
     for verdict in verdicts:
         s = verdict.contender.settings
-        if not s.label:
-            groups.setdefault((s.scene, s.shader, s.size, s.machine), []).append(verdict)
+        groups.setdefault((s.scene, s.shader, s.size, s.machine), []).append(verdict)
     return groups
 
 
-def possible_winners(verdicts: Iterable[Verdict], index: int, floor: float) -> list[Verdict]:
-    """The first to reach the target of `index` (warm), and after it all that are not surely slower.
+def ranked_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
+    """The verdicts of each race, without those of the A/A twins' second labels."""
+    return raced_together(verdict for verdict in verdicts if not verdict.contender.settings.label)
 
-    Surely slower is whose interval lies above that of the first, widened by the noise floor (a log-ratio). Without an
-    interval nothing is sure.
-    """
-    arrived = [verdict for verdict in verdicts if math.isfinite(verdict.warm[index].median)]
-    ranked = sorted(arrived, key=lambda verdict: verdict.warm[index].median)
-    return [v for v in ranked if v is ranked[0] or not v.warm[index].low > ranked[0].warm[index].high * math.exp(floor)]
+
+def possible_winners(verdicts: Iterable[Verdict], index: int) -> list[Verdict]:
+    """Those of a race that may be the fastest to the target of `index`, by their mean times."""
+    found = [verdict for verdict in verdicts if verdict.possible_winner[index]]
+    return sorted(found, key=lambda verdict: verdict.warm[index].value)
 
 
 def seconds_per_sample(contender: Contender) -> dict[int, float]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from harness.analysis.model import Analysis, seconds_per_sample
-from harness.statistics import Estimate, mean_interval, median_interval
+from harness.statistics import Estimate, geometric_interval, mean_interval
 from harness.store.results import Contender, Event, Results, phase_seconds
 
 FEWEST = 3
@@ -55,8 +55,8 @@ def name_of(family: Sequence[Contender]) -> str:
 
 
 def microseconds_a_path(contender: Contender) -> Estimate:
-    """Median over seeds of the warm time of a path (a sample of a pixel)."""
-    return median_interval([1e6 * seconds for seconds in path_seconds(contender).values()])
+    """Geometric mean over seeds of the warm time of a path (a sample of a pixel)."""
+    return geometric_interval([1e6 * seconds for seconds in path_seconds(contender).values()])
 
 
 def path_seconds(contender: Contender) -> dict[int, float]:

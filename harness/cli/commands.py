@@ -307,16 +307,20 @@ def equivalence(
     spp: Annotated[int, typer.Option(help="Samples per pixel of each.")] = 16,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "64x64",
     shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
-    margin: Annotated[float, typer.Option(help="Means within this share of each other count as equal.")] = 0.01,
+    margin: Annotated[float, typer.Option(help="Image means within this share of each other count as equal.")] = 0.005,
+    tile_margin: Annotated[float, typer.Option(help="The same of tiles of 16x16 pixels.")] = 0.05,
     seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
+    same_seeds: Annotated[bool, typer.Option("--same-seeds", help="Same seeds for all: shared noise cancels.")] = False,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
 ) -> None:
-    """Test whether engines make the same image: by pixels, by tiles and as a whole. Exit code 1 where they do not."""
+    """Bound how far the images of engines lie apart, in the mean and in any tile. Exit code 1 where they are different."""
+    from harness.statistics.equivalence import Margins
     from harness.verify.commands.equivalence import EquivalenceOptions, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
-    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margin, seed, allow_imports, allow_commands)
+    margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands)
+    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed)
     raise typer.Exit(compare(options))
 
 

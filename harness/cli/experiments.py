@@ -22,7 +22,7 @@ from harness.measure.pool import Pool, WorkerFailed
 from harness.plan import planner, verify_jobs
 from harness.plan.cells import Cell, Plan, words
 from harness.plan.state import expected_seconds, state_of
-from harness.run import certificates, progress, references, sweep
+from harness.run import certificates, progress, reference_samples, references, sweep
 from harness.run.sweep import Options, Outcome
 from harness.store import reference_files
 
@@ -103,7 +103,7 @@ def plan(
     left = [cell for cell in made.cells if states[cell.cell_id] in ("queued", "outdated")]
     expected = expected_seconds(left, latest).values()
     seconds, measured = sum(s for s, _ in expected), sum(known for _, known in expected)
-    basis = "as measured before" if measured == len(left) else f"at most; {measured} of them by earlier measurements"
+    basis = "as measured before" if measured == len(left) else f"an estimate; {measured} of them by earlier measurements"
     counted = ", ".join(f"{count} {state}" for state, count in sorted(Counter(states.values()).items()))
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
@@ -128,10 +128,12 @@ def _planned(
 
 
 def _plan_references(console: Console, made: Plan) -> None:
+    root = reference_files.cache_folder()
     for wanted in made.references.values():
-        state = "ready" if references.ready(wanted, reference_files.cache_folder()) else "to be rendered"
+        state = "ready" if references.ready(wanted, root) else "to be rendered"
         what = f"{wanted.describe()}, {words(wanted.spec['shader'])}, by {wanted.spec['engine']}"
-        console.print(f"reference of {what}: {state}", soft_wrap=True, markup=False)
+        samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
+        console.print(f"reference of {what}: {state}; {samples}", soft_wrap=True, markup=False)
 
 
 def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None:
@@ -184,7 +186,8 @@ def reference(
                     if not ready:
                         with progress.Terminal(stderr) as terminal:
                             _make_reference(wanted, root, pool, terminal, name)
-                    stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}", soft_wrap=True)
+                    samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
+                    stdout.print(f"{name}: {'ready' if ready else 'made'} in {where}; {samples}", soft_wrap=True)
                     failed += _certified(wanted, root, pool, stdout, stderr)
                 except WorkerFailed as error:
                     failed += 1
@@ -205,8 +208,9 @@ def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str
 def _certified(
     wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console
 ) -> bool:  # fmt: skip
-    """Certifies a reference if the config has `certify`; whether the second engine makes another image."""
+    """Certifies a reference; whether the engine of another lineage makes another image."""
     if wanted.certifier is None:
+        stdout.print(f"{wanted.describe()}: uncertified", markup=False, soft_wrap=True)
         return False
     found = certificates.existing(wanted, root)
     if found is None:
@@ -214,7 +218,7 @@ def _certified(
         with progress.Terminal(stderr) as terminal:
             found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
     stdout.print(f"{wanted.describe()}: {certificates.words(found)}", markup=False, soft_wrap=True)
-    return found["verdict"] == "different"
+    return certificates.refutes(found)
 
 
 def status(folder: Path) -> None:

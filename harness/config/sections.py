@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from typing import Any
 
@@ -16,28 +16,35 @@ from engines.schema.yaml_file import Located
 from harness.config.settings import SETTINGS
 from harness.config.validators import DURATION, NAME, SIZE, ListOf, OrNull, integer, number, one_of
 
+AUTOMATIC = "auto"
+"""The certifier that `plan.certifiers` takes."""
 METRICS = ("relmse", "mse", "mape", "smape", "psnr", "ssim", "flip")
 SEED = integer(0, 2**63 - 1)
 
 
 @dataclass(frozen=True, slots=True)
 class Checkpoints:
-    """Samples per pixel at which the error is measured: start, start*ratio, start*ratio^2, ... in whole numbers."""
+    """Samples per pixel at which the error is measured: `measure.schedule.checkpoints`."""
 
     ratio: float
     start: int
 
+    def describe(self) -> dict[str, Any]:
+        """What a cell's id is a hash of. The root of two once gave other numbers (11, 23, ...), and so has a mark now."""
+        return {**asdict(self), **({"between": "3/2"} if self.ratio == 2.0**0.5 else {})}
+
 
 def exact_root(ratio: float) -> float:
-    """A root of two where `ratio` is one to four digits, so that 1.4142 hits every power of two; else `ratio`."""
+    """A root of two where `ratio` is one to four digits, so that 1.4142 is the root itself; else `ratio`."""
     root = 2.0 ** (1.0 / max(1, round(1.0 / math.log2(ratio)))) if ratio <= 2.0 else ratio
     return root if abs(root - ratio) < 1e-4 * ratio else ratio
 
 
-CHECKPOINTS = Record("Samples per pixel at which the error is measured: start, start ratio, start ratio^2, ...", {
+CHECKPOINTS = Record("Samples per pixel at which the error is measured; by default 1, 2, 3, 4, 6, 8, 12, 16, 24, ...", {
     "ratio": Key(
         number(1.01, 1024.0),
-        "Ratio of one checkpoint to the one before. 1.4142 is the root of two, and hits every power of two.", 1.4142,
+        "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in turn: "
+        "powers of two times the start, and three times them.", 1.4142,
     ),
     "start": Key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1),
 }, lambda given, context: Checkpoints(exact_root(given["ratio"]), given["start"]))  # fmt: skip
@@ -63,11 +70,30 @@ ORDER = Record("Order in which cells run.", {
 })  # fmt: skip
 
 
+def _side(given: Given, context: Any) -> dict[str, Any]:
+    if not given.written:
+        raise given.node.refuse("at least one setting is wanted")
+    return given.written
+
+
+_SIDE = Record("Contestants, by some of their settings; choices by their names alone.", {
+    "engine": Key(NAME, "Engine, by the name that tables use.", None),
+    "accelerator": Key(NAME, "Accelerator.", None),
+    "sampler": Key(NAME, "Sampler.", None),
+    "precision": Key(NAME, "Precision.", None),
+    "threads": Key(integer(1, 1024), "Threads.", None),
+}, _side)  # fmt: skip
+PAIR = Record("A ratio of times that is asked for, in however many settings the two differ.", {
+    "contestant": Key(_SIDE, "Whose times are compared."),
+    "baseline": Key(_SIDE, "With whose: of several the one that shares the most settings."),
+}, lambda given, context: dict(given.values))  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class ReferenceConfig:
     """How the image compared with is made. `threads` 0 means every core; it changes no pixel.
 
-    `certify` names a second engine that is to make the same image from other random numbers.
+    `certify` names an engine of another lineage that is to make the same image from other random numbers; `auto` takes one.
     """
 
     engine: str
@@ -102,6 +128,12 @@ def _reference(given: Given, context: Any) -> ReferenceConfig:
 
 
 _ENGINE = SETTINGS["engine"].kind
+
+
+def _certifier(node: Located) -> str | None:
+    return AUTOMATIC if node.value == AUTOMATIC else OrNull(_ENGINE).read(node)
+
+
 REFERENCE = Record("How the image compared with is made: the mean of independent images.", {
     "engine": Key(_ENGINE, "Engine that renders it.", "embree"),
     "spp": Key(integer(2, 2**31), "Samples per pixel in all.", 8192),
@@ -111,7 +143,9 @@ REFERENCE = Record("How the image compared with is made: the mean of independent
     "precision": Key(SETTINGS["precision"].kind, "Precision, as for cells.", None),
     "threads": Key(integer(0, 1024), "Threads; 0 is every core. They change no pixel.", 0),
     "certify": Key(
-        OrNull(_ENGINE), "A second engine that renders part of it again: the report says whether the two agree.", None
+        Kind(_certifier, {"anyOf": [{"const": AUTOMATIC}, *OrNull(_ENGINE).schema()["anyOf"]]}),
+        "An engine of another lineage that renders the image again: the report says whether it is the same. "
+        "By default one that is fast enough; null: none.", AUTOMATIC
     ),
 }, _reference)  # fmt: skip
 
@@ -170,6 +204,16 @@ QUALITY = Record("What error means, and which errors are to be reached.", {
         "Errors to reach, or auto: four half a decade apart, chosen once from the first results.", [0.1, 0.01, 0.001],
     ),
 }, _quality)  # fmt: skip
+
+
+def _margin(default: float, of: str) -> Key:
+    return Key(number(0.0, 1.0, open_low=True), f"Largest difference of {of}, as a share of the radiance.", default)
+
+
+EQUIVALENCE = Record("Margins within which the images of two engines count as equivalent.", {
+    "image": _margin(0.005, "the image means"),
+    "tile": _margin(0.05, "a tile of 16x16 pixels"),
+}, lambda given, context: given.values)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -17,20 +17,28 @@ from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
-from engines.registry import is_file, load_attribute
+from engines.registry import is_file, lineage_of, load_attribute
 from engines.scene import Scene, load_scene
 from harness.config import SCHEMA_VERSION, Experiment
+from harness.config.experiment import PREFERRED_BASELINES
+from harness.config.sections import AUTOMATIC
 from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
+from harness.measure.schedule import Schedule
+from harness.plan import certifiers
 from harness.plan.cells import Cell, Plan, flow
+from harness.plan.patterns import full_patterns
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.source_hashes import engine_code, plugin_code
+from harness.statistics.equivalence import Margins
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
+REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
+"""Claims of `engines.conformance` that make an image a function of seed and samples."""
 
 
 def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
@@ -38,7 +46,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     known = _Known(experiment, allow_imports, allow_commands)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
-    configurations = _with_aa_twin(experiment, [cell for cell, _ in found])
+    configurations = _with_aa_twins(experiment, [cell for cell, _ in found])
     cells: list[Cell] = []
     for block in range(experiment.repeats):
         members = sorted((_in_block(cell, experiment, block) for cell in configurations), key=lambda cell: cell.cell_id)
@@ -50,6 +58,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
     warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
+    _pairs_exist(experiment, configurations)
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
     verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
@@ -62,6 +71,17 @@ def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
         raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
 
 
+def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
+    """Refuses a pair with a side that is no contestant of the experiment."""
+    runs = [{**cell.settings, "engine": cell.engine_name, "accelerator": cell.settings["accelerator"]["name"],
+             "sampler": cell.settings["sampler"]["name"]} for cell in configurations]  # fmt: skip
+    for index, pair in enumerate(experiment.pairs):
+        for side, wanted in pair.items():
+            if not any(all(settings[key] == value for key, value in wanted.items()) for settings in runs):
+                where = f"{experiment.source} pairs[{index}].{side} = {flow(wanted)}"
+                raise ConfigError(f"{where}: no contestant of this experiment has these settings")
+
+
 class _Known:
     """Every engine and scene that the experiment names, loaded once."""
 
@@ -69,10 +89,13 @@ class _Known:
         self.allow_imports = allow_imports
         names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
-        for name in filter(None, [*names, experiment.reference.engine, experiment.reference.certify]):
+        certify = experiment.reference.certify
+        named = None if certify == AUTOMATIC else certify
+        for name in filter(None, [*names, experiment.reference.engine, named]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+        self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
         self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
@@ -80,8 +103,21 @@ class _Known:
     def code(self, name: str) -> str:
         """The hash of an engine's code."""
         if name not in self._codes:
-            self._codes[name] = engine_code(self.engines[name], name)
+            engine = self.candidate(name)
+            assert engine is not None
+            self._codes[name] = engine_code(engine, name)
         return self._codes[name]
+
+    def candidate(self, name: str) -> Engine | None:
+        """An engine that the experiment may not name; None where it is not to be had."""
+        if name in self.engines:
+            return self.engines[name]
+        if name not in self.candidates:
+            try:
+                self.candidates[name] = engine_of(name)
+            except RaybenchError:
+                self.candidates[name] = None
+        return self.candidates[name]
 
     def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
@@ -153,19 +189,24 @@ def _configured(
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
     budget: Budget = combination["budget"]
+    patterns = None if skip else full_patterns(engine, settings["sampler"], Schedule.of(experiment.checkpoints, budget))
+    if patterns == ():
+        skip = f"no whole pattern of its sampler has at most {budget.max_spp} samples per pixel, the budget.max_spp"
     by_place = ":" in combination["engine"] or is_file(combination["engine"])
     named = engine.name if by_place else combination["engine"]
     spec = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
-        "checkpoints": asdict(experiment.checkpoints), "label": None,
+        "checkpoints": experiment.checkpoints.describe(), "label": None,
         "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
+        **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
     }  # fmt: skip
     cell = Cell(
         cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
-        primitives=primitive_count(scene),
+        primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
+        reproducible=_is_reproducible(engine), patterns=patterns or (),
     )  # fmt: skip
     return cell, None if skip else wanted
 
@@ -174,6 +215,19 @@ def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and planes: what a tree is built over."""
     parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
     return sum(1 if part is None else len(part) for part in parts)
+
+
+def _is_smooth(engine: Engine, sampler: str) -> bool:
+    """Whether the error falls smoothly with every sample: as the plugin says, the engine, or the sampler's name."""
+    if ":" in sampler:
+        return getattr(load_attribute(sampler), "smooth", False) is True
+    return sampler in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
+
+
+def _is_reproducible(engine: Engine) -> bool:
+    """Whether the engine promises that seed and samples decide an image."""
+    broken: Any = getattr(engine, "not_promised", {})
+    return isinstance(broken, Mapping) and not any(claim in broken for claim in REPRODUCIBLE)
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
@@ -221,20 +275,46 @@ def _reference(
     }  # fmt: skip
     spec["code"] = {"engine": known.code(given.engine), **_plugin_codes(render_settings)}
     threads = given.threads or len(usable_cores())
-    certifier = _certifier(given.certify, scene, {**render_settings, "threads": threads}, known) if given.certify else None
-    wanted = PlannedReference(
-        file.name, file.path, scene.content_hash, spec, {**render_settings, "threads": threads}, certifier
+    render_settings["threads"] = threads
+    planned = PlannedReference(
+        file.name, file.path, scene.content_hash, spec, render_settings, lineage_of(engine),
+        margins=Margins(**experiment.equivalence),
     )  # fmt: skip
-    return wanted, None
+    return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 
 
-def _certifier(name: str, scene: Scene, settings: Mapping[str, Any], known: _Known) -> Certifier:
-    """The second engine, with its own accelerator and precision."""
-    engine = known.engines[name]
-    given = {**settings, "accelerator": _resolved(engine, {"name": "auto"})}
+def _certifier(
+    experiment: Experiment, scene: Scene, wanted: PlannedReference, known: _Known
+) -> Certifier | None:  # fmt: skip
+    """The engine that the config names, or the first able one of another lineage."""
+    name, width, height = experiment.reference.certify, wanted.spec["width"], wanted.spec["height"]
+    if name is None:
+        return None
+    if name == AUTOMATIC:
+        names = certifiers.candidates(width, height)
+        return certifiers.first_able(names, wanted.lineage, lambda name: _as_certifier(name, scene, wanted, known))
+    engine, reference = known.engines[name], known.engines[experiment.reference.engine]
+    where = f"{experiment.source} reference.certify"
+    certifiers.refuse_own_lineage(where, engine, name, reference, experiment.reference.engine)
+    return _as_certifier(name, scene, wanted, known)
+
+
+def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
+    """An engine with its own accelerator and precision; None where it is not to be had."""
+    engine = known.candidate(name)
+    if engine is None:
+        return None
+    lineage = lineage_of(engine)
+    share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], wanted.spp)
+    given = certifiers.smaller(wanted.settings, share.factor)
+    given["accelerator"] = _resolved(engine, {"name": "auto"})
     given["precision"] = _precision(engine, scene, given, known.allow_imports)
-    version = f"{engine.version}+{known.code(name)[:8]}"
-    return Certifier(name, version, given, _why_not(engine, scene, given, known.allow_imports))
+    why_not = _why_not(engine, scene, given, known.allow_imports)
+    if why_not is not None:  # perhaps for its sampler, which need not be the reference's
+        given["sampler"] = choices.resolve("sampler", "random", choices.SAMPLERS).describe()
+        given["precision"] = _precision(engine, scene, given, known.allow_imports)
+        why_not = _why_not(engine, scene, given, known.allow_imports)
+    return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)
 
 
 def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
@@ -243,12 +323,21 @@ def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
     return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
-def _with_aa_twin(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
-    """The configurations, and one of them again under a second label: two equal cells show the noise of measuring."""
-    able = sorted((cell for cell in configurations if not cell.skip), key=lambda cell: cell.configuration)
-    if not experiment.aa_twin or not able:
+def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
+    """The configurations, and one of every scene again under a second label: what two equal ones differ in is noise."""
+    if not experiment.aa_twin:
         return configurations
-    return [*configurations, replace(able[0], label=AA_LABEL)]
+    scenes: dict[str, list[Cell]] = {}
+    for cell in configurations:
+        if not cell.skip:
+            scenes.setdefault(cell.scene.path, []).append(cell)
+    return [*configurations, *(replace(_twinned(experiment, cells), label=AA_LABEL) for cells in scenes.values())]
+
+
+def _twinned(experiment: Experiment, cells: list[Cell]) -> Cell:
+    """Of a scene's configurations the baseline engine's first one, else the first."""
+    baselines = PREFERRED_BASELINES if experiment.baseline is None else (experiment.baseline,)
+    return next((cell for name in baselines for cell in cells if cell.engine_name == name), cells[0])
 
 
 def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:

@@ -5,31 +5,43 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from harness.hashing import digest
+from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
+
+REPLICATES = 8
+"""Images that a certifier renders, each under a seed of its own."""
 
 
-@dataclass(frozen=True, slots=True)
-class Certifier:
-    """A second engine that is to make the same image; `why_not` says why it cannot."""
+class Certifier(NamedTuple):
+    """An engine of another lineage that is to make the same image: `REPLICATES` times `spp` samples, at 1 / `factor` of the
+    reference's width and height. `settings` are those of such an image; `why_not` says why it cannot."""
 
     engine: str
+    lineage: str
     version: str
     settings: Mapping[str, Any]
+    spp: int
+    factor: int
     why_not: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedReference:
-    """A reference that cells need: `spec` is the preimage of its id, `settings` what the engine gets."""
+    """A reference that cells need: `spec` is the preimage of its id, `settings` what the engine gets, `lineage` the engine's.
+
+    The certifier's image counts as the same within `margins`.
+    """
 
     scene_name: str
     scene_path: str
     scene_hash: str
     spec: Mapping[str, Any]
     settings: Mapping[str, Any]
+    lineage: str = ""
     certifier: Certifier | None = None
+    margins: Margins = DEFAULT_MARGINS
 
     @property
     def reference_id(self) -> str:

@@ -1,35 +1,40 @@
-"""Certificates: a second engine makes the reference's image anew, from other random numbers, and the two are compared.
+"""Certificates: an engine of another lineage makes the same images as the reference's, or does not.
 
-The first replicates of the reference are rendered again, as many by the second engine under seeds of its own, and
-`statistics.equivalence` judges. The verdict lies beside the reference as `certificate-<engine>.json`; it belongs to that
-reference and that version of the second engine alone.
+Both render a few images under seeds that the reference has not, and `statistics.equivalence` bounds their difference: a
+reference is certified where image mean and tiles lie within the margins. Engines that draw the same random numbers share
+their noise, which cancels. The verdict lies beside the reference as `certificate-<engine>.json`; it belongs to that reference
+and that version of the other engine alone. What the other engine can afford is planned in `plan.certifiers`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import asdict
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from engines.errors import ConfigError
+from harness.analysis.equivalence import bounds
 from harness.hashing import digest
 from harness.measure import machine
 from harness.measure.pool import WorkerFailed
-from harness.plan.references import PlannedReference
+from harness.plan.certifiers import smaller
+from harness.plan.references import REPLICATES, PlannedReference
 from harness.run.references import Images, Report, held, replicates
 from harness.statistics import equivalence
+from harness.statistics.equivalence import Array
 from harness.store import read_json, validation, write_json
 
-MOST_REPLICATES = 8
 SEEDS_AWAY = 1 << 20
-"""The second engine's first seed, from the reference's: engines that share kernels must not share samples."""
+"""The first seed, from the reference's: what is compared is no part of it."""
 ALPHA = 1e-3
-"""False alarms of each scale: a reference is judged once, and a sweep has several."""
+"""Rate at which an equal image is called different: a reference is judged once, and a sweep has several."""
+MOST_SECONDS, FEWEST = 60.0, 3
+"""After so many seconds of the certifier's no replicate is begun, once there are that many."""
 
 
 def path_of(wanted: PlannedReference, root: Path) -> Path:
@@ -42,9 +47,10 @@ def spec_of(wanted: PlannedReference) -> dict[str, Any]:
     certifier = wanted.certifier
     assert certifier is not None
     return {
-        "reference_id": wanted.reference_id, "engine": certifier.engine, "engine_version": certifier.version,
+        "reference_id": wanted.reference_id, "reference_lineage": wanted.lineage, "engine": certifier.engine,
+        "engine_version": certifier.version, "lineage": certifier.lineage, "factor": certifier.factor,
         "settings": {key: value for key, value in certifier.settings.items() if key != "threads"},
-        "replicates": min(MOST_REPLICATES, wanted.spec["replicates"]), "alpha": ALPHA,
+        "replicates": REPLICATES, "replicate_spp": certifier.spp, "margins": list(wanted.margins), "alpha": ALPHA,
     }  # fmt: skip
 
 
@@ -64,8 +70,8 @@ def existing(wanted: PlannedReference, root: Path) -> dict[str, Any] | None:
 def make(wanted: PlannedReference, root: Path, pool: Images, report: Report) -> dict[str, Any]:
     """Renders, compares, writes the certificate and returns it as an event. Raises `WorkerFailed`.
 
-    A second engine that cannot render the scene is no failure: the verdict is then "impossible". While another process
-    works on the same reference this one waits.
+    An engine that cannot render the scene is no failure: the verdict is then "impossible". While another process works on the
+    same reference this one waits.
     """
     with held(wanted, root):
         return existing(wanted, root) or _made(wanted, root, pool, report)
@@ -76,46 +82,70 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
     assert certifier is not None
     event: dict[str, Any] = {
         "event": "certificate", "certificate_id": digest(spec), **spec, "scene": wanted.scene_name,
-        "reference_engine": wanted.spec["engine"], "spp": spec["replicates"] * wanted.spec["replicate_spp"],
+        "reference_engine": wanted.spec["engine"], "spp": REPLICATES * certifier.spp,
+        "width": certifier.settings["width"], "height": certifier.settings["height"],
         "message": certifier.why_not or "", "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }  # fmt: skip
     if certifier.why_not:
         event["verdict"] = "impossible"
     else:
-        count, seed = spec["replicates"], wanted.spec["seed"]
-        ours = _images(replicates(wanted, range(seed, seed + count), pool), report, 0, count)
-        again = range(seed + SEEDS_AWAY, seed + SEEDS_AWAY + count)
-        theirs = _images(
-            replicates(wanted, again, pool, certifier.engine, certifier.settings), report, count, count
+        theirs = _images(wanted, certifier.engine, certifier.settings, certifier.spp, REPLICATES, pool, report)
+        ours = _images(
+            wanted, wanted.spec["engine"], smaller(wanted.settings, certifier.factor), certifier.spp, len(theirs), pool
         )
-        event.update(asdict(equivalence(ours, theirs, alpha=ALPHA)))
+        event |= equivalence(ours, theirs, wanted.margins, ALPHA).as_record() | {"spp": len(theirs) * certifier.spp}
     write_json(path_of(wanted, root), {**event, "machine": machine.provenance()})
     return event
 
 
-def _images(films: Iterator[tuple[Any, float]], report: Report, before: int, count: int) -> np.ndarray:
-    """(count, h, w, 3) finite images."""
-    found = []
-    report(before, 2 * count)
-    for film, _ in films:
-        found.append(film.mean())
-        report(before + len(found), 2 * count)
-    images = np.stack(found)
-    if not np.isfinite(images).all():
-        raise WorkerFailed("certificate: an engine's image is not finite")
-    return images
+def _images(
+    wanted: PlannedReference, engine: str, settings: Mapping[str, Any], spp: int, count: int, pool: Images,
+    report: Report = lambda done, count: None,
+) -> list[Array]:  # fmt: skip
+    """Up to `count` images (h, w, 3), as many as the time allows."""
+    first, begun = wanted.spec["seed"] + SEEDS_AWAY, monotonic()
+    found: list[Array] = []
+    report(0, count)
+    for film, _ in replicates(wanted, range(first, first + count), pool, engine, settings, spp):
+        image = film.mean()
+        pixels = int((~np.isfinite(image).all(axis=2)).sum())
+        if film.bad_samples or pixels:
+            bad = f"{pixels} pixels" if pixels else f"{film.bad_samples} samples"
+            seed = first + len(found)
+            raise WorkerFailed(f"{engine}, seed {seed}: {bad} are NaN or infinite: finite radiance is wanted")
+        found.append(image)
+        report(len(found), count)
+        if monotonic() - begun > MOST_SECONDS and len(found) >= FEWEST:
+            break
+    return found
 
 
-def words(event: dict[str, Any]) -> str:
+# --- words ----------------------------------------------------------------------------------------------------------
+
+
+def certifies(event: Mapping[str, Any]) -> bool:
+    """Whether a certificate holds: the same image, by an engine that is known to be of another lineage."""
+    lineage, reference = event.get("lineage"), event.get("reference_lineage")
+    return event["verdict"] in ("identical", "equivalent") and None not in (lineage, reference) and lineage != reference
+
+
+def refutes(event: Mapping[str, Any]) -> bool:
+    return event["verdict"] == "different"
+
+
+def words(event: Mapping[str, Any]) -> str:
     """A certificate in a sentence."""
-    by = f"{event['engine']} ({event['spp']} spp)"
     if event["verdict"] == "impossible":
-        return f"not certified: {event['message']}"
-    means = (
-        f"image means differ by {100 * event['difference']:.2g} % [{100 * event['low']:.2g}, {100 * event['high']:.2g}]"
-    )
-    if event["verdict"] == "equivalent":
-        return f"certified by {by}: {means}"
-    if event["verdict"] == "different":
-        return f"NOT certified: {by} makes another image: {means}"
-    return f"not certified: {by} is inconclusive, more samples are needed: {means}"
+        return f"uncertified: {event['message']}"
+    if event.get("lineage") is None or event.get("image_bound") is None:
+        return f"uncertified: {event['engine']} was compared by an older rule, which asked for no other lineage"
+    if event["lineage"] == event.get("reference_lineage"):
+        return f"uncertified: {event['engine']} is of the reference's own lineage, {event['lineage']}"
+    size = f"{event['width']}x{event['height']}, " if event.get("width") else ""
+    by = f"{event['engine']} ({size}{event['spp']} spp)"
+    seen = bounds(event["image_bound"], event["tile_bound"])
+    if certifies(event):
+        return f"certified by {by}: {seen}"
+    if refutes(event):
+        return f"REFUTED: {by} makes another image: {seen}"
+    return f"uncertified: {by} is unresolved, more samples are needed: {seen}"

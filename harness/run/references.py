@@ -100,12 +100,13 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
 
 def replicates(
     wanted: PlannedReference, seeds: Iterable[int], pool: Images, engine: str | None = None,
-    settings: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None, spp: int = 0,
 ) -> Iterator[tuple[Film, float]]:  # fmt: skip
-    """The reference's image under each seed, with the seconds it took; by another engine where one is named."""
+    """The reference's image under each seed, with the seconds it took; by another engine, with other settings and samples,
+    where these are named."""
     request = {
         "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash, "settings": dict(settings or wanted.settings),
-        "spp": wanted.spec["replicate_spp"],
+        "spp": spp or wanted.spec["replicate_spp"],
     }  # fmt: skip
     yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
 
@@ -148,9 +149,14 @@ def _start(wanted: PlannedReference, root: Path) -> tuple[Film, float]:
 
 
 def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
-    image = replicate.mean()
-    if not np.isfinite(image).all():
-        raise WorkerFailed(f"reference of {wanted.scene_name}: the engine's image is not finite")
+    image, seed = replicate.mean(), wanted.spec["seed"] + film.spp
+    pixels = int((~np.isfinite(image).all(axis=2)).sum())
+    if pixels or replicate.bad_samples:
+        bad = f"{pixels} pixels of the image" if pixels else f"{replicate.bad_samples} samples"
+        raise WorkerFailed(
+            f"reference of {wanted.scene_name} by {wanted.spec['engine']}, seed {seed}: {bad} are NaN or infinite: finite "
+            "radiance is wanted"
+        )
     film.add(image)
 
 

@@ -29,7 +29,7 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
     quality = _quality(manifest, overrides)
     history = store.read_events(folder)
     with store.Events(folder) as events:
-        cells, scored, without = _scored(folder, history, quality.epsilon)
+        cells, scored, without = _scored(folder, history, quality)
         for cell in cells:
             events.append(cell)
         if overrides:
@@ -52,7 +52,7 @@ def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
 
 
 def _scored(
-    folder: Path, history: Sequence[dict[str, Any]], epsilon: float
+    folder: Path, history: Sequence[dict[str, Any]], quality: Quality
 ) -> tuple[list[dict[str, Any]], int, int]:  # fmt: skip
     """Events of cells whose scores have changed; checkpoints scored; checkpoints without an image."""
     references: dict[str, Any] = {}
@@ -74,7 +74,7 @@ def _scored(
             image = read_image(file)
             if image.shape != references[key].mean.shape:
                 raise ConfigError(f"{file}: is of shape {image.shape}: its reference is of {references[key].mean.shape}")
-            scores = metrics.measure(image, references[key], epsilon)
+            scores = metrics.measure(image, references[key], quality.epsilon, quality.metric)
             points.append({**point, "metrics": {**point["metrics"], **scores}})
             scored += 1
         if points != cell["points"]:

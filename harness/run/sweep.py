@@ -23,7 +23,7 @@ from harness.plan import verify_jobs as planned_jobs
 from harness.plan.cells import Cell, Plan
 from harness.plan.references import PlannedReference
 from harness.plan.state import up_to_date
-from harness.run import certificates, references, verify_jobs
+from harness.run import certificates, reference_samples, references, verify_jobs
 from harness.run.executors import local
 from harness.run.progress import Listener
 from harness.run.recorder import BROKEN, Recorder
@@ -106,7 +106,7 @@ class Sweep:
         """Writes the manifest; says which old results no longer count, which do again, and what cannot be done."""
         experiment = self.plan.experiment
         self._revive()
-        todo, jobs = self.recorder.todo(), self.pending_verify_jobs()
+        todo, jobs = self._cells(), self.pending_verify_jobs()
         now = datetime.now(UTC).isoformat(timespec="seconds")
         self._write_manifest(now, bool(todo or jobs))
         if todo or jobs:
@@ -126,6 +126,13 @@ class Sweep:
         for cell in self.plan.cells:
             if cell.skip and not up_to_date(cell, self.recorder.latest.get(cell.cell_id), self.recorder.metric):
                 self.recorder.append(self.recorder.event(cell, "skipped", cell.skip))
+
+    def _cells(self) -> list[Cell]:
+        """What is to be measured, and what may be measured again: on another machine it may be another contestant."""
+        here = self.options.cluster is None
+        again = self.recorder.contended(self.plan.experiment.remeasure)
+        elsewhere = {id for id, e in self.recorder.latest.items() if here and e.get("env_id") != self.recorder.env_id}
+        return [*self.recorder.todo(), *(cell for cell in again if cell.cell_id not in elsewhere)]
 
     def _write_manifest(self, now: str, running: bool) -> None:
         """Replaces the manifest where it would say something else, or something is going to be measured."""
@@ -172,12 +179,15 @@ class Sweep:
 
     def make_references(self, pool: references.Images) -> None:
         """Makes what cells to be measured need; a cell whose reference fails has failed."""
-        needed = dict.fromkeys(cell.reference_id for cell in self.recorder.todo())
+        needed = dict.fromkeys(cell.reference_id for cell in self._cells())
         named = {e["reference_id"] for e in self.recorder.history if e["event"] == "reference"}
         for reference_id, wanted in self.plan.references.items():
             try:
-                if reference_id in needed and not references.ready(wanted, self.recorder.root):
-                    self._make_reference(wanted, pool)
+                if reference_id in needed:
+                    made = not references.ready(wanted, self.recorder.root)
+                    if made:
+                        self._make_reference(wanted, pool)
+                    self._note_samples(wanted, made)
             except (WorkerFailed, WorkerTimeout) as error:
                 self.recorder.without_reference(reference_id, f"no reference: {error}")
                 continue
@@ -192,8 +202,14 @@ class Sweep:
             lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
         )  # fmt: skip
 
+    def _note_samples(self, wanted: PlannedReference, made: bool) -> None:
+        """Says of a new reference whether it has samples enough for the targets, of another one if it has too few."""
+        found = reference_samples.sufficiency(wanted, self.recorder.root, self.plan.experiment.quality)
+        if made or found.enough is False:
+            self.listener.note(f"reference of {wanted.describe()}: {found.message}")
+
     def _certify(self, wanted: PlannedReference, pool: references.Images) -> None:
-        """Has the reference compared with a second engine's image, once, and says what came out."""
+        """Has the reference compared with the image of another lineage, once, and says what came out."""
         if wanted.certifier is None or not references.ready(wanted, self.recorder.root):
             return
         found = certificates.existing(wanted, self.recorder.root)
@@ -208,7 +224,7 @@ class Sweep:
         said = [e["certificate_id"] for e in self.recorder.history if e["event"] == "certificate"]
         if found["certificate_id"] not in said:
             self.recorder.append({key: value for key, value in found.items() if key != "machine"})
-            if found["verdict"] != "equivalent":
+            if not certificates.certifies(found):
                 self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
 
     # --- verify jobs ------------------------------------------------------------------------------------------------

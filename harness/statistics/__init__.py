@@ -1,9 +1,10 @@
 """Estimators that the verdicts rest on: pure functions of arrays, each with its formula, its source and an interval.
 
-    intervals    median with bootstrap, mean with Student's t
-    convergence  log-log slope, monotone fit, first crossing of a target
+    intervals    means and geometric means with Student's t
+    convergence  error curves, their slopes over the samples that a scene's contestants share
+    crossings    where an error curve reaches a target
     quality      censored time-to-quality, efficiency
-    comparison   paired speed-ups between configurations, the noise floor of an A/A twin
+    ratios       ratios of times, verdicts and possible winners of a race, the noise floor of A/A twins
     scaling      speed-up over threads, Amdahl's serial fraction
     fronts       Pareto front of intervals, ECDF of targets reached
     bias         bias over pairs of seeds, sanity flags
@@ -11,40 +12,49 @@
 """
 
 from harness.statistics.bias import BiasEstimate, bias_estimate, on_bias_floor, too_good_per_sample
-from harness.statistics.comparison import Speedup, noise_floor, paired_speedup, unpaired_ratio
-from harness.statistics.convergence import Crossing, Slope, convergence_slope, first_crossing, monotone_fit
+from harness.statistics.convergence import Curve, Slope, common_samples, convergence_slope, curve
+from harness.statistics.crossings import Bound, Crossing, Reading, find_crossing
 from harness.statistics.equivalence import Equivalence, equivalence
 from harness.statistics.fronts import ecdf, pareto_front
-from harness.statistics.intervals import Estimate, mean_interval, median_interval
-from harness.statistics.quality import QualityTime, efficiency, reliable_errors, time_to_quality
+from harness.statistics.intervals import Estimate, bounded_interval, geometric_interval, mean_interval
+from harness.statistics.quality import QualityTime, crossing_seconds, efficiency, reading_of, time_to_quality
+from harness.statistics.ratios import Race, Ratio, noise_floor, race, twin_distance, unpaired_ratio
 from harness.statistics.scaling import ParallelRow, amdahl_fit, parallel_speedups
 
 __all__ = [
     "BiasEstimate",
+    "Bound",
     "Crossing",
+    "Curve",
     "Equivalence",
     "Estimate",
     "ParallelRow",
     "QualityTime",
+    "Race",
+    "Ratio",
+    "Reading",
     "Slope",
-    "Speedup",
     "amdahl_fit",
     "bias_estimate",
+    "bounded_interval",
+    "common_samples",
     "convergence_slope",
+    "crossing_seconds",
+    "curve",
     "ecdf",
     "efficiency",
     "equivalence",
-    "first_crossing",
+    "find_crossing",
+    "geometric_interval",
     "mean_interval",
-    "median_interval",
-    "monotone_fit",
     "noise_floor",
     "on_bias_floor",
-    "paired_speedup",
     "parallel_speedups",
     "pareto_front",
-    "reliable_errors",
+    "race",
+    "reading_of",
     "time_to_quality",
     "too_good_per_sample",
+    "twin_distance",
     "unpaired_ratio",
 ]

@@ -1,4 +1,4 @@
-"""Error against samples or time in log-log space: slope, monotone fit, first crossing of a target."""
+"""How fast errors fall over samples: the slope of an error curve, over samples that all contestants of a scene share."""
 
 from __future__ import annotations
 
@@ -14,110 +14,101 @@ from harness.statistics.intervals import LEVEL, mean_interval
 Array = NDArray[np.float64]
 NOISE_ERRORS = 3.0
 """A corrected error below this many of its standard errors is noise."""
+CLEAR_ERRORS = 10.0
+"""From this many standard errors on the noise of the reference is left out of account."""
+MONTE_CARLO = -0.5
+SLOPE_MARGIN = 0.05
+FEWEST_CHECKPOINTS = 4
+LEAST_FACTOR = 8.0
+"""Checkpoints, and samples at the last over samples at the first, without which there is no slope."""
 
 
 class Curve(NamedTuple):
-    """One seed: `x` (n,) samples or seconds, increasing; `error` (n,) mean squared; `se` (n,), 0 if unknown."""
+    """One seed: after `samples` (n,) per pixel, rising, and `seconds` (n,) the mean squared `error` (n,) was left.
 
-    x: Array
+    `se` (n,): standard error of `error` by the noise of the reference; NaN where it is not known. `smooth`: whether the
+    sampler's error falls smoothly (independent samples), or is small after whole patterns only. `reproducible`: whether a
+    repetition with the same seed gives the same errors at the same samples.
+    """
+
+    samples: Array
+    seconds: Array
     error: Array
     se: Array
+    smooth: bool = False
+    reproducible: bool = False
 
 
 class Slope(NamedTuple):
-    """d log(RMSE) / d log(x) with its interval over seeds, and what it means: see `convergence_slope`."""
+    """d ln(RMSE) / d ln(samples) with its interval over seeds, and what it means: see `convergence_slope`.
+
+    `first`, `last`: samples per pixel between which it was fitted, 0 without a fit.
+    """
 
     value: float
     low: float
     high: float
     seeds: int
     verdict: str
+    first: int
+    last: int
 
 
-class Crossing(NamedTuple):
-    """When a curve first is at or below a target. `state` is `reached`, `at_first` (at or before the first point, so
-    `x` is an upper bound) or `censored` (`x` is inf; the last point is `last`)."""
-
-    x: float
-    state: str
-    last: float
-
-
-def curve(x: ArrayLike, error: ArrayLike, se: ArrayLike | None = None) -> Curve:
-    """A Curve of float arrays sorted by x."""
-    x, error = np.asarray(x, np.float64), np.asarray(error, np.float64)
-    spread = np.zeros_like(x) if se is None else np.nan_to_num(np.asarray(se, np.float64), posinf=np.inf)
+def curve(
+    samples: ArrayLike, seconds: ArrayLike, error: ArrayLike, se: ArrayLike | None = None, *,
+    smooth: bool = False, reproducible: bool = False,
+) -> Curve:  # fmt: skip
+    """A Curve of float arrays sorted by samples; without `se` the reference has no noise."""
+    x, y, e = (np.asarray(values, np.float64) for values in (samples, seconds, error))
+    noise = np.zeros_like(x) if se is None else np.asarray(se, np.float64)
     order = np.argsort(x, kind="stable")
-    return Curve(x[order], error[order], spread[order])
+    return Curve(x[order], y[order], e[order], noise[order], smooth, reproducible)
 
 
-def weighted_line(x: Array, y: Array, weights: Array) -> tuple[float, float]:
-    """(slope, intercept) of the weighted least-squares line; NaN below two distinct x."""
-    total = weights.sum()
-    if x.size < 2 or total <= 0 or np.ptp(x) == 0:
-        return math.nan, math.nan
-    x_mean, y_mean = (weights * x).sum() / total, (weights * y).sum() / total
-    slope = (weights * (x - x_mean) * (y - y_mean)).sum() / (weights * (x - x_mean) ** 2).sum()
-    return float(slope), float(y_mean - slope * x_mean)
+def clear_samples(seeds: Sequence[Curve]) -> Array:
+    """The samples at which every seed of a contestant has a checkpoint whose error stands 10 standard errors above zero."""
+    clear = [set(each.samples[(each.error > 0) & (each.error >= CLEAR_ERRORS * each.se)]) for each in seeds]
+    return np.array(sorted(set.intersection(*clear)) if clear else [], np.float64)
 
 
-def convergence_slope(curves: Sequence[Curve], level: float = LEVEL) -> Slope:
-    """Slope of log RMSE over log x: a weighted line a seed, then mean and Student's t interval over seeds.
+def common_samples(contestants: Sequence[Sequence[Curve]]) -> Array:
+    """The samples over which the slopes of a scene's contestants, each a list of seeds, are fitted and can be compared.
 
-    A point's weight is (error / se)^2, the inverse variance of its logarithm; points below 3 se are left out. Points
-    of one seed share samples, hence are correlated: only seeds count as replicates. Verdict: `monte carlo` where the
-    interval comes within 0.05 of -1/2, `steeper` (QMC) below that, `flat` (bias) where it lies above -1/4, else
-    `slower`; `unknown` without an interval.
+    Those that all contestants have: at least 4 checkpoints that span a factor of 8. A contestant with less than that does not
+    count, so that it takes nothing from the others. Where the rest have too little in common, the one with the fewest does
+    not count either. Empty where there is no such range.
     """
-    slopes = []
-    for x, error, se in curves:
-        good = (error > NOISE_ERRORS * se) & (error > 0) & np.isfinite(error) & (x > 0)
-        weights = np.where(se[good] > 0, error[good] / np.where(se[good] > 0, se[good], 1.0), 0.0) ** 2
-        if not (weights > 0).all():
-            weights = np.ones(int(good.sum()))
-        slopes.append(weighted_line(np.log(x[good]), np.log(error[good]) / 2, weights)[0])
-    value, low, high, seeds = mean_interval(slopes, level)
-    return Slope(value, low, high, seeds, _slope_verdict(low, high))
+    sets = sorted((set(clear_samples(seeds)) for seeds in contestants), key=len)
+    while sets := [own for own in sets if spans_enough(own)]:
+        if spans_enough(common := set.intersection(*sets)):
+            return np.array(sorted(common))
+        sets = sets[1:]
+    return np.zeros(0)
+
+
+def spans_enough(samples: set[float]) -> bool:
+    """Whether there are enough checkpoints, far enough apart, for a slope."""
+    return len(samples) >= FEWEST_CHECKPOINTS and max(samples) >= LEAST_FACTOR * min(samples)
+
+
+def convergence_slope(seeds: Sequence[Curve], samples: ArrayLike, level: float = LEVEL) -> Slope:
+    """Slope of ln(RMSE) over ln(samples) at the checkpoints `samples` (see `common_samples`): a line a seed.
+
+    Then mean and Student's t interval over seeds. Checkpoints of one seed share samples, hence are correlated: only seeds
+    count as replicates. Verdict: `monte carlo` where the interval lies within -0.5 ± 0.05; else `steeper` or `shallower`
+    where it excludes -0.5; else, and for a contestant that lacks one of the checkpoints, `unknown`.
+    """
+    at = np.asarray(samples, np.float64)
+    if not seeds or not spans_enough(set(at)) or not set(at) <= set(clear_samples(seeds)):
+        return Slope(math.nan, math.nan, math.nan, 0, "unknown", 0, 0)
+    x = np.log(at) - np.log(at).mean()
+    lever = x / (x**2).sum() / 2
+    slopes = [float(lever @ np.log(each.error[np.searchsorted(each.samples, at)])) for each in seeds]
+    value, low, high, count = mean_interval(slopes, level)
+    return Slope(value, low, high, count, _slope_verdict(low, high), int(at[0]), int(at[-1]))
 
 
 def _slope_verdict(low: float, high: float) -> str:
-    if math.isnan(low):
-        return "unknown"
-    if low <= -0.45 and high >= -0.55:
+    if low >= MONTE_CARLO - SLOPE_MARGIN and high <= MONTE_CARLO + SLOPE_MARGIN:
         return "monte carlo"
-    if high < -0.55:
-        return "steeper"
-    return "flat" if low > -0.25 else "slower"
-
-
-def monotone_fit(y: ArrayLike) -> Array:
-    """The non-increasing sequence nearest to `y` in least squares: pool adjacent violators (Ayer et al. 1955)."""
-    pools: list[tuple[float, int]] = []
-    for value in np.asarray(y, np.float64):
-        mean, size = float(value), 1
-        while pools and pools[-1][0] < mean:
-            before, count = pools.pop()
-            mean, size = (mean * size + before * count) / (size + count), size + count
-        pools.append((mean, size))
-    return np.concatenate([np.full(size, mean) for mean, size in pools]) if pools else np.zeros(0)
-
-
-def first_crossing(x: ArrayLike, error: ArrayLike, target: float) -> Crossing:
-    """Where the monotone log-log fit of `error` over `x` first reaches `target`, by log-log interpolation.
-
-    Points of infinite or NaN error count as infinitely bad. Nothing is extrapolated: see Crossing.
-    """
-    x, error = np.asarray(x, np.float64), np.asarray(error, np.float64)
-    usable = np.isfinite(error) & (error > 0) & (x > 0)
-    last = float(x.max(initial=0.0))
-    if not usable.any():
-        return Crossing(math.inf, "censored", last)
-    log_x, fit, goal = np.log(x[usable]), monotone_fit(np.log(error[usable])), math.log(target)
-    below = np.flatnonzero(fit <= goal)
-    if below.size == 0:
-        return Crossing(math.inf, "censored", last)
-    at = int(below[0])
-    if at == 0:
-        return Crossing(float(x[usable][0]), "at_first", last)
-    share = (fit[at - 1] - goal) / (fit[at - 1] - fit[at])
-    return Crossing(float(math.exp(log_x[at - 1] + share * (log_x[at] - log_x[at - 1]))), "reached", last)
+    return "steeper" if high < MONTE_CARLO else "shallower" if low > MONTE_CARLO else "unknown"

@@ -1,4 +1,4 @@
-"""Two intervals that everything else uses: the bootstrapped median and Student's mean. Deterministic."""
+"""The intervals that everything else uses: Student's, of means and of geometric means."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit  # Student's quantiles; scipy.stats takes a second to import
 
 LEVEL = 0.95
-RESAMPLES = 2000
-BOOTSTRAP_SEED = 20_170_701
 
 
 class Estimate(NamedTuple):
@@ -25,22 +23,6 @@ class Estimate(NamedTuple):
 
 
 NOTHING = Estimate(math.nan, math.nan, math.nan, 0)
-
-
-def median_interval(values: Sequence[float], level: float = LEVEL) -> Estimate:
-    """Median and percentile bootstrap interval (Efron 1979). Infinite values (censored) are allowed and stay infinite.
-
-    With n values the interval never leaves their range: its true coverage is at most 1 - 2^(1-n), 93.75 % for five.
-    NaN values are left out. A single value has no interval.
-    """
-    known = np.asarray([value for value in values if not math.isnan(value)], np.float64)
-    if known.size == 0:
-        return NOTHING
-    if known.size == 1:
-        return Estimate(float(known[0]), math.nan, math.nan, 1)
-    medians = np.sort(_medians(known[resample_indices(known.size)]))
-    low, high = (_order_statistic(medians, share) for share in ((1 - level) / 2, (1 + level) / 2))
-    return Estimate(float(_medians(known[None])[0]), low, high, int(known.size))
 
 
 def mean_interval(values: Sequence[float] | NDArray[np.float64], level: float = LEVEL) -> Estimate:
@@ -56,18 +38,41 @@ def mean_interval(values: Sequence[float] | NDArray[np.float64], level: float = 
     return Estimate(mean, float(mean - half), float(mean + half), int(known.size))
 
 
-def resample_indices(n: int) -> NDArray[np.int64]:
-    """(RESAMPLES, n) indices drawn with replacement, the same ones at every call."""
-    return np.random.default_rng(BOOTSTRAP_SEED).integers(0, n, (RESAMPLES, n))
+def geometric_interval(values: Sequence[float]) -> Estimate:
+    """exp of the mean of the logarithms with Student's t interval: of times, rates and errors, which are positive.
+
+    NaN values are left out. Zeros make the mean 0, infinite values make it infinite, both without an interval; of a negative
+    value, or of zeros beside infinite ones, there is no geometric mean: NaN.
+    """
+    known = np.asarray(values, np.float64)
+    known = known[~np.isnan(known)]
+    if (known < 0).any():
+        return Estimate(math.nan, math.nan, math.nan, int(known.size))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = float(np.exp(np.log(known).mean())) if known.size else math.nan
+    if not 0 < value < math.inf:
+        return Estimate(value, math.nan, math.nan, int(known.size))
+    _, low, high, n = mean_interval(np.log(known))
+    return Estimate(value, exp(low), exp(high), n)
 
 
-def _medians(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median of each row; infinite where one of the two middle values is."""
-    ordered = np.sort(rows, axis=1)
-    n = rows.shape[1]
-    return (ordered[:, (n - 1) // 2] + ordered[:, n // 2]) / 2
+def bounded_interval(low: Sequence[float], high: Sequence[float]) -> Estimate:
+    """Geometric mean and interval of positive values that are known, or known to lie between `low` and `high`.
+
+    An infinite upper bound makes the value infinite, so that it is only known to be above the lower end. A lower
+    bound of 0 makes the lower end 0: the value is the mean of the upper bounds, and only known to be below the upper
+    end.
+    """
+    below, above = geometric_interval(low), geometric_interval(high)
+    single = below.n < 2
+    return Estimate(
+        above.value,
+        0.0 if below.value == 0 else below.value if single and math.isinf(above.value) else below.low,
+        math.inf if math.isinf(above.value) else above.value if single and below.value == 0 else above.high,
+        below.n,
+    )
 
 
-def _order_statistic(ordered: NDArray[np.float64], share: float) -> float:
-    """The quantile without interpolation, which infinite values would spoil."""
-    return float(ordered[min(int(share * ordered.size), ordered.size - 1)])
+def exp(value: float) -> float:
+    """e^value, infinite instead of an error where that is too large."""
+    return math.inf if value > 700 else math.exp(value)

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.statistics.comparison import paired_speedup
-from harness.statistics.intervals import NOTHING, Estimate, resample_indices
+from harness.statistics.intervals import NOTHING, Estimate, geometric_interval, mean_interval
 
 
 class ParallelRow(NamedTuple):
@@ -25,12 +24,12 @@ def parallel_speedups(seconds: Mapping[int, Mapping[int, float]]) -> list[Parall
     """One row a thread count from `seconds[threads][block]`, paired by block against the smallest thread count."""
     base = min(seconds)
     rows = []
-    for threads in sorted(seconds):
-        ratio = paired_speedup(seconds[base], seconds[threads])
-        estimate = Estimate(*ratio[:4]) if threads != base else Estimate(1.0, 1.0, 1.0, len(seconds[base]))
+    for threads, times in sorted(seconds.items()):
+        shared = sorted(times.keys() & seconds[base].keys())
+        speedup = geometric_interval([seconds[base][block] / times[block] for block in shared])
         share = base / threads
-        efficiency = Estimate(estimate.value * share, estimate.low * share, estimate.high * share, estimate.n)
-        rows.append(ParallelRow(threads, estimate, efficiency))
+        efficiency = Estimate(speedup.value * share, speedup.low * share, speedup.high * share, speedup.n)
+        rows.append(ParallelRow(threads, speedup, efficiency))
     return rows
 
 
@@ -44,23 +43,15 @@ def serial_fraction(threads: ArrayLike, speedups: ArrayLike) -> float:
 
 
 def amdahl_fit(seconds: Mapping[int, Mapping[int, float]]) -> Estimate:
-    """Serial fraction from `seconds[threads][block]` with a bootstrap interval over the blocks that all counts share.
+    """Serial fraction from `seconds[threads][block]`: the mean of a fit a block, over the blocks that all counts share.
 
-    Needs one thread among the counts (p = 1 is the law's unit), another count and two blocks; else NaN.
+    Needs one thread among the counts (p = 1 is the law's unit) and another count; else NaN. Student's interval from
+    two blocks on, within [0, 1].
     """
     blocks = sorted(set.intersection(*(set(times) for times in seconds.values()))) if seconds else []
     counts = sorted(seconds)
     if len(counts) < 2 or counts[0] != 1 or not blocks:
         return NOTHING
-    logs = np.log([[seconds[p][b] for b in blocks] for p in counts])
-    fits = [_fit(counts, logs)]
-    if len(blocks) > 1:
-        fits += [_fit(counts, logs[:, chosen]) for chosen in resample_indices(len(blocks))[:500]]
-    low, high = np.quantile(fits[1:], (0.025, 0.975)) if len(fits) > 1 else (math.nan, math.nan)
-    return Estimate(fits[0], float(low), float(high), len(blocks))
-
-
-def _fit(counts: list[int], logs: np.ndarray) -> float:
-    """Serial fraction of geometric-mean times over blocks; `logs` is (counts, blocks)."""
-    mean = logs.mean(axis=1)
-    return serial_fraction(counts, np.exp(mean[0] - mean))
+    fits = [serial_fraction(counts, [seconds[1][block] / seconds[p][block] for p in counts]) for block in blocks]
+    value, low, high, n = mean_interval(fits)
+    return Estimate(value, float(np.clip(low, 0, 1)), float(np.clip(high, 0, 1)), n)

@@ -6,7 +6,8 @@ are as `confined` wants them. The kinds of events and what they are for: docs/ha
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import math
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -53,11 +54,13 @@ class Choice(Record):
 
 
 class Point(Record):
-    """A checkpoint. `seconds` and `rays` count from the start of the cell."""
+    """A checkpoint. `seconds` and `rays` count from the start of the cell, or of the checkpoint's own render in a cell of
+    `separate_renders`, where `sampler` says how its sampler was set."""
 
     spp: Samples
     seconds: Seconds
     rays: float | None = None
+    sampler: Choice | None = None
     metrics: Numbers
     image: ImagePath | None
 
@@ -98,32 +101,41 @@ class Reference(Record):
 
 
 class Certificate(Record):
-    """`difference`, `low`, `high` are there unless the verdict is `impossible`."""
+    """`lineage` is that of `engine`; a certificate without lineages, or of the reference's own, certifies nothing.
+
+    Bounds are there unless the verdict is `impossible`; `inconclusive` is of older runs, which had none.
+    """
 
     event: Literal["certificate"]
     certificate_id: Id
     reference_id: Id
     scene: str
     engine: str
+    lineage: str | None = None
+    reference_lineage: str | None = None
     spp: Samples
+    width: Pixels | None = None
+    height: Pixels | None = None
     message: str
-    verdict: Literal["equivalent", "different", "inconclusive", "impossible"]
+    verdict: Literal["identical", "equivalent", "different", "unresolved", "inconclusive", "impossible"]
     difference: float | None = None
     low: float | None = None
     high: float | None = None
+    image_bound: float | None = None
+    tile_bound: float | None = None
 
     @model_validator(mode="after")
     def _compared(self) -> Certificate:
-        if self.verdict != "impossible" and None in (self.difference, self.low, self.high):
-            raise ValueError("difference, low and high are wanted")
+        known = (self.difference, self.low, self.high, *((self.image_bound, self.tile_bound) if self.lineage else ()))
+        if self.verdict != "impossible" and None in known:
+            raise ValueError("difference, low, high and bounds are wanted")
         return self
 
 
 class Sentinel(Record):
+    """In older results: the time of a fixed kernel, which predicted nothing. It is not read."""
+
     event: Literal["sentinel"]
-    block: Count
-    seconds: Seconds
-    env_id: Id | None = None
 
 
 class Start(Record):
@@ -131,11 +143,13 @@ class Start(Record):
     cell_id: Id
 
 
-class Cell(Record):
-    """A cell's state and what was measured of it. Checkpoints rise in samples, and their seconds do not fall."""
+class Measurement(Record):
+    """A cell's state and what was measured of it. Checkpoints rise in samples, and their seconds do not fall, unless each is
+    a render of its own. `attempt` 2 and up: measured again, because the one before was contended."""
 
-    event: Literal["cell"]
     cell_id: Id
+    attempt: Annotated[int, Field(ge=1, le=1000)] = 1
+    separate_renders: bool = False
     env_id: Id | None = None
     label: str | None = None
     state: Literal["done", "failed", "timeout", "skipped", "outdated"]
@@ -146,6 +160,8 @@ class Cell(Record):
     scene: str
     scene_hash: Id
     primitives: Count | None = None
+    smooth_sampler: bool = False
+    reproducible: bool = False
     engine: str
     shader: Choice
     sampler: Choice
@@ -162,15 +178,27 @@ class Cell(Record):
     points: list[Point]
     counters: Numbers
     machine: dict[str, Scalar]
-    sentinel_seconds: Seconds | None = None
     wall_seconds: Seconds | None = None
 
     @model_validator(mode="after")
-    def _rising(self) -> Cell:
+    def _rising(self) -> Self:
         for before, after in zip(self.points, self.points[1:], strict=False):
-            if after.spp <= before.spp or after.seconds < before.seconds:
+            falls = after.seconds < before.seconds and not self.separate_renders
+            if after.spp <= before.spp or falls:
                 raise ValueError(f"points: that of {after.spp} samples does not come after that of {before.spp}")
         return self
+
+
+class Cell(Measurement):
+    """The measurement of a cell that counts: the last of these events."""
+
+    event: Literal["cell"]
+
+
+class Attempt(Measurement):
+    """A measurement of a cell that does not count: it was contended, or failed, where the cell had been measured before."""
+
+    event: Literal["attempt"]
 
 
 def _settings(row: list[str | int]) -> list[str | int]:
@@ -183,29 +211,45 @@ SettingsRow = Annotated[list[str | int], AfterValidator(_settings)]
 
 
 class Bias(BaseModel):
+    """The fields of `statistics.BiasEstimate`; older archives have the first three."""
+
     model_config = ConfigDict(strict=True, extra="forbid")
     of: SettingsRow
     squared: float
     se: float
     pairs: Count
+    weight: float = math.nan
+    difference: float = math.nan
+    image_z: float = math.nan
+    image_bound: float = math.nan
+    tile_difference: float = math.nan
+    tile_z: float = math.nan
+    tile_bound: float = math.nan
+    worst_tile: Annotated[list[Count], Field(min_length=2, max_length=2)] = [0, 0]
 
 
 class Verdict(BaseModel):
     """The fields of `statistics.Equivalence`."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
-    pixel_p: float
-    pixel_threshold: float
-    pixels_outside: Count
-    tile_p: float
-    tile_threshold: float
-    image_p: float
-    ks_p: float
+    verdict: Literal["identical", "equivalent", "different", "unresolved"]
     difference: float
     low: float
     high: float
-    detectable: float
+    image_bound: float
+    tile_bound: float
+    worst_tile: Annotated[list[Count], Field(min_length=2, max_length=2)]
+    image_margin: float
+    tile_margin: float
+    same_pixels: float = math.nan
+    alpha: float = 0.01
+
+
+class OldVerdict(Record):
+    """What archives had before there were bounds: it counts as unresolved."""
+
     verdict: Literal["equivalent", "different", "inconclusive"]
+    pixel_p: float
     alpha: float = 0.01
 
 
@@ -213,10 +257,14 @@ class Beside(Verdict):
     of: SettingsRow
 
 
+class OldBeside(OldVerdict):
+    of: SettingsRow
+
+
 class Pair(Record):
     first: SettingsRow
     second: SettingsRow
-    found: Verdict
+    found: Verdict | OldVerdict
     replicates: Annotated[list[Count], Field(min_length=2, max_length=2)]
     spp: Annotated[list[Count], Field(min_length=2, max_length=2)]
     paired: bool
@@ -225,7 +273,7 @@ class Pair(Record):
 class ArchivedVerdicts(Record):
     event: Literal["archived_verdicts"]
     bias: list[Bias] = []
-    baseline: list[Beside] = []
+    baseline: list[Beside | OldBeside] = []
     pairs: list[Pair] = []
 
 
@@ -239,7 +287,7 @@ class VerifyJob(Record):
 
 
 Event = Annotated[
-    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | ArchivedVerdicts | VerifyJob,
+    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | Attempt | ArchivedVerdicts | VerifyJob,
     Field(discriminator="event"),
 ]
 
@@ -258,10 +306,16 @@ class Combination(Record):
     scene: Scene | str | None = None
 
 
+class Margins(Record):
+    image: Annotated[float, Field(gt=0, le=1)] = 0.005
+    tile: Annotated[float, Field(gt=0, le=1)] = 0.05
+
+
 class Config(Record):
     name: str | None = None
     baseline: str | None = None
     quality: Quality | None = None
+    equivalence: Margins | None = None
     combinations: list[Combination] | None = None
 
 

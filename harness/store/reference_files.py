@@ -78,6 +78,10 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
     if not meta["complete"]:
         raise ConfigError(f"{folder}: this reference was not finished: run the experiment again")
     film = film_in(folder, meta)
+    if film.bad_samples:
+        raise ConfigError(
+            f"{folder}: {film.bad_samples} of this reference's samples are NaN or infinite: finite radiance is wanted"
+        )
     spp = meta["spec"]["replicates"] * meta["spec"]["replicate_spp"]
     return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
 

@@ -59,8 +59,8 @@ class Contender:
 
     @property
     def runs(self) -> list[Event]:
-        """Cells that had their chance: done, and those out of time (what they have counts, the rest is open)."""
-        return [c for c in self.cells if c["state"] == "timeout" or (c["state"] == "done" and c.get("points"))]
+        """Cells that had their chance: done, failed and those out of time. What these have counts, the rest is open."""
+        return [c for c in self.cells if c["state"] in ("failed", "timeout") or (c["state"] == "done" and c.get("points"))]
 
     def fixed_seconds(self, cell: Event) -> float:
         """Import, scene load, build and compilation: what a cold start pays before its first ray."""
@@ -81,7 +81,6 @@ class Results:
     references: dict[str, Event]
     metric: str
     targets: list[float]
-    sentinels: list[Event]
     runs: list[Event]
     environments: dict[str, Event] = field(default_factory=dict)
     certificates: dict[str, Event] = field(default_factory=dict)
@@ -115,11 +114,9 @@ class Results:
         """The scene's contenders that have something to show."""
         return [c for c in self.contenders if c.settings.scene == scene and c.done]
 
-    def curve(self, cell: Event, x: str = "seconds", metric: str = "") -> Curve:
-        """A cell's error over `seconds`, `spp` or `rays`: noise-corrected with its standard error where it is known."""
-        points = cell.get("points") or []
-        errors, spreads = np.array([point_error(point, metric or self.metric) for point in points]).reshape(-1, 2).T
-        return curve([float(point.get(x) or math.nan) for point in points], errors, spreads)
+    def curve(self, cell: Event, metric: str = "") -> Curve:
+        """A cell's error by `metric`, which is that of the targets without one: see `point_error`."""
+        return curve_of(cell, metric or self.metric)
 
     def reference(self, reference_id: str | None) -> Reference | None:
         """The reference's arrays; None where it is missing or unreadable."""
@@ -162,7 +159,7 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
     cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
     results = Results(folder, manifest, cells, references, metric,
                       sorted(numbers, reverse=not higher_is_better(metric)),
-                      of_kind(events, "sentinel"), of_kind(events, "run"),
+                      of_kind(events, "run"),
                       {event["env_id"]: event for event in of_kind(events, "environment")},
                       {event["reference_id"]: event for event in of_kind(events, "certificate")},
                       check_results(events, manifest.get("verify_job_ids")),
@@ -196,12 +193,23 @@ def phase_seconds(cell: Event, phase: str) -> float:
     return float(value) if value is not None and math.isfinite(value) else 0.0
 
 
+def curve_of(cell: Event, metric: str) -> Curve:
+    """The errors of a cell's checkpoints by `metric`: see `point_error`."""
+    points = cell.get("points") or []
+    errors, spreads = np.array([point_error(point, metric) for point in points]).reshape(-1, 2).T
+    kind = {"smooth": bool(cell.get("smooth_sampler")), "reproducible": bool(cell.get("reproducible"))}
+    return curve([point["spp"] for point in points], [point["seconds"] for point in points], errors, spreads, **kind)
+
+
 def point_error(point: Event, metric: str) -> tuple[float, float]:
-    """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one."""
+    """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one.
+
+    NaN for what was not measured.
+    """
     metrics = point.get("metrics") or {}
     value = metrics.get(f"{metric}_corrected", metrics.get(metric))
     se = metrics.get(f"{metric}_se")
-    return (math.nan if value is None else as_error(metric, float(value))), (0.0 if se is None else float(se))
+    return (math.nan if value is None else as_error(metric, float(value))), (math.nan if se is None else float(se))
 
 
 def read_image(path: Path) -> np.ndarray | None:

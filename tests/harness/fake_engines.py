@@ -5,15 +5,17 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from engines.errors import Unsupported
 from engines.film import Film
-from engines.interface import Settings
+from engines.interface import FullPattern, Settings
 from engines.scene import Scene
 
 NOISE = 0.5
@@ -96,6 +98,39 @@ class Brighter(Steady):
         return renderer
 
 
+class Apart(Steady):
+    """Equal to Steady, but for its random numbers."""
+
+    name = "apart"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        return super().prepare(scene, replace(settings, seed=settings.seed + 77_777))
+
+
+class Sibling(Steady):
+    """Another name for the code of Steady."""
+
+    name, lineage = "sibling", "steady"
+
+
+class Spotty(Steady):
+    """One sample of its first pixel is NaN; the film counts it as black."""
+
+    name = "spotty"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        add = renderer.film.add
+
+        def spoiled(samples: np.ndarray) -> None:
+            if renderer.film.spp == 0:
+                samples[0, 0] = np.nan
+            add(samples)
+
+        renderer.film.add = spoiled
+        return renderer
+
+
 class Picky(Steady):
     name = "picky"
 
@@ -171,3 +206,49 @@ class Chatty(Steady):
 
         print("hello from an engine")
         threading.Thread(target=time.sleep, args=(3600,), daemon=True).start()
+
+
+class Burning(Steady):
+    """Works half a second for a sample, on a thread of its own that then ends."""
+
+    name = "burning"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        render = renderer.render
+
+        def burn(spp: int, on_pass: Any = None) -> Film:
+            worker = threading.Thread(target=work, args=(0.5 * spp,))
+            worker.start()
+            worker.join()
+            return render(spp)
+
+        renderer.render = burn
+        return renderer
+
+
+def work(seconds: float) -> None:
+    """Uses that much time of a processor, on the thread that calls."""
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
+        pass
+
+
+class Patterned(Steady):
+    """Its sampler `stratified` has patterns of 4, 16, 64, ... samples. The image says how many strata there were."""
+
+    name = "patterned"
+
+    def full_pattern(self, sampler: Mapping[str, Any], spp: int) -> FullPattern | None:
+        if sampler["name"] != "stratified":
+            return None
+        size = 4
+        while size < spp:
+            size *= 4
+        return FullPattern(size, {"name": "stratified", "strata": size})
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        if settings.sampler["name"] == "stratified":
+            renderer.counters = lambda: {"rays": float(renderer.film.spp), "strata": float(settings.sampler["strata"])}
+        return renderer

@@ -45,9 +45,8 @@ def write_whole(folder: Path) -> Path:
     cell = next(event for event in kept if event["event"] == "cell")
     reference = next(event for event in kept if event["event"] == "reference")
     verdict = {
-        "pixel_p": 0.4, "pixel_threshold": 0.01, "pixels_outside": 0, "tile_p": 0.3, "tile_threshold": 0.01, "image_p": 0.6,
-        "ks_p": 0.5, "difference": 1e-4, "low": -1e-3, "high": 1e-3, "detectable": 1e-3, "verdict": "equivalent",
-        "alpha": 1e-3,
+        "difference": 1e-4, "low": -1e-3, "high": 1e-3, "image_bound": 1e-3, "tile_bound": 0.02, "worst_tile": [0, 0],
+        "image_margin": 0.005, "tile_margin": 0.05, "same_pixels": 0.1, "verdict": "equivalent", "alpha": 1e-3,
     }  # fmt: skip
     finding = {
         "engine": "numba", "version": "1", "precision": "float64", "tracing": "float64", "accelerator": "bvh",
@@ -58,8 +57,9 @@ def write_whole(folder: Path) -> Path:
     kept += [
         {"event": "environment", "env_id": "env0", "preimage": {"cpu": "One", "usable_cores": 2, "libraries": {"a": "1"}}},
         {"event": "start", "cell_id": cell["cell_id"], "time": "2026-01-01"},
-        {"event": "certificate", "certificate_id": "c0", "reference_id": reference["reference_id"], "engine": "numba",
-         "scene": "cornell_box", "spp": 64, "message": "", "alpha": 1e-3, **verdict},
+        {"event": "certificate", "certificate_id": "c0", "reference_id": reference["reference_id"], "engine": "numpy",
+         "scene": "cornell_box", "spp": 64, "message": "", "lineage": "raybench-numpy",
+         "reference_lineage": "raybench-kernels", "width": 16, "height": 12, **verdict},
         {"event": "verify_job", "verify_job_id": "x0", "spec": {"case": "sphere-distance"}, "env_id": "env0",
          "state": "done", "message": "", "results": [finding], "wall_seconds": 1.0, "time": "2026-01-01"},
     ]  # fmt: skip

@@ -33,9 +33,10 @@ matrix: {engine: ['fake_engines:Steady', 'fake_engines:Other']}
 budget: {max_time: 5s, max_spp: 8, timeout: 20s}
 checkpoints: {ratio: 2, start: 1}
 repeats: 2
-reference: {engine: 'fake_engines:Steady', spp: 64, seed: 9000}
+reference: {engine: 'fake_engines:Steady', spp: 64, seed: 9000, certify: null}
 quality: {targets: [1.0, 0.1]}
 images: none
+remeasure: 0
 """
 
 

@@ -81,7 +81,7 @@ def cases(threads):
             for engine in ("numba", "embree"):
                 for count in threads:
                     yield scene, engine, "bvh" if engine == "numba" else "embree", sampler, count, None
-    yield "cornell_box", "numba", "bvh", "random", 1, "A/A"
+        yield scene, "numba", "bvh", "random", 1, "A/A"
 
 
 def base_cell(case, block, size):
@@ -94,6 +94,7 @@ def base_cell(case, block, size):
         "accelerator": {"name": accelerator}, "precision": "float64", "threads": threads, "width": size.width,
         "command": f"raybench render {scene} --engine {engine} --seed {1000 + block} -o image.exr",
         "height": size.height, "reference_id": reference_id(scene, size), "phases": {}, "points": [], "counters": {},
+        "smooth_sampler": sampler == "random", "reproducible": True,
         "machine": {"load_1m": 0.5, "steal_seconds": 0.0, "involuntary_switches": 3, "contended": False},
         "sentinel_seconds": 0.2,
     }  # fmt: skip
@@ -125,7 +126,8 @@ def done_cell(folder, case, block, drift, size, rng, with_images):
 def metrics(error):
     return {
         "relmse_e0.01": error * 1.01, "relmse_e0.01_corrected": error, "relmse_e0.01_se": 1e-5 + error * 0.02,
-        "relmse_e0.01_trimmed": error * 0.9, "mse": error * 0.3, "mse_corrected": error * 0.29, "mape": error**0.5,
+        "relmse_e0.01_trimmed": error * 0.9, "mse": error * 0.3, "mse_corrected": error * 0.29, "mse_se": error * 0.006,
+        "mape": error**0.5,
         "smape": error**0.5, "psnr": -10 * np.log10(error * 0.2), "ssim": float(1 / (1 + error)), "nonfinite": 0.0,
         "mean_r": 0.5, "mean_g": 0.5, "mean_b": 0.5,
     }  # fmt: skip

@@ -1,15 +1,15 @@
-"""Certificates: an engine that makes the same image certifies a reference, another one does not, and the report says so.
-
-Seeds are fixed; false alarms are set to 0.1 % a scale.
-"""
+"""Certificates: an engine of another lineage that makes the same image certifies a reference, any other does not, and the
+report says so. Seeds are fixed; 0.1 % of equal images are called different."""
 
 import fake_engines
+import numpy as np
 import pytest
 
 from engines.errors import ConfigError
+from engines.registry import engine, lineage_of
 from harness import config, store
 from harness.measure.pool import Pool
-from harness.plan import planner
+from harness.plan import certifiers, planner
 from harness.report import write_derived
 from harness.run import certificates, references
 from tests.harness import sweeping
@@ -17,8 +17,12 @@ from tests.harness.sweeping import raybench
 
 
 def certified_by(engine, spp=4096):
-    asked = f"engine: 'fake_engines:Steady', spp: {spp}, certify: 'fake_engines:{engine}'"
-    return sweeping.EXPERIMENT.replace("engine: 'fake_engines:Steady', spp: 64", asked)
+    asked = f"engine: 'fake_engines:Steady', spp: {spp}, seed: 9000, certify: {engine}"
+    return sweeping.EXPERIMENT.replace("engine: 'fake_engines:Steady', spp: 64, seed: 9000, certify: null", asked)
+
+
+def fake(name):
+    return f"'fake_engines:{name}'"
 
 
 @pytest.fixture
@@ -26,7 +30,7 @@ def made(tmp_path):
     """(what was wanted, the certificate) of a reference and the engine that is to certify it."""
 
     def make(engine, spp=4096):
-        path = sweeping.write(tmp_path, certified_by(engine, spp))
+        path = sweeping.write(tmp_path, certified_by(fake(engine), spp))
         (wanted,) = planner.make(config.load(path), True).references.values()
         with Pool(True, tmp_path / "log") as pool:
             references.make(wanted, tmp_path / "refs", pool, lambda done, count: None)
@@ -35,28 +39,42 @@ def made(tmp_path):
     return make
 
 
-def test_an_equal_engine_certifies(made):
-    _, found = made("Other")
-    assert found["verdict"] == "equivalent" and -0.01 < found["low"] <= found["difference"] <= found["high"] < 0.01
-    assert found["difference"] != 0, "the second engine draws other random numbers"
-    assert found["spp"] == 2048 and certificates.words(found).startswith("certified by fake_engines:Other (2048 spp)")
+def test_an_engine_of_another_lineage_that_makes_the_same_image_certifies(made):
+    _, found = made("Apart", spp=8192)
+    assert found["verdict"] == "equivalent" and found["image_bound"] < 0.005 and found["tile_bound"] < 0.05
+    assert found["difference"] != 0, "it draws other random numbers"
+    assert (found["lineage"], found["reference_lineage"]) == ("apart", "steady") and certificates.certifies(found)
+    said = certificates.words(found)
+    assert said.startswith("certified by fake_engines:Apart (12x8, 8192 spp): image means differ by at most 0.")
+
+
+def test_one_that_draws_the_same_numbers_needs_few(made):
+    _, found = made("Other", spp=64)
+    assert found["verdict"] == "identical" and found["image_bound"] < 1e-12 and certificates.certifies(found)
 
 
 def test_a_brighter_engine_does_not(made):
     _, found = made("Brighter")
-    assert found["verdict"] == "different"
+    assert found["verdict"] == "different" and not certificates.certifies(found)
     assert found["difference"] == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
-    assert "NOT certified" in certificates.words(found)
+    assert "REFUTED" in certificates.words(found)
 
 
-def test_few_samples_are_inconclusive(made):
-    _, found = made("Other", spp=8)
-    assert found["verdict"] == "inconclusive" and "more samples are needed" in certificates.words(found)
+def test_few_samples_are_unresolved(made):
+    _, found = made("Apart", spp=8)
+    assert found["verdict"] == "unresolved" and not certificates.certifies(found)
+    said = certificates.words(found)
+    assert said.startswith("uncertified: ") and "more samples are needed" in said
 
 
 def test_an_engine_that_cannot_says_why(made):
     _, found = made("Picky", spp=8)
-    assert found["verdict"] == "impossible" and certificates.words(found) == "not certified: it never feels like it"
+    assert found["verdict"] == "impossible" and certificates.words(found) == "uncertified: it never feels like it"
+
+
+def test_one_with_bad_samples_makes_no_certificate(made):
+    with pytest.raises(certificates.WorkerFailed, match=r"Spotty, seed \d+: 1 samples are NaN or infinite: finite"):
+        made("Spotty", spp=8)
 
 
 def test_certifying_changes_no_id_and_a_certificate_is_found_again(made, tmp_path):
@@ -72,28 +90,122 @@ def test_certifying_changes_no_id_and_a_certificate_is_found_again(made, tmp_pat
 
 def test_the_engine_itself_is_no_witness(tmp_path):
     with pytest.raises(ConfigError, match=r"small\.yaml:9.*another engine than the reference's"):
-        config.load(sweeping.write(tmp_path, certified_by("Steady")))
+        config.load(sweeping.write(tmp_path, certified_by(fake("Steady"))))
 
 
-def test_a_run_records_it_once_and_the_report_says_it(tmp_path):
-    path, out = sweeping.write(tmp_path, certified_by("Brighter")), tmp_path / "results" / "small"
+def test_an_engine_of_the_same_lineage_is_refused_with_one_line(tmp_path):
+    text = certified_by("numba").replace("'fake_engines:Steady', spp", "embree, spp")
+    with pytest.raises(ConfigError) as refused:
+        planner.make(config.load(sweeping.write(tmp_path, text)), True)
+    said = str(refused.value)
+    assert "reference.certify = 'numba': is of the lineage raybench-kernels, as the reference's engine embree is" in said
+    assert "\n" not in said
+    with pytest.raises(ConfigError, match="is of the lineage steady"):
+        planner.make(config.load(sweeping.write(tmp_path, certified_by(fake("Sibling")))), True)
+
+
+def test_lineages_are_declared_or_the_name():
+    lineages = {name: lineage_of(engine(name)) for name in ("numpy", "numba", "embree", "embreex_batch", "mitsuba_scalar")}
+    assert lineages == {"numpy": "raybench-numpy", "numba": "raybench-kernels", "embree": "raybench-kernels",
+                        "embreex_batch": "raybench-numpy", "mitsuba_scalar": "mitsuba"}  # fmt: skip
+    assert lineage_of(fake_engines.Steady()) == "steady" and lineage_of(fake_engines.Sibling()) == "steady"
+
+    class Unspeakable(fake_engines.Steady):
+        lineage = 3
+
+    with pytest.raises(ConfigError, match="its lineage is 3: a line of text is wanted"):
+        engine(Unspeakable())
+
+
+@pytest.mark.parametrize(("by", "expected"), [("embree", "numpy"), ("numpy", "embree")])
+def test_the_default_certifier_is_of_another_lineage(tmp_path, by, expected):
+    text = certified_by("auto", 64).replace("'fake_engines:Steady', spp", f"{by}, spp")
+    (wanted,) = planner.make(config.load(sweeping.write(tmp_path, text)), True).references.values()
+    assert wanted.certifier is not None and wanted.certifier.engine == expected and wanted.certifier.why_not is None
+    assert wanted.certifier.lineage != wanted.lineage
+
+
+def test_a_slow_lineage_makes_a_smaller_image_and_never_more_samples_than_the_reference():
+    assert certifiers.share("raybench-numpy", 96, 96, 2048) == (1, 4)
+    assert certifiers.share("raybench-numpy", 256, 256, 8192) == (2, 4)
+    assert certifiers.share("raybench-numpy", 1920, 1080, 8192) == (12, 4)
+    assert certifiers.share("mitsuba", 256, 256, 8192) == (1, 32)
+    assert certifiers.share("mitsuba", 24, 24, 32) == (1, 4)
+    assert certifiers.share("raybench-numpy", 997, 991, 8192) == (1, 1)
+    assert certifiers.candidates(96, 96)[:2] == ("embree", "numpy") and certifiers.candidates(512, 512)[-1] == "numpy"
+
+
+def test_where_no_engine_of_another_lineage_can_it_is_said_why(tmp_path):
+    """An engine's own shader is known to nobody else."""
+    text = certified_by("auto", 8)
+    text = text.replace("scene: ball.yaml", "scene: ball.yaml\nshader: 'tests.harness.test_certificates:Unknown'")
+    (wanted,) = planner.make(config.load(sweeping.write(tmp_path, text)), True).references.values()
+    assert wanted.certifier is not None
+    assert str(wanted.certifier.why_not).startswith("no engine of another lineage can: embree: ")
+
+
+class Unknown:
+    """A shader without code for any engine of ours."""
+
+    name = "unknown"
+
+
+def test_a_run_records_it_once_and_the_report_says_it_first(tmp_path):
+    path, out = sweeping.write(tmp_path, certified_by(fake("Brighter"))), tmp_path / "results" / "small"
     _, listener = sweeping.run(path, out, ["repeats=1"])
     sweeping.run(path, out, ["repeats=1"])
     (event,) = [e for e in store.read_events(out) if e["event"] == "certificate"]
     assert event["verdict"] == "different" and "machine" not in event
-    assert any("NOT certified" in note for note in listener.notes)
+    assert any("REFUTED" in note for note in listener.notes)
     text = write_derived(out).read_text()
-    assert "The reference of ball is in doubt. NOT certified: fake_engines:Brighter" in text
+    said = "The reference of ball is in doubt. REFUTED: fake_engines:Brighter"
+    assert said in text and text.index(said) < text.index('id="verdicts"')
+
+
+def test_a_reference_without_a_certificate_is_uncertified_in_the_first_lines(tmp_path):
+    sweeping.run(sweeping.write(tmp_path), tmp_path / "out", ["repeats=1"])
+    text = write_derived(tmp_path / "out").read_text()
+    said = "The reference of ball (12x8) is uncertified: no engine of another lineage has made its image."
+    assert said in text and text.index(said) < text.index('id="verdicts"')
+
+
+def test_certificates_of_old_and_of_ones_own_lineage_certify_nothing():
+    old = {"verdict": "equivalent", "engine": "numba", "difference": 0.0, "low": 0.0, "high": 0.0}
+    assert not certificates.certifies(old) and "older rule" in certificates.words(old)
+    bounds = {"image_bound": 0.001, "tile_bound": 0.01, "spp": 8}
+    own = {**old, **bounds, "lineage": "raybench-kernels", "reference_lineage": "raybench-kernels"}
+    assert not certificates.certifies(own) and "own lineage" in certificates.words(own)
 
 
 def test_the_command_certifies_and_refuses(tmp_path):
-    for engine, code, said in (("Other", 0, ": certified by"), ("Brighter", 1, "NOT certified")):
-        done = raybench("reference", sweeping.write(tmp_path, certified_by(engine)), "--allow-imports", cwd=tmp_path)
+    for name, code, said in (("Other", 0, ": certified by"), ("Brighter", 1, "REFUTED")):
+        done = raybench("reference", sweeping.write(tmp_path, certified_by(fake(name))), "--allow-imports", cwd=tmp_path)
         assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
 
 
 def test_a_second_engine_that_crashes_is_one_line_and_the_reference_stays(tmp_path):
-    path = sweeping.write(tmp_path, certified_by("Crashing", spp=8))
+    path = sweeping.write(tmp_path, certified_by(fake("Crashing"), spp=8))
     done = raybench("reference", path, "--allow-imports", cwd=tmp_path)
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert "failed: the engine's process was killed by SIGSEGV" in done.stdout and "ball 12x8 8 spp: made" in done.stdout
+
+
+def test_a_reference_with_bad_samples_is_refused_with_where_and_what(tmp_path):
+    text = sweeping.EXPERIMENT.replace("reference: {engine: 'fake_engines:Steady'", "reference: {engine: 'fake_engines:Spotty'")
+    outcome, listener = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out", ["repeats=1"])
+    assert outcome.states == {"failed": 2}
+    assert "reference of ball by fake_engines:Spotty, seed 9000: 1 samples are NaN or infinite: finite radiance is wanted" in (
+        listener.notes[0]
+    )
+
+
+def test_a_stored_reference_with_bad_samples_is_refused(made, tmp_path):
+    wanted, _ = made("Other", spp=8)
+    folder = wanted.folder(tmp_path / "refs")
+    meta = store.reference_files.meta_of(folder)
+    with np.load(folder / meta["file"]) as parts:
+        np.savez(folder / meta["file"], **{**parts, "bad_samples": np.array(2)})
+    meta["sha256"] = store.reference_files.checksum(folder / meta["file"])
+    store.write_json(folder / "reference.json", meta)
+    with pytest.raises(ConfigError, match="2 of this reference's samples are NaN or infinite"):
+        store.reference_files.read(folder, wanted.reference_id, wanted.scene_hash)

@@ -193,6 +193,9 @@ MISTAKES = {
     "reference:\n  seed: 2": "a.yaml:5 reference.seed: seeds 2 and up are the reference's, 1 to 3 the cells'",
     "images: every": "a.yaml:4 images = 'every': must be one of all, some, last, none",
     "aa_twin: 1": "a.yaml:4 aa_twin = 1: must be true or false",
+    "pairs: [{contestant: {engine: numba}}]": "a.yaml:4 pairs[0].baseline: is missing",
+    "pairs: [{contestant: {}, baseline: {engine: numba}}]": "a.yaml:4 pairs[0].contestant: at least one setting is wanted",
+    "same_within: 0": "a.yaml:4 same_within = 0: must be a number in (0, 1]",
     "name: [a]": "a.yaml:4 name: a line of text is wanted",
 }
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import shutil
 from contextlib import contextmanager
 from xml.etree import ElementTree
@@ -14,6 +15,7 @@ from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report.plots import Palette, draw, write_plots
 from harness.report.plots.curves import band, error_curves, pareto
+from harness.report.plots.drawing import _panel_sketches
 from harness.report.plots.panels import facets, panels
 from harness.report.plots.parallel import Beside
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
@@ -63,7 +65,7 @@ def test_every_plot_comes_as_svg_png_and_pdf(plots, folder):
     for scene in ("cornell_box", "two_spheres"):
         kinds = ("error-over-time", "error-over-samples", "error-over-rays", "time-to-quality", "pareto", "phases")
         assert {f"{kind}-{scene}" for kind in kinds} <= names
-    assert {"targets-over-time", "speed-up-over-threads", "sentinel"} <= names
+    assert {"targets-over-time", "speed-up-over-threads"} <= names
     for name in names:
         for suffix in ("svg", "png", "pdf"):
             assert (folder / "plots" / f"{name}.{suffix}").stat().st_size > 1000
@@ -148,6 +150,19 @@ def test_a_legend_of_looks_fits_its_figure(analysis, draws):
     assert box.x0 >= 0 and box.x1 <= figure.bbox.width
 
 
+def test_a_caption_speaks_of_slopes_only_where_the_legend_has_them(analysis):
+    panel, palette = panels(analysis)[0], Palette(analysis.results)
+    none = [dataclasses.replace(v, slope=v.slope._replace(value=math.nan)) for v in panel.verdicts]
+    for verdicts, expected in ((panel.verdicts[:5], True), (panel.verdicts * 2, False), (none[:5], False)):
+        shown = dataclasses.replace(panel, verdicts=verdicts)
+        captions = {sketch.name: sketch.description for sketch in _panel_sketches(analysis, shown, palette)}
+        said = ["slopes" in captions[f"error-over-{x}-{panel.stem}"] for x in ("samples", "time", "rays")]
+        figure = error_curves(analysis, shown, palette, "spp")
+        legends = [*figure.legends, *(legend for axis in figure.axes if (legend := axis.get_legend()))]
+        numbers = [text.get_text() for legend in legends for text in legend.get_texts() if "(-0." in text.get_text()]
+        assert said == [expected, False, False] and bool(numbers) == expected
+
+
 def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
     panel = panels(analysis)[0]
     cell = panel.verdicts[0].contender.done[0]
@@ -162,15 +177,14 @@ def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
         point["metrics"] = kept
 
 
-def test_results_without_targets_threads_or_sentinels_draw_what_is_left(tmp_path):
+def test_results_without_targets_or_threads_draw_what_is_left(tmp_path):
     rng = np.random.default_rng(1)
     case = ("cornell_box", "numba", "bvh", "random", 1, None)
     cells = [done_cell(tmp_path, case, block, 1.0, SMALL, rng, False) for block in range(2)]
-    cells = [cell | {"sentinel_seconds": None} for cell in cells]
     (tmp_path / "events.jsonl").write_text("".join(json.dumps(cell) + "\n" for cell in cells))
     names = {plot.name for plot in write_plots(analyse(load_results(tmp_path)), tmp_path)}
     assert "error-over-time-cornell_box" in names and "phases-cornell_box" in names
-    assert not {"sentinel", "speed-up-over-threads", "targets-over-time"} & names
+    assert not {"speed-up-over-threads", "targets-over-time"} & names
 
 
 def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):

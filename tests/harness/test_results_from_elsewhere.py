@@ -217,20 +217,20 @@ def test_a_folder_of_the_first_format_ends_in_one_line(theirs, verb):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ('{"event": "sentinel", "block": "x", "seconds": 1}', r"sentinel\.block = 'x': Input should be a valid integer"),
+        ('{"event": "start", "cell_id": 7}', r"start\.cell_id = 7: Input should be a valid string"),
         ('{"event": "later"}', "'later'.*does not match any of the expected tags"),
-        ('{"event": "sentinel", "block": 1}', r"sentinel\.seconds: Field required"),
+        ('{"event": "start"}', r"start\.cell_id: Field required"),
         ('{"event": "run", "x": ' + "[" * 100 + "]" * 100 + "}", "nested deeper than 64"),
         ('{"event": "run", "x": 99999999999999999999}', "an integer of more than 64 bits"),
         ('{"event": "run", "x": "\\ud800"}', "half of a surrogate pair"),
         ("[" * 100_000, "not an event"),
-        ('{"event": ["sentinel"]}', "expected tags|discriminator|string"),
+        ('{"event": ["start"]}', "expected tags|discriminator|string"),
         ("7", "not an event"),
         ("\ufeff{}", "not an event"),
     ],
 )
 def test_a_line_that_is_no_event_is_refused_with_its_number(tmp_path, line, words):
-    good = json.dumps({"event": "sentinel", "block": 0, "seconds": 1})
+    good = json.dumps({"event": "sentinel", "block": 0, "seconds": 1})  # of older results: let through, and ignored
     (tmp_path / store.EVENTS).write_text(f"{good}\n{line}\n{good}\n")
     with pytest.raises(ConfigError, match=rf"^\S*events\.jsonl:2: .*({words})") as told:
         store.read_events(tmp_path)
@@ -249,6 +249,36 @@ def test_what_a_run_writes_is_what_is_read(tmp_path):
 def test_the_committed_results_are_read(folder):
     results = sweeping.ROOT / "results" / folder
     assert len(store.read_events(results)) > 200 and store.read_manifest(results)["name"]
+
+
+def test_verdicts_of_p_values_in_an_older_archive_are_unresolved_and_say_so(whole, tmp_path):
+    """As archives had them before images were bounded. They are read, and nothing is concluded from them."""
+    from harness.analysis import analyse, archived_verdicts
+    from harness.report.tables.equivalence import bias_text, equivalence_text
+    from harness.store.results import load_results
+
+    folder = shutil.copytree(whole, tmp_path / "old")
+    shutil.rmtree(folder / "images")
+    fresh = archived_verdicts.event(analyse(load_results(whole)))
+    p_values = {
+        "pixel_p": 0.5, "pixel_threshold": 1e-6, "pixels_outside": 0, "tile_p": 0.5, "tile_threshold": 1e-4, "image_p": 0.5,
+        "ks_p": 0.5, "difference": 1e-4, "low": -1e-3, "high": 1e-3, "detectable": 1e-3, "verdict": "equivalent",
+    }  # fmt: skip
+    old = {
+        "event": "archived_verdicts", "baseline": [{"of": row["of"], **p_values} for row in fresh["baseline"]],
+        "bias": [{"of": row["of"], "squared": 1e-6, "se": 1e-6, "pairs": 1} for row in fresh["bias"]],
+        "pairs": [{**row, "found": p_values} for row in fresh["pairs"]],
+    }  # fmt: skip
+    with (folder / store.EVENTS).open("a") as file:
+        file.write(json.dumps(old) + "\n")
+    analysis = analyse(load_results(folder))
+    seen = [verdict for verdict in analysis.verdicts if verdict.equivalence is not None]
+    assert seen and {equivalence_text(verdict) for verdict in seen} == {"unresolved (old rule)"}
+    assert {bias_text(v) for v in analysis.verdicts if v.bias is not None} == {"unknown (old rule)"}
+    compared = [pair for pair in analysis.pairs if pair.comparison is not None]
+    assert compared and {pair.verdict for pair in compared} == {"unresolved"}
+    again = archived_verdicts.event(analysis)
+    assert {row["verdict"] for row in again["baseline"]} == {"unresolved"}
 
 
 @pytest.mark.parametrize("kind", ["Bias", "Verdict"])

@@ -9,26 +9,14 @@ from harness.metrics import Reference
 from harness.statistics import (
     amdahl_fit,
     bias_estimate,
-    convergence_slope,
     ecdf,
     efficiency,
-    first_crossing,
     mean_interval,
-    median_interval,
-    monotone_fit,
-    noise_floor,
     on_bias_floor,
-    paired_speedup,
     parallel_speedups,
     pareto_front,
-    reliable_errors,
-    time_to_quality,
     too_good_per_sample,
-    unpaired_ratio,
 )
-from harness.statistics.convergence import curve
-
-SPP = 2.0 ** np.arange(9)
 
 
 def coverage(trial, trials):
@@ -54,195 +42,13 @@ def test_the_mean_of_five_is_covered_as_promised():
     assert coverage(trial, 600) > 0.92
 
 
-@pytest.mark.parametrize(("size", "least"), [(5, 0.90), (9, 0.90), (25, 0.90)])
-def test_the_median_of_skewed_times_is_covered(size, least):
-    """At most 93.75 % for five seeds; 300 trials below 90 % have p < 0.005 there."""
-
-    def trial(rng):
-        estimate = median_interval(rng.lognormal(0, 0.5, size))
-        return estimate.low, 1.0, estimate.high
-
-    assert coverage(trial, 300) >= least
-
-
-def test_a_median_of_censored_times_stays_censored():
-    assert median_interval([1, 2, math.inf, math.inf, math.inf]).value == math.inf
-    most = median_interval([1, 2, 3, math.inf, math.inf])
-    assert most.value == 3 and most.low == 1 and most.high == math.inf
-
-
 def test_one_value_has_no_interval_and_none_is_nothing():
-    assert median_interval([4.0])[0] == 4 and math.isnan(median_interval([4.0]).low)
-    assert math.isnan(mean_interval([]).value) and median_interval([math.nan]).n == 0
-
-
-# Convergence
-
-
-@pytest.mark.parametrize(
-    ("exponent", "verdict"), [(-0.5, "monte carlo"), (-0.9, "steeper"), (0.0, "flat"), (-0.35, "slower")]
-)
-def test_the_slope_of_rmse_is_found_and_named(exponent, verdict):
-    rng = np.random.default_rng(5)
-    curves = [curve(SPP, SPP ** (2 * exponent) * rng.lognormal(0, 0.03, SPP.size)) for _ in range(5)]
-    slope = convergence_slope(curves)
-    assert slope.value == pytest.approx(exponent, abs=0.02) and slope.verdict == verdict and slope.seeds == 5
-
-
-def test_slope_intervals_cover_although_checkpoints_share_samples():
-    """Cumulative means of the same samples: nominal 95 % over 200 trials; below 90 % has p < 3e-3."""
-
-    def trial(rng):
-        curves = []
-        for _ in range(5):
-            sums = np.cumsum(rng.normal(0, 1, (400, 256)), axis=1)
-            curves.append(curve(SPP, [((sums[:, int(n) - 1] / n) ** 2).mean() for n in SPP]))
-        slope = convergence_slope(curves)
-        return slope.low, -0.5, slope.high
-
-    assert coverage(trial, 200) > 0.9
-
-
-def test_the_slope_ignores_points_below_the_noise_of_the_reference():
-    error = np.maximum(1 / SPP, 1 / 16)
-    se = np.where(SPP > 16, 1.0, 1e-4)
-    assert convergence_slope([curve(SPP, error, se)] * 2).value == pytest.approx(-0.5, abs=1e-9)
-
-
-def test_monotone_fit_agrees_with_scikit_style_definition():
-    """The least-squares optimum has zero residual sum in every pool and never rises; min-max formula as oracle."""
-    y = np.random.default_rng(6).normal(0, 1, 30) - np.arange(30) * 0.1
-    # max over starts of min over ends of means, for decreasing fits with the roles swapped
-    oracle = [min(max(y[i : j + 1].mean() for j in range(k, 30)) for i in range(k + 1)) for k in range(30)]
-    assert monotone_fit(y) == pytest.approx(oracle)
-
-
-def test_the_crossing_of_a_power_law_is_exact():
-    seconds = np.array([0.1, 0.3, 0.9, 2.7])
-    crossing = first_crossing(seconds, 2.0 / seconds, 5.0)
-    assert crossing.state == "reached" and crossing.x == pytest.approx(0.4)
-
-
-def test_nothing_is_extrapolated():
-    seconds = np.array([1.0, 2.0, 4.0])
-    late, early = first_crossing(seconds, 1 / seconds, 0.1), first_crossing(seconds, 1 / seconds, 7.0)
-    assert (late.x, late.state, late.last) == (math.inf, "censored", 4.0)
-    assert (early.x, early.state) == (1.0, "at_first")
-
-
-def test_bad_points_never_reach_a_target():
-    assert first_crossing([1, 2], [math.nan, math.inf], 10.0).state == "censored"
-    assert first_crossing([], [], 1.0).state == "censored"
-    assert first_crossing([1, 2, 4], [1.0, math.inf, 0.25], 0.5).x == pytest.approx(2.0)
-
-
-def test_a_lucky_dip_is_not_the_crossing():
-    """One point far below the curve is pooled with its worse successors."""
-    seconds, error = 2.0 ** np.arange(6), np.array([32, 16, 0.9, 12, 4, 2.0])
-    assert first_crossing(seconds, error, 1.0).state == "censored"
-
-
-# Time to quality
-
-
-def seeds_curves(rng, sigma=0.1, seeds=5):
-    return [curve(SPP * 0.01, rng.lognormal(0, sigma) / SPP, np.zeros_like(SPP)) for _ in range(seeds)]
-
-
-def test_time_to_quality_covers_the_median_seed():
-    """Each seed's curve is 0.01 e / t, so the median crossing of 0.1 is at 0.1 s. Nominal 93.75 %; 400 trials."""
-
-    def trial(rng):
-        quality = time_to_quality(seeds_curves(rng), [0.0] * 5, 0.1)
-        return quality.low, 0.1, quality.high
-
-    assert coverage(trial, 400) > 0.89
-
-
-def test_cold_time_adds_what_came_before_the_first_ray():
-    curves = seeds_curves(np.random.default_rng(1))
-    warm, cold = (time_to_quality(curves, [fixed] * 5, 0.1) for fixed in (0.0, 2.0))
-    assert cold.median == pytest.approx(warm.median + 2)
-
-
-def test_unreached_seeds_are_counted_and_keep_the_median_open():
-    curves = [curve([1, 2], [1, 0.5])] * 2 + [curve([1, 2], [1, 0.05])] * 3
-    some = time_to_quality(curves, [0.0] * 5, 0.1)
-    assert some.verdict() == "3/5" and math.isfinite(some.median) and some.high == math.inf
-    assert time_to_quality(curves[:4], [0.0] * 4, 0.1).median == math.inf
-
-
-def test_a_target_under_the_reference_noise_is_not_reached_by_noise():
-    assert reliable_errors([-0.1, 0.5], [0.01, 0.01]).tolist() == [0.03, 0.5]
-    noisy = curve([1, 2, 4], [1, 1e-5, -1e-5], [1e-3] * 3)
-    assert time_to_quality([noisy], [0.0], 1e-4).reached == 0 and time_to_quality([noisy], [0.0], 0.1).reached == 1
+    assert mean_interval([4.0])[0] == 4 and math.isnan(mean_interval([4.0]).low)
+    assert math.isnan(mean_interval([]).value) and mean_interval([math.nan]).n == 0
 
 
 def test_efficiency_is_what_its_name_says():
     assert efficiency([0.1, 0.1, -1.0], [2, 2, 2]).value == pytest.approx(5)
-
-
-# Speed-ups
-
-
-def test_pairing_removes_the_drift_of_a_block():
-    drift = {0: 1.0, 1: 1.5, 2: 0.7, 3: 2.0, 4: 1.2}
-    speedup = paired_speedup({b: 4 * d for b, d in drift.items()}, {b: 2 * d for b, d in drift.items()})
-    assert speedup.ratio == pytest.approx(2) and speedup.low == pytest.approx(2) and speedup.verdict == "faster"
-
-
-def test_identical_engines_are_a_tie_but_for_five_percent():
-    """600 trials of equal engines: false verdicts expected 5 %, more than 8 % has p < 1e-3."""
-    rng = np.random.default_rng(7)
-    wrong = 0
-    for _ in range(600):
-        times = rng.lognormal(0, 0.02, (2, 5)) * rng.lognormal(0, 0.2, 5)
-        wrong += paired_speedup(*({b: row[b] for b in range(5)} for row in times)).verdict != "tie"
-    assert wrong / 600 < 0.08
-
-
-def test_speedup_intervals_cover():
-    def trial(rng):
-        drift = rng.lognormal(0, 0.3, 5)
-        base, other = (scale * drift * rng.lognormal(0, 0.05, 5) for scale in (3.0, 2.0))
-        speedup = paired_speedup(dict(enumerate(base)), dict(enumerate(other)))
-        return speedup.low, 1.5, speedup.high
-
-    assert coverage(trial, 600) > 0.92
-
-
-def test_a_difference_inside_the_noise_floor_is_a_tie():
-    base, other = dict.fromkeys(range(5), 1.02), dict.fromkeys(range(5), 1.0)
-    assert paired_speedup(base, other).verdict == "faster"
-    assert paired_speedup(base, other, floor=0.05).verdict == "tie"
-    assert paired_speedup(other, base, floor=0.05).verdict == "tie"
-
-
-def test_unpaired_ratios_cover():
-    def trial(rng):
-        estimate = unpaired_ratio(rng.lognormal(0, 0.05, 5), 1.2 * rng.lognormal(0, 0.1, 6))
-        return estimate.low, 1.2, estimate.high
-
-    assert coverage(trial, 600) > 0.92
-    assert math.isnan(unpaired_ratio([1.0], [1.0, 2.0]).value)
-
-
-def test_the_noise_floor_bounds_an_a_a_control():
-    rng = np.random.default_rng(8)
-    floor = noise_floor(*(dict(enumerate(rng.lognormal(0, 0.02, 8))) for _ in range(2)))
-    assert 0.005 < floor < 0.1 and math.isnan(noise_floor({0: 1.0}, {0: 1.0}))
-
-
-def test_censored_pairs_need_five_that_agree():
-    never, fast = dict.fromkeys(range(5), math.inf), dict.fromkeys(range(5), 1.0)
-    assert paired_speedup(never, fast).verdict == "faster" and paired_speedup(fast, never).verdict == "slower"
-    assert paired_speedup({0: math.inf, 1: 1.0}, {0: 1.0, 1: 0.5}).verdict == "unknown"
-    assert paired_speedup(never, never).pairs == 0
-
-
-def test_pairs_censored_on_either_side_have_a_ratio_that_nobody_knows():
-    speedup = paired_speedup({0: math.inf, 1: 1.0}, {0: 1.0, 1: math.inf})
-    assert math.isnan(speedup.ratio) and (speedup.low, speedup.high, speedup.verdict) == (0.0, math.inf, "unknown")
 
 
 # Threads
@@ -253,13 +59,13 @@ def amdahl_times(f, rng, sigma=0.01):
 
 
 def test_amdahl_fraction_is_covered():
-    """A bootstrap of five blocks is narrow: nominal 95 %, about 85 % true; 100 trials."""
+    """Nominal 95 % over 200 trials; below 90 % has p < 3e-3."""
 
     def trial(rng):
         fit = amdahl_fit(amdahl_times(0.1, rng))
         return fit.low, 0.1, fit.high
 
-    assert coverage(trial, 100) > 0.7
+    assert coverage(trial, 200) > 0.9
 
 
 def test_amdahl_is_exact_without_noise_and_silent_without_one_thread():
@@ -335,11 +141,6 @@ def test_an_engine_that_is_too_good_per_sample_is_flagged():
 @pytest.mark.parametrize("error", [math.nan, math.inf, 0.0, -1.0, 1e300, 5e-324])
 def test_numbers_at_the_ends_of_their_range_give_no_exception_and_win_nothing(error):
     with np.errstate(all="raise"):
-        odd = curve([0.1, 0.2], [error, error], [error, error])
-        assert first_crossing(odd.x, reliable_errors(odd.error, odd.se), 1e-3).state in ("censored", "at_first")
-        quality = time_to_quality([odd, odd], [0.0, 0.0], 1e-3)
-        assert quality.reached == (2 if error == 5e-324 else 0)
-        convergence_slope([odd, odd])
         efficiency([error, error], [0.1, 5e-324])
     assert too_good_per_sample({0: error, 1: error}, {0: 1e10, 1: 1e10}) == (error == 5e-324)
     assert too_good_per_sample({0: 1e10, 1: 1e10}, {0: error, 1: error}) == (error == 1e300)

@@ -5,14 +5,11 @@ import io
 import json
 import math
 import re
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
 from harness.analysis import analyse, baseline_engine_of
-from harness.report.html.assembly import _headline
-from harness.report.plots.panels import Panel, panels
 from harness.report.tables import all_tables, columns, write_tables
 from harness.report.tables.model import (
     Column,
@@ -60,7 +57,7 @@ def test_time_to_quality_is_that_of_the_power_law(tables):
     assert row["warm_seconds"].value == pytest.approx(expected, rel=0.1)
     start = row["cold_seconds"].value - row["warm_seconds"].value
     assert start == pytest.approx(0.86 + COMPILE_SECONDS["numba"], rel=0.02)
-    assert row["reached"] == "5/5" and row["bias"].startswith("< ") and row["equivalence"] == "equivalent"
+    assert row["reached"] == "5/5" and row["bias"].startswith("mean < ") and row["equivalence"] == "unresolved", "16 spp"
 
 
 def test_an_unreached_target_is_counted_and_not_extrapolated(tables):
@@ -74,7 +71,7 @@ def test_the_biased_engine_is_flagged_and_the_others_are_not(tables):
             assert "flagged" in row["bias"] and row["verdict"] == "different"
             assert row["difference"].value == pytest.approx(0.03, abs=0.005)
         else:
-            assert "flagged" not in row["bias"] and row["verdict"] in ("equivalent", "inconclusive", "baseline")
+            assert "flagged" not in row["bias"] and row["verdict"] in ("equivalent", "unresolved", "baseline")
 
 
 def test_speedups_are_those_of_the_samples(tables):
@@ -112,20 +109,10 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
     results.metric, results.targets = "psnr", [-10 * math.log10(0.2 * target) for target in results.targets]
     found = analyse(results)
     times = found.verdicts[0].warm
-    assert times[0].median == pytest.approx(analysis.verdicts[0].warm[0].median, rel=0.05)
-    assert all(a.median <= b.median for a, b in pairwise(times))
+    assert times[0].value == pytest.approx(analysis.verdicts[0].warm[0].value, rel=0.05)
+    assert all(a.value <= b.value for a, b in pairwise(times))
     words = {table.name: table for table in all_tables(found)}["time_to_quality"].note
     assert "MSE of display values (from PSNR), not freed of the reference's noise" in words
-
-
-def test_nothing_is_ranked_inside_the_noise_floor(analysis):
-    panel = next(panel for panel in panels(analysis) if panel.scene == "cornell_box")
-    told = [_headline(panel, 0, 0.1, floor) for floor in (0.0, 0.5)]
-    assert told[0]["winner"] == told[1]["winner"] and not told[0]["rivals"] and told[1]["rivals"]
-    alone = replace(panel.verdicts[0].warm[0], median=1e-9, low=math.nan, high=math.nan)
-    unknown = replace(panel.verdicts[0], warm=[alone])
-    line = _headline(Panel(panel.title, [unknown, *panel.verdicts[1:]]), 0, 0.1, 0.0)
-    assert len(line["rivals"]) == line["reached"] - 1, "without an interval nobody is first"
 
 
 def test_the_config_may_name_the_baseline(folder):
@@ -138,10 +125,6 @@ def test_failures_name_state_reason_and_count(tables):
     found = {(row["contender"], row["state"], row["cells"]) for row in tables["failures"].rows}
     assert {state for _, state, _ in found} == {"failed", "timeout", "skipped"}
     assert any(state == "skipped" and count == 5 for _, state, count in found)
-
-
-def test_the_a_a_control_gives_a_floor_and_is_a_tie(analysis):
-    assert 0 < analysis.floors["cornell_box"] < 0.1 and "two_spheres" not in analysis.floors
 
 
 def test_files_hold_one_row_a_checkpoint_verdict_and_cell(tables, analysis, folder):
@@ -196,6 +179,8 @@ def test_estimates_show_their_interval_or_why_there_is_none():
     assert estimate_text((1.5, math.nan, math.nan)) == "1.50" and estimate_text((math.nan,) * 3) == "–"
     assert cell_text(Column("r", "", "ratio"), (math.inf, 31.6, math.inf)) == "> 31.6"
     assert cell_text(Column("r", "", "ratio"), (0.0, 0.0, 0.0)) == "never"
+    assert cell_text(Column("r", "", "ratio"), (0.0, 0.0, 0.4)) == "< 0.400"
+    assert estimate_text((1.5, 0.0, 2.125)) == "< 2.12" and estimate_text((math.inf, 0.0, math.inf)) == "not reached"
 
 
 def test_names_say_what_differs_and_no_more(analysis):

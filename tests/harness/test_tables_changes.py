@@ -78,7 +78,7 @@ def test_other_machines_metrics_and_scenes_are_said(before, tmp_path):
     table = changes(first, remade(altered(before, tmp_path / "after", move)))
     assert "different machines" in table.note and "content has changed: two_spheres." in table.note
     assert "relMSE (ε = 0.01) before and MSE after" in table.note
-    assert {row["verdict"] for row in table.rows if row["measure"] == "error"} == {"unknown"}
+    assert {row["verdict"] for row in table.rows if row["measure"] == "error"} == {"unresolved"}
 
 
 def test_the_command_prints_changes_and_ends_with_0(before, tmp_path):

@@ -11,8 +11,9 @@ import wrong_engines
 from engines.errors import RendererFailed
 from engines.film import Film
 from harness import store
-from harness.analysis import analyse
+from harness.analysis import analyse, frames
 from harness.measure import films, pool, protocol
+from harness.report.tables.verdicts import time_to_quality
 from harness.store.results import load_results
 from tests.harness import sweeping
 
@@ -77,6 +78,20 @@ def test_what_is_not_finite_is_flagged_in_the_verdicts(tmp_path):
     assert verdicts["now_and_then"].failures == 1
 
 
+def test_samples_that_are_not_finite_are_flagged_in_every_table_though_no_pixel_shows_them(tmp_path):
+    """The film counts them as black: the image is finite, every cell is done."""
+    text = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Spotty")
+    outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
+    assert outcome.states == {"done": 4}
+    analysis = analyse(load_results(tmp_path / "out"))
+    verdicts = {v.contender.settings.engine: v for v in analysis.verdicts}
+    assert "bad_samples" in verdicts["spotty"].flags and not verdicts["steady"].flags
+    shown = frames.verdicts(analysis).frame
+    assert shown[shown.engine == "spotty"]["flags"].str.contains("bad_samples").all()
+    rows = {row["contender"]: row["warnings"] for row in time_to_quality(analysis).rows}
+    assert rows["spotty"] == "bad samples" and not rows["steady"]
+
+
 def test_checkpoints_before_the_failure_are_kept(swept):
     points = events(swept[1])["late_infinity"]["points"]
     assert [(point["spp"], bool(point["image"])) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
@@ -84,7 +99,8 @@ def test_checkpoints_before_the_failure_are_kept(swept):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("NotANumber", "the engine's image is not finite"), ("OtherSize", "(8, 12, 3) is wanted"),
+    [("NotANumber", "seed 9000: 1 pixels of the image are NaN or infinite: finite radiance is wanted"),
+     ("OtherSize", "(8, 12, 3) is wanted"),
      ("Babbler", "where messages are sent")],
 )  # fmt: skip
 def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name, words):

@@ -1,4 +1,4 @@
-"""Mitsuba and our engines make the same images, at the scale of pixels, tiles and the whole (harness.statistics).
+"""Mitsuba and our engines make the same images, at the scale of pixels, tiles and the whole (tests.image_tests).
 
 Replicates are consecutive samples of one render: under independent random numbers these are independent images. All
 seeds are fixed; each of the three scales raises a false alarm once in 10,000 scenes.
@@ -10,7 +10,7 @@ import pytest
 import engines
 from engines import Settings
 from harness.config import paths
-from harness.statistics import equivalence
+from tests.image_tests import image_tests
 
 pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
 
@@ -41,8 +41,8 @@ def engine_precision(engine):
 
 def _assert_equivalent(theirs, ours, power=0.1):
     """`power`: the relative bias of the mean that the test must have been able to see."""
-    found = equivalence(ours, theirs, margin=0.02, alpha=ALPHA)
-    assert found.verdict != "different", found
+    found = image_tests(ours, theirs, ALPHA, margin=0.02)
+    assert not found.different, found
     assert found.detectable < power, f"a test that could have seen nothing: {found}"
 
 

@@ -39,8 +39,8 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
     found = [family for family in every if family.any.settings.threads == most]
     shown = _speed_table(
         "accelerators", "Samples a second by accelerator",
-        f"Thousands of paths (samples of a pixel) a second with {plural(most, 'thread')}; median over blocks with a 95 % "
-        "interval. Fastest: all that are not separated from the first.",
+        f"Thousands of paths (samples of a pixel) a second with {plural(most, 'thread')}; geometric mean over blocks with a "
+        "95 % interval. Fastest: all that may be it.",
         analysis, found,
     )  # fmt: skip
     parts = [
@@ -57,7 +57,7 @@ def _order(analysis: Analysis, family: Family) -> str:
     order = ranking(family)
     primitives = int(family.any.cells[0].get("primitives") or 0)
     steps = [
-        finding(one, other, compare(analysis, family.members[one], family.members[other]))
+        finding(one, other, compare(analysis, family, one, other))
         for one, other in pairwise(order)
     ]
     size = f" ({plural(primitives, 'primitive')})" if primitives else ""
@@ -67,7 +67,7 @@ def _order(analysis: Analysis, family: Family) -> str:
 def _speed_table(name: str, title: str, note: str, analysis: Analysis, found: list[Family]) -> Table:
     table = Table(name, title, note, [
         *identity(found), *value_columns(found, "Thousands of paths a second of {}."),
-        Column("fastest", "The fastest, and all that are not separated from it."),
+        Column("fastest", "The fastest, or all that may be it."),
     ])  # fmt: skip
     table.rows += [row_of(family, thousands, fastest=listed(best(analysis, family))) for family in found]
     return table
@@ -77,7 +77,7 @@ def _build_table(found: list[Family]) -> Table:
     table = Table(
         "builds", "Time to build an accelerator",
         "Milliseconds of the first build of a process, the loading of compiled code left out; "
-        "median over blocks with a 95 % interval.",
+        "geometric mean over blocks with a 95 % interval.",
         [HEADINGS["scene"], Column("primitives", "Primitives of the scene.", "count"),
          *value_columns(found, "Milliseconds to build {}.")],
     )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import figures, port_features, port_pictures
 from harness.report.chapter.document import Listing, Paragraph, Part, Section, TablePart
-from harness.report.chapter.experiment import each_block, limits, place
+from harness.report.chapter.experiment import VERDICTS, each_block, limits, place
 from harness.report.chapter.families import (
     Family,
     accelerator_name,
@@ -25,7 +25,8 @@ from harness.report.chapter.families import (
 )
 from harness.report.chapter.sentences import finding, listed, plural
 from harness.report.tables import Column, Table
-from harness.statistics import Estimate, Speedup
+from harness.report.tables.evidence import floors_text
+from harness.statistics import Estimate, Ratio
 from harness.store.results import Contender, choices_of, name_words
 
 PORT = "dahlquist"
@@ -37,7 +38,7 @@ class Rival(NamedTuple):
 
     name: str
     contender: Contender
-    speedup: Speedup | None
+    speedup: Ratio | None
 
 
 def section(analysis: Analysis, plots: Path) -> Section:
@@ -61,15 +62,13 @@ def _setting(analysis: Analysis) -> list[str]:
         return ["Nothing was measured."]
     blocks = {cell["block"] for contender in measured for cell in contender.done}
     sizes = sorted({contender.settings.size for contender in measured})
-    noise = " or comes as near to it as one configuration measured twice" if analysis.floors else ""
     return [
         f"The engines of raybench rendered the scene of Dahlquist's ray tracer beside a port of that program, at "
         f"{listed(sizes)} pixels.",
         "A sample is a frame: one primary ray through every pixel.",
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}.",
-        "Times are those of rendering alone; they are compared block by block, and two are called a tie where the interval of "
-        f"their ratio at 95 % holds equality{noise}.",
+        f"Times are those of rendering alone, and compared block by block. {VERDICTS} {floors_text(analysis)}",
     ]
 
 
@@ -84,13 +83,14 @@ def _rivals(analysis: Analysis, found: Sequence[Family]) -> list[Rival]:
         port = None if family is None else _fastest_port(family)
         speedup = None
         if family is not None and port is not None and family.members[port] is not contender:
-            speedup = compare(analysis, contender, family.members[port])
+            own = next(name for name, member in family.members.items() if member is contender)
+            speedup = compare(analysis, family, own, port)
         rivals.append(Rival(accelerator_name(words["engine"], words["accelerator"]), contender, speedup))
     return rivals
 
 
 def _fastest_port(family: Family) -> str | None:
-    """The port's configuration with the least median time."""
+    """The port's configuration with the least mean time."""
     return next((name for name in ranking(family) if family.members[name].settings.engine == PORT), None)
 
 
@@ -121,8 +121,8 @@ def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
     sizes = {rival.contender.settings.size for rival in rivals}
     table = Table(
         "frames", "Frame times and primary rays",
-        "Medians over blocks with 95 % intervals. Against the port: how many times as fast as its fastest configuration with "
-        "the same number of threads; gain: over the fewest threads; both paired by block.",
+        "Geometric means over blocks with 95 % intervals. Against the port: how many times as fast as its fastest "
+        "configuration with the same number of threads; gain: over the fewest threads; both paired by block.",
         [
             Column("name", "Engine and accelerator.", title="engine and accelerator"),
             *([Column("size", "Pixels.")] if len(sizes) > 1 else []),
@@ -150,6 +150,6 @@ def _gains(analysis: Analysis) -> dict[int, Estimate]:
     """By the id of a contender: its speed over that of the one with the fewest threads."""
     found = {}
     for family in families(analysis, "threads"):
-        first, *others = sorted(family.members.values(), key=lambda contender: contender.settings.threads)
-        found |= {id(one): Estimate(*compare(analysis, one, first)[:4]) for one in others}
+        first, *others = sorted(family.members, key=lambda name: family.members[name].settings.threads)
+        found |= {id(family.members[one]): Estimate(*compare(analysis, family, one, first)[:4]) for one in others}
     return found

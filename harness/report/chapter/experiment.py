@@ -15,7 +15,13 @@ from harness.analysis import Analysis, frames
 from harness.report.chapter import accelerators, samplers, shaders, threads
 from harness.report.chapter.document import Listing, Paragraph, Section
 from harness.report.chapter.sentences import error_name, listed, plural
+from harness.report.tables.evidence import floors_text
 
+VERDICTS = (
+    "Intervals are at 95 % for one pair; that one is called faster, beyond the noise floor, holds at 95 % for all pairs of "
+    "a comparison together. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all "
+    "else is unresolved."
+)
 TOPICS = (accelerators, threads, shaders, samplers)
 
 
@@ -32,7 +38,7 @@ def section(analysis: Analysis, plots: Path) -> Section:
 
 def _setting(analysis: Analysis) -> list[str]:
     results = analysis.results
-    settings = [contender.settings for contender in results.contenders if contender.done]
+    settings = [c.settings for c in results.contenders if c.done and not c.settings.label]
     if not settings:
         return ["Nothing was measured."]
     blocks = {cell["block"] for contender in results.contenders for cell in contender.done}
@@ -49,8 +55,7 @@ def _setting(analysis: Analysis) -> list[str]:
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}{', with another seed in each' * (len(blocks) > 1)}.",
         "Times are those of rendering alone.",
-        "Speeds of two configurations are compared block by block; intervals are at 95 % for one comparison, and where an "
-        "interval holds equality the two are called a tie.",
+        f"Speeds of two configurations are compared block by block. {VERDICTS} {floors_text(analysis)}",
         f"Errors are {error_name(results.metric)} against references of many samples, corrected for the references' own noise.",
     ]
 
@@ -80,10 +85,6 @@ def limits(analysis: Analysis, *more: str) -> Section:
     contended = sum(bool((cell.get("machine") or {}).get("contended")) for cell in results.cells)
     said.append(f"{plural(contended, 'cell')} shared the machine with other work while being timed." if contended
                 else "No cell shared the machine with other work while being timed.")  # fmt: skip
-    if analysis.floors:
-        floors = [f"{100 * math.expm1(floor):.1f} % on {scene}" for scene, floor in sorted(analysis.floors.items())]
-        said.append(f"One configuration measured twice under two names differed by up to {listed(floors)}; nothing within "
-                    "that is called faster.")  # fmt: skip
     parts: list[Any] = [Paragraph([*said, *more])]
     reasons = _reasons(cells)
     return Section("What else to know", [*parts, Listing(reasons)] if reasons else parts)
@@ -96,7 +97,7 @@ def _bias(analysis: Analysis) -> str:
     ]
     if not tested:
         return "Whether images converge to those of the references was not tested: it takes images of several seeds."
-    biased = [verdict.contender for verdict in tested if verdict.bias is not None and verdict.bias.biased]
+    biased = [verdict.contender for verdict in tested if verdict.bias is not None and verdict.bias.flags]
     number = plural(len(tested), "configuration")
     if not biased:
         return f"Of {number} none was found to converge to another image than its reference."

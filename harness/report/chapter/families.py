@@ -10,13 +10,22 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from harness.analysis import Analysis, seconds_per_sample
+from harness.analysis.races import race_of
 from harness.report.tables import Column
 from harness.report.tables.model import number_text
-from harness.statistics import Estimate, Speedup, median_interval, paired_speedup
+from harness.statistics import Estimate, Race, Ratio, geometric_interval
 from harness.store.results import Contender, choices_of, name_words
 
-Measure = Callable[[Contender], Mapping[int, float]]
-"""Block -> a positive number of which less is better."""
+
+class Measure(NamedTuple):
+    """`values`: block -> a positive number of which less is better. `floor`: its noise floor as a log ratio; None stands
+    for that of seconds per sample."""
+
+    values: Callable[[Contender], Mapping[int, float]]
+    floor: float | None
+
+
+SPEEDS = Measure(seconds_per_sample, None)
 
 
 HEADINGS = {
@@ -52,7 +61,7 @@ class Found(NamedTuple):
     """What one family says about a pair: `speedup` of the first over the second."""
 
     family: Family
-    speedup: Speedup
+    speedup: Ratio
 
 
 class Pair(NamedTuple):
@@ -113,29 +122,41 @@ def row_of(family: Family, number: Callable[[Contender], Estimate], **more: Any)
     return {**family.held, **{value: number(contender) for value, contender in family.members.items()}, **more}
 
 
-def compare(analysis: Analysis, one: Contender, other: Contender, measure: Measure = seconds_per_sample) -> Speedup:
-    """Paired by block; for times, an interval within the scene's noise floor is a tie."""
-    floor = analysis.floors.get(one.settings.scene, 0.0) if measure is seconds_per_sample else 0.0
-    return paired_speedup(measure(other), measure(one), floor)
+def compare(analysis: Analysis, family: Family, one: str, other: str, measure: Measure = SPEEDS) -> Ratio:
+    """Of two members, paired by block; the verdicts of all pairs of a family hold together."""
+    names = list(family.members)
+    every = list(combinations(range(len(names)), 2))
+    found = _race(analysis, family, names, every, measure).ratios
+    at, against = names.index(one), names.index(other)
+    if at < against:
+        return found[every.index((at, against))]
+    return reciprocal(found[every.index((against, at))])
 
 
-def pairs(analysis: Analysis, found: Sequence[Family], measure: Measure = seconds_per_sample) -> list[Pair]:
+def _race(
+    analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure
+) -> Race:  # fmt: skip
+    floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
+    return race_of([measure.values(family.members[name]) for name in names], pairs, floor)
+
+
+def pairs(
+    analysis: Analysis, found: Sequence[Family], measure_of: Callable[[Family], Measure] = lambda family: SPEEDS
+) -> list[Pair]:  # fmt: skip
     """Every two values; the one that is better in more families stands first."""
     made = []
     for one, other in combinations(values(found), 2):
         both = [family for family in found if one in family.members and other in family.members]
-        pair = Pair(one, other, [
-            Found(family, compare(analysis, family.members[one], family.members[other], measure)) for family in both
-        ])  # fmt: skip
+        pair = Pair(one, other, [Found(family, compare(analysis, family, one, other, measure_of(family))) for family in both])
         if both:
             made.append(pair if len(pair.of("faster")) >= len(pair.of("slower")) else pair.turned())
     return made
 
 
-def ranking(family: Family, measure: Measure = seconds_per_sample) -> list[str]:
-    """Values of a family from the least to the greatest median; those without a measure are left out."""
-    medians = {value: median_interval(list(measure(c).values())).value for value, c in family.members.items()}
-    return sorted((value for value, median in medians.items() if not math.isnan(median)), key=lambda v: medians[v])
+def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:
+    """Values of a family from the least to the greatest mean; those without a measure are left out."""
+    means = {value: estimate(measure.values(contender)).value for value, contender in family.members.items()}
+    return sorted((value for value, mean in means.items() if not math.isnan(mean)), key=lambda v: means[v])
 
 
 def demanding(found: Sequence[Family], keys: Sequence[str] = ("scene",)) -> list[Family]:
@@ -157,31 +178,23 @@ def usual(found: Sequence[Family], key: str) -> list[Family]:
     return [family for family in found if family.held[key] == counts.most_common(1)[0][0]]
 
 
-def best(analysis: Analysis, family: Family, measure: Measure = seconds_per_sample) -> list[str]:
-    """The first of the ranking and all that are not surely behind it."""
+def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[str]:
+    """The values that may be the best, the one with the least mean first."""
     order = ranking(family, measure)
-    return [
-        value for value in order if value == order[0]
-        or compare(analysis, family.members[order[0]], family.members[value], measure).verdict != "faster"
-    ]  # fmt: skip
-
-
-def pairs_by(analysis: Analysis, found: Sequence[Family], measure_of: Callable[[Family], Measure]) -> list[Pair]:
-    """Pairs over families of which each is measured in its own way."""
-    measures = {id(contender): measure_of(family) for family in found for contender in family.members.values()}
-    return pairs(analysis, found, lambda contender: measures[id(contender)](contender))
+    possible = _race(analysis, family, order, [], measure).possible_winner
+    return [value for value, may in zip(order, possible, strict=True) if may]
 
 
 def thousands(contender: Contender) -> Estimate:
-    """Thousands of paths (samples of a pixel) a second: median over blocks with its interval."""
+    """Thousands of paths (samples of a pixel) a second: geometric mean over blocks with its interval."""
     pixels = (contender.done[0].get("width") or 0) * (contender.done[0].get("height") or 0)
     return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contender).items()})
 
 
-def reciprocal(speedup: Speedup) -> Speedup:
+def reciprocal(ratio: Ratio) -> Ratio:
     """The same finding seen from the other side."""
-    turned = {"faster": "slower", "slower": "faster"}.get(speedup.verdict, speedup.verdict)
-    return Speedup(_inverse(speedup.ratio), _inverse(speedup.high), _inverse(speedup.low), speedup.pairs, turned)
+    turned = {"faster": "slower", "slower": "faster"}.get(ratio.verdict, ratio.verdict)
+    return Ratio(_inverse(ratio.ratio), _inverse(ratio.high), _inverse(ratio.low), ratio.blocks, turned)
 
 
 def _inverse(value: float) -> float:
@@ -198,5 +211,5 @@ def spread(found: Sequence[Found]) -> str:
 
 
 def estimate(measure: Mapping[int, float], factor: float = 1.0) -> Estimate:
-    """Median over blocks with its interval."""
-    return median_interval([factor * value for value in measure.values()])
+    """Geometric mean over blocks with its interval."""
+    return geometric_interval([factor * value for value in measure.values()])

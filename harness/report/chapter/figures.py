@@ -27,7 +27,7 @@ from harness.report.plots.style import (
     new_figure,
     save,
 )
-from harness.statistics import median_interval
+from harness.statistics import geometric_interval
 from harness.store.results import Contender, point_error
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
@@ -110,7 +110,7 @@ def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[st
         x, y = [], []
         for family in found:
             if {names[0], name} <= set(family.members):
-                x.append(compare(analysis, family.members[name], family.members[names[0]]).ratio)
+                x.append(compare(analysis, family, name, names[0]).ratio)
                 y.append(rows.index(family.held["accelerator"]))
         spread = np.linspace(-0.2, 0.2, len(x)) if len(x) > 1 else np.zeros(len(x))
         axis.plot(x, np.array(y) + spread, MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)], label=name,
@@ -154,7 +154,7 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
     shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
     return finished(figure, plots, "samplers", f"Error over samples by sampler, {shader}",
-                    "A panel a scene: falling curves of the median error over samples, one a sampler.")  # fmt: skip
+                    "A panel a scene: falling curves of the mean error over samples, one a sampler.")  # fmt: skip
 
 
 def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:
@@ -163,9 +163,9 @@ def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, inde
     for cell in cells:
         for point in cell["points"]:
             errors.setdefault(point["spp"], []).append(point_error(point, analysis.results.metric)[0])
-    medians = {spp: median_interval(found) for spp, found in sorted(errors.items()) if len(found) == len(cells)}
-    kept = {spp: median for spp, median in medians.items() if median.value > 0}
+    means = {spp: geometric_interval(found) for spp, found in sorted(errors.items()) if len(found) == len(cells)}
+    kept = {spp: mean for spp, mean in means.items() if mean.value > 0}
     look = {"linestyle": LINES[index % len(LINES)], "marker": MARKERS[index % len(MARKERS)], "markersize": 3.5}
     axis.plot(
-        list(kept), [median.value for median in kept.values()], color=COLOURS[index % len(COLOURS)], label=name, **look
+        list(kept), [mean.value for mean in kept.values()], color=COLOURS[index % len(COLOURS)], label=name, **look
     )

@@ -17,13 +17,11 @@ from harness.report.chapter.families import (
     families,
     identity,
     pairs,
-    pairs_by,
     row_of,
     value_columns,
 )
 from harness.report.chapter.sentences import ERROR, QUALITY, SPEED, error_name, listed, tally
 from harness.report.tables import Column, Table
-from harness.statistics import time_to_quality
 from harness.store.results import Contender, point_error
 
 
@@ -55,9 +53,9 @@ def _common_spp(family: Family) -> int | None:
 
 
 def _errors_at(analysis: Analysis, spp: int | None) -> Measure:
-    """Block -> error at `spp` samples, where it is above three of its standard errors."""
+    """Error at `spp` samples, where it is above three of its standard errors. It repeats, so that its noise floor is 0."""
 
-    def measure(contender: Contender) -> Mapping[int, float]:
+    def values(contender: Contender) -> Mapping[int, float]:
         found = {}
         for cell in contender.done:
             for point in cell["points"]:
@@ -66,18 +64,18 @@ def _errors_at(analysis: Analysis, spp: int | None) -> Measure:
                     found[cell["block"]] = error
         return found
 
-    return measure
+    return Measure(values, 0.0)
 
 
 def _error_pairs(analysis: Analysis, found: list[Family]) -> list[Any]:
-    return pairs_by(analysis, found, lambda family: _errors_at(analysis, _common_spp(family)))
+    return pairs(analysis, found, lambda family: _errors_at(analysis, _common_spp(family)))
 
 
 def _error_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "samplers", "Error at the same number of samples",
-        f"{error_name(analysis.results.metric)}; median over seeds with a 95 % interval. Errors that the reference's noise "
-        "hides are left out. Least: all that are not separated from the first.",
+        f"{error_name(analysis.results.metric)}; geometric mean over seeds with a 95 % interval. Errors that the reference's "
+        "noise hides are left out. Least: all that may have it.",
         [*identity(found), Column("spp", "Samples per pixel.", "count"),
          *value_columns(found, "Error of {}."), Column("least", "The least error.")],
     )  # fmt: skip
@@ -85,52 +83,48 @@ def _error_table(analysis: Analysis, found: list[Family]) -> Table:
         spp = _common_spp(family)
         measure = _errors_at(analysis, spp)
         least = listed(best(analysis, family, measure))
-        table.rows.append(row_of(family, lambda c, measure=measure: estimate(measure(c)), spp=spp, least=least))
+        table.rows.append(row_of(family, lambda c, measure=measure: estimate(measure.values(c)), spp=spp, least=least))
     return table
 
 
-def _times_to(analysis: Analysis, target: float) -> Measure:
-    """Block -> warm seconds until `target`, infinite where it was not reached."""
+def _times_to(analysis: Analysis, family: Family, index: int) -> Measure:
+    """Warm seconds until the target of `index`, which all of a family reach."""
 
-    def measure(contender: Contender) -> Mapping[int, float]:
-        runs = contender.runs
-        quality = time_to_quality([analysis.results.curve(cell) for cell in runs], [0.0] * len(runs), target)
-        return {cell["block"]: seconds for cell, seconds in zip(runs, quality.crossings, strict=True)}
+    def values(contender: Contender) -> Mapping[int, float]:
+        verdict = next(verdict for verdict in analysis.verdicts if verdict.contender is contender)
+        return {cell["block"]: bound.high for cell, bound in zip(contender.runs, verdict.warm[index].crossings, strict=True)}
 
-    return measure
+    return Measure(values, analysis.floor(family.scene, index))
 
 
-def _hardest(analysis: Analysis, family: Family) -> float | None:
-    """The hardest target that every member reaches with every seed, none at its first checkpoint already."""
-    results = analysis.results
-    for target in reversed(error_targets(results)):
-        found = [
-            time_to_quality([results.curve(cell) for cell in c.runs], [0.0] * len(c.runs), target)
-            for c in family.members.values()
-        ]
+def _hardest(analysis: Analysis, family: Family) -> int | None:
+    """Index of the hardest target that every member reaches with every seed, none at its first checkpoint already."""
+    verdicts = [v for v in analysis.verdicts if any(v.contender is member for member in family.members.values())]
+    for index in reversed(range(len(analysis.results.targets))):
+        found = [verdict.warm[index] for verdict in verdicts]
         if all(quality.reached == quality.seeds for quality in found):
-            return target if not any(quality.at_first for quality in found) else None
+            return index if not any(quality.at_first for quality in found) else None
     return None
 
 
 def _quality_tallies(analysis: Analysis, found: list[Family]) -> list[str]:
-    timed = [(family, _hardest(analysis, family)) for family in found]
-    kept = [family for family, target in timed if target is not None]
-    targets = {id(family): target for family, target in timed if target is not None}
-    return [tally(pair, QUALITY) for pair in pairs_by(analysis, kept, lambda f: _times_to(analysis, targets[id(f)]))]
+    timed = {id(family): _hardest(analysis, family) for family in found}
+    kept = [family for family in found if timed[id(family)] is not None]
+    return [tally(pair, QUALITY) for pair in pairs(analysis, kept, lambda f: _times_to(analysis, f, timed[id(f)] or 0))]
 
 
 def _quality_table(analysis: Analysis, found: list[Family]) -> Table:
     table = Table(
         "sampler_times", "Time to a quality by sampler",
-        f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; median over "
-        "seeds with a 95 % interval.",
+        f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; geometric "
+        "mean over seeds with a 95 % interval.",
         [*identity(found), Column("target", "Quality to reach.", "exact"),
          *value_columns(found, "Seconds of {}.", "{} [s]")],
     )  # fmt: skip
     for family in found:
-        target = _hardest(analysis, family)
-        if target is not None:
-            measure = _times_to(analysis, target)
-            table.rows.append(row_of(family, lambda c, measure=measure: estimate(measure(c)), target=target))
+        index = _hardest(analysis, family)
+        if index is not None:
+            values = _times_to(analysis, family, index).values
+            target = error_targets(analysis.results)[index]
+            table.rows.append(row_of(family, lambda c, values=values: estimate(values(c)), target=target))
     return table

@@ -1,4 +1,4 @@
-"""Sentences made from findings: who is better, by how much, how sure that is, and what is a tie."""
+"""Sentences made from findings: who is better, by how much, how sure that is, and what is not separated."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import NamedTuple
 from harness.report.chapter.families import Found, Pair, reciprocal, spread
 from harness.report.plots.curves import error_label
 from harness.report.tables.model import number_text
-from harness.statistics import Estimate, Speedup
+from harness.statistics import Estimate, Ratio
+from harness.statistics.ratios import FEWEST_BLOCKS
 
 
 class Wording(NamedTuple):
-    """How a measure is spoken of: `better` joins the better one to the other, `ratio` names what a tie is a tie of."""
+    """How a measure is spoken of: `better` joins the better one to the other, `ratio` names what is compared."""
 
     better: str
     ratio: str
@@ -24,7 +25,7 @@ ERROR = Wording("has a smaller error than", "the ratio of their errors")
 QUALITY = Wording("reaches it before", "the ratio of their times")
 
 
-def interval(estimate: Estimate | Speedup) -> str:
+def interval(estimate: Estimate | Ratio) -> str:
     """`2.1 (1.9 to 2.3)`: a value with its interval, or alone where there is none."""
     value, low, high = estimate[:3]
     text = "unbounded" if math.isinf(value) else number_text(value)
@@ -33,28 +34,32 @@ def interval(estimate: Estimate | Speedup) -> str:
     return f"{text} ({number_text(low)} to {'any' if math.isinf(high) else number_text(high)})"
 
 
-def finding(one: str, other: str, speedup: Speedup, wording: Wording = SPEED) -> str:
+def finding(one: str, other: str, ratio: Ratio, wording: Wording = SPEED) -> str:
     """What was found of two, as a clause without full stop; the better one is the subject."""
-    if speedup.verdict == "slower":
-        return finding(other, one, reciprocal(speedup), wording)
-    if speedup.verdict == "faster":
-        return f"{one} {wording.better} {other} by a factor of {interval(speedup)}"
-    if speedup.verdict == "tie":
-        alike = speedup.low <= 1 <= speedup.high
-        text = "are not separated" if alike else "differ no more than two measurements of one configuration do"
-        return f"{one} and {other} {text}: {wording.ratio} is {interval(speedup)}"
+    if ratio.verdict == "slower":
+        return finding(other, one, reciprocal(ratio), wording)
+    if ratio.verdict == "faster":
+        return f"{one} {wording.better} {other} by a factor of {interval(ratio)}"
+    if ratio.verdict == "same":
+        return f"{one} and {other} are the same within the margin: {wording.ratio} is {interval(ratio)}"
+    if ratio.blocks >= FEWEST_BLOCKS:
+        return f"{one} and {other} are not separated: {wording.ratio} is {interval(ratio)}"
     return f"{one} and {other} were not measured often enough to be compared"
 
 
 def tally(pair: Pair, wording: Wording = SPEED, case: str = "case") -> str:
-    """What all families say of a pair, in one sentence: how often one is better, by what factors, and the ties."""
+    """What all families say of a pair, in one sentence: how often one is better, by what factors, and what is left open."""
     first, second, found = pair
-    better, worse, ties = (pair.of(verdict) for verdict in ("faster", "slower", "tie"))
-    known = len(better) + len(worse) + len(ties)
+    often = [one for one in found if one.speedup.blocks >= FEWEST_BLOCKS]
+    better, worse, same = (pair.of(verdict) for verdict in ("faster", "slower", "same"))
+    known = len(often)
+    undecided = known - len(better) - len(worse) - len(same)
     if not known:
         return f"{first} and {second} were not measured often enough to be compared."
     cases = f"{known} {case}s"
-    if len(ties) == known:
+    if len(same) == known:
+        text = f"{first} and {second} are the same within the margin{'' if known == 1 else f' in all {cases}'}"
+    elif not better and not worse:
         text = f"{first} and {second} are not separated{'' if known == 1 else f' in any of {cases}'}"
     elif len(better) == len(worse):
         text = f"Of {cases}, {first} {wording.better} {second} in {_with_factor(better)}, "
@@ -64,8 +69,10 @@ def tally(pair: Pair, wording: Wording = SPEED, case: str = "case") -> str:
         text = f"{first} {wording.better} {second}{where} by {_factors(better)}"
         if worse:
             text += f"; the other way round in {_with_factor(reciprocals(worse))}"
-    if ties and len(ties) < known:
-        text += f"; {len(ties)} {'is a tie' if len(ties) == 1 else 'are ties'}"
+    if same and len(same) < known:
+        text += f"; in {len(same)} they are the same"
+    if undecided and better + worse + same:
+        text += f"; {undecided} {'is' if undecided == 1 else 'are'} unresolved"
     if known < len(found):
         text += f"; {len(found) - known} more were not measured often enough to say"
     return f"{text}."

@@ -22,7 +22,7 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
     shown = usual([family for family in found if family.any.settings.threads == most], "sampler")
     table = Table(
         "shaders", "Cost of a sample by shader",
-        f"Nanoseconds a path (a sample of a pixel) with {plural(most, 'thread')}; median over blocks with a 95 % "
+        f"Nanoseconds a path (a sample of a pixel) with {plural(most, 'thread')}; geometric mean over blocks with a 95 % "
         f"interval. Sampler: {shown[0].held['sampler']}.",
         [*identity(shown),
          *value_columns(shown, "Nanoseconds a path of {}.")],

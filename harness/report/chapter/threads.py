@@ -39,10 +39,9 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
 
 def _thread_row(analysis: Analysis, family: Family, names: list[str]) -> dict[str, Any]:
     row: dict[str, Any] = dict(family.held)
-    base = family.members.get(names[0])
     for name in names[1:]:
-        if base is not None and name in family.members:
-            gain = compare(analysis, family.members[name], base)
+        if {names[0], name} <= set(family.members):
+            gain = compare(analysis, family, name, names[0])
             row[name] = Estimate(*gain[:4])
             row["efficiency"] = gain.ratio * int(names[0].split()[0]) / int(name.split()[0])
     return row
@@ -51,7 +50,7 @@ def _thread_row(analysis: Analysis, family: Family, names: list[str]) -> dict[st
 def _gain(analysis: Analysis, found: list[Family], base: str, name: str) -> str:
     """What more threads give over all configurations, and where they give nothing."""
     gains = [
-        Found(family, compare(analysis, family.members[name], family.members[base]))
+        Found(family, compare(analysis, family, name, base))
         for family in found if base in family.members and name in family.members
     ]  # fmt: skip
     faster = [gain for gain in gains if gain.speedup.verdict == "faster"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from importlib.resources import files
@@ -14,13 +13,14 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.analysis import Analysis, equivalence, reports_its_time
-from harness.analysis.model import possible_winners
+from harness.analysis.model import FLAGS, Verdict, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Plot
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.style import FAINT, GRID, INK
 from harness.report.tables import Column, Table, cell_text, sort_value
+from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
 from harness.statistics import QualityTime
 from harness.store.results import Contender, Event, Results, point_error
@@ -30,8 +30,9 @@ MOST_BYTES = 9_500_000
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
     "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
-    "flat": "bad", "tie": "even", "inconclusive": "even", "unknown": "even", "skipped": "even", "done": "good",
-    "pass": "good", "xfail": "even", "fail": "bad",
+    "shallower": "bad", "same": "even", "unresolved": "even", "unknown": "even", "skipped": "even",
+    "done": "good",
+    "identical": "good", "pass": "good", "xfail": "even", "fail": "bad",
 }  # fmt: skip
 
 
@@ -42,7 +43,6 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 700 * len(cells.rows)
     groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
     results = analysis.results
-    floors = {scene: 100 * math.expm1(floor) for scene, floor in analysis.floors.items()}
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return _environment().get_template("report.html.j2").render(
         title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
@@ -50,30 +50,38 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
         plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
         machines=_machines(analysis), runs=results.runs, references=_references(results),
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
-        metric=metric_title(results.metric), error_words=error_words(results.metric), floors=floors,
+        metric=metric_title(results.metric), error_words=error_words(results.metric), evidence=evidence(analysis),
         style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
     )  # fmt: skip
 
 
 def headlines(analysis: Analysis) -> list[dict[str, Any]]:
-    """Per panel and target: who was first (warm), how long it took, and who is not separated from it."""
+    """Per panel and target: the fastest (warm), or all that may be it."""
     targets = list(enumerate(analysis.results.targets))
-    return [_headline(panel, index, target, analysis.floors.get(panel.scene, 0.0))
-            for panel in panels(analysis) for index, target in targets]  # fmt: skip
+    return [_headline(panel, index, target) for panel in panels(analysis) for index, target in targets]
 
 
-def _headline(panel: Panel, index: int, target: float, floor: float) -> dict[str, Any]:
-    """`floor` is the scene's noise floor as a log-ratio. A contender without an interval is separated from nobody."""
-    reached = sum(math.isfinite(verdict.warm[index].median) for verdict in panel.verdicts)
-    line = {"scene": panel.title, "target": f"{target:g}", "winner": None, "out_of": len(panel.verdicts)}
-    if not reached:
-        return line
-    best, *rivals = possible_winners(panel.verdicts, index, floor)
-    return line | {
-        "winner": best.contender.name, "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
-        "rivals": [rival.contender.name for rival in rivals], "flags": best.warnings, "reached": reached,
+def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
+    """`winner` is None where several are not separated, or none got there. `left_out` have a flag that disqualifies them."""
+    line = {
+        "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
+        "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
+        "left_out": [_with_flags(verdict, index) for verdict in panel.verdicts if verdict.disqualified(index)],
     }  # fmt: skip
+    found = possible_winners(panel.verdicts, index)
+    if len(found) != 1:
+        return line | {"rivals": [verdict.contender.name for verdict in found]}
+    best = found[0]
+    return line | {
+        "alone": line["out_of"] - len(line["left_out"]) == 1, "winner": best.contender.name, "flags": best.warnings,
+        "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
+    }  # fmt: skip
+
+
+def _with_flags(verdict: Verdict, index: int) -> str:
+    words = [*verdict.warnings, *(FLAGS[flag] for flag in verdict.flags_of(index) if flag not in verdict.flags)]
+    return f"{verdict.contender.name} ({', '.join(words)})"
 
 
 def colour_maps() -> dict[str, list[list[int]]]:
@@ -184,15 +192,14 @@ def _title(manifest: Mapping[str, Any], fallback: str) -> str:
 
 def _references(results: Results) -> list[dict[str, Any]]:
     """The events of references, each with what its certificate says and whether that is bad news."""
-    from harness.run.certificates import words
+    from harness.run.certificates import certifies, refutes, words
 
     found = []
     for reference_id, event in results.references.items():
         certificate = results.certificates.get(reference_id)
-        said = words(dict(certificate)) if certificate else "not certified by a second engine"
-        found.append(
-            {**event, "certificate": said, "refuted": bool(certificate and certificate["verdict"] == "different")}
-        )
+        said = words(certificate) if certificate else "uncertified: no engine of another lineage has made its image"
+        certified, refuted = (bool(certificate and judge(certificate)) for judge in (certifies, refutes))
+        found.append({**event, "certificate": said, "certified": certified, "refuted": refuted})
     return found
 
 
@@ -218,4 +225,4 @@ def _state_counts(analysis: Analysis) -> dict[str, int]:
 
 
 def _time_text(quality: QualityTime) -> str:
-    return estimate_text((quality.median, quality.low, quality.high))
+    return estimate_text((quality.value, quality.low, quality.high))

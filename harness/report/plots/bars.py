@@ -1,21 +1,20 @@
-"""Time-to-quality with intervals, phases, speed-up over threads, and the drift of the machine."""
+"""Time-to-quality with intervals, phases, and speed-up over threads."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+from matplotlib.ticker import FixedLocator
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.analysis.scaling import thread_families
 from harness.report.plots.panels import MOST_CURVES, Panel
-from harness.report.plots.style import FAINT, GRID, INK, LINES, Palette, log_scales, new_figure, small_multiples
-from harness.statistics import QualityTime, amdahl_fit, parallel_speedups
+from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
+from harness.statistics import amdahl_fit, parallel_speedups
+from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.results import PHASES
 
 PHASE_COLOURS = {"import": "#999999", "load": "#f0e442", "build": "#e69f00", "compile": "#cc79a7", "render": "#0072b2"}
@@ -23,7 +22,7 @@ PHASE_HATCHES = {"import": "|||", "load": "xxx", "build": "///", "compile": "\\\
 
 
 def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
-    """A panel for each target, two in a row; warm times are full dots, cold times hollow ones, whiskers intervals."""
+    """A panel for each target, two in a row; warm times are full dots, cold times hollow ones, whiskers 95 % intervals."""
     targets = analysis.results.targets
     if not targets:
         return None
@@ -51,33 +50,26 @@ def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure |
 
 
 def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Palette) -> None:
+    """Means with whiskers; below three blocks a dot a block, for there an interval says nothing."""
     colour = palette.colour(verdict.contender.settings.engine)
     warm, cold = verdict.warm[index], verdict.cold[index]
-    if not math.isfinite(warm.median):
+    if not math.isfinite(warm.value):
         axis.annotate(f"{warm.reached}/{warm.seeds} reached", (0.02, row), xycoords=("axes fraction", "data"),
                       fontsize=7, va="center", color=FAINT)  # fmt: skip
         return
-    axis.plot([warm.median, cold.median], [row, row], color=GRID, linewidth=3, zorder=1)
+    axis.plot([warm.value, cold.value], [row, row], color=GRID, linewidth=3, zorder=1)
     for quality, filled in ((cold, False), (warm, True)):
-        axis.plot(quality.median, row, "o", color=colour, markerfacecolor=colour if filled else "white", zorder=3)
-        _interval(axis, row, quality, colour)
-    if warm.reached < warm.seeds or warm.at_first:
-        axis.annotate(warm.verdict(), (cold.median, row), xytext=(5, 0), fontsize=6,
-                      textcoords="offset points", va="center", color=INK)  # fmt: skip
-
-
-def _interval(axis: Axes, row: int, quality: QualityTime, colour: str) -> None:
-    """A whisker; an arrow where the interval is open above."""
-    if math.isnan(quality.low):
-        return
-    high = quality.high if math.isfinite(quality.high) else quality.median * 1.5
-    axis.plot([quality.low, high], [row, row], color=colour, linewidth=1.2, zorder=2, solid_capstyle="butt")
-    if math.isinf(quality.high):
-        axis.plot(high, row, ">", color=colour, markersize=4, zorder=2)
+        dots = [bound.high for bound in quality.crossings] if quality.seeds < FEWEST_BLOCKS else [quality.value]
+        axis.plot(dots, [row] * len(dots), "o", color=colour, markerfacecolor=colour if filled else "white", zorder=3)
+        if quality.seeds >= FEWEST_BLOCKS and not warm.at_first:
+            axis.plot([quality.low, quality.high], [row, row], color=colour, linewidth=1.2, zorder=2, solid_capstyle="butt")
+    if warm.at_first:
+        axis.annotate(f"< ({warm.verdict()})", (cold.value, row), xytext=(5, 0), fontsize=6, textcoords="offset points",
+                      va="center", color=INK)  # fmt: skip
 
 
 def phase_bars(panel: Panel) -> Figure:
-    """Stacked median seconds of a whole cell."""
+    """Stacked mean seconds of a whole cell."""
     rows = len(panel.verdicts)
     figure = new_figure(7.2, 1.4 + 0.24 * rows)
     axis = figure.subplots()
@@ -89,7 +81,7 @@ def phase_bars(panel: Panel) -> Figure:
         left += seconds
     axis.set_yticks(range(rows), [verdict.contender.name for verdict in panel.verdicts])
     axis.set_ylim(rows - 0.4, -0.6)
-    axis.set_xlabel("median time [s]")
+    axis.set_xlabel("mean time [s]")
     axis.grid(axis="y", visible=False)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=len(PHASES))
     return figure
@@ -133,39 +125,3 @@ def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
     whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))
     axis.errorbar([row.threads for row in rows], values[:, 0], yerr=whiskers, color=look.colour, linestyle=look.line,
                   marker=look.marker, elinewidth=1, capsize=2, label=name + serial)  # fmt: skip
-
-
-def sentinel_drift(analysis: Analysis) -> Figure | None:
-    """The fixed kernel's time over the run against its median on the same machine: what moves here is the machine."""
-    blocks = _deviations((e.get("env_id"), e["block"], e["seconds"]) for e in analysis.results.sentinels)
-    cells = _deviations((c.get("env_id"), c.get("order") or 0, c["sentinel_seconds"]) for c in analysis.results.cells
-                        if c.get("sentinel_seconds") and c["state"] == "done")  # fmt: skip
-    if not blocks and not cells:
-        return None
-    series = [(name, data) for name, data in (("block", blocks), ("position of the cell in the run", cells)) if data]
-    figure = new_figure(7.2, 2.6)
-    axes = figure.subplots(1, len(series), squeeze=False, sharey=True)[0]
-    for axis, (name, data) in zip(axes, series, strict=True):
-        for index, (x, deviation) in enumerate(data):
-            line = LINES[index % len(LINES)] if name == "block" else "none"
-            axis.plot(x, deviation, ".", linestyle=line, color=INK, markersize=4)
-        axis.axhline(0, color=FAINT, linewidth=0.8)
-        axis.set_xlabel(name)
-        if name == "block":
-            axis.xaxis.set_major_locator(FixedLocator(sorted({place for x, _ in data for place in x})))
-            axis.xaxis.set_minor_locator(NullLocator())
-            axis.xaxis.set_major_formatter(ScalarFormatter())
-    axes[0].set_ylabel("sentinel, deviation\nfrom its median [%]")
-    return figure
-
-
-def _deviations(samples: Iterable[tuple[Any, float, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(place, deviation from the median in percent) of each machine, from (machine, place, seconds)."""
-    machines: dict[Any, list[tuple[float, float]]] = {}
-    for machine, place, seconds in samples:
-        machines.setdefault(machine, []).append((float(place), float(seconds)))
-    found = []
-    for pairs in machines.values():
-        places, seconds = np.array(sorted(pairs)).T
-        found.append((places, 100 * (seconds / np.median(seconds) - 1)))
-    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from harness.analysis import Analysis, Verdict, error_targets
 from harness.metrics import metric_title
 from harness.report.plots.panels import MOST_CURVES, Panel, facets, reference_noise
 from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
-from harness.statistics import ecdf, median_interval, pareto_front
+from harness.statistics import ecdf, geometric_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
+from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.results import Contender, Results, point_error
 
 X_LABELS = {"seconds": "warm time [s]", "spp": "samples per pixel", "rays": "rays"}
@@ -78,8 +80,11 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     points = [point for verdict in panel.verdicts for point in _pareto_points(analysis.results, verdict)]
     if not points:
         return None
-    beaten_by = math.exp(-analysis.floors.get(panel.scene, 0.0))  # a lead within the noise floor is none
+    floor = analysis.floor(panel.scene)
+    beaten_by = math.exp(-floor)  # a lead within the noise floor is none
     bounds = np.array([[beaten_by * point.time.low, point.time.high, *point.error[1:3]] for point in points])
+    fit = np.array([not point.verdict.disqualified() for point in points])
+    bounds[~fit] = math.nan
     front = pareto_front(*bounds.T)
     figure = new_figure(7.2, 4.6)
     axis = figure.subplots()
@@ -100,7 +105,8 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
     axis.set_xlabel(X_LABELS["seconds"])
     axis.set_ylabel(error_label(analysis.results.metric))
-    axis.plot([], [], "o", color=FAINT, alpha=0.4, markersize=3, label="dominated by another")
+    words = "dominated by another" if math.isfinite(floor) else "no front: the noise floor was not measured"
+    axis.plot([], [], "o", color=FAINT, alpha=0.4, markersize=3, label=words)
     _legend(figure, [axis], palette, panel.verdicts)
     return figure
 
@@ -120,7 +126,7 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
     for axis, part in zip(axes, parts, strict=True):
         for verdict in part.verdicts:
             look = palette.look(verdict.contender)
-            times, share = ecdf([s for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
+            times, share = ecdf([s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
             name = verdict.contender.name
             x = [*times[:1], *times, latest] if times.size else [latest]
             y = [0.0, *share, share[-1]] if times.size else [0.0]
@@ -141,15 +147,15 @@ class _ParetoPoint(NamedTuple):
 
 
 def _pareto_points(results: Results, verdict: Verdict) -> list[_ParetoPoint]:
-    """Checkpoints of two seeds or more whose error is above its noise, with intervals over seeds."""
+    """Checkpoints of three seeds or more whose error is above its noise, with intervals over seeds."""
     rows: dict[int, list[tuple[float, float]]] = {}
     for cell in verdict.contender.done:
         for point in cell["points"]:
             error, se = point_error(point, results.metric)
             if error > NOISE_ERRORS * se and error > 0 and math.isfinite(error) and point["seconds"] > 0:
                 rows.setdefault(point["spp"], []).append((point["seconds"], error))
-    found = [_ParetoPoint(verdict, *(median_interval([pair[i] for pair in pairs]) for i in (0, 1)))
-             for pairs in rows.values() if len(pairs) > 1]  # fmt: skip
+    found = [_ParetoPoint(verdict, *(geometric_interval([pair[i] for pair in pairs]) for i in (0, 1)))
+             for pairs in rows.values() if len(pairs) >= FEWEST_BLOCKS]  # fmt: skip
     return found
 
 
@@ -157,8 +163,14 @@ def _whisker(estimate: Any) -> list[list[float]]:
     return [[estimate.value - estimate.low], [estimate.high - estimate.value]]
 
 
+def shows_slopes(x: str, verdicts: Sequence[Verdict]) -> bool:
+    """Whether the legend of their error over `x` has slopes: not every contender has one, and beyond a few curves there is
+    no entry a curve."""
+    return x == "spp" and len(verdicts) <= MOST_CURVES and any(not math.isnan(v.slope.value) for v in verdicts)
+
+
 def _curve_label(verdict: Verdict, x: str) -> str:
-    if x == "spp" and not math.isnan(verdict.slope.value):
+    if shows_slopes(x, [verdict]):
         return f"{verdict.contender.name} ({verdict.slope.value:.2f})"
     return verdict.contender.name
 
@@ -206,7 +218,7 @@ def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contenders
     handles: list[Artist] = list(palette.key(contenders))
     labels = [str(handle.get_label()) for handle in handles]
     for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
-        if label.startswith(("noise of", "dominated")):
+        if label.startswith(("noise of", "dominated", "no front")):
             handles.append(handle)
             labels.append(label)
     figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels, 72 * figure.get_figwidth()))

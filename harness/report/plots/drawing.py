@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis
 from harness.report.plots import stability
 from harness.report.plots.accelerator_tradeoff import build_against_traverse
-from harness.report.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
-from harness.report.plots.curves import error_curves, pareto, target_ecdf
+from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
+from harness.report.plots.curves import error_curves, pareto, shows_slopes, target_ecdf
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
 from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, save
 
 OF_ALL_SCENES = (
     "targets-over-time", "speed-up-over-threads", "build-against-traverse", "cost-over-primitives",
-    "cost-over-resolution", "sentinel",
+    "cost-over-resolution",
 )  # fmt: skip
 
 
@@ -81,9 +81,6 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
         Sketch("cost-over-resolution", "Cost over resolution and samples",
                "Time of a path over the pixels of the image, and over the samples per pixel so far: flat where cost grows "
                "in proportion.", lambda: cost_over_pixels(analysis, palette)),
-        Sketch("sentinel", "Drift of the machine",
-               "Time of a fixed kernel through the run, as deviation from its median in percent.",
-               lambda: sentinel_drift(analysis)),
         *stability.sketches(analysis.results.check_results),
     ]  # fmt: skip
 
@@ -92,17 +89,19 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
     title = panel.title
     words = {"seconds": "time", "spp": "samples", "rays": "rays"}
     for x, word in words.items():
-        note = " Numbers in the legend are slopes of the RMSE." if x == "spp" else ""
+        slopes = " Numbers in the legend are slopes of the RMSE, over samples that all share."
+        note = slopes if shows_slopes(x, panel.verdicts) else ""
         yield Sketch(file_stem("error-over", word, title), f"{title}: error over {word}",
                      f"Falling curves on logarithmic axes, the error of each contender over {word}; bands are the range "
                      f"of seeds, dashed lines the targets, crosses lie below three standard errors.{note}",
                      partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
                  "For each target, the seconds each contender needs: full dots warm, hollow dots cold, whiskers "
-                 "intervals.", partial(quality_bars, analysis, panel, palette))  # fmt: skip
+                 "95 % intervals; below three blocks a dot a block.",
+                 partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
                  "Checkpoints by warm time and error; full markers with intervals are those that none surely beats in "
-                 "both.", partial(pareto, analysis, panel, palette))  # fmt: skip
+                 "both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
-                 "Stacked bars of the median seconds of import, load, build, compilation and rendering.",
+                 "Stacked bars of the mean seconds of import, load, build, compilation and rendering.",
                  partial(phase_bars, panel))  # fmt: skip

@@ -19,7 +19,7 @@ from harness.analysis.scaling import (
 )
 from harness.report.plots.curves import finish_legend
 from harness.report.plots.style import Palette, log_scales, new_figure
-from harness.statistics import Estimate, median_interval
+from harness.statistics import Estimate, geometric_interval
 from harness.store.results import Contender, phase_seconds
 
 
@@ -35,7 +35,7 @@ def cost_over_primitives(analysis: Analysis, palette: Palette) -> Figure | None:
         last = exponent({primitives(c): path_seconds(c) for c in family}, x[-2:])
         label = f"{name_of(family)} ({last.value:.2f})"
         _line(paths, palette, family[0], x, times, label)
-        built = [median_interval([1e3 * phase_seconds(cell, "build") for cell in c.done]) for c in family]
+        built = [geometric_interval([1e3 * phase_seconds(cell, "build") for cell in c.done]) for c in family]
         _line(builds, palette, family[0], x, built, label)
     for axis, words in ((paths, "time of a path [µs]"), (builds, "build [ms]")):
         log_scales(axis, y=True)
@@ -67,7 +67,7 @@ def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:
 
 def _pass_times(contender: Contender) -> dict[int, Estimate]:
     """Samples per pixel so far -> microseconds of a path in the pass that ended there."""
-    return {spp: median_interval([1e6 * s for s in blocks.values()]) for spp, blocks in passes(contender).items()}
+    return {spp: geometric_interval([1e6 * s for s in blocks.values()]) for spp, blocks in passes(contender).items()}
 
 
 def _line(axis: Axes, palette: Palette, first: Contender, x: list[int], y: list[Estimate], label: str) -> None:

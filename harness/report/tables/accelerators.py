@@ -6,6 +6,7 @@ from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import break_evens
 from harness.analysis.columns import Column, Table
 from harness.report.tables.equivalence import CONTENDER, SCENE
+from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate
 from harness.store.results import setting_text
 
@@ -14,14 +15,15 @@ def accelerators(analysis: Analysis) -> Table:
     """One row a contender that has a twin with another accelerator; empty where there is none."""
     table = Table(
         "accelerators", "Accelerators: build against traverse",
-        "Contenders that differ in their accelerator alone, each beside the one that is built fastest. Medians over seeds, "
-        "paired by block, with 95 % intervals.",
+        "Contenders that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
+        f"over seeds with 95 % intervals; ratios paired by block. {floors_text(analysis)}",
         [SCENE, CONTENDER, Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
          Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
          Column("against", "The accelerator of the same family that is built fastest."),
          Column("speedup", "Its time of a path over this one's.", "estimate", "speed-up"),
-         Column("verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown."),
-         Column("break_even_spp", "Samples per pixel from which on build and rendering together take less.", "break_even",
+         Column("verdict", "faster, slower, same or unresolved."),
+         Column("break_even_spp", "Samples per pixel from which on build and rendering together take less; where the "
+                "traversal is surely faster or slower.", "break_even",
                 "break-even [spp]")],
     )  # fmt: skip
     for found in break_evens(analysis):

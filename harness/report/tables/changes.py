@@ -6,8 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from harness.analysis import noise_floors, seconds_per_sample
+import numpy as np
+
+from harness.analysis import seconds_per_sample
 from harness.analysis.columns import Column, Table
+from harness.analysis.races import sample_floors
 from harness.metrics import metric_title
 from harness.statistics import Estimate, unpaired_ratio
 from harness.store.results import Contender, Results, Settings, point_error
@@ -21,7 +24,8 @@ def changes(before: Results, after: Results) -> Table:
 
     Contenders match where scene, engine, settings and size are equal; machine and engine version may differ.
     Intervals are Welch's on logarithms and hold together at 95 %. A time within the A/A noise floor of either folder
-    has not changed. Where the metrics differ, errors are not compared; the note says so, and what else to beware of.
+    has not changed; where a floor was not measured, it is unresolved. Where the metrics differ, errors are not
+    compared; the note says so, and what else to beware of.
     """
     table = Table(
         "changes", "What changed",
@@ -29,14 +33,14 @@ def changes(before: Results, after: Results) -> Table:
         [Column("scene", "Scene."), Column("contender", "Engine and the settings that vary."),
          Column("measure", "seconds per sample (warm), start-up seconds, or error at the most samples that both have."),
          Column("ratio", "After over before; the intervals of all rows hold together at 95 %.", "estimate"),
-         Column("verdict", "faster, slower, better, worse, no change, unknown, or in one folder only.")],
+         Column("verdict", "faster, slower, better, worse, no change, unresolved, or in one folder only.")],
     )  # fmt: skip
     ours, theirs = ({matching(c.settings): c for c in results.contenders if c.done} for results in (before, after))
     common = [key for key in ours if key in theirs]
     level = LEVEL ** (1 / max(3 * len(common), 1))
-    floors = [noise_floors(results) for results in (before, after)]
+    floors = [sample_floors(results) for results in (before, after)]
     for key in common:
-        floor = max(found.get(key.scene, 0.0) for found in floors)
+        floor = float(np.max([found[key.scene] for found in floors]))
         table.rows += _rows(before, after, ours[key], theirs[key], level, floor)
     for only, word in ((set(ours) - set(theirs), "before"), (set(theirs) - set(ours), "after")):
         for key in sorted(only):
@@ -94,8 +98,8 @@ def _rows(
 
 def _verdict(ratio: Estimate, floor: float, words: tuple[str, str]) -> str:
     """`words` name a ratio below and above 1."""
-    if math.isnan(ratio.low):
-        return "unknown"
+    if math.isnan(ratio.low) or math.isnan(floor):
+        return "unresolved"
     if ratio.high < math.exp(-floor):
         return words[0]
     return words[1] if ratio.low > math.exp(floor) else "no change"

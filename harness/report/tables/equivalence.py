@@ -7,92 +7,95 @@ from typing import Any
 
 from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
-from harness.statistics import Estimate
-from harness.statistics.equivalence import ALPHA
+from harness.analysis.equivalence import bound, margins_of, rests_on
+from harness.analysis.model import bias_sizes
+from harness.statistics import Equivalence, Estimate
 
 SCENE = Column("scene", "Scene that was rendered.")
 CONTENDER = Column("contender", "Engine and those settings that differ within this experiment.")
-TESTS = ("detectable", "image_p", "tile_p", "tile_threshold", "pixel_p", "pixel_threshold", "pixels_outside", "ks_p")
 BASELINE = Column("baseline", "Contender compared with: the baseline engine's nearest relative.")
+BOUNDS = [
+    Column("difference", "Second over first (or contender over baseline), less one, of the image means; 95 % interval.",
+           "estimate"),
+    Column("image_bound", "What the image means differ by at most, in any channel.", "percent", "means at most"),
+    Column("tile_bound", "What any tile of 16x16 pixels differs by at most, in any channel.", "percent", "tiles at most"),
+    Column("worst_tile", "First pixel (x, y) of that tile.", title="worst tile"),
+    Column("same_pixels", "Pixels that agree up to rounding, in the pair with the fewest.", "percent", "same pixels"),
+]  # fmt: skip
+VERDICTS = ("identical (up to rounding: the same random numbers, or none), equivalent (both bounds within the margins), "
+            "different (surely outside one of them), unresolved")  # fmt: skip
 
 
 def bias_and_equivalence(analysis: Analysis) -> Table:
     """Bias against the reference, equivalence with the baseline."""
     table = Table(
         "bias_and_equivalence", "Bias against the reference, equivalence with the baseline",
-        "Equivalence at three scales: p values of Welch tests against their Sidak thresholds (1 % a scale, all rows together), "
-        "and a margin test of 1 % on the image mean.",
+        f"Shares of the radiance; of a tile the larger of its own and 0.1 of the image's mean. {_margins(analysis)}",
         [SCENE, CONTENDER, BASELINE,
          Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
          Column("bias_squared_se", "Its standard error.", "number"),
-         Column("bias", "Relative bias against the reference; flagged above 3 standard errors."),
-         Column("difference", "Relative difference of the image means, 90 % interval.", "estimate"),
-         Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
-         Column("image_p", "Welch p of the image means.", "number"),
-         Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
-         Column("tile_threshold", "Sidak threshold of a tile.", "number"),
-         Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
-         Column("pixel_threshold", "Sidak threshold of a pixel.", "number"),
-         Column("pixels_outside", "Pixels and channels below the threshold.", "count"),
-         Column("ks_p", "Kolmogorov-Smirnov p of the tiles' p values.", "number"),
-         Column("verdict", "equivalent, different or inconclusive.")],
+         Column("bias_difference", "Image over reference, less one, of the means, in the channel farthest off; flagged at 3 "
+                "standard errors.", "percent", "bias of the mean"),
+         Column("bias_image_z", "Standard errors that it is off.", "number"),
+         Column("bias_tile_difference", "The same of the 16x16 tile farthest off; flagged at 4.5.", "percent",
+                "bias of a tile"),
+         Column("bias_tile_z", "Standard errors that it is off.", "number"),
+         Column("bias", "Bias against the reference, or the most that the image mean and any tile can be off."),
+         *BOUNDS, Column("verdict", f"Against the baseline: {VERDICTS}.")],
     )  # fmt: skip
     for verdict in analysis.verdicts:
-        table.rows.append(_equivalence_row(verdict))
+        table.rows.append(_bias_row(verdict))
     return table
 
 
-def _equivalence_row(verdict: Verdict) -> dict[str, Any]:
+def _bias_row(verdict: Verdict) -> dict[str, Any]:
     row: dict[str, Any] = {**who(verdict), "baseline": verdict.baseline.name if verdict.baseline else None,
                            "bias": bias_text(verdict), "verdict": equivalence_text(verdict)}  # fmt: skip
-    if verdict.bias is not None:
-        row |= {"bias_squared": verdict.bias.squared, "bias_squared_se": verdict.bias.se}
-    found = verdict.equivalence
-    if found is not None:
-        row |= {name: getattr(found, name) for name in TESTS}
-        row["difference"] = Estimate(found.difference, found.low, found.high, 0)
-    return row
+    bias = verdict.bias
+    if bias is not None:
+        row |= {"bias_squared": bias.squared, "bias_squared_se": bias.se, "bias_image_z": bias.image_z,
+                "bias_difference": bias.difference, "bias_tile_z": bias.tile_z,
+                "bias_tile_difference": bias.tile_difference}  # fmt: skip
+    return row | (_bounds(verdict.equivalence, 0) if verdict.equivalence is not None else {})
 
 
 def equivalence(analysis: Analysis) -> Table:
     """Every pair of engines on the same scene under the same settings."""
     table = Table(
         "equivalence", "Pairs of engines",
-        "Nearest relatives on the same scene, shader, size and sampler. Welch tests at three scales and "
-        "Kolmogorov-Smirnov on the tiles' p values, corrected for the number of tests and pairs (Sidak): different "
-        "below 0.01. Margin test (TOST): equal are images "
-        "whose means surely differ by less than 1 %.",
+        "Nearest relatives on the same scene, shader, size and sampler, compared in pairs of one block. "
+        f"{_margins(analysis)}",
         [SCENE, Column("first", "One engine."), Column("second", "The other."),
-         Column("verdict", "equivalent, different, inconclusive, or unknown where there are no images of two seeds."),
-         Column("difference", "Second over first, less one, of the image means; 90 % interval (TOST).", "estimate"),
-         Column("detectable", "Relative bias of the mean seen with 80 % power.", "percent"),
-         Column("rests_on", "Images of each, one a seed, their samples per pixel, and whether seeds make pairs."),
-         Column("image_p", "p of the image means.", "number"),
-         Column("tile_p", "Smallest Welch p of the 8x8 tiles.", "number"),
-         Column("pixel_p", "Smallest Welch p of the pixels and channels.", "number"),
-         Column("pixels_outside", "Pixels and channels that differ.", "count", "outside"),
-         Column("ks_p", "Kolmogorov-Smirnov p of the tiles' p values.", "number")],
+         Column("verdict", f"{VERDICTS}, or unknown where there are no images of two seeds."),
+         *BOUNDS, Column("rests_on", "Pairs of images, and their samples per pixel.")],
     )  # fmt: skip
     for pair in analysis.pairs:
         row: dict[str, Any] = {"scene": pair.first.settings.scene, "first": pair.first.name,
                                "second": pair.second.name, "verdict": pair.verdict}  # fmt: skip
         if pair.comparison is not None:
-            found, images, spp, paired = pair.comparison
-            limits = {"image_p": found.alpha, "tile_p": found.tile_threshold, "pixel_p": found.pixel_threshold,
-                      "ks_p": found.alpha}  # fmt: skip
-            row |= {name: corrected(getattr(found, name), limit) for name, limit in limits.items()}
-            row |= {"detectable": found.detectable, "pixels_outside": found.pixels_outside}
-            row["difference"] = Estimate(found.difference, found.low, found.high, min(images))
-            samples = " and ".join(map(str, dict.fromkeys(spp)))
-            row["rests_on"] = f"{images[0]} + {images[1]} of {samples} spp{', pairs' if paired else ''}"
+            row |= _bounds(pair.comparison.found, pair.comparison.replicates[0])
+            row |= {"verdict": verdict_text(pair.comparison.found), "rests_on": rests_on(pair.comparison)}
         table.rows.append(row)
     return table
 
 
-def corrected(p: float, threshold: float) -> float:
-    """The smallest of many p values corrected for their number, so that `ALPHA` is its threshold (Sidak 1967)."""
-    tests = math.log1p(-ALPHA) / math.log1p(-threshold)
-    return -math.expm1(tests * math.log1p(-p)) if p < 1 else 1.0
+def _margins(analysis: Analysis) -> str:
+    image, tile = margins_of(analysis.results)
+    return (f"Equivalent: the image means differ by at most {100 * image:g} % and no tile of 16x16 pixels by more than "
+            f"{100 * tile:g} %.")  # fmt: skip
+
+
+def _bounds(found: Equivalence, images: int) -> dict[str, Any]:
+    if found.of_old_rule:
+        return {}
+    values = {name: getattr(found, name) for name in ("image_bound", "tile_bound", "same_pixels")}
+    x, y = found.worst_tile
+    return {**values, "difference": Estimate(found.difference, found.low, found.high, images), "worst_tile": f"{x}, {y}"}
+
+
+def verdict_text(found: Equivalence) -> str:
+    """The verdict in a word; one by the rule of older archives says so."""
+    return "unresolved (old rule)" if found.of_old_rule else found.verdict
 
 
 def accuracy(analysis: Analysis) -> Table:
@@ -119,20 +122,26 @@ def accuracy(analysis: Analysis) -> Table:
 
 
 def bias_text(verdict: Verdict) -> str:
-    """`< 0.5 %`: none seen, that much would have been; `2.9 %, flagged`; or `unknown`."""
+    """`mean < 0.08 %, tiles < 1.9 %`: the most that a bias can be, in radiance; `+2.9 %, flagged`; or `unknown`."""
     bias = verdict.bias
     if bias is None or math.isnan(bias.squared):
         return "unknown"
-    if bias.biased:
-        return f"{100 * bias.root:.2g} %, flagged"
-    seen = math.sqrt(max(bias.squared, 0.0) + 3 * bias.se)
-    return f"< {100 * seen:.2g} %"
+    if bias.flags:
+        return f"{'; '.join(_size(verdict, flag) for flag in bias.flags)}, flagged"
+    if math.isnan(bias.image_bound):
+        return "unknown (old rule)"
+    return f"mean < {bound(bias.image_bound)}, tiles < {bound(bias.tile_bound)}"
+
+
+def _size(verdict: Verdict, flag: str) -> str:
+    names = {"biased": "pixels", "biased_image": "mean", "biased_tile": "tile"}
+    return names[flag] + bias_sizes(verdict.bias)[flag].replace(" by ", " ")
 
 
 def equivalence_text(verdict: Verdict) -> str:
     if verdict.baseline is None:
         return "baseline"
-    return verdict.equivalence.verdict if verdict.equivalence is not None else "unknown"
+    return verdict_text(verdict.equivalence) if verdict.equivalence is not None else "unknown"
 
 
 def who(verdict: Verdict) -> dict[str, Any]:

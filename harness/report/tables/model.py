@@ -75,15 +75,17 @@ def number_text(value: float) -> str:
 
 
 def estimate_text(estimate: tuple[float, ...], infinite: str = "not reached", zero: str = "0") -> str:
-    """`0.98 [0.95, 1.02]`; without an interval the value alone; `> 3.1` where that alone is sure."""
+    """`0.98 [0.95, 1.02]`; without an interval the value alone; `> 3.1` or `< 3.1` where that alone is known."""
     value, low, high = estimate[:3]
     if math.isnan(value):
         return "–"
+    if low == 0 and value < math.inf and 0 < high < math.inf:
+        return f"< {number_text(high)}"
     text = infinite if math.isinf(value) else zero if value == 0 else number_text(value)
     if math.isnan(low) or math.isnan(high) or low == high:
         return text
     if math.isinf(value):
-        return f"> {number_text(low)}"
+        return f"> {number_text(low)}" if low > 0 else text
     closing = ")" if math.isinf(high) else "]"
     return f"{text} [{number_text(low)}, {number_text(high)}{closing}"
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pandas as pd
 
 from harness.analysis import Analysis, frames, seconds_per_sample
@@ -13,7 +11,6 @@ from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import (
-    BASELINE,
     CONTENDER,
     SCENE,
     accuracy,
@@ -23,12 +20,15 @@ from harness.report.tables.equivalence import (
     equivalence_text,
     who,
 )
+from harness.report.tables.evidence import evidence, floor_text
 from harness.report.tables.scaling import scaling
-from harness.statistics import Estimate, Speedup, amdahl_fit, parallel_speedups
+from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
 
 RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speedup"}
 """Columns of DataFrames by the names that these tables give them."""
+IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image")
+"""Flags that need no mention among the warnings."""
 
 
 def all_tables(analysis: Analysis) -> list[Table]:
@@ -43,18 +43,18 @@ def time_to_quality(analysis: Analysis) -> Table:
     results = analysis.results
     table = Table(
         "time_to_quality", "Time to quality",
-        f"Median over seeds with a 95 % bootstrap interval; targets are in {metric_title(results.metric)}, errors "
-        f"{error_words(results.metric)}. A target not reached within the budget is counted, never extrapolated.",
+        f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
+        f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. {evidence(analysis)}",
         [SCENE, CONTENDER, Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
          Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
-         Column("speedup", "Warm time of the baseline over this one, paired by block.", "ratio", "speed-up"),
-         Column("speedup_verdict", "faster, slower, tie (interval holds 1 or the noise floor) or unknown.",
-                title="verdict"),
-         Column("bias", "Relative bias against the reference, from pairs of seeds: flagged above 3 standard errors; "
-                "< says what would have been seen."),
-         Column("equivalence", "Whether its image equals the baseline's: equivalent, different or inconclusive.",
+         Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
+         Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
+         Column("baseline", "Whom it is compared with, and in brackets in what factor the two differ."),
+         Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
+                "gives the most that it can be."),
+         Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
                 title="image"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
          Column("warnings", "What else to know before believing the row.")],
@@ -62,40 +62,45 @@ def time_to_quality(analysis: Analysis) -> Table:
     found = frames.verdicts(analysis).frame
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
     found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
-    found["speedup_verdict"] = found.verdict.mask(found.baseline.isna(), "baseline")
+    found["speedup_verdict"] = found.verdict
+    found["baseline"] = found.baseline + " (" + found.factor + ")"
+    found["warnings"] = [
+        "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
+    ]  # fmt: skip
     new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
-        [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict),
-          "; ".join(FLAGS[flag] for flag in verdict.flags if flag not in ("biased", "other_image")))
-         for verdict in analysis.verdicts],
-        columns=["scene", "contender", "bias", "equivalence", "warnings"], dtype="string",
+        [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict)) for verdict in analysis.verdicts],
+        columns=["scene", "contender", "bias", "equivalence"], dtype="string",
     )  # fmt: skip
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
 
 
 def speedups(analysis: Analysis) -> Table:
-    """Against the baseline: throughput, then each target."""
-    floors = ", ".join(f"{scene} {100 * math.expm1(floor):.1f} %" for scene, floor in sorted(analysis.floors.items()))
+    """Against another that differs in one factor: throughput, then each target."""
     table = Table(
-        "speedups", "Speed-up against the baseline",
-        f"Baseline engine: {analysis.baseline_engine or 'none'}. Geometric mean of paired block ratios with a 95 % "
-        f"interval. Noise floor from the A/A twin: {floors or 'not measured'}.",
-        [SCENE, CONTENDER, BASELINE,
+        "speedups", "Speed-up, one factor apart",
+        "Contestants that differ in one factor, or that the config's pairs name, but none with a flag that disqualifies it. "
+        "Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by that of the scene; "
+        f"verdicts of a scene and target hold together at 5 % (Holm). {evidence(analysis)}",
+        [SCENE, CONTENDER, Column("baseline", "Whom it is compared with."), Column("factor", "In what the two differ."),
          Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
          Column("speedup", "Baseline over contender; above 1 the contender is faster.", "ratio", "speed-up"),
          Column("pairs", "Blocks that both have.", "count"),
-         Column("verdict", "faster, slower, tie or unknown.")],
+         Column("noise_floor", "What the near end of the interval has to differ from 1 by, from the A/A twin."),
+         Column("verdict", "faster, slower, same or unresolved.")],
     )  # fmt: skip
+    races = [(None, "seconds per sample"), *((i, f"time to {t:g}") for i, t in enumerate(analysis.results.targets))]
     for verdict in analysis.verdicts:
-        if verdict.baseline is None or verdict.speedup is None:
-            continue
-        names = ["seconds per sample", *(f"time to {target:g}" for target in analysis.results.targets)]
-        for name, speedup in zip(names, [verdict.speedup, *verdict.quality_speedups], strict=True):
-            table.rows.append({
-                **who(verdict), "baseline": verdict.baseline.name, "measure": name, "speedup": _ratio(speedup),
-                "pairs": speedup.pairs, "verdict": speedup.verdict,
-            })  # fmt: skip
+        for index, name in races:
+            ratio = verdict.speedup if index is None else verdict.quality_speedups[index]
+            if ratio is not None and verdict.against is not None:
+                table.rows.append({
+                    **who(verdict), "baseline": verdict.against.name, "factor": verdict.factors, "measure": name,
+                    "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks), "pairs": ratio.blocks,
+                    "verdict": ratio.verdict,
+                    "noise_floor": floor_text(analysis, verdict.contender.settings.scene, [index]),
+                })  # fmt: skip
     return table
 
 
@@ -104,11 +109,12 @@ def convergence(analysis: Analysis) -> Table:
     metric = analysis.results.metric
     table = Table(
         "convergence", "Convergence and throughput",
-        "Slope of log RMSE over log samples: -1/2 is Monte Carlo, steeper is quasi-Monte Carlo, flat is bias.",
+        "Slope of log RMSE over log samples, fitted over samples that the contenders of a scene share: -1/2 is Monte Carlo.",
         [SCENE, CONTENDER, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
          Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
-         Column("slope_verdict", "monte carlo, steeper, slower, flat or unknown.", title="verdict"),
+         Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
+         Column("slope_verdict", "monte carlo (interval within -0.5 ± 0.05), steeper, shallower or unknown.", title="verdict"),
          Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),
          Column("rays_per_second", "Rays a second, warm.", "estimate", "rays/s"),
          Column("efficiency", "1 / (MSE x warm seconds).", "estimate")],
@@ -118,6 +124,7 @@ def convergence(analysis: Analysis) -> Table:
         table.rows.append({
             **who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
             "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds), "slope_verdict": slope.verdict,
+            "slope_samples": f"{slope.first} to {slope.last}" if slope.last else "",
             "samples_per_second": verdict.samples_per_second, "rays_per_second": verdict.rays_per_second,
             "efficiency": verdict.efficiency,
         })  # fmt: skip
@@ -125,12 +132,12 @@ def convergence(analysis: Analysis) -> Table:
 
 
 def phases(analysis: Analysis) -> Table:
-    """Median seconds of each phase."""
+    """Mean seconds of each phase."""
     meanings = {"import": "importing the engine", "load": "loading the scene", "build": "building the accelerator",
                 "compile": "compiling", "render": "rendering, all checkpoints"}  # fmt: skip
-    columns = [Column(f"{phase}_seconds", f"Seconds of {meanings[phase]}; median over seeds.", "estimate",
+    columns = [Column(f"{phase}_seconds", f"Seconds of {meanings[phase]}.", "estimate",
                       f"{phase} [s]") for phase in PHASES]  # fmt: skip
-    table = Table("phases", "Phases", "Where the time of a cold start goes; medians over seeds, 95 % intervals.",
+    table = Table("phases", "Phases", "Where the time of a cold start goes; geometric means over seeds, 95 % intervals.",
                   [SCENE, CONTENDER, *columns])  # fmt: skip
     for verdict in analysis.verdicts:
         table.rows.append(who(verdict) | {f"{phase}_seconds": verdict.phases[phase] for phase in PHASES})
@@ -141,7 +148,7 @@ def threads(analysis: Analysis) -> Table:
     """Families of contenders that differ in their thread count alone."""
     table = Table(
         "threads", "Speed-up over threads",
-        "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, bootstrap over blocks.",
+        "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, a fit a block. 95 % intervals.",
         [SCENE, CONTENDER, Column("threads", "Threads.", "count"),
          Column("speedup", "Against the fewest threads.", "estimate", "speed-up"),
          Column("efficiency", "Speed-up over threads; 1 is ideal.", "estimate"),
@@ -172,7 +179,3 @@ def failures(analysis: Analysis) -> Table:
     counted = pd.DataFrame({"cells": cases.size()}).reset_index()
     table.rows = rows_of(counted.rename(columns=RENAMED), table.columns)
     return table
-
-
-def _ratio(speedup: Speedup | None) -> Estimate | None:
-    return None if speedup is None or math.isnan(speedup.ratio) else Estimate(*speedup[:4])

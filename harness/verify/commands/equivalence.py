@@ -1,4 +1,4 @@
-"""What `raybench equivalence` does: it tests whether engines render the same image, by pixels, tiles and the whole image."""
+"""What `raybench equivalence` does: it bounds how far the images of engines lie apart, in the mean and in any tile."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from rich.table import Table
 from engines.errors import ConfigError, RendererFailed, UnknownName
 from engines.registry import is_file, known_names
 from engines.scene import Scene, load_scene
-from harness.analysis.equivalence import describe
+from harness.analysis.equivalence import bound, describe
 from harness.config import paths
 from harness.config.settings import require_commands, require_imports
 from harness.console import allow_here, consoles
 from harness.measure.pool import Pool, WorkerFailed
-from harness.report.tables.model import number_text
 from harness.statistics import Equivalence, equivalence
-from harness.statistics.equivalence import shared_alpha
+from harness.statistics.equivalence import DEFAULT_MARGINS, Margins, shared_alpha
 
-COLOURS = {"equivalent": "green", "inconclusive": "yellow", "different": "bold red"}
+COLOURS = {"identical": "green", "equivalent": "green", "unresolved": "yellow", "different": "bold red"}
 
 
 class EquivalenceOptions(NamedTuple):
-    """The command line: `replicates` independent images of `size` per engine; means within `margin` (a share) are equal."""
+    """The command line: `replicates` independent images of `size` per engine, equivalent within `margins`."""
 
     scene: str
     engines: Sequence[str]
@@ -37,8 +36,9 @@ class EquivalenceOptions(NamedTuple):
     spp: int = 16
     size: str = "64x64"
     shader: str = "path_tracer"
-    margin: float = 0.01
+    margins: Margins = DEFAULT_MARGINS
     seed: int = 1
+    same_seeds: bool = False
     allow_imports: bool = False
     allow_commands: bool = False
 
@@ -49,6 +49,8 @@ def compare(options: EquivalenceOptions) -> int:
         raise ConfigError(f"--engines {','.join(options.engines)}: two or more are needed, as in numpy,numba")
     if options.replicates < 2:
         raise ConfigError(f"--replicates {options.replicates}: two or more are needed")
+    if not (0 < options.margins.image <= 1 and 0 < options.margins.tile <= 1):
+        raise ConfigError(f"--margin {options.margins.image:g} --tile-margin {options.margins.tile:g}: must be in (0, 1]")
     allow_here(options.allow_imports)
     for name in options.engines:
         require_imports(name, options.allow_imports)
@@ -58,15 +60,17 @@ def compare(options: EquivalenceOptions) -> int:
     path = paths.find("scenes", options.scene)
     scene, settings = load_scene(path, allow_imports=options.allow_imports), settings_of(options)
     request = {"scene_path": str(path), "scene_hash": scene.content_hash, "settings": settings, "spp": options.spp}
+    apart = 0 if options.same_seeds else options.replicates
     with tempfile.TemporaryDirectory() as folder, Pool(options.allow_imports, Path(folder) / "worker.log") as pool:
         images = [
-            _images(pool, name, request, options.seed + place * options.replicates, options.replicates)
+            _images(pool, name, request, options.seed + place * apart, options.replicates)
             for place, name in enumerate(options.engines)
         ]
     pairs = list(combinations(range(len(options.engines)), 2))
     alpha = shared_alpha(len(pairs))
     rows = [
-        (options.engines[a], options.engines[b], equivalence(images[a], images[b], options.margin, alpha)) for a, b in pairs
+        (options.engines[a], options.engines[b], equivalence(images[a], images[b], options.margins, alpha))
+        for a, b in pairs
     ]
     _show(scene, options, rows)
     return int(any(found.verdict == "different" for _, _, found in rows))
@@ -85,13 +89,18 @@ def settings_of(options: EquivalenceOptions) -> dict[str, Any]:
 def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, replicates: int) -> NDArray[np.float64]:
     """(replicates, height, width, 3) images with seeds from `first` on, rendered in a worker process.
 
-    No two engines share seeds. Raises `RendererFailed`, also where the process died.
+    Raises `RendererFailed` for bad samples, and where the process died.
     """
+    found, bad = [], 0
     try:
-        films = pool.replicates(engine, request, range(first, first + replicates))
-        images = np.stack([np.array(film.mean(), np.float64) for film, _ in films])
+        for film, _ in pool.replicates(engine, request, range(first, first + replicates)):
+            found.append(np.array(film.mean(), np.float64))
+            bad += film.bad_samples
     except WorkerFailed as error:
         raise RendererFailed(f"{engine}: {error}") from error
+    if bad:
+        raise RendererFailed(f"{engine}: {bad} samples of its images are NaN or infinite: finite radiance is wanted")
+    images = np.stack(found)
     if not np.isfinite(images).all():
         raise RendererFailed(f"{engine}: its images are not finite")
     return images
@@ -99,25 +108,23 @@ def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, rep
 
 def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, str, Equivalence]]) -> None:
     stdout = consoles()[0]
-    names = ("A", "B", "pixels p", "tiles p", "KS p", "image p", "(B - A) / A", "90 % interval", "detectable", "verdict")
+    names = ("A", "B", "(B - A) / A", "95 % interval", "means at most", "tiles at most", "verdict")
     table = Table(*names, box=None, header_style="dim", pad_edge=False)
     for first, second, found in rows:
-        numbers = (found.pixel_p, found.tile_p, found.ks_p, found.image_p)
         shares = [f"{100 * share:+.3f} %" for share in (found.difference, found.low, found.high)]
-        table.add_row(first, second, *map(number_text, numbers), shares[0], f"{shares[1]} to {shares[2]}",
-                      f"{100 * found.detectable:.3f} %", f"[{COLOURS[found.verdict]}]{found.verdict}[/]")  # fmt: skip
+        table.add_row(first, second, shares[0], f"{shares[1]} to {shares[2]}", bound(found.image_bound),
+                      bound(found.tile_bound), f"[{COLOURS[found.verdict]}]{found.verdict}[/]")  # fmt: skip
     stdout.print(table)
     for first, second, found in rows:
-        stdout.print(f"{first} and {second} {describe(found, options.margin)}.", markup=False, soft_wrap=True)
-    if any(found.verdict == "inconclusive" for _, _, found in rows):
-        stdout.print("Four times as many --spp or --replicates halve an interval.", markup=False)
-    found = rows[0][2]
+        stdout.print(f"{first} and {second} {describe(found)}.", markup=False, soft_wrap=True)
+    if any(found.verdict == "unresolved" for _, _, found in rows):
+        stdout.print("Four times as many --spp or --replicates halve a bound.", markup=False)
+    image, tile = options.margins
+    seeds = "in pairs of one seed" if options.same_seeds else "each with its own seed"
     note = (
-        f"{scene.name}, {options.size}, {options.replicates} images of {options.spp} spp per engine, each with its own seed. "
-        f"Different: p below {number_text(found.pixel_threshold)} for a pixel, {number_text(found.tile_threshold)} for a "
-        f"tile, {number_text(found.alpha)} for all tiles (KS), or {number_text(found.alpha)} for the image with an interval "
-        f"not within the margin of {100 * options.margin:g} %. Each of the four tests has a false alarm rate of 1 % for "
-        f"{'the pair' if len(rows) == 1 else 'all pairs together'}. "
-        "Detectable: the bias of the mean that is found with a power of 80 %."
+        f"{scene.name}, {options.size}, {options.replicates} images of {options.spp} spp per engine, {seeds}. "
+        f"Equivalent: the image means differ by at most {100 * image:g} % and no tile of 16x16 pixels by more than "
+        f"{100 * tile:g} %, in any channel (95 %). Different: surely more than one of these, with 1 % false alarms for "
+        f"{'the pair' if len(rows) == 1 else 'all pairs together'}."
     )
     stdout.print(note, style="dim", markup=False, soft_wrap=True)

@@ -1,0 +1,142 @@
+"""Races: the contestants of a scene, shader, size and machine on one target, and what `statistics.race` says of them.
+
+Beside the targets there is a race in seconds a sample, whose index is None.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.analysis.model import Analysis, Verdict, raced_together, seconds_per_sample
+from harness.metrics import as_error
+from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
+from harness.statistics.ratios import MARGIN
+from harness.store.results import Contender, Results
+
+Logs = NDArray[np.float64]
+CLOCK_SECONDS = 1e-6
+"""What a clock resolves, starting and stopping it included."""
+
+
+def run_races(analysis: Analysis) -> None:
+    """Fills in the noise floors of an analysis, and the ratios and possible winners of its verdicts.
+
+    Contestants with a flag that disqualifies them are left out.
+    """
+    groups = list(raced_together(analysis.verdicts).values())
+    logs = {index: [_logs([_bounds(verdict, index) for verdict in group]) for group in groups]
+            for index in (None, *range(len(analysis.results.targets)))}  # fmt: skip
+    twins = [_twins([verdict.contender for verdict in group]) for group in groups]
+    distances: dict[int | None, dict[str, list[float]]] = {}
+    for at, (group, pairs) in enumerate(zip(groups, twins, strict=True)):
+        for pair in pairs or [None]:
+            own = [twin_distance(*found[at], *pair) if pair else math.nan for found in logs.values()]
+            for index, distance in zip(logs, [own[0], *_filled(own[1:])], strict=True):
+                distances.setdefault(index, {}).setdefault(group[0].contender.settings.scene, []).append(distance)
+    for index, scenes in distances.items():
+        everyone = [distance for found in scenes.values() for distance in found]
+        analysis.floors |= {(scene, index): noise_floor(found, everyone) for scene, found in scenes.items()}
+    for index, found in logs.items():
+        for group, (low, high), pairs in zip(groups, found, twins, strict=True):
+            _run(analysis, group, index, low, high, pairs)
+
+
+def _filled(distances: Sequence[float]) -> list[float]:
+    """Distances of twins on targets, the easiest first. Where the twins did not get there, or were there at once, that of the
+    nearest easier target that was timed stands in, else of the nearest harder one."""
+    known = [index for index, distance in enumerate(distances) if math.isfinite(distance)]
+    nearest = [max((k for k in known if k <= index), default=known[0] if known else index) for index in range(len(distances))]
+    return [distances[index] for index in nearest]
+
+
+def _run(
+    analysis: Analysis, group: list[Verdict], index: int | None, low: Logs, high: Logs, twins: list[tuple[int, int]]
+) -> None:  # fmt: skip
+    scene = group[0].contender.settings.scene
+    rows = {id(verdict.contender): row for row, verdict in enumerate(group) if not verdict.disqualified(index)}
+    compared = [(rows[id(v.contender)], rows[id(v.against)]) for v in group
+                if id(v.contender) in rows and id(v.against) in rows]  # fmt: skip
+    ranked = np.array([id(v.contender) in rows and not v.contender.settings.label for v in group])
+    found = race(low, high, compared, analysis.floor(scene, index), ranked=ranked, twins=twins, clock=_clock_steps(low),
+                 margin=margin(analysis.results), **_readings(analysis.results, group, index))  # fmt: skip
+    if found.twins_separated:
+        analysis.separated.add((scene, index))
+    for (row, _), ratio in zip(compared, found.ratios, strict=True):
+        if index is None:
+            group[row].speedup = ratio
+        else:
+            group[row].quality_speedups[index] = ratio
+    if index is not None:
+        for verdict, possible in zip(group, found.possible_winner.tolist(), strict=True):
+            verdict.possible_winner[index] = possible
+
+
+def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> dict[str, Any]:
+    """What a race of samplers of both kinds needs: times by either reading, and which pairs are of different kinds."""
+    own = np.array([verdict.warm[index].reading if index is not None else "" for verdict in group])
+    if len(set(own)) < 2 or index is None:
+        return {}
+    target = as_error(results.metric, results.targets[index])
+    ways: tuple[Reading, Reading] = ("interpolated", "first")
+    read = [[_crossings(results, verdict.contender, target, way) for verdict in group] for way in ways]
+    return {"readings": [_logs(bounds) for bounds in read], "mixed": own[:, None] != own}
+
+
+def _crossings(results: Results, contender: Contender, target: float, reading: Reading) -> dict[int, Bound]:
+    return {cell["block"]: crossing_seconds(results.curve(cell), target, reading).x for cell in contender.runs}
+
+
+def sample_floors(results: Results) -> dict[str, float]:
+    """Scene -> its noise floor of seconds per sample as a log ratio, NaN where it was not measured."""
+    own: dict[str, list[float]] = {scene: [] for scene in results.scenes}
+    for one, other in _twins(results.contenders):
+        pair = [results.contenders[at] for at in (one, other)]
+        logs = _logs([{b: Bound(s, s) for b, s in seconds_per_sample(contender).items()} for contender in pair])
+        own[pair[0].settings.scene].append(twin_distance(*logs, 0, 1))
+    everyone = [distance for found in own.values() for distance in found]
+    return {scene: noise_floor(found, everyone) for scene, found in own.items()}
+
+
+def race_of(measured: Sequence[Mapping[int, float]], compared: Sequence[tuple[int, int]], floor: float) -> Race:
+    """The race of contestants of which each has block -> a positive number, of which less is better."""
+    return race(*_logs([{b: Bound(value, value) for b, value in one.items()} for one in measured]), compared, floor)
+
+
+def margin(results: Results) -> float:
+    """The config's `same_within`, else 5 %."""
+    value = (results.manifest.get("config") or {}).get("same_within")
+    return float(value) if isinstance(value, (int, float)) and 0 < value < 1 else MARGIN
+
+
+def _clock_steps(low: Logs) -> Logs:
+    """(k,) what the clock resolves over the shortest time of each contestant."""
+    shortest = np.min(np.where(np.isfinite(low), low, np.inf), axis=1, initial=np.inf)
+    return CLOCK_SECONDS * np.exp(-shortest)
+
+
+def _twins(contenders: Sequence[Contender]) -> list[tuple[int, int]]:
+    """Places of measured contestants that differ in their label alone: the unlabelled first."""
+    places = {c.settings: place for place, c in enumerate(contenders) if c.done}
+    found = [(places.get(settings._replace(label="")), place) for settings, place in places.items() if settings.label]
+    return [(one, other) for one, other in found if one is not None]
+
+
+def _bounds(verdict: Verdict, index: int | None) -> Mapping[int, Bound]:
+    """Block -> seconds to the target of `index`, or seconds per sample."""
+    if index is not None:
+        return {cell["block"]: bound for cell, bound in zip(verdict.contender.runs, verdict.warm[index].crossings, strict=True)}
+    return {block: Bound(seconds, seconds) for block, seconds in seconds_per_sample(verdict.contender).items()}
+
+
+def _logs(bounds: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:
+    """(k, n) lower and upper bounds of ln seconds, NaN where a contestant lacks a block."""
+    blocks = sorted({block for one in bounds for block in one})
+    ends = np.array([[one.get(block, Bound(math.nan, math.nan)) for block in blocks] for one in bounds], np.float64)
+    with np.errstate(divide="ignore"):
+        logs = np.log(ends.reshape(len(bounds), len(blocks), 2))
+    return logs[..., 0], logs[..., 1]

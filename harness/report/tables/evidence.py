@@ -1,0 +1,57 @@
+"""What verdicts rest on, in a sentence: blocks, and the noise floor of every scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from harness.analysis import Analysis
+from harness.report.tables.model import number_text
+from harness.statistics.ratios import FEWEST_BLOCKS
+
+
+def evidence(analysis: Analysis) -> str:
+    """`5 blocks. Noise floor (A/A twins): cornell_box 1.2 % to 2.3 %; not measured on terrain, ...`; empty without results."""
+    return " ".join(filter(None, (blocks_text(analysis), floors_text(analysis))))
+
+
+def blocks_text(analysis: Analysis) -> str:
+    counts = sorted({len({cell["block"] for cell in verdict.contender.done}) for verdict in analysis.verdicts})
+    if not counts:
+        return ""
+    text = f"{counts[-1]} block{'' if counts[-1] == 1 else 's'}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} blocks"
+    if counts[0] < FEWEST_BLOCKS:
+        text += f"; below {FEWEST_BLOCKS} no verdict is given"
+    return f"{text}."
+
+
+def floors_text(analysis: Analysis) -> str:
+    """The floors over all targets, and what follows where there is none or where twins differ."""
+    scenes = list(dict.fromkeys(verdict.contender.settings.scene for verdict in analysis.verdicts))
+    if not scenes:
+        return ""
+    indices = [None, *range(len(analysis.results.targets))]
+    texts = {scene: floor_text(analysis, scene, indices) for scene in scenes}
+    known = [f"{scene} {text}" for scene, text in texts.items() if text != NOT_MEASURED]
+    without = [scene for scene, text in texts.items() if text == NOT_MEASURED]
+    parts = [f"Noise floor (A/A twins): {', '.join(known)}." if known else ""]
+    if without:
+        where = f" on {', '.join(without)}" if known else ""
+        parts.append(f"The noise floor was not measured{where}: nothing is called faster or slower there.")
+    apart = sorted({scene for scene, _ in analysis.separated})
+    if apart:
+        parts.append(f"The A/A twins differ on {', '.join(apart)}: verdicts there are unresolved.")
+    return " ".join(filter(None, parts))
+
+
+NOT_MEASURED = "not measured"
+
+
+def floor_text(analysis: Analysis, scene: str, indices: Iterable[int | None]) -> str:
+    """`1.2 %`, `1.2 % to 2.3 %` over several targets, or `not measured`."""
+    floors = [100 * math.expm1(analysis.floor(scene, index)) for index in indices]
+    known = sorted(floor for floor in floors if not math.isnan(floor))
+    if not known:
+        return NOT_MEASURED
+    low, high = (f"{number_text(floor)} %" for floor in (known[0], known[-1]))
+    return low if low == high else f"{low} to {high}"

@@ -1,0 +1,66 @@
+"""Whether the references of an experiment have samples enough for its smallest target: said by `plan`, and by `run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from engines.errors import ConfigError
+from harness.config import Quality
+from harness.metrics import Reference, as_error, metric_title
+from harness.plan.references import PlannedReference
+from harness.statistics.reference_noise import samples_needed
+from harness.store.reference_files import META, film_in, meta_of
+
+SAME = ("width", "height", "shader", "sampler")
+"""Keys of a spec in which references of one image, each sample as noisy, agree."""
+
+
+class Sufficiency(NamedTuple):
+    """`enough` is None where it is not known; `message` is a clause for people."""
+
+    enough: bool | None
+    message: str
+
+
+def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Sufficiency:
+    """Compares a reference's samples with those that its noise asks for at the smallest target.
+
+    The noise is known from the reference itself, finished or not, or from another one of the same image; nothing is rendered.
+    """
+    if quality.targets is None:
+        return Sufficiency(None, "samples needed: not known before the targets, which are chosen from the first results")
+    title = metric_title(quality.name)
+    if quality.metric not in ("relmse", "mse"):
+        return Sufficiency(None, f"samples needed: not known for {title}; every time to quality is checked against its halves")
+    target = min(as_error(quality.metric, each) for each in quality.targets)
+    pilot = pilot_of(wanted, root)
+    if pilot is None:
+        return Sufficiency(None, f"samples needed for {title} {target:g}: not known before its first replicates")
+    needed = samples_needed(pilot, target, quality.epsilon if quality.metric == "relmse" else None)
+    if needed <= wanted.spp:
+        return Sufficiency(True, f"enough samples: {title} {target:g} takes about {needed:,}")
+    return Sufficiency(
+        False, f"too few samples: {title} {target:g} takes about {needed:,}; times that its noise reaches are flagged"
+    )
+
+
+def pilot_of(wanted: PlannedReference, root: Path) -> Reference | None:
+    """The image's reference with the most samples so far, from the cache; None where none has two replicates."""
+    found: tuple[int, Path] | None = None
+    for path in sorted(wanted.folder(root).parent.glob(f"*/{META}")):
+        try:
+            meta = meta_of(path.parent)
+        except ConfigError:
+            continue
+        same = all(meta["spec"].get(key) == wanted.spec[key] for key in SAME)
+        spp = meta["done"] * meta["spec"]["replicate_spp"]
+        if same and meta["done"] >= 2 and (found is None or spp > found[0]):
+            found = spp, path.parent
+    if found is None:
+        return None
+    try:
+        film = film_in(found[1], meta_of(found[1]))
+    except ConfigError:
+        return None
+    return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), found[0])

@@ -1,0 +1,267 @@
+"""Races in results of known truth: who is compared with whom, by which noise floor, and who may not be ranked."""
+
+import math
+
+import numpy as np
+import pytest
+
+from harness.analysis import analyse
+from harness.analysis.frames import ResultFrames
+from harness.report.html.assembly import headlines
+from harness.report.plots import Palette
+from harness.report.plots.bars import quality_bars
+from harness.report.plots.panels import panels
+from harness.report.tables import all_tables
+from harness.report.tables.evidence import evidence
+from harness.store.results import results_of
+from tests.harness.synthetic import SMALL, base_cell, metrics
+
+TARGETS = [0.1, 0.01]
+SPP = [2**k for k in range(8)]
+TWIN = "A/A"
+
+
+def contestant(seconds, *, scene="hall", engine="numba", accelerator="bvh", sampler="random", threads=1, precision="float64",
+               label=None, blocks=5, noise=0.01, level=0.5, change=None):  # fmt: skip
+    """Cells of `seconds` a sample; their error is level / spp, the same for all of a block."""
+    rng = np.random.default_rng([len(engine), len(accelerator), threads, bool(label)])
+    made = []
+    for block in range(blocks):
+        cell = base_cell((scene, engine, accelerator, sampler, threads, label), block, SMALL) | {"precision": precision}
+        cell["cell_id"] += precision
+        own = seconds * (1 + 0.1 * block) * math.exp(rng.normal(0, noise))
+        errors = [metrics(level / n * (1 + 0.03 * block)) for n in SPP]
+        cell["points"] = [{"spp": n, "seconds": n * own, "rays": n, "metrics": found, "image": None}
+                          for n, found in zip(SPP, errors, strict=True)]  # fmt: skip
+        cell["reference_id"] = None
+        made.append(cell if change is None else change(cell) or cell)
+    return made
+
+
+def results(tmp_path, *contestants, config=None):
+    events = [{"event": "targets", "metric": "relmse_e0.01", "targets": TARGETS}, *(c for made in contestants for c in made)]
+    return results_of(tmp_path, {"config": config or {}}, events)
+
+
+def verdicts(found, target=0.01, scene="hall"):
+    """The rows of the scene and target, by contestant."""
+    rows = ResultFrames(found).verdicts
+    return rows[(rows.target == target) & (rows.scene == scene)].set_index("contestant")
+
+
+def twins(seconds=0.01, **more):
+    return [*contestant(seconds, **more), *contestant(seconds, label=TWIN, **more)]
+
+
+# Baselines
+
+
+def test_a_ratio_is_formed_where_one_factor_differs(tmp_path):
+    """numpy has one thread and float64 only: neither two threads nor float32 are compared with it."""
+    found = verdicts(results(
+        tmp_path, contestant(0.2, engine="numpy"), twins(), contestant(0.006, threads=2),
+        contestant(0.005, threads=2, precision="float32"), contestant(0.02, engine="embree", accelerator="embree"),
+    ))  # fmt: skip
+    compared = {name: (row.baseline, row.factor) for name, row in found.iterrows() if not np.any(row.isna()[["baseline"]])}
+    assert compared == {
+        "numba float64 1 thread": ("numpy float64 1 thread", "engine"),
+        "numba float64 2 threads": ("numba float64 1 thread", "threads"),
+        "numba float32 2 threads": ("numba float64 2 threads", "precision"),
+        "embree float64 1 thread": ("numpy float64 1 thread", "engine"),
+        "numba float64 1 thread A/A": ("numba float64 1 thread", "A/A"),
+    }
+    assert found.loc["numba float64 1 thread"].ratio == pytest.approx(20, rel=0.05)
+    assert found.loc["numba float64 2 threads"].ratio == pytest.approx(1 / 0.6, rel=0.05)
+    assert found.loc["numba float64 1 thread"].verdict == "faster" and found.loc["numpy float64 1 thread"].verdict == ""
+
+
+def test_two_differing_factors_are_compared_only_where_a_pair_asks(tmp_path):
+    made = contestant(0.2, engine="numpy"), contestant(0.01, threads=2, precision="float32"), twins(engine="embree")
+    name = "numba float32 2 threads"
+    plain = verdicts(results(tmp_path, *made)).loc[name]
+    assert plain.verdict == "" and plain.isna()[["baseline", "factor", "ratio"]].all()
+    pairs = [{"contestant": {"engine": "numba", "threads": 2}, "baseline": {"engine": "numpy"}}]
+    asked = verdicts(results(tmp_path, *made, config={"pairs": pairs})).loc[name]
+    assert (asked.baseline, asked.factor) == ("numpy float64 1 thread", "engine and precision and threads")
+    assert asked.ratio == pytest.approx(20, rel=0.05) and asked.verdict == "faster"
+
+
+def test_an_accelerator_that_both_engines_have_is_a_factor_of_its_own(tmp_path):
+    found = verdicts(results(
+        tmp_path, contestant(0.2, engine="numpy"), contestant(0.01), contestant(0.02, accelerator="grid"),
+    ))  # fmt: skip
+    assert found.loc["numba bvh"].baseline == "numpy" and found.loc["numba grid"].baseline == "numba bvh"
+    assert found.loc["numba grid"].factor == "accelerator"
+
+
+def test_what_a_config_may_say_of_pairs_does_not_stop_a_reader(tmp_path):
+    for pairs in (3, [3], [{}], [{"contestant": {}, "baseline": 2}], [{"contestant": {"engine": "numba"}}]):
+        assert len(verdicts(results(tmp_path, twins(), config={"pairs": pairs, "same_within": "x"}))) == 2
+
+
+# Floors
+
+
+def test_the_floor_is_of_the_scene_and_never_zero(tmp_path):
+    found = results(
+        tmp_path, contestant(0.2, engine="numpy"), twins(noise=0.05), contestant(0.2, engine="numpy", scene="yard"),
+        contestant(0.01, scene="yard"),
+    )  # fmt: skip
+    here, there = verdicts(found), verdicts(found, scene="yard")
+    apart = here.loc["numba A/A"].ratio
+    assert here.noise_floor.to_numpy() == pytest.approx(math.exp(abs(math.log(apart))) - 1)
+    assert here.loc["numba"].verdict == "faster"
+    assert there.noise_floor.isna().all() and there.loc["numba"].verdict == "unresolved"
+    assert there.loc["numba"].ratio == pytest.approx(20, rel=0.05) and there.possible_winner.all()
+    words = evidence(analyse(found))
+    assert "5 blocks." in words and "Noise floor (A/A twins): hall" in words
+    assert "not measured on yard: nothing is called faster or slower there" in words
+
+
+def test_a_scenes_floor_is_at_least_the_runs_median(tmp_path):
+    """Twins of a, b and c differ by 1, 5 and 20 %; without noise these are their ratios."""
+    made = [contestant(0.2, engine="numpy", scene=s, noise=0) for s in "abc"]
+    for scene, factor in zip("abc", (1.01, 1.05, 1.2), strict=True):
+        made += [contestant(0.01, scene=scene, noise=0), contestant(0.01 * factor, scene=scene, noise=0, label=TWIN)]
+    found = analyse(results(tmp_path, *made))
+    floors = [math.expm1(found.floor(scene, 1)) for scene in "abc"]
+    assert floors == pytest.approx([0.05, 0.05, 0.2])
+    assert found.separated >= {("c", 1)}, "twins that always differ by 20 % are no noise"
+
+
+def test_the_floor_of_a_target_that_twins_missed_is_that_of_the_nearest_they_reached(tmp_path):
+    slow = twins(level=2.0, noise=0.05)  # ends at 2 / 128: the first target alone
+    found = analyse(results(tmp_path, slow, contestant(0.005, engine="embree")))
+    assert found.floor("hall", 1) == found.floor("hall", 0) > 0
+
+
+def test_separated_twins_leave_a_scene_unresolved(tmp_path):
+    found = results(tmp_path, contestant(0.2, engine="numpy"), contestant(0.01), contestant(0.013, label=TWIN))
+    rows = verdicts(found)
+    assert (rows.verdict.isin(["unresolved", ""])).all() and rows[rows.label == ""].possible_winner.all()
+    assert "The A/A twins differ on hall: verdicts there are unresolved." in evidence(analyse(found))
+
+
+# Evidence
+
+
+@pytest.mark.parametrize(("blocks", "verdict"), [(1, "unresolved"), (2, "unresolved"), (3, "faster")])
+def test_no_verdict_below_three_blocks(tmp_path, blocks, verdict):
+    found = results(tmp_path, contestant(0.2, engine="numpy", blocks=blocks), twins(blocks=blocks))
+    rows = verdicts(found)
+    assert rows.loc["numba"].verdict == verdict and rows.loc["numpy"].possible_winner == (blocks < 3)
+    assert ("below 3 no verdict is given" in evidence(analyse(found))) == (blocks < 3)
+
+
+@pytest.mark.parametrize(("blocks", "dots"), [(2, 2), (3, 1)])
+def test_below_three_blocks_each_is_drawn_as_a_dot(tmp_path, blocks, dots):
+    """Warm and cold, for two contestants; from three blocks on a dot is a mean, and has a whisker."""
+    analysis = analyse(results(tmp_path, contestant(0.2, engine="numpy", blocks=blocks), twins(blocks=blocks)))
+    figure = quality_bars(analysis, panels(analysis)[0], Palette(analysis.results))
+    drawn = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
+    assert [len(line.get_xdata()) for line in drawn] == [dots] * 4
+    whiskers = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 1.2]
+    assert len(whiskers) == (4 if dots == 1 else 0)
+
+
+def test_the_same_is_said_where_it_is_known(tmp_path):
+    made = contestant(0.01, engine="numpy", noise=0.001), twins(noise=0.001)
+    assert verdicts(results(tmp_path, *made)).loc["numba"].verdict == "same"
+    assert verdicts(results(tmp_path, *made, config={"same_within": 0.001})).loc["numba"].verdict == "unresolved"
+
+
+def test_a_failed_cell_counts_as_not_reached_and_keeps_its_place(tmp_path):
+    def crash(cell):
+        if cell["block"] == 2:
+            cell |= {"state": "failed", "message": "out of rods", "points": cell["points"][:2]}
+
+    rows = verdicts(results(tmp_path, contestant(0.01, engine="numpy", change=crash), twins(0.02)))
+    broken, whole = rows.loc["numpy"], rows.loc["numba"]
+    assert (broken.reached, broken.seeds, broken.failed_cells) == (4, 5, 1)
+    assert broken.seconds == math.inf and 0 < broken.seconds_low < 0.5 and broken.seconds_high == math.inf
+    assert whole.verdict == "unresolved" and whole.ratio == math.inf, "the baseline's time is only bounded from below"
+    assert rows.loc[["numpy", "numba"]].possible_winner.all()
+
+
+def test_a_time_before_the_first_checkpoint_is_an_upper_bound(tmp_path):
+    made = contestant(0.2, engine="numpy", level=0.05), twins(level=0.05)
+    rows = verdicts(results(tmp_path, *made), target=0.1)
+    assert (rows.seconds_low == 0).all() and (rows.seconds <= rows.seconds_high).all()
+    table = next(table for table in all_tables(analyse(results(tmp_path, *made))) if table.name == "time_to_quality")
+    assert all(row["warm_seconds"].low == 0 for row in table.rows if row["target"] == 0.1)
+    assert rows.loc["numba"].verdict == "unresolved"
+
+
+# Rankings
+
+
+def bright(cell):
+    """Thirty times too fast, for its samples are NaN."""
+    cell["counters"] = {"bad_samples": 7.0}
+
+
+@pytest.mark.parametrize("flagged", ["numba", "numpy"])
+def test_no_ranking_contains_a_flagged_contestant(tmp_path, flagged):
+    made = [contestant(0.2, engine="numpy", change=bright if flagged == "numpy" else None),
+            contestant(0.001, change=bright if flagged == "numba" else None),
+            twins(engine="embree")]  # fmt: skip
+    found = results(tmp_path, *made)
+    rows = verdicts(found)
+    assert rows.loc[flagged, "flags"] == "bad_samples" and not rows.loc[flagged, "possible_winner"]
+    assert math.isnan(rows.loc["numba"].ratio) and rows.loc["numba"].verdict == "unresolved"
+    analysis = analyse(found)
+    tables = {table.name: table for table in all_tables(analysis)}
+    for row in tables["speedups"].rows:
+        assert flagged not in (row["contender"], row["baseline"])
+    (line,) = [line for line in headlines(analysis) if line["target"] == "0.01"]
+    assert line["left_out"] == [f"{flagged} (bad samples)"]
+    assert line["winner"] == ("embree" if flagged == "numba" else "numba"), "of those that are left"
+
+
+def test_a_contended_contestant_is_ranked_and_warned_of(tmp_path):
+    def busy(cell):
+        cell["machine"] = {"contended": True}
+
+    rows = verdicts(results(tmp_path, contestant(0.2, engine="numpy"), twins(change=busy)))
+    assert rows.loc["numba"].verdict == "faster" and rows.loc["numba", "flags"] == "contended"
+    assert rows.loc["numba"].possible_winner
+
+
+def test_a_headline_names_one_winner_or_all_that_may_be_it(tmp_path):
+    made = contestant(0.2, engine="numpy"), twins(noise=0.03)
+    clear = results(tmp_path, *made, contestant(0.03, engine="embree", noise=0.03))
+    close = results(tmp_path, *made, contestant(0.0101, engine="embree", noise=0.03))
+    (first,), (second,) = ([line for line in headlines(analyse(found)) if line["target"] == "0.01"] for found in (clear, close))
+    assert first["winner"] == "numba" and not first["rivals"]
+    assert second["winner"] is None and sorted(second["rivals"]) == ["embree", "numba"]
+    assert (first["reached"], first["out_of"]) == (3, 3)
+
+
+def test_a_time_that_the_references_noise_may_have_moved_is_not_ranked(tmp_path):
+    """The error stands three of its standard errors above zero, at the second target alone."""
+
+    def noisy(cell):
+        for point in cell["points"]:
+            error = point["metrics"]["relmse_e0.01_corrected"]
+            point["metrics"]["relmse_e0.01_se"] = error / (3 if error < 0.05 else 50)
+
+    found = results(tmp_path, contestant(0.2, engine="numpy"), twins(), contestant(0.001, engine="embree", change=noisy))
+    easy, hard = verdicts(found, 0.1).loc["embree"], verdicts(found, 0.01).loc["embree"]
+    assert (easy["flags"], easy.verdict, easy.possible_winner) == ("", "faster", True)
+    assert (hard["flags"], hard.verdict, hard.possible_winner) == ("noisy_reference", "unresolved", False)
+    assert verdicts(found, 0.01).loc["numba"].possible_winner
+
+
+def test_samplers_of_different_kinds_are_separated_only_under_both_readings(tmp_path):
+    """One curve, read at a line between checkpoints and at the next checkpoint: that alone is a factor of 1.2."""
+
+    def smooth(cell):
+        cell["smooth_sampler"] = True
+
+    made = [*twins(noise=0.001, change=smooth), *contestant(0.01, sampler="sobol", noise=0.001)]
+    rows = verdicts(results(tmp_path, contestant(0.2, engine="numpy", sampler="sobol"), made))
+    ratio = rows.loc["numba random"].seconds / rows.loc["numba sobol"].seconds
+    assert ratio < 0.85 and rows.loc[["numba random", "numba sobol"]].possible_winner.all()
+    half = [*twins(0.002, noise=0.001, change=smooth), *contestant(0.01, sampler="sobol", noise=0.001)]
+    rows = verdicts(results(tmp_path, half))
+    assert rows.loc["numba random"].possible_winner and not rows.loc["numba sobol"].possible_winner
