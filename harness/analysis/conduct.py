@@ -20,8 +20,8 @@ NOISIER = 1.3
 FEWEST_SAMPLES = 4
 """Below these the variance of a film's samples is too rough."""
 MORE_THREADS, LEAST_MORE = 0.25, 0.6
-"""Runnable threads beyond those allowed, as a share of these, and at least: the thread that calls takes turns with those that it
-starts, and on a busy machine both may wait for a moment."""
+"""Runnable threads beyond those allowed, as a share of these, and at least: the thread that calls takes turns with those that
+it starts, and on a busy machine both may wait for a moment."""
 OFF_CLOCK_SHARE, OFF_CLOCK_SECONDS = 0.1, 0.05
 """Processor time of a cell between timed calls, over that within them, and at least: thread pools take a moment to rest."""
 
