@@ -42,6 +42,8 @@ class Calibration(NamedTuple):
     image_count: int
     repetitions: int
     image_repetitions: int
+    without_twins: int
+    """Races that have no A/A twins."""
 
     @property
     def missed(self) -> list[str]:
@@ -68,7 +70,8 @@ def calibrate(analysis: Analysis, image_repetitions: int = REPETITIONS) -> Calib
     times, images = (np.random.default_rng([SEED, part]) for part in range(2))
     races = race_figures(noises, REPETITIONS, times, margin(analysis.results)) if noises else None
     bias = bias_figures(samples, image_repetitions, images) if samples else None
-    return Calibration(races, bias, len(noises), len(samples), REPETITIONS, image_repetitions)
+    return Calibration(races, bias, len(noises), len(samples), REPETITIONS, image_repetitions,
+                       sum(not noise.twins for noise in noises))  # fmt: skip
 
 
 def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
@@ -123,7 +126,10 @@ def rests_on(found: Calibration) -> str:
     races = f"{found.repetitions} synthetic races of each kind, with the residuals of {plural(found.race_count, 'race')}"
     images = f"{found.image_repetitions} synthetic images, with the noise of {plural(found.image_count, 'contestant')}"
     known = [text for text, part in ((races, found.races), (images, found.bias)) if part is not None]
-    return f"{' and '.join(known)} of this run." if known else "The run is too small for synthetic contestants."
+    if not known:
+        return "The run is too small for synthetic contestants."
+    floors = f" {found.without_twins} of the races have no A/A twins: nothing is called slower there." if found.without_twins else ""
+    return f"{' and '.join(known)} of this run.{floors}"
 
 
 def plural(count: int, noun: str) -> str:
@@ -148,5 +154,5 @@ def from_record(record: Mapping[str, Any]) -> Calibration:
     return Calibration(
         RaceFigures(races["false_winners"], races["coverage"], tuple(races["power"])) if races else None,
         BiasFigures(**bias) if bias else None,
-        *(record[key] for key in ("race_count", "image_count", "repetitions", "image_repetitions")),
+        *(record[key] for key in ("race_count", "image_count", "repetitions", "image_repetitions", "without_twins")),
     )

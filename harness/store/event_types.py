@@ -312,6 +312,7 @@ class Calibration(Record):
     image_count: Count
     repetitions: Count
     image_repetitions: Count
+    without_twins: Count
 
 
 class VerifyJob(Record):
