@@ -128,7 +128,8 @@ def rests_on(found: Calibration) -> str:
     known = [text for text, part in ((races, found.races), (images, found.bias)) if part is not None]
     if not known:
         return "The run is too small for synthetic contestants."
-    floors = f" {found.without_twins} of the races have no A/A twins: nothing is called slower there." if found.without_twins else ""
+    bare = found.without_twins
+    floors = f" {bare} of the races have no A/A twins: nothing is called slower there." if bare else ""
     return f"{' and '.join(known)} of this run.{floors}"
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,6 +77,15 @@ def test_an_archive_without_images_keeps_the_figures_of_the_run(folders):
     ours, kept = (calibration.calibrate(analyse(load_results(folder))) for folder in folders)
     assert ours.races is not None and ours.bias is not None and not ours.missed
     assert calibration.figures(kept) == calibration.figures(ours) and calibration.rests_on(kept) == calibration.rests_on(ours)
+
+
+def test_races_without_twins_are_named(folders):
+    """Nothing is called slower in them, whatever their noise."""
+    analysis = analyse(load_results(folders[0]))
+    kept = [verdict for verdict in analysis.verdicts if not verdict.contender.settings.label]
+    bare = calibration.calibrate(replace(analysis, verdicts=kept), 1)
+    assert bare.races.power == (0, 0) and bare.races.false_winners == 0
+    assert f"{bare.race_count} of the races have no A/A twins" in calibration.rests_on(bare)
 
 
 def test_the_command_prints_five_figures_and_the_report_shows_them(folders):
