@@ -204,8 +204,8 @@ def verdicts(analysis: Analysis) -> Table:
                 f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared."),
          Column("noise_floor", "What a ratio has to differ from 1 by, from the scene's A/A twin; unknown where that was not "
                 "measured.", "percent"),
-         Column("possible_winner", "Whether it may be the fastest of its scene, shader, size and machine: no test finds it "
-                "slower than another. Nobody where nobody got there.", "flag"),
+         Column("possible_winner", "Whether it may be the fastest of its scene, shader, size and machine, among those without a "
+                "flag that disqualifies: no test finds it slower than another. Nobody where nobody got there.", "flag"),
          Column("flags", f"Names joined by spaces. All but {' and '.join(sorted(OF_THE_CLOCK))} disqualify. {flags}.")],
     )  # fmt: skip
     table.rows = [

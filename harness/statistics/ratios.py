@@ -70,7 +70,7 @@ class _Pairs(NamedTuple):
     freedom: Array
     blocks: Rows
 
-    def slower(self, floor: float = 0.0) -> Array:
+    def slower(self, floor: float) -> Array:
         """One-sided p of "i is slower than j by more than `floor`", a log ratio; 1 below three blocks, NaN with a NaN floor."""
         p = stdtr(self.freedom, (floor - self.excess) / self.error).max(axis=0)
         return np.where(self.blocks >= FEWEST_BLOCKS, p, 1.0)
@@ -165,10 +165,12 @@ def _pooled(low: Array, high: Array, ranked: Mask) -> tuple[float, int]:
 
 
 def _separated(pairs: _Pairs, twins: Sequence[tuple[int, int]]) -> bool:
+    """Whether the times of some twins differ, by two-sided tests with Bonferroni's correction."""
     if not twins:
         return False
-    p = pairs.slower()
-    return min(2 * min(p[i, j], p[j, i]) for i, j in twins) * len(twins) <= TWINS_ALPHA
+    i, j = np.array(twins).T
+    least = np.maximum(pairs.least(1 - TWINS_ALPHA / len(twins), i, j), pairs.least(1 - TWINS_ALPHA / len(twins), j, i))
+    return bool(((least > 0) & (pairs.blocks[i, j] >= FEWEST_BLOCKS)).any())
 
 
 def _ratios(
