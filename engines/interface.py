@@ -133,6 +133,9 @@ class Engine(Protocol):
 
     An engine may have an attribute `lineage`, a line of text: engines of one lineage share code, and with it errors, so that
     none of them certifies a reference by another. Without it the lineage is `name`.
+
+    Optional: `smooth_samplers`, the names of the samplers whose error falls smoothly with every sample, as that of independent
+    samples does. Without it that is `random`. Errors of other samplers are not interpolated between measurements.
     """
 
     name: str

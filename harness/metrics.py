@@ -119,15 +119,18 @@ def reference_noise(image: Image, reference: Reference, epsilon: float | None = 
     With e = A - R its square is the sum over pixels of (sum over channels of w e (R1 - R2))^2, over N^2 for N pixels times
     channels. R1 - R2 has the variance of R1 + R2, by which each product (A-R1)(A-R2) errs, and is uncorrelated with it. w is
     1 for MSE. For relMSE it is (1 + e R / d) / d, since the denominator d = R^2 + eps errs as well: without that term the
-    result is several times too small where e is larger than R. The noises of a pixel's channels may be correlated,
-    those of different pixels are not.
+    result is several times too small where e is larger than R. And the noise of d shifts the expectation, by the mean of
+    e^2 v (4 R^2 / d - 1) / d^2 with v = (R1 - R2)^2 / 4, which is added to the standard error (root of squares). The
+    noises of a pixel's channels may be correlated, those of different pixels are not.
     """
-    error = image - reference.mean
-    parts = error * (reference.half_1 - reference.half_2)
+    error, difference = image - reference.mean, reference.half_1 - reference.half_2
+    parts, shift = error * difference, 0.0
     if epsilon is not None:
         denominator = reference.mean**2 + epsilon
+        share = reference.mean**2 / denominator
+        shift = float(((parts / denominator) ** 2 * (share - 0.25)).mean())
         parts *= (1.0 + error * reference.mean / denominator) / denominator
-    return float(math.sqrt((parts.sum(axis=2) ** 2).sum()) / parts.size)
+    return math.hypot(math.sqrt((parts.sum(axis=2) ** 2).sum()) / parts.size, shift)
 
 
 def noise_by_halves(metric: str, image: Image, reference: Reference) -> float:
@@ -147,7 +150,7 @@ def noise_by_halves(metric: str, image: Image, reference: Reference) -> float:
 def corrected_error_map(image: Image, reference: Reference, epsilon: float) -> Image:
     """(h, w, 3): (A-R1)(A-R2) / (R^2 + eps), whose expectation holds no noise of the reference.
 
-    That is true to second order: R in the denominator is noisy itself, so the reference should be good to 10 % a pixel.
+    R in the denominator is noisy itself, which shifts it: see `reference_noise`.
     """
     return (image - reference.half_1) * (image - reference.half_2) / (reference.mean**2 + epsilon)
 

@@ -29,6 +29,8 @@ FLAGS = {
 OF_THE_CLOCK = frozenset({"contended", "own_clock"})
 """Flags that leave a contestant in the rankings. All others say that its image, or the error it claims, is not to be
 trusted."""
+OF_THE_ESTIMATOR = frozenset({"other_image", "too_good_per_sample"})
+"""Flags that leave a contestant of the open division in its ranking: there another estimator is no offence."""
 
 
 @dataclass
@@ -68,7 +70,8 @@ class Verdict:
 
     def disqualified(self, index: int | None = None) -> bool:
         """Whether a flag keeps it out of the ranking on the target of `index`, or out of that of seconds per sample."""
-        return bool(set(self.flags_of(index)) - OF_THE_CLOCK)
+        allowed = OF_THE_CLOCK | OF_THE_ESTIMATOR if self.contender.settings.division == "open" else OF_THE_CLOCK
+        return bool(set(self.flags_of(index)) - allowed)
 
     def flags_of(self, index: int | None = None) -> list[str]:
         """The flags, with those of the time to the target of `index`."""
@@ -115,8 +118,8 @@ class Analysis:
         return self.floors.get((scene, index), math.nan)
 
 
-Group = tuple[str, str, str, str]
-"""Scene, shader, size and machine."""
+Group = tuple[str, str, str, str, str]
+"""Scene, shader, size, division and machine."""
 
 
 def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
@@ -124,7 +127,7 @@ def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     groups: dict[Group, list[Verdict]] = {}
     for verdict in verdicts:
         s = verdict.contender.settings
-        groups.setdefault((s.scene, s.shader, s.size, s.machine), []).append(verdict)
+        groups.setdefault((s.scene, s.shader, s.size, s.division, s.machine), []).append(verdict)
     return groups
 
 

@@ -47,8 +47,8 @@ def compare(
         Optional[str],  # noqa: UP045
         typer.Option(
             metavar="SHARE",
-            help="How much slower or worse a regression is, at least. By default the config's same_within, and 10% for times of "
-            "fewer than three sessions a side.",
+            help="How much slower or worse a regression is, at least. By default the config's same_within, and 10% for times "
+            "of fewer than three sessions a side.",
         ),
     ] = None,
 ) -> None:

@@ -44,6 +44,8 @@ class Cell:
     """Whether the sampler's error falls smoothly from sample to sample."""
     reproducible: bool = False
     """Whether the engine promises the same images at every repetition."""
+    division: str = "closed"
+    """The ranking it stands in. No part of the spec: another one is written down without measuring again."""
 
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit."""

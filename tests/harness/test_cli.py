@@ -130,7 +130,7 @@ def finished(tmp_path_factory):
 def test_run_writes_its_files_where_the_name_says(finished):
     _, folder, done = finished
     assert "4 done, 2 skipped" in (said := ended(done, 0))
-    assert "reference of ball 12x8 64 spp: enough samples: relMSE (ε = 0.01) 0.1 takes about" in said
+    assert "reference of ball 12x8 64 spp: too few samples: relMSE (ε = 0.01) 0.1 takes about" in said
     for name in ("manifest.json", "events.jsonl", "points.csv", "ttq.csv", "phases.csv", "report.html"):
         assert (folder / "results" / "small" / name).stat().st_size > 0
     manifest = json.loads((folder / "results" / "small" / "manifest.json").read_text())
@@ -153,9 +153,9 @@ def test_plan_shows_states_reasons_and_time(finished):
     said = ended(raybench("plan", path, "--allow-imports", *more, cwd=folder), 0)
     assert "9 cells in 3 blocks: 4 done, 2 queued, 3 skipped" in said
     assert "it never feels like it" in said and "2 to measure:" in said and "as measured before" in said
-    assert "reference of ball 12x8 64 spp" in said and "ready; enough samples" in said
-    few = ended(raybench("plan", path, "--allow-imports", "--set", "quality.targets=[1.0e-4]", cwd=folder), 0)
-    assert "ready; too few samples: relMSE (ε = 0.01) 0.0001 takes about" in few
+    assert "reference of ball 12x8 64 spp" in said and "ready; too few samples: relMSE (ε = 0.01) 0.1 takes about" in said
+    easy = ended(raybench("plan", path, "--allow-imports", "--set", "quality.targets=[1.0]", cwd=folder), 0)
+    assert "ready; enough samples: relMSE (ε = 0.01) 1 takes about" in easy
 
 
 def test_status_and_report_read_the_folder(finished):

@@ -136,22 +136,6 @@ def test_precision_is_float64_unless_asked_for_or_there_is_only_float32(tmp_path
     assert {c.skip for c in cells if c.engine_name == "single"} == {"it has float32 alone"}
 
 
-@pytest.mark.parametrize("sampler", ["{name: multijitter, sample_count: 16}", "own_lattice:draws"])
-def test_a_reference_takes_the_samplers_that_cells_take(sampler, tmp_path, monkeypatch):
-    """Those of single engines, and plugins."""
-    (tmp_path / "own_lattice.py").write_text("class draws:\n    name = 'lattice'\n    jitted = numpy = None\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    made = planned(tmp_path, overrides=[f"reference.sampler={sampler}", f"sampler={sampler}"])
-    (wanted,) = made.references.values()
-    assert {cell.skip for cell in made.cells} == {None}
-    assert wanted.spec["sampler"] == wanted.settings["sampler"] == made.cells[0].settings["sampler"]
-    name = wanted.spec["sampler"]["name"]
-    assert name in sampler and (name in wanted.spec["code"]) == (":" in name), "a plugin's code is part of what is asked"
-
-
-def test_a_reference_refuses_a_sampler_that_nobody_knows(tmp_path):
-    with pytest.raises(RaybenchError, match=r"reference\.sampler: unknown sampler 'sobel': did you mean 'sobol'"):
-        planned(tmp_path, overrides=["reference.sampler=sobel"])
 class Unsure(fake_engines.Steady):
     """Draws other numbers in every process."""
 
@@ -178,6 +162,24 @@ def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     found = [planner._is_smooth(fake_engines.Steady(), f"own_samplers:{name}") for name in ("plain", "net")]
     assert found == [True, False]
+
+
+@pytest.mark.parametrize("sampler", ["{name: multijitter, sample_count: 16}", "own_lattice:draws"])
+def test_a_reference_takes_the_samplers_that_cells_take(sampler, tmp_path, monkeypatch):
+    """Those of single engines, and plugins."""
+    (tmp_path / "own_lattice.py").write_text("class draws:\n    name = 'lattice'\n    jitted = numpy = None\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    made = planned(tmp_path, overrides=[f"reference.sampler={sampler}", f"sampler={sampler}"])
+    (wanted,) = made.references.values()
+    assert {cell.skip for cell in made.cells} == {None}
+    assert wanted.spec["sampler"] == wanted.settings["sampler"] == made.cells[0].settings["sampler"]
+    name = wanted.spec["sampler"]["name"]
+    assert name in sampler and (name in wanted.spec["code"]) == (":" in name), "a plugin's code is part of what is asked"
+
+
+def test_a_reference_refuses_a_sampler_that_nobody_knows(tmp_path):
+    with pytest.raises(RaybenchError, match=r"reference\.sampler: unknown sampler 'sobel': did you mean 'sobol'"):
+        planned(tmp_path, overrides=["reference.sampler=sobel"])
 
 
 def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):

@@ -25,6 +25,7 @@ from harness.report.chapter.families import (
 )
 from harness.report.chapter.sentences import finding, listed, plural
 from harness.report.tables import Column, Table
+from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate, Ratio
 from harness.store.results import Contender, choices_of, name_words
 
@@ -67,7 +68,7 @@ def _setting(analysis: Analysis) -> list[str]:
         "A sample is a frame: one primary ray through every pixel.",
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}.",
-        f"Times are those of rendering alone, and compared block by block. {VERDICTS}",
+        f"Times are those of rendering alone, and compared block by block. {VERDICTS} {floors_text(analysis)}",
     ]
 
 

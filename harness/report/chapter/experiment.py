@@ -55,7 +55,7 @@ def _setting(analysis: Analysis) -> list[str]:
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}{', with another seed in each' * (len(blocks) > 1)}.",
         "Times are those of rendering alone.",
-        f"Speeds of two configurations are compared block by block. {VERDICTS}",
+        f"Speeds of two configurations are compared block by block. {VERDICTS} {floors_text(analysis)}",
         f"Errors are {error_name(results.metric)} against references of many samples, corrected for the references' own noise.",
     ]
 
@@ -85,9 +85,6 @@ def limits(analysis: Analysis, *more: str) -> Section:
     contended = sum(bool((cell.get("machine") or {}).get("contended")) for cell in results.cells)
     said.append(f"{plural(contended, 'cell')} shared the machine with other work while being timed." if contended
                 else "No cell shared the machine with other work while being timed.")  # fmt: skip
-    floors = floors_text(analysis)
-    if floors:
-        said.append(floors)
     parts: list[Any] = [Paragraph([*said, *more])]
     reasons = _reasons(cells)
     return Section("What else to know", [*parts, Listing(reasons)] if reasons else parts)

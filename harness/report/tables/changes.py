@@ -167,7 +167,7 @@ def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results
         for results in side:
             for contender in results.contenders:
                 if contender.done:
-                    key = contender.settings if several else matching(contender.settings)
+                    key = matching(contender.settings)._replace(machine=contender.settings.machine if several else "")
                     groups.setdefault(key, []).append((results, contender))
         found.append(groups)
     return found
@@ -175,7 +175,7 @@ def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results
 
 def matching(settings: Settings) -> Settings:
     """What has to be equal for two contestants to be the same."""
-    return settings._replace(machine="")
+    return settings._replace(machine="", division="closed")
 
 
 def _who(sessions: Sessions) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def _who(sessions: Sessions) -> dict[str, Any]:
 def _only_before(old: Sessions, key: Settings, after: Sequence[Results]) -> dict[str, Any]:
     """A row for what has no measurement after: it failed, or nobody asked for it."""
     cells = [cell for results in after for c in results.contenders for cell in c.cells
-             if key in (c.settings, matching(c.settings))]  # fmt: skip
+             if key in (matching(c.settings), matching(c.settings)._replace(machine=c.settings.machine))]  # fmt: skip
     failed = any(cell["state"] in ("failed", "timeout") for cell in cells)
     return {**_who(old), "verdict": "failed" if failed else "only before", "regression": failed}
 

@@ -45,14 +45,14 @@ def time_to_quality(analysis: Analysis) -> Table:
         "time_to_quality", "Time to quality",
         f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
         f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. {evidence(analysis)}",
-        [SCENE, CONTENDER, Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
+        [SCENE, CONTENDER, *_division(analysis),
+         Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
          Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
          Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
-         Column("baseline", "Whom it is compared with: one that differs in a single factor, or that the config's pairs name."),
-         Column("factor", "In what the two differ."),
+         Column("baseline", "Whom it is compared with, and in brackets in what factor the two differ."),
          Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
                 "gives the most that it can be."),
          Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
@@ -64,6 +64,7 @@ def time_to_quality(analysis: Analysis) -> Table:
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
     found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
     found["speedup_verdict"] = found.verdict
+    found["baseline"] = found.baseline + " (" + found.factor + ")"
     found["warnings"] = [
         "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
     ]  # fmt: skip
@@ -74,6 +75,12 @@ def time_to_quality(analysis: Analysis) -> Table:
     )  # fmt: skip
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
+
+
+def _division(analysis: Analysis) -> list[Column]:
+    """A column where some contender is not of the closed division."""
+    some = any(verdict.contender.settings.division != "closed" for verdict in analysis.verdicts)
+    return [Column("division", "Division in which it is ranked: closed or open.")] * some
 
 
 def speedups(analysis: Analysis) -> Table:
