@@ -207,7 +207,7 @@ def verdicts(analysis: Analysis) -> Table:
          Column("noise_floor", "What a ratio has to differ from 1 by, from the scene's A/A twin; unknown where that was not "
                 "measured.", "percent"),
          Column("possible_winner", "Whether it may be the fastest of its scene, shader, size, division and machine, among "
-                "those that no flag disqualifies: no test finds it slower than another. Nobody where nobody got there.", "flag"),
+                "those that no flag disqualifies: no test finds it slower than another. Nobody where none got there.", "flag"),
          Column("flags", f"Names joined by spaces. All but {allowed} disqualify, in the open division also all but "
                 f"{allowed_open}. {flags}.")],
     )  # fmt: skip
