@@ -17,9 +17,9 @@ help:
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
 	@echo "make docs-pictures  make its pictures anew (many minutes)"
 	@echo "make microbench  time the parts: tests/benchmarks"
-	@echo "make baseline    measure configs/engines.yaml (twelve minutes, on an idle machine) and archive it in results/baseline"
+	@echo "make baseline    measure configs/engines.yaml (an hour, on an idle machine) and archive it in results/baseline"
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
-	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (half an hour, on an idle machine), archive the"
+	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (forty minutes, on an idle machine), archive the"
 	@echo "                 first and write the dissertation's missing chapter into results/dissertation/chapter"
 	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
 

@@ -156,3 +156,27 @@ class Engine(Protocol):
     def accelerators(self) -> Mapping[str, Mapping[str, Any]]:
         """Known accelerator names, each with its options (name -> `engines.choices.Option`)."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class FullPattern:
+    """A whole pattern of a sampler: `spp` samples per pixel, and the `sampler`, as plain data `{"name": ..., option: value}`,
+    with which one `render(spp)` of a renderer that has rendered nothing yet takes exactly that pattern."""
+
+    spp: int
+    sampler: Mapping[str, Any]
+
+
+@runtime_checkable
+class HasPatterns(Protocol):
+    """An optional part of `Engine`: samplers whose points are good only as whole patterns, such as multi-jittered ones.
+
+    raybench measures a contestant with such a sampler at whole patterns only: every checkpoint is a renderer of its own,
+    prepared with `FullPattern.sampler`, and one timed call `render(FullPattern.spp)`.
+    """
+
+    def full_pattern(self, sampler: Mapping[str, Any], spp: int) -> FullPattern | None:
+        """The smallest whole pattern of `sampler` with at least `spp` samples per pixel; None where the sampler has no
+        patterns. `sampler` is plain data, `{"name": ..., option: value}`, as `Settings.sampler` takes it; `spp` is at
+        least 1. The answer depends on these two alone, and does not fall as `spp` rises."""
+        ...

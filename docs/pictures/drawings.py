@@ -150,7 +150,7 @@ def cell() -> None:
         d.text(x + 115, 42, words, soft=True)
         d.parts.append(f"<line x1='{x + 115}' y1='50' x2='{x + 115}' y2='545' stroke='{LINE}' stroke-dasharray='2 5'/>")
     steps = [
-        (20, 56, 44, "the sentinel", ["how fast is the machine now?"], BLUE),
+        (20, 56, 44, "the next cell", ["of a block, in random order"], BLUE),
         (275, 56, 44, "imports the engine", [], GREEN),
         (530, 108, 44, "loads the scene", [], GREEN),
         (530, 172, 60, "prepares, compiles, renders 1 spp", ["at another seed, then drops it:", "what a cold start costs"],

@@ -17,7 +17,7 @@ from tests.browser import PROGRAM, Browser  # noqa: E402
 
 TARGET = ROOT / "docs" / "pictures" / "start"
 PLOTS = ("error-over-time-cornell_box", "error-over-samples-cornell_box", "time-to-quality-cornell_box",
-         "pareto-cornell_box", "targets-over-time", "phases-cornell_box", "sentinel")  # fmt: skip
+         "pareto-cornell_box", "targets-over-time", "phases-cornell_box")  # fmt: skip
 WIDTH, SIZE = 760, (1100, 760)
 
 

@@ -10,11 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from harness.analysis.equivalence import similarity
+from harness.config.experiment import PREFERRED_BASELINES
 from harness.store.results import Contender, Results
 
 FACTORS = ("engine", "accelerator", "sampler", "precision", "threads")
-PREFERRED = ("numpy", "numba", "embree")
-"""Engines in the order in which others are compared with them, where the config names none."""
 AA = "A/A"
 """What is between a contestant and its twin."""
 
@@ -30,7 +29,7 @@ def engine_order(results: Results) -> list[str]:
     """Engines that were measured, the baseline first: the config's, numpy, numba, embree, others by name."""
     engines = sorted({c.settings.engine for c in results.contenders if c.done})
     wished = (results.manifest.get("config") or {}).get("baseline")
-    return list(dict.fromkeys(name for name in (wished, *PREFERRED, *engines) if name in engines))
+    return list(dict.fromkeys(name for name in (wished, *PREFERRED_BASELINES, *engines) if name in engines))
 
 
 def nearest_of_engine(contender: Contender, group: Iterable[Contender], engine: str) -> Contender | None:

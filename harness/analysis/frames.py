@@ -167,7 +167,6 @@ def cells(results: Results) -> Table:
         *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
         *(Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
           for name, values in machine.items()),
-        Column("sentinel_seconds", "Seconds of the fixed sentinel kernel beside the cell.", "number"),
         Column("message", "Why it has no result."),
     ]  # fmt: skip
     contestants = _contestants(results)
@@ -175,7 +174,7 @@ def cells(results: Results) -> Table:
         {**(cell.get("phases") or {}), **_cell(cell), "contestant": contestants[cell["cell_id"]],
          **{f"counter_{name}": value for name, value in (cell.get("counters") or {}).items()},
          **{f"machine_{name}": value for name, value in (cell.get("machine") or {}).items()},
-         "sentinel_seconds": cell.get("sentinel_seconds"), "message": cell.get("message")}
+         "message": cell.get("message")}
         for cell in results.cells
     ]  # fmt: skip
     return Table("phases", "Phases", "One row a cell.", columns, rows)

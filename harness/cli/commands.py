@@ -311,10 +311,8 @@ def equivalence(
     from harness.verify.commands.equivalence import EquivalenceOptions, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
-    margins = Margins(margin, tile_margin)
-    options = EquivalenceOptions(
-        scene, names, replicates, spp, size, shader, margins, seed, same_seeds, allow_imports, allow_commands
-    )
+    margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands)
+    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed)
     raise typer.Exit(compare(options))
 
 

@@ -23,6 +23,8 @@ from harness.config.validators import LINE, NAME, ListOf, OrNull, integer, mappi
 
 SCHEMA_VERSION = 1
 IMAGES = ("all", "some", "last", "none")
+PREFERRED_BASELINES = ("numpy", "numba", "embree")
+"""The engine that all are compared with where a config names none: the first of these that it has."""
 
 
 def _version(node: Located) -> int:
@@ -44,7 +46,11 @@ KEYS = Record("An experiment.", {
     ),
     "seed": Key(SEED, "Seed of the first block; each further block adds one.", 1),
     "aa_twin": Key(
-        BOOLEAN, "Whether the baseline runs under a second label, too: the A/A twin. By default from three repeats on.", None
+        BOOLEAN, "Whether one contestant of every scene runs under a second label, too, its A/A twin: the baseline engine's "
+        "first configuration there, else the first of all. By default from three repeats on, where times count.", None
+    ),
+    "remeasure": Key(
+        integer(0, 100), "Rounds, at the end of a run, in which contended cells are measured again, where times count.", 2
     ),
     "timing": Key(BOOLEAN, "Whether times count. Otherwise cells may run side by side, on any machine of a cluster.", True),
     "images": Key(
@@ -94,6 +100,7 @@ class Experiment:
     reference: ReferenceConfig
     quality: Quality
     aa_twin: bool
+    remeasure: int
     images: str
     timing: bool
     baseline: str | None
@@ -125,16 +132,16 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     given = KEYS.read(replace(root, value=top), folder)
     settings = {key: given[key] for key in SETTINGS} | {"budget": BUDGET.merged(given["budget"])}
     combinations, warnings = matrix.expand(given, settings)
-    repeats, seed, aa_twin = given["repeats"], given["seed"], given["aa_twin"]
+    repeats, seed, timing = given["repeats"], given["seed"], given["timing"]
+    aa_twin = repeats >= 3 and timing if given["aa_twin"] is None else given["aa_twin"]
     _seeds_differ(root, seed, repeats, given["reference"])
     experiment = Experiment(
         name=given["name"] or stem, question=given["question"] or "", combinations=tuple(combinations),
         checkpoints=given["checkpoints"], repeats=repeats, seed=seed, order_seed=given["order"]["seed"],
-        reference=given["reference"], quality=given["quality"], aa_twin=repeats >= 3 if aa_twin is None else aa_twin,
-        images=given["images"], warnings=tuple(warnings), resolved={}, source=source, verify=given["verify"],
-        timing=given["timing"], baseline=given["baseline"], limits=given["limits"],
-        equivalence=given["equivalence"],
-        pairs=tuple(given["pairs"]), same_within=given["same_within"],
+        reference=given["reference"], quality=given["quality"], aa_twin=aa_twin,
+        remeasure=given["remeasure"] if timing else 0, images=given["images"], warnings=tuple(warnings), resolved={},
+        source=source, verify=given["verify"], timing=timing, baseline=given["baseline"], limits=given["limits"],
+        equivalence=given["equivalence"], pairs=tuple(given["pairs"]), same_within=given["same_within"],
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 
@@ -199,8 +206,8 @@ def _resolved(experiment: Experiment) -> dict[str, Any]:
         "combinations": [matrix.plain(combination) for combination in experiment.combinations],
         "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
         "order": {"policy": "blocks", "seed": experiment.order_seed}, "aa_twin": experiment.aa_twin,
-        "images": experiment.images, "timing": experiment.timing, "baseline": experiment.baseline,
-        "pairs": list(experiment.pairs), "same_within": experiment.same_within,
+        "remeasure": experiment.remeasure, "images": experiment.images, "timing": experiment.timing,
+        "baseline": experiment.baseline, "pairs": list(experiment.pairs), "same_within": experiment.same_within,
         "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
         "reference": asdict(experiment.reference), "equivalence": experiment.equivalence,
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},

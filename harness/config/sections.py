@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from typing import Any
 
@@ -24,22 +24,27 @@ SEED = integer(0, 2**63 - 1)
 
 @dataclass(frozen=True, slots=True)
 class Checkpoints:
-    """Samples per pixel at which the error is measured: start, start*ratio, start*ratio^2, ... in whole numbers."""
+    """Samples per pixel at which the error is measured: `measure.schedule.checkpoints`."""
 
     ratio: float
     start: int
 
+    def describe(self) -> dict[str, Any]:
+        """What a cell's id is a hash of. The root of two once gave other numbers (11, 23, ...), and so has a mark now."""
+        return {**asdict(self), **({"between": "3/2"} if self.ratio == 2.0**0.5 else {})}
+
 
 def exact_root(ratio: float) -> float:
-    """A root of two where `ratio` is one to four digits, so that 1.4142 hits every power of two; else `ratio`."""
+    """A root of two where `ratio` is one to four digits, so that 1.4142 is the root itself; else `ratio`."""
     root = 2.0 ** (1.0 / max(1, round(1.0 / math.log2(ratio)))) if ratio <= 2.0 else ratio
     return root if abs(root - ratio) < 1e-4 * ratio else ratio
 
 
-CHECKPOINTS = Record("Samples per pixel at which the error is measured: start, start ratio, start ratio^2, ...", {
+CHECKPOINTS = Record("Samples per pixel at which the error is measured; by default 1, 2, 3, 4, 6, 8, 12, 16, 24, ...", {
     "ratio": Key(
         number(1.01, 1024.0),
-        "Ratio of one checkpoint to the one before. 1.4142 is the root of two, and hits every power of two.", 1.4142,
+        "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in turn: "
+        "powers of two times the start, and three times them.", 1.4142,
     ),
     "start": Key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1),
 }, lambda given, context: Checkpoints(exact_root(given["ratio"]), given["start"]))  # fmt: skip

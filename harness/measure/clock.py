@@ -9,62 +9,30 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 from engines.errors import RendererFailed
 from engines.film import Film
-from engines.interface import Engine, Renderer, Settings
+from engines.interface import Engine, FullPattern, Renderer, Settings
 from engines.scene import Scene
 from harness.measure.contention import Disturbance
-
-OVERSHOOT = 2.0
-"""A pass is shortened when it is predicted to end later than this many times the budget."""
-
-
-class Schedule(NamedTuple):
-    """Checkpoints in samples per pixel, start*ratio^k, and when to stop."""
-
-    ratio: float
-    start: int
-    max_spp: int
-    max_time_seconds: float
+from harness.measure.schedule import OVERSHOOT, Schedule, checkpoints, shortened
 
 
 @dataclass(slots=True)
 class Point:
-    """A checkpoint: `seconds` and `rays` are cumulative over the timed calls. `rays` is None where nobody counts them."""
+    """A checkpoint: `seconds` and `rays` are cumulative over the timed calls, or of its own call in `pattern_points`. `rays`
+    is None where nobody counts them."""
 
     spp: int
     seconds: float
     rays: float | None
     film: Film
-
-
-def checkpoints(schedule: Schedule) -> Iterator[int]:
-    """Strictly rising samples per pixel, ending with `max_spp`."""
-    step, last = 0, 0
-    while last < schedule.max_spp:
-        wanted = min(round(schedule.start * schedule.ratio**step), schedule.max_spp)
-        step += 1
-        if wanted > last:
-            yield wanted
-            last = wanted
-
-
-def shortened(wanted: int, done: int, seconds: float, seconds_per_spp: float, max_time: float) -> int:
-    """The checkpoint to render to instead of `wanted`, so that the budget is not overshot wildly; `done` means stop.
-
-    A pass that is predicted to end within `OVERSHOOT` budgets is left alone: seeds then share their checkpoints. At
-    least one sample per pixel is rendered.
-    """
-    if seconds + (wanted - done) * seconds_per_spp <= OVERSHOOT * max_time:
-        return wanted
-    fits = done + int(max(0.0, max_time - seconds) / seconds_per_spp)
-    return min(wanted, max(fits, done, 1))
+    counters: Mapping[str, float]
 
 
 def prepare(engine: Engine, scene: Scene, settings: Settings) -> tuple[Renderer, float, float]:
@@ -109,16 +77,48 @@ def timed_points(
         target = shortened(wanted, done, seconds, seconds_per_spp, schedule.max_time_seconds)
         if target <= done:
             return
-        reported_before = reported_seconds(renderer)
-        film, elapsed = timed_call(renderer.render, target - done, disturbance)
-        if reported_before is not None:
-            elapsed = (reported_seconds(renderer) or 0.0) - reported_before
+        film, elapsed = _timed_pass(renderer, target - done, disturbance)
         seconds, done = seconds + elapsed, target
         seconds_per_spp = max(seconds / done, 1e-12)
-        rays = rays_traced(renderer)
-        yield Point(done, seconds, None if rays is None or rays_before is None else rays - rays_before, film)
+        yield _point(done, seconds, film, renderer, rays_before)
         if seconds >= schedule.max_time_seconds or target < wanted:
             return
+
+
+def pattern_points(
+    engine: Engine, scene: Scene, prepared: Callable[[FullPattern], Settings], patterns: Sequence[FullPattern],
+    max_time: float, seconds_per_spp: float, disturbance: Disturbance,
+) -> Iterator[Point]:  # fmt: skip
+    """Renders pattern after pattern, each from its first sample on by a renderer of its own, in one call that is timed alone.
+
+    `prepared` gives the settings of a pattern. The last one is the first that takes `max_time`; one that is predicted to take
+    `OVERSHOOT` times as long is left out.
+    """
+    for number, pattern in enumerate(patterns):
+        if number and pattern.spp * seconds_per_spp > OVERSHOOT * max_time:
+            return
+        renderer, _, _ = prepare(engine, scene, prepared(pattern))
+        gc.collect()
+        rays_before = rays_traced(renderer)
+        film, seconds = _timed_pass(renderer, pattern.spp, disturbance)
+        yield _point(pattern.spp, seconds, film, renderer, rays_before)
+        del renderer, film  # before the next one is prepared
+        if seconds >= max_time:
+            return
+        seconds_per_spp = max(seconds / pattern.spp, 1e-12)
+
+
+def _timed_pass(renderer: Renderer, spp: int, disturbance: Disturbance) -> tuple[Film, float]:
+    """The film after `spp` more samples, with the seconds that count: an external program's own where it reports them."""
+    before = reported_seconds(renderer)
+    film, elapsed = timed_call(renderer.render, spp, disturbance)
+    return film, elapsed if before is None else (reported_seconds(renderer) or 0.0) - before
+
+
+def _point(spp: int, seconds: float, film: Film, renderer: Renderer, rays_before: float | None) -> Point:
+    found = counters(renderer)
+    rays = found.get("rays")
+    return Point(spp, seconds, None if rays is None or rays_before is None else rays - rays_before, film, found)
 
 
 def rays_traced(renderer: Renderer) -> float | None:

@@ -1,26 +1,42 @@
-"""What disturbed a timing: CPU time of other processes and of other guests of the host, and context switches."""
+"""What disturbed a timing, and whether that was too much: waiting for a processor, stolen time, work of other processes.
+
+A cell is contended where its threads waited in the run queue, or were stolen from by other guests of the host, for more than
+`SHARE` of the wall time of its timed calls, times its threads. Where the kernel does not say what threads wait, and where
+a cell has more threads than there are cores, so that they wait for each other, cells of one contestant are compared:
+`contended_by_cpu_time`.
+"""
 
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Iterable, Mapping
+from time import monotonic
 from typing import Any, NamedTuple
 
 import psutil
 
+from harness.config.validators import is_number
 from harness.measure.machine import load_1m, usable_cores
+from harness.measure.memory import descendants
+from harness.measure.run_queue import readable, thread_waits
 
 try:
     import resource
 except ImportError:  # Windows
     resource = None
 
-OTHER_SHARE = 0.25
-"""Cores' worth of other processes' work during a timing above which it counts as contended."""
-STEAL_SHARE = 0.02
+SHARE = 0.05
+"""Of wall time times threads."""
+LEAST_CPU_SECONDS = 0.5
+"""Of a cell, for its share of a processor to mean anything."""
+RUN_QUEUE, CPU_TIME = "run queue", "cpu time"
+"""The two rules."""
 
 
 class Sample(NamedTuple):
-    """Seconds since boot that the usable cores were busy or stolen; this process's own, with its children's; counts."""
+    """Seconds since boot that the usable cores were busy or stolen; processor time of this process and of its children that
+    have ended; involuntary context switches."""
 
     busy: float
     steal: float
@@ -29,35 +45,49 @@ class Sample(NamedTuple):
 
 
 class Disturbance:
-    """Sums what happened on the machine between `start` and `stop`, over all the timed calls of a cell."""
+    """Sums what happened on the machine between `start` and `stop`, over all the timed calls of a cell.
+
+    `window` holds the moments (of `monotonic`) of the last call, `alive` the threads that there were after it.
+    """
 
     def __init__(self) -> None:
-        self.wall = self.steal = self.others = 0.0
+        self.wall = self.steal = self.others = self.cpu = 0.0
+        self.waited: float | None = 0.0
         self.switches = 0
-        self._before = sample()
+        self.window = (0.0, 0.0)
+        self.alive: list[int] = []
+        self._before, self._waits_before = sample(), own_waits()
 
     def start(self) -> None:
-        self._before = sample()
+        self._before, self._waits_before = sample(), own_waits()  # in this order: waits are counted in nanoseconds
+        self.window = (monotonic(), 0.0)
 
     def stop(self, seconds: float) -> None:
         """Adds the interval since `start`, of which `seconds` were on the clock."""
+        self.window = (self.window[0], monotonic())
+        waits = own_waits()
         before, after = self._before, sample()
         self.wall += seconds
         self.steal += after.steal - before.steal
+        self.cpu += after.own - before.own
         self.others += (after.busy - before.busy) - (after.own - before.own)
         self.switches += after.involuntary_switches - before.involuntary_switches
+        self.alive = list(waits or ())
+        if self.waited is None or self._waits_before is None or waits is None:
+            self.waited = None
+        else:
+            self.waited += 1e-9 * sum(wait - self._waits_before.get(thread, 0) for thread, wait in waits.items())
 
     def report(self) -> dict[str, Any]:
-        """The `machine` part of a cell's event. The kernel counts in ticks of 10 ms: short cells get a margin."""
-        margin = 0.1 + 0.02 * len(usable_cores())
-        beside = self.others > OTHER_SHARE * self.wall + margin
-        stolen = self.steal > STEAL_SHARE * self.wall + margin
+        """The `machine` part of a cell's event, but for the verdict of `judged`."""
         return {
             "load_1m": round(load_1m(), 2),
+            "timed_seconds": round(self.wall, 6),
+            "cpu_seconds": round(self.cpu, 6),
+            "run_queue_seconds": None if self.waited is None else round(self.waited, 6),
             "steal_seconds": round(max(0.0, self.steal), 3),
             "other_cpu_seconds": round(max(0.0, self.others), 3),
             "involuntary_switches": self.switches,
-            "contended": bool(beside or stolen),
         }
 
 
@@ -67,12 +97,54 @@ def sample() -> Sample:
     usable = [cores[index] for index in usable_cores() if index < len(cores)]
     busy = sum(sum(core) - core.idle - getattr(core, "iowait", 0.0) - _counted_twice(core) for core in usable)
     steal = sum(getattr(core, "steal", 0.0) for core in usable)
-    times = os.times()
-    switches = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw if resource else 0
-    own = times.user + times.system + times.children_user + times.children_system  # children: renderers by process
-    return Sample(busy, steal, own, switches)
+    switches, children = 0, 0.0
+    if resource:
+        ended = resource.getrusage(resource.RUSAGE_CHILDREN)  # renderers by process
+        switches, children = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw, ended.ru_utime + ended.ru_stime
+    return Sample(busy, steal, time.process_time() + children, switches)
+
+
+def own_waits() -> dict[int, int] | None:
+    """`thread_waits` of this process and of all that it has started."""
+    pid = os.getpid()
+    return thread_waits([pid, *descendants(pid)]) if readable() else None
 
 
 def _counted_twice(core: Any) -> float:
     """Linux counts guests in `user` and `nice` too."""
     return getattr(core, "guest", 0.0) + getattr(core, "guest_nice", 0.0)
+
+
+def judged(machine: Mapping[str, Any], threads: int, ended: float = 0.0) -> dict[str, Any]:
+    """The `machine` part of a cell's event with `contended` and the rule that says so, on the machine that measured it.
+
+    `ended` are seconds that threads waited which the process itself could not count, for they had ended.
+    """
+    waited, steal, wall = (_number(machine, key) for key in ("run_queue_seconds", "steal_seconds", "timed_seconds"))
+    if waited is None or wall is None or threads > len(usable_cores()):
+        return {**machine, "contended": False, "contention_rule": CPU_TIME}
+    waited += ended
+    contended = waited + (steal or 0.0) > SHARE * wall * threads
+    return {**machine, "run_queue_seconds": round(waited, 6), "contended": contended, "contention_rule": RUN_QUEUE}
+
+
+def contended_by_cpu_time(cells: Iterable[Mapping[str, Any]]) -> set[str]:
+    """Ids of the cells of one contestant that used less than 95 % of the processor time, per second of wall time, of its best
+    block, where other processes used at least half of what is lacking. Cells that the run queue has judged are left out."""
+    known: dict[str, tuple[float, float, float]] = {}
+    for cell in cells:
+        machine = cell.get("machine") or {}
+        cpu, wall, others = (_number(machine, key) for key in ("cpu_seconds", "timed_seconds", "other_cpu_seconds"))
+        if machine.get("contention_rule") == CPU_TIME and wall and cpu is not None and cpu >= LEAST_CPU_SECONDS:
+            known[cell["cell_id"]] = (cpu / wall, wall, others or 0.0)
+    best = max((share for share, _, _ in known.values()), default=0.0)
+    return {
+        cell_id for cell_id, (share, wall, others) in known.items()
+        if share < (1.0 - SHARE) * best and others >= 0.5 * (best - share) * wall
+    }  # fmt: skip
+
+
+def _number(machine: Mapping[str, Any], key: str) -> float | None:
+    """A number of a worker's message, which an engine may have written."""
+    value: Any = machine.get(key)
+    return float(value) if is_number(value) else None

@@ -38,6 +38,11 @@ class Watch:
         self._below: list[psutil.Process] = []
         self._looked = 0.0
 
+    @property
+    def pids(self) -> list[int]:
+        """The process and those below it, as of the last look."""
+        return [self._top.pid, *(process.pid for process in self._below)]
+
     def resident(self, forks: bool) -> int:
         """Bytes that are resident. A worker that `forks` shares its pages with its children: only theirs are counted
         while there are some."""

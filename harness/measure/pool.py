@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from engines.errors import ConfigError, RaybenchError
 from engines.film import BYTES_A_PIXEL
 from engines.temporary import TemporaryFolder, remove_abandoned
-from harness.measure import memory, protocol
+from harness.measure import contention, memory, protocol
+from harness.measure.run_queue import EndedThreads
 from harness.processes import worker_environment
 
 if TYPE_CHECKING:
@@ -52,7 +53,8 @@ class Worker:
     """A process that has imported one engine. Use `ask`, then `receive` until "end"; `kill` at any time. `busy` says that
     the end of a request has not been received.
 
-    It is killed when it and its children together hold more than `most_bytes` of memory.
+    It is killed when it and its children together hold more than `most_bytes` of memory. `threads` are looked at while it is
+    waited for, where they are wanted.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Worker:
         self._looked = monotonic()
         self._pending = b""
         self._forks = False
+        self.threads: EndedThreads | None = None
         self.usable, self.busy = True, False
         self.ask({"do": "import", "engine": engine})
         try:
@@ -151,24 +154,30 @@ class Worker:
         assert self._process.stdout is not None
         handle = self._process.stdout.fileno()
         while not select.select([handle], [], [], min(memory.POLL_SECONDS, max(0.0, deadline - monotonic())))[0]:
-            self._look_at_memory()
+            self._look()
             if monotonic() >= deadline:
                 self.kill()
                 raise WorkerTimeout
         if monotonic() > self._looked + memory.POLL_SECONDS:
-            self._look_at_memory()
+            self._look()
         data = os.read(handle, 65536)
         if not data:
             self._died()
         self._pending += data
 
-    def _look_at_memory(self) -> None:
-        """Kills a process that holds too much: where the system does it, it may choose another one."""
+    def _look(self) -> None:
+        """Sees what threads wait, and kills a process that holds too much: where the system does it, it may choose another."""
         self._looked = monotonic()
+        if self.threads is not None:
+            self.threads.look(self._watch.pids)
         held = self._watch.resident(self._forks)
         if held > self._most_bytes:
             self.kill()
             raise WorkerFailed(f"memory: {memory.words(held)} of {memory.words(self._most_bytes)}")
+
+    def ended_waits(self, window: Sequence[float], alive: Sequence[int]) -> float:
+        """Seconds that threads waited in a timed call and could not be counted after it; see `EndedThreads`."""
+        return 0.0 if self.threads is None else self.threads.waited(self._watch.pids, window[0], window[1], alive)
 
     def _died(self) -> None:
         # A process that has closed its end of the pipe may still run.
@@ -229,7 +238,8 @@ class Pool:
     def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[WorkerMessage]:
         """The messages of a worker about a cell, from its import to its end; the caller's time in between is not counted.
 
-        Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed.
+        Raises `WorkerFailed` and `WorkerTimeout`. A worker that is left before its end is killed. What disturbed the cell is
+        judged here: `machine` of its "end".
         """
         worker = self.worker(engine)
         imported = {"seconds": worker.import_seconds, "version": worker.version, "code": worker.code}
@@ -237,10 +247,16 @@ class Pool:
         deadline = monotonic() + timeout_seconds
         worker.ask({"do": "cell", **request, "allow_imports": self._allow_imports, "scratch": str(self.scratch)})
         did, kinds = "", ("prepared",)
+        worker.threads, waited = EndedThreads(), 0.0
         try:
             while did != "end":
                 answer = self._receive(worker, request, deadline, *kinds)
                 did, began = answer["did"], monotonic()
+                if did == "point":
+                    waited += worker.ended_waits(answer.pop("window", (0.0, 0.0)), answer.pop("alive", []))
+                if did == "end":
+                    threads = request["settings"]["threads"]
+                    answer["machine"] = contention.judged(answer.get("machine", {}), threads, waited)
                 yield WorkerMessage(answer, self._film(worker, request, answer["spp"]) if did == "point" else None)
                 deadline += monotonic() - began
                 kinds = ("point", "end")
@@ -249,6 +265,8 @@ class Pool:
         except GeneratorExit:
             worker.kill()
             raise
+        finally:
+            worker.threads = None
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         """A reference's image under each seed, in order, with the seconds it took. Raises `WorkerFailed`."""

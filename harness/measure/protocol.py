@@ -37,6 +37,14 @@ def _numbers(value: Any) -> bool:
     return isinstance(value, dict) and all(is_number(each) and abs(each) <= LARGEST for each in value.values())
 
 
+def _window(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(_seconds, value))
+
+
+def _ids(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_count, value))
+
+
 NUMBER = (_seconds, "a finite number from 0 on")
 FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "import": {
@@ -53,11 +61,14 @@ FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "unwritten": {"message": (_is(str), "text")},
     "idle": {"status": (_is(int), "an integer")},
 }
-"""What a message of each kind must have. A cell's "point" has `rays`, too, and its "end" `counters` and `machine`."""
+"""What a message of each kind must have. A cell's "point" has `rays`, too, the `window` of its timed call in moments of
+`monotonic` and the threads that were `alive` after it, and its "end" `counters` and `machine`."""
 OPTIONAL: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "rays": (lambda value: value is None or _seconds(value), f"{NUMBER[1]}, or null"),
     "counters": (_numbers, "a mapping to finite numbers"),
     "machine": (_is(dict), "a mapping"),
+    "window": (_window, "two finite numbers from 0 on"),
+    "alive": (_ids, "a list of thread ids"),
 }
 
 

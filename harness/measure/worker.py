@@ -134,21 +134,33 @@ def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
 
 
 def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
-    """Measures a cell: phases on a renderer that is dropped, then the timed passes on another."""
+    """Measures a cell: phases on a renderer that is dropped, then the timed passes on another, or each pattern of its sampler
+    on one of its own."""
+    from engines.interface import FullPattern
     from harness.measure import clock
     from harness.measure.contention import Disturbance
+    from harness.measure.schedule import Schedule
 
     scene, load_seconds = loaded(request)
     renderer, build, compilation = clock.prepare(engine, scene, settings_of(request, request["warm_up_seed"]))
     pipes.send(did="prepared", load_seconds=load_seconds, build_seconds=build, compile_seconds=compilation)
     estimate = clock.one_sample(renderer)
+    schedule, disturbance = Schedule(**request["schedule"]), Disturbance()
+    patterns = [FullPattern(**each) for each in request["patterns"]]
     del renderer
-    renderer, _, _ = clock.prepare(engine, scene, settings_of(request, request["seed"]))
-    disturbance = Disturbance()
-    schedule = clock.Schedule(**request["schedule"])
-    for point in clock.timed_points(renderer, schedule, estimate, disturbance):
-        hand_over(pipes, point.film, request, point.spp, seconds=point.seconds, rays=point.rays)
-    counters = {key: value for key, value in clock.counters(renderer).items() if key not in TIMED_HERE}
+    if patterns:
+        points = clock.pattern_points(
+            engine, scene, lambda each: settings_of(request, request["seed"], each.sampler), patterns,
+            schedule.max_time_seconds, estimate, disturbance,
+        )  # fmt: skip
+    else:
+        renderer, _, _ = clock.prepare(engine, scene, settings_of(request, request["seed"]))
+        points = clock.timed_points(renderer, schedule, estimate, disturbance)
+    counters: dict[str, float] = {}
+    for point in points:
+        timed = {"window": disturbance.window, "alive": disturbance.alive}
+        hand_over(pipes, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
+        counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
     pipes.send(did="end", counters=counters, machine=disturbance.report())
 
 
@@ -194,10 +206,12 @@ def loaded(request: dict[str, Any]) -> tuple[Any, float]:
     return scene, seconds
 
 
-def settings_of(request: dict[str, Any], seed: int) -> Any:
+def settings_of(request: dict[str, Any], seed: int, sampler: Any = None) -> Any:
+    """The request's settings, with another sampler where one is given."""
     from harness.config.settings import engine_settings
 
-    return engine_settings(request["settings"], seed, request["allow_imports"])
+    settings = request["settings"] if sampler is None else {**request["settings"], "sampler": sampler}
+    return engine_settings(settings, seed, request["allow_imports"])
 
 
 def hand_over(pipes: Pipes, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:

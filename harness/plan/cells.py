@@ -9,9 +9,11 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from engines.interface import FullPattern
 from engines.registry import is_file
 from harness.config import Checkpoints, Experiment, paths
 from harness.config.settings import Budget, SceneFile
+from harness.measure.schedule import Schedule
 from harness.plan.references import PlannedReference
 from harness.plan.verify_jobs import VerifyJob
 
@@ -46,11 +48,13 @@ class Cell:
     """Whether the engine promises the same images at every repetition."""
     division: str = "closed"
     """The ranking it stands in. No part of the spec: another one is written down without measuring again."""
+    patterns: tuple[FullPattern, ...] = ()
+    """The checkpoints of a sampler with whole patterns: each is a render of its own."""
 
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit."""
         engine = _from_here(Path(self.engine)) if is_file(self.engine) else self.engine
-        plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")}
+        plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")} | {"sampler": self.sampler(spp)}
         words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
         for kind, choice in plain.items():
             words += [f"--{kind}", flow(choice)]
@@ -59,14 +63,17 @@ class Cell:
         words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if is_file(self.engine) else [])]
         return " ".join(quote(word) for word in words)
 
+    def sampler(self, spp: int) -> Mapping[str, Any]:
+        """The sampler of the checkpoint at `spp`."""
+        return next((each.sampler for each in self.patterns if each.spp == spp), self.settings["sampler"])
+
     def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
         """The request that a worker gets for this cell."""
         return {
             "scene_path": self.scene.path, "scene_hash": self.scene_hash, "settings": dict(self.settings),
             "seed": self.seed, "warm_up_seed": self.seed + WARM_UP_SEED,
-            "schedule": {
-                **asdict(checkpoints), "max_spp": self.budget.max_spp, "max_time_seconds": self.budget.max_time_seconds,
-            },
+            "schedule": Schedule.of(checkpoints, self.budget)._asdict(),
+            "patterns": [asdict(each) for each in self.patterns],
         }  # fmt: skip
 
 

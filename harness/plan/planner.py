@@ -20,12 +20,15 @@ from engines.registry import engine as engine_of
 from engines.registry import is_file, lineage_of, load_attribute
 from engines.scene import Scene, load_scene
 from harness.config import SCHEMA_VERSION, Experiment
+from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.sections import AUTOMATIC
 from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
+from harness.measure.schedule import Schedule
 from harness.plan import certifiers
 from harness.plan.cells import Cell, Plan, flow
+from harness.plan.patterns import full_patterns
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.source_hashes import engine_code, plugin_code
@@ -44,7 +47,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
     _one_division(experiment, found)
-    configurations = _with_aa_twin(experiment, [cell for cell, _ in found])
+    configurations = _with_aa_twins(experiment, [cell for cell, _ in found])
     cells: list[Cell] = []
     for block in range(experiment.repeats):
         members = sorted((_in_block(cell, experiment, block) for cell in configurations), key=lambda cell: cell.cell_id)
@@ -204,20 +207,24 @@ def _configured(
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
     budget: Budget = combination["budget"]
+    patterns = None if skip else full_patterns(engine, settings["sampler"], Schedule.of(experiment.checkpoints, budget))
+    if patterns == ():
+        skip = f"no whole pattern of its sampler has at most {budget.max_spp} samples per pixel, the budget.max_spp"
     by_place = ":" in combination["engine"] or is_file(combination["engine"])
     named = engine.name if by_place else combination["engine"]
     spec = {
         "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
-        "checkpoints": asdict(experiment.checkpoints), "label": None,
+        "checkpoints": experiment.checkpoints.describe(), "label": None,
         "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
+        **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
     }  # fmt: skip
     cell = Cell(
         cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
         primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
-        reproducible=_is_reproducible(engine), division=combination["division"],
+        reproducible=_is_reproducible(engine), patterns=patterns or (), division=combination["division"],
     )  # fmt: skip
     return cell, None if skip else wanted
 
@@ -334,12 +341,21 @@ def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
     return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
-def _with_aa_twin(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
-    """The configurations, and one of them again under a second label: two equal cells show the noise of measuring."""
-    able = sorted((cell for cell in configurations if not cell.skip), key=lambda cell: cell.configuration)
-    if not experiment.aa_twin or not able:
+def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:
+    """The configurations, and one of every scene again under a second label: what two equal ones differ in is noise."""
+    if not experiment.aa_twin:
         return configurations
-    return [*configurations, replace(able[0], label=AA_LABEL)]
+    scenes: dict[str, list[Cell]] = {}
+    for cell in configurations:
+        if not cell.skip:
+            scenes.setdefault(cell.scene.path, []).append(cell)
+    return [*configurations, *(replace(_twinned(experiment, cells), label=AA_LABEL) for cells in scenes.values())]
+
+
+def _twinned(experiment: Experiment, cells: list[Cell]) -> Cell:
+    """Of a scene's configurations the baseline engine's first one, else the first."""
+    baselines = PREFERRED_BASELINES if experiment.baseline is None else (experiment.baseline,)
+    return next((cell for name in baselines for cell in cells if cell.engine_name == name), cells[0])
 
 
 def _in_block(cell: Cell, experiment: Experiment, block: int) -> Cell:

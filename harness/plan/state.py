@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from harness.plan.cells import Cell
 
-OVERHEAD_SECONDS = 4.0
-"""A guess at what a cell costs beside its rendering, where nothing has been measured yet."""
+OVERHEAD_SECONDS, SCORE_SECONDS = 1.0, 1.5e-6
+"""What a cell costs beside its rendering, and what scoring costs a pixel and checkpoint: the medians of `results/baseline`."""
 
 
 def up_to_date(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> bool:
@@ -33,7 +34,7 @@ def state_of(cell: Cell, event: Mapping[str, Any] | None, metric: str) -> str:
 
 
 def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, bool]]:
-    """Wall seconds by cell id, and whether they were measured (on the same configuration) or are the most allowed."""
+    """Wall seconds by cell id, and whether they were measured (on the same configuration) or are `budgeted_seconds`."""
     measured: dict[str, list[float]] = {}
     for event in events.values():
         if event.get("wall_seconds") and event["state"] == "done":
@@ -41,6 +42,16 @@ def expected_seconds(cells: Iterable[Cell], events: Mapping[str, Mapping[str, An
     found = {}
     for cell in cells:
         known = sorted(measured.get(cell.configuration, []))
-        most = min(cell.budget.timeout_seconds, cell.budget.max_time_seconds + OVERHEAD_SECONDS)
-        found[cell.cell_id] = (known[len(known) // 2], True) if known else (most, False)
+        found[cell.cell_id] = (known[len(known) // 2], True) if known else (budgeted_seconds(cell), False)
     return found
+
+
+def budgeted_seconds(cell: Cell) -> float:
+    """An estimate of the wall seconds of a cell that uses its budget up."""
+    budget, pixels = cell.budget, cell.settings["width"] * cell.settings["height"]
+    # Patterns are rendered anew: the last one takes the budget, those before it in proportion to their samples.
+    renders = sum(each.spp for each in cell.patterns) / cell.patterns[-1].spp if cell.patterns else 1.0
+    given = cell.spec["checkpoints"]
+    checkpoints = len(cell.patterns) or 2 + max(0.0, math.log(budget.max_spp / given["start"], given["ratio"]))
+    scored = SCORE_SECONDS * pixels * checkpoints
+    return min(budget.timeout_seconds, renders * budget.max_time_seconds + OVERHEAD_SECONDS + scored)

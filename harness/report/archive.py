@@ -25,9 +25,9 @@ from harness.store import confined, reference_files
 from harness.store.results import load_results
 
 DIGITS = 6
-MEASURED = ("phases", "counters", "machine", "sentinel_seconds", "wall_seconds")
-DROPPED = ("start", archived_verdicts.EVENT)
-"""Kinds of events that say nothing about what was measured, or are written anew."""
+MEASURED = ("phases", "counters", "machine", "wall_seconds")
+DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT)
+"""Kinds of events that say nothing about what counts, or are written anew."""
 FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
 """The folders of an absolute path."""
 

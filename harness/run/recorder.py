@@ -6,7 +6,8 @@ every event on disk before the next cell begins.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 from engines.errors import ConfigError
 from harness import metrics, store
 from harness.hashing import digest
-from harness.measure import films, machine
+from harness.measure import contention, films, machine
 from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
 from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
@@ -45,10 +46,12 @@ class Recorder:
         self.measured = 0
         self._loaded: dict[str, Any] = {}
         self._refused: set[str] = set()
+        self._attempts = Attempts(self.history)
 
     def append(self, event: Mapping[str, Any]) -> None:
         self._events.append(event)
         self.history.append(dict(event))
+        self._attempts.add(event)
         if event["event"] == "cell":
             self.latest[event["cell_id"]] = dict(event)
 
@@ -82,25 +85,75 @@ class Recorder:
                 self.append(self.event(cell, "failed", message))
         self.stopped = self._fail_fast
 
+    # --- what is measured again -------------------------------------------------------------------------------------
+
+    def contended_again(self, possible: Callable[[Mapping[str, Any]], bool]) -> Iterator[list[Cell]]:
+        """Contended cells, round after round, until none is left or the config's rounds are used up, over all runs.
+
+        `possible` says of a cell's event whether the cell can be measured again under the same conditions.
+        """
+        rounds = self.plan.experiment.remeasure
+        for number in range(1, rounds + 1):
+            self._judge_by_cpu_time()
+            cells = [cell for cell in self.contended(number) if possible(self.latest[cell.cell_id])]
+            if cells and not self.stopped:
+                self.listener.note(f"{len(cells)} contended cells are measured again (round {number} of {rounds})")
+                yield cells
+        if left := len(self.contended()):
+            self.listener.note(f"{left} cells stay contended: they are kept, and flagged")
+
+    def contended(self, number: int | None = None) -> list[Cell]:
+        """Cells whose measurement counts although it was contended; of a round those that had no attempt in it yet."""
+
+        def is_contended(cell: Cell) -> bool:
+            event = self.latest.get(cell.cell_id)
+            measured = event is not None and event["state"] == "done" and up_to_date(cell, event, self.metric)
+            return measured and event is not None and bool(event["machine"].get("contended"))
+
+        left = [cell for cell in self.plan.cells if number is None or self._attempts.of(cell.cell_id) < number]
+        return [cell for cell in left if is_contended(cell)]
+
+    def _judge_by_cpu_time(self) -> None:
+        """Marks the cells that only a comparison of blocks shows to be contended."""
+        contestants: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+        for event in self.latest.values():
+            if event["state"] == "done":
+                contestant = event.get("configuration"), event.get("label"), event.get("env_id")
+                contestants.setdefault(contestant, []).append(event)
+        for events in contestants.values():
+            for cell_id in contention.contended_by_cpu_time(events):
+                event = self.latest[cell_id]
+                if not event["machine"].get("contended"):
+                    self.append({**event, "machine": {**event["machine"], "contended": True}})
+
+    def next_attempt(self, cell: Cell) -> int:
+        """The number of the next measurement of a cell in a round of `contended_again`."""
+        return self._attempts.of(cell.cell_id) + 2
+
     # --- cells ------------------------------------------------------------------------------------------------------
 
-    def begin(self, cell: Cell) -> None:
-        """Says that a cell is being measured, and removes what an earlier attempt left."""
-        store.discard_images(self.folder, cell.cell_id)
-        self._events.append({"event": "start", "cell_id": cell.cell_id, "time": datetime.now(UTC).isoformat()})
+    def begin(self, cell: Cell, attempt: int = 1) -> None:
+        """Says that a cell is being measured, and removes what an interrupted attempt of that number left."""
+        store.discard_images(self.folder, cell.cell_id, attempt)
+        now = datetime.now(UTC).isoformat()
+        self._events.append({"event": "start", "cell_id": cell.cell_id, "attempt": attempt, "time": now})
 
     def finish(self, cell: Cell, event: Mapping[str, Any]) -> None:
-        """Puts a cell's event on disk."""
+        """Puts a cell's event on disk. A repetition that is contended again, or fails, leaves the measurement that counts."""
+        again = event.get("attempt", 1) > 1
+        counts = event["state"] == "done" and not event["machine"].get("contended")
+        event = {**event, "event": "attempt"} if again and not counts else event
         self.append(event)
         self.measured += 1
         self.listener.finished(cell, event)
-        self.stop_if_broken(event)
+        if event["event"] == "cell":
+            self.stop_if_broken(event)
 
     def stop_if_broken(self, event: Mapping[str, Any]) -> None:
         """With `fail_fast`, the first failure ends the run."""
         self.stopped = self._fail_fast and event["state"] in BROKEN
 
-    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage], sentinel: float) -> dict[str, Any]:
+    def measured_as(self, record: CellRecord, messages: Iterable[WorkerMessage]) -> dict[str, Any]:
         """The event of a cell that has been measured, has failed or was killed at its timeout."""
         cell, state, message = record.cell, "done", ""
         try:
@@ -111,15 +164,15 @@ class Recorder:
             state, message = "timeout", f"killed after {cell.budget.timeout_seconds:g} s"
         record.keep_last_image()
         spp = record.points[-1]["spp"] if record.points else 0
+        known = {"env_id": record.env_id, "attempt": record.attempt}
         event = {
-            **self.event(cell, state, message, spp), "env_id": record.env_id, "phases": record.phases,
-            "points": record.points, "counters": record.counters, "machine": record.disturbance,
-            "sentinel_seconds": sentinel,
+            **self.event(cell, state, message, spp), **known, "phases": record.phases, "points": record.points,
+            "counters": record.counters, "machine": record.disturbance,
         }  # fmt: skip
         try:
             validation.event(event, "the engine's figures are unusable")
         except ConfigError as error:  # it must not make the whole folder unreadable
-            return {**self.event(cell, "failed", str(error)), "env_id": record.env_id}
+            return {**self.event(cell, "failed", str(error)), **known}
         return event
 
     def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
@@ -132,7 +185,7 @@ class Recorder:
             "division": cell.division,
             "engine": cell.engine_name,
             "engine_version": cell.spec["engine_version"], **cell.settings,
-            "reference_id": cell.reference_id, "spec": dict(cell.spec),
+            "reference_id": cell.reference_id, "spec": dict(cell.spec), "separate_renders": bool(cell.patterns),
             "command": cell.command(spp or cell.budget.max_spp),
             "time": datetime.now(UTC).isoformat(timespec="seconds"), "phases": {}, "points": [], "counters": {},
             "machine": {},
@@ -149,8 +202,8 @@ class Recorder:
 class CellRecord:
     """The messages of a cell's worker, collected as the parts of its event."""
 
-    def __init__(self, recorder: Recorder, cell: Cell, env_id: str) -> None:
-        self.recorder, self.cell, self.env_id = recorder, cell, env_id
+    def __init__(self, recorder: Recorder, cell: Cell, env_id: str, attempt: int = 1) -> None:
+        self.recorder, self.cell, self.env_id, self.attempt = recorder, cell, env_id, attempt
         self.phases: dict[str, float] = {}
         self.points: list[dict[str, Any]] = []
         self.counters: dict[str, float] = {}
@@ -192,6 +245,8 @@ class CellRecord:
         image, quality = films.image_of(film), self.recorder.plan.experiment.quality
         scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
         self.points.append({**answer, "metrics": {key: float(value) for key, value in scores.items()}, "image": None})
+        if self.cell.patterns:
+            self.points[-1]["sampler"] = dict(self.cell.sampler(answer["spp"]))
         self._last_film = film
         self.counters["bad_samples"] = float(film.bad_samples)
         if bad := films.bad_pixels(image):
@@ -213,10 +268,30 @@ class CellRecord:
 
     def _keep(self, film: Any) -> None:
         point = self.points[-1]
-        path = store.image_path(self.cell.cell_id, point["spp"])
+        path = store.image_path(self.cell.cell_id, point["spp"], self.attempt)
         target = store.image_file(self.recorder.folder, path)
         target.parent.mkdir(parents=True, exist_ok=True)
         measured = {key: point[key] for key in ("spp", "seconds", "metrics")}
         identity = {"cell_id": self.cell.cell_id, "env_id": self.env_id, "spec": dict(self.cell.spec)}
         film.save(target, provenance={**identity, **measured, "scene": self.cell.scene.name})
         point["image"] = path
+
+
+class Attempts:
+    """How often each cell was measured again without a measurement that counts, since the last one that does."""
+
+    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
+        self._number: Counter[str] = Counter()
+        self._measured: dict[str, Any] = {}
+        for event in events:
+            self.add(event)
+
+    def add(self, event: Mapping[str, Any]) -> None:
+        if event["event"] == "attempt":
+            self._number[event["cell_id"]] += 1
+        # An event may be there twice, of one measurement: scored anew, or counting again.
+        elif event["event"] == "cell" and self._measured.get(event["cell_id"]) != event.get("time"):
+            self._number[event["cell_id"]], self._measured[event["cell_id"]] = 0, event.get("time")
+
+    def of(self, cell_id: str) -> int:
+        return self._number[cell_id]

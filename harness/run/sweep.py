@@ -106,7 +106,7 @@ class Sweep:
         """Writes the manifest; says which old results no longer count, which do again, and what cannot be done."""
         experiment = self.plan.experiment
         self._revive()
-        todo, jobs = self.recorder.todo(), self.pending_verify_jobs()
+        todo, jobs = self._cells(), self.pending_verify_jobs()
         now = datetime.now(UTC).isoformat(timespec="seconds")
         self._write_manifest(now, bool(todo or jobs))
         if todo or jobs:
@@ -129,6 +129,13 @@ class Sweep:
             known = self.recorder.latest.get(cell.cell_id)
             if known is not None and known.get("division", "closed") != cell.division:
                 self.recorder.append({**known, "division": cell.division})
+
+    def _cells(self) -> list[Cell]:
+        """What is to be measured, and what may be measured again: on another machine it may be another contestant."""
+        here = self.options.cluster is None
+        again = self.recorder.contended(self.plan.experiment.remeasure)
+        elsewhere = {id for id, e in self.recorder.latest.items() if here and e.get("env_id") != self.recorder.env_id}
+        return [*self.recorder.todo(), *(cell for cell in again if cell.cell_id not in elsewhere)]
 
     def _write_manifest(self, now: str, running: bool) -> None:
         """Replaces the manifest where it would say something else, or something is going to be measured."""
@@ -175,7 +182,7 @@ class Sweep:
 
     def make_references(self, pool: references.Images) -> None:
         """Makes what cells to be measured need; a cell whose reference fails has failed."""
-        needed = dict.fromkeys(cell.reference_id for cell in self.recorder.todo())
+        needed = dict.fromkeys(cell.reference_id for cell in self._cells())
         named = {e["reference_id"] for e in self.recorder.history if e["event"] == "reference"}
         for reference_id, wanted in self.plan.references.items():
             try:

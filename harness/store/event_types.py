@@ -7,7 +7,7 @@ are as `confined` wants them. The kinds of events and what they are for: docs/ha
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -54,11 +54,13 @@ class Choice(Record):
 
 
 class Point(Record):
-    """A checkpoint. `seconds` and `rays` count from the start of the cell."""
+    """A checkpoint. `seconds` and `rays` count from the start of the cell, or of the checkpoint's own render in a cell of
+    `separate_renders`, where `sampler` says how its sampler was set."""
 
     spp: Samples
     seconds: Seconds
     rays: float | None = None
+    sampler: Choice | None = None
     metrics: Numbers
     image: ImagePath | None
 
@@ -131,10 +133,9 @@ class Certificate(Record):
 
 
 class Sentinel(Record):
+    """In older results: the time of a fixed kernel, which predicted nothing. It is not read."""
+
     event: Literal["sentinel"]
-    block: Count
-    seconds: Seconds
-    env_id: Id | None = None
 
 
 class Start(Record):
@@ -142,11 +143,13 @@ class Start(Record):
     cell_id: Id
 
 
-class Cell(Record):
-    """A cell's state and what was measured of it. Checkpoints rise in samples, and their seconds do not fall."""
+class Measurement(Record):
+    """A cell's state and what was measured of it. Checkpoints rise in samples, and their seconds do not fall, unless each is
+    a render of its own. `attempt` 2 and up: measured again, because the one before was contended."""
 
-    event: Literal["cell"]
     cell_id: Id
+    attempt: Annotated[int, Field(ge=1, le=1000)] = 1
+    separate_renders: bool = False
     env_id: Id | None = None
     label: str | None = None
     state: Literal["done", "failed", "timeout", "skipped", "outdated"]
@@ -176,15 +179,27 @@ class Cell(Record):
     points: list[Point]
     counters: Numbers
     machine: dict[str, Scalar]
-    sentinel_seconds: Seconds | None = None
     wall_seconds: Seconds | None = None
 
     @model_validator(mode="after")
-    def _rising(self) -> Cell:
+    def _rising(self) -> Self:
         for before, after in zip(self.points, self.points[1:], strict=False):
-            if after.spp <= before.spp or after.seconds < before.seconds:
+            falls = after.seconds < before.seconds and not self.separate_renders
+            if after.spp <= before.spp or falls:
                 raise ValueError(f"points: that of {after.spp} samples does not come after that of {before.spp}")
         return self
+
+
+class Cell(Measurement):
+    """The measurement of a cell that counts: the last of these events."""
+
+    event: Literal["cell"]
+
+
+class Attempt(Measurement):
+    """A measurement of a cell that does not count: it was contended, or failed, where the cell had been measured before."""
+
+    event: Literal["attempt"]
 
 
 def _settings(row: list[str | int]) -> list[str | int]:
@@ -273,7 +288,7 @@ class VerifyJob(Record):
 
 
 Event = Annotated[
-    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | ArchivedVerdicts | VerifyJob,
+    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | Attempt | ArchivedVerdicts | VerifyJob,
     Field(discriminator="event"),
 ]
 

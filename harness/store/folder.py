@@ -33,9 +33,13 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
     return found
 
 
-def image_path(cell_id: str, spp: int) -> str:
+def image_path(cell_id: str, spp: int, attempt: int = 1) -> str:
     """Where a checkpoint's image lies, relative to the results folder."""
-    return f"{IMAGES}/{cell_id}/spp{spp:04d}.exr"
+    return f"{_images(cell_id, attempt)}/spp{spp:04d}.exr"
+
+
+def _images(cell_id: str, attempt: int) -> str:
+    return f"{IMAGES}/{cell_id}" + (f"/attempt{attempt}" if attempt > 1 else "")
 
 
 def image_file(folder: Path, image: str) -> Path:
@@ -43,9 +47,9 @@ def image_file(folder: Path, image: str) -> Path:
     return confined.inside(folder, image, f"{folder / EVENTS}: image")
 
 
-def discard_images(folder: Path, cell_id: str) -> None:
-    """Removes what an interrupted attempt at a cell left."""
-    shutil.rmtree(folder / IMAGES / cell_id, ignore_errors=True)
+def discard_images(folder: Path, cell_id: str, attempt: int = 1) -> None:
+    """Removes what an interrupted attempt at a cell left; the first one is followed by none."""
+    shutil.rmtree(folder / _images(cell_id, attempt), ignore_errors=True)
 
 
 def clear(folder: Path) -> None:

@@ -97,14 +97,11 @@ def _refuse_mixtures(cells: Any) -> None:
 
 
 def _preamble(sources: Sequence[Results], out: Path) -> list[dict[str, Any]]:
-    """The events that are no cells: runs, environments, targets, references, sentinels."""
+    """The events that are no cells: runs, environments, targets, references."""
     found: dict[str, dict[str, Any]] = {}
     for source in sources:
-        env_ids = {cell.get("env_id") for cell in source.cells if cell["state"] == "done"}
         for event in store.read_events(source.folder):
-            if event["event"] == "sentinel" and len(env_ids) == 1:
-                event.setdefault("env_id", next(iter(env_ids)))
-            if event["event"] in ("run", "environment", "sentinel", "certificate", "verify_job"):
+            if event["event"] in ("run", "environment", "certificate", "verify_job"):
                 found.setdefault(json.dumps(event, sort_keys=True), event)
     targets = sorted({target for source in sources for target in source.targets}, reverse=True)
     known: dict[str, dict[str, Any]] = {}

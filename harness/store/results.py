@@ -82,7 +82,6 @@ class Results:
     references: dict[str, Event]
     metric: str
     targets: list[float]
-    sentinels: list[Event]
     runs: list[Event]
     environments: dict[str, Event] = field(default_factory=dict)
     certificates: dict[str, Event] = field(default_factory=dict)
@@ -161,7 +160,7 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
     cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
     results = Results(folder, manifest, cells, references, metric,
                       sorted(numbers, reverse=not higher_is_better(metric)),
-                      of_kind(events, "sentinel"), of_kind(events, "run"),
+                      of_kind(events, "run"),
                       {event["env_id"]: event for event in of_kind(events, "environment")},
                       {event["reference_id"]: event for event in of_kind(events, "certificate")},
                       check_results(events, manifest.get("verify_job_ids")),

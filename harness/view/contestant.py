@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 from time import perf_counter
 from typing import Any
 
@@ -12,9 +13,9 @@ from engines.registry import engine as engine_of
 from engines.scene import load_scene
 from harness.config.settings import engine_settings
 from harness.measure import clock
-from harness.measure.contention import Disturbance
+from harness.measure.contention import Disturbance, judged
 from harness.measure.pool import WorkerMessage
-from harness.measure.sentinel import sentinel_seconds
+from harness.measure.schedule import Schedule, checkpoints
 from harness.metrics import as_error
 from harness.plan.cells import WARM_UP_SEED, Cell
 from harness.run.recorder import CellRecord, Recorder
@@ -28,8 +29,9 @@ class Contestant:
     """`seconds`: time inside `render` alone. `done`: every target is reached, or the budget is used up."""
 
     def __init__(self, recorder: Recorder, cell: Cell, allow_imports: bool) -> None:
-        self.cell, self._recorder, self._allow_imports = cell, recorder, allow_imports
-        self._record = CellRecord(recorder, cell, recorder.env_id)
+        self.cell = replace(cell, patterns=())  # a race refines one image
+        self._recorder, self._allow_imports = recorder, allow_imports
+        self._record = CellRecord(recorder, self.cell, recorder.env_id)
         self.renderer: Renderer | None = None
         self.seconds, self.spp, self.done = 0.0, 0, False
         self.points: list[tuple[float, float, int]] = []
@@ -48,12 +50,10 @@ class Contestant:
         self.phases = {"build": build, "compile": compilation}
         settings = engine_settings(self.cell.settings, seed, self._allow_imports)
         self.renderer = clock.prepare(engine, scene, settings)[0]
-        self._start, self._sentinel = perf_counter(), sentinel_seconds()
+        self._start = perf_counter()
         self._rays_before = clock.counters(self.renderer).get("rays", 0.0)
         self._disturbance = Disturbance()
-        checkpoints, budget = self._recorder.plan.experiment.checkpoints, self.cell.budget
-        schedule = clock.Schedule(checkpoints.ratio, checkpoints.start, budget.max_spp, budget.max_time_seconds)
-        self._checkpoints = clock.checkpoints(schedule)
+        self._checkpoints = checkpoints(Schedule.of(self._recorder.plan.experiment.checkpoints, self.cell.budget))
         self._next_checkpoint = next(self._checkpoints)
         self._recorder.begin(self.cell)
 
@@ -102,6 +102,7 @@ class Contestant:
         if self.renderer is None or not self.points:
             return
         counters = {k: v for k, v in clock.counters(self.renderer).items() if k not in ("build_seconds", "compile_seconds")}
-        self._record_message(did="end", counters=counters, machine=self._disturbance.report())
-        event = self._recorder.measured_as(self._record, (), self._sentinel)
+        machine = judged(self._disturbance.report(), self.cell.settings["threads"])
+        self._record_message(did="end", counters=counters, machine=machine)
+        event = self._recorder.measured_as(self._record, ())
         self._recorder.finish(self.cell, {**event, "wall_seconds": perf_counter() - self._start})

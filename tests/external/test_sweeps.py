@@ -9,6 +9,7 @@ import pytest
 from engines.errors import ConfigError
 from harness import config, store
 from harness.measure import clock, contention
+from harness.measure.schedule import Schedule
 from harness.plan import planner
 from harness.run import sweep
 from tests.external.describing import described
@@ -96,7 +97,7 @@ def test_what_a_renderer_tells_replaces_what_was_waited_for():
         def counters(self):
             return {"told_seconds": self.seconds}
 
-    schedule = clock.Schedule(2.0, 1, 8, 100.0)
+    schedule = Schedule(2.0, 1, 8, 100.0)
     points = list(clock.timed_points(Told(), schedule, clock.one_sample(Told()), clock.Disturbance()))  # pyright: ignore
     assert [point.seconds for point in points] == [1.0, 2.0, 4.0, 8.0]
 

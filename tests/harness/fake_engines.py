@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,7 +15,7 @@ import numpy as np
 
 from engines.errors import Unsupported
 from engines.film import Film
-from engines.interface import Settings
+from engines.interface import FullPattern, Settings
 from engines.scene import Scene
 
 NOISE = 0.5
@@ -205,3 +206,49 @@ class Chatty(Steady):
 
         print("hello from an engine")
         threading.Thread(target=time.sleep, args=(3600,), daemon=True).start()
+
+
+class Burning(Steady):
+    """Works half a second for a sample, on a thread of its own that then ends."""
+
+    name = "burning"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        render = renderer.render
+
+        def burn(spp: int, on_pass: Any = None) -> Film:
+            worker = threading.Thread(target=work, args=(0.5 * spp,))
+            worker.start()
+            worker.join()
+            return render(spp)
+
+        renderer.render = burn
+        return renderer
+
+
+def work(seconds: float) -> None:
+    """Uses that much time of a processor, on the thread that calls."""
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
+        pass
+
+
+class Patterned(Steady):
+    """Its sampler `stratified` has patterns of 4, 16, 64, ... samples. The image says how many strata there were."""
+
+    name = "patterned"
+
+    def full_pattern(self, sampler: Mapping[str, Any], spp: int) -> FullPattern | None:
+        if sampler["name"] != "stratified":
+            return None
+        size = 4
+        while size < spp:
+            size *= 4
+        return FullPattern(size, {"name": "stratified", "strata": size})
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        renderer = FakeRenderer(self, scene, settings)
+        if settings.sampler["name"] == "stratified":
+            renderer.counters = lambda: {"rays": float(renderer.film.spp), "strata": float(settings.sampler["strata"])}
+        return renderer

@@ -36,6 +36,7 @@ repeats: 2
 reference: {engine: 'fake_engines:Steady', spp: 64, seed: 9000, certify: null}
 quality: {targets: [1.0, 0.1]}
 images: none
+remeasure: 0
 """
 
 

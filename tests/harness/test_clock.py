@@ -8,19 +8,20 @@ import fake_engines
 import numpy as np
 import pytest
 
-from engines.interface import Settings
+from engines.interface import FullPattern, Settings
 from engines.scene import scene_from
 from engines.schema.yaml_file import parse_yaml
 from harness.config.sections import exact_root
 from harness.measure import clock
 from harness.measure.contention import Disturbance
+from harness.measure.schedule import Schedule, checkpoints, shortened
 from tests.harness import sweeping
 
 SCENE = scene_from(parse_yaml(sweeping.SCENE).plain())
 
 
 def schedule(**changes):
-    return clock.Schedule(**{"ratio": 2.0, "start": 1, "max_spp": 64, "max_time_seconds": 100.0, **changes})
+    return Schedule(**{"ratio": 2.0, "start": 1, "max_spp": 64, "max_time_seconds": 100.0, **changes})
 
 
 def renderer(engine=fake_engines.Steady, **settings):
@@ -57,7 +58,8 @@ def points(made, wanted, estimate=1e-6):
     [
         (2.0, 1, 16, [1, 2, 4, 8, 16]),
         (2.0, 1, 10, [1, 2, 4, 8, 10]),
-        (2**0.5, 1, 16, [1, 2, 3, 4, 6, 8, 11, 16]),
+        (2**0.5, 1, 16, [1, 2, 3, 4, 6, 8, 12, 16]),
+        (2**0.5, 3, 50, [3, 4, 6, 9, 12, 18, 24, 36, 48, 50]),
         (1.1, 1, 5, [1, 2, 3, 4, 5]),
         (4.0, 16, 100, [16, 64, 100]),
         (2.0, 64, 8, [8]),
@@ -65,13 +67,13 @@ def points(made, wanted, estimate=1e-6):
     ],
 )
 def test_checkpoints_are_geometric_rise_strictly_and_end_with_max_spp(ratio, start, max_spp, expected):
-    assert list(clock.checkpoints(schedule(ratio=ratio, start=start, max_spp=max_spp))) == expected
+    assert list(checkpoints(schedule(ratio=ratio, start=start, max_spp=max_spp))) == expected
 
 
 @pytest.mark.parametrize("written", [1.4142, 1.41421, 1.4142135623730951])
 def test_a_written_root_of_two_hits_every_power_of_two(written):
     ratio = exact_root(written)
-    found = set(clock.checkpoints(schedule(ratio=ratio, max_spp=2**30)))
+    found = set(checkpoints(schedule(ratio=ratio, max_spp=2**30)))
     assert {2**k for k in range(31)} <= found
     assert exact_root(1.5) == 1.5 and exact_root(3.0) == 3.0
 
@@ -88,7 +90,7 @@ def test_a_written_root_of_two_hits_every_power_of_two(written):
     ],
 )
 def test_a_pass_that_would_overshoot_wildly_is_shortened(wanted, done, seconds, per_spp, expected):
-    assert clock.shortened(wanted, done, seconds, per_spp, 10.0) == expected
+    assert shortened(wanted, done, seconds, per_spp, 10.0) == expected
 
 
 def test_points_are_cumulative_and_the_film_holds_what_they_say():
@@ -175,3 +177,25 @@ def test_the_collector_rests_only_while_the_clock_runs():
     with pytest.raises(ZeroDivisionError):
         clock.timed_call(lambda spp: 1 // 0, 1, Disturbance())
     assert seen == [False] and gc.isenabled()
+
+
+def test_whole_patterns_are_rendered_anew_and_timed_alone(fake_time):
+    """Sixteen samples take 0.32 s, which is above the budget; what building and compiling take is not on the clock."""
+    patterns = [FullPattern(n, {"name": "stratified", "strata": n}) for n in (4, 16, 64)]
+    asked = []
+
+    def settings(pattern):
+        asked.append(pattern.sampler)
+        return Settings(width=4, height=4, sampler=dict(pattern.sampler))
+
+    made = list(clock.pattern_points(fake_engines.Phased(), SCENE, settings, patterns, 0.3, 1e-6, Disturbance()))
+    assert [(point.spp, point.film.spp, point.rays) for point in made] == [(4, 4, 64), (16, 16, 256)]
+    assert [point.seconds for point in made] == [pytest.approx(0.08), pytest.approx(0.32)]
+    assert asked == [pattern.sampler for pattern in patterns[:2]]
+
+
+def test_a_pattern_that_would_overshoot_wildly_is_left_out_but_the_first_is_rendered(fake_time):
+    patterns = [FullPattern(n, {"name": "stratified", "strata": n}) for n in (4, 64)]
+    settings = Settings(width=4, height=4)
+    made = clock.pattern_points(fake_engines.Phased(), SCENE, lambda _: settings, patterns, 0.1, 1.0, Disturbance())
+    assert [point.spp for point in made] == [4]

@@ -82,8 +82,6 @@ def test_timed_cells_run_in_order_one_at_a_time_on_a_host(machines, alone, tmp_p
     assert [event["order"] for event in found] == [0, 1, 2, 3, 4, 5]
     events = [event["event"] for event in store.read_events(tmp_path / "out") if event["event"] in ("start", "cell")]
     assert events == ["start", "cell"] * 6
-    sentinels = [event for event in store.read_events(tmp_path / "out") if event["event"] == "sentinel"]
-    assert [event["block"] for event in sentinels] == [0, 1] and all(event["env_id"] for event in sentinels)
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
     again, _ = sweeping.run(path, tmp_path / "out", cluster=machines.scheduler_address)
     assert again.measured == 0, "resuming is the same as on one machine"
@@ -143,7 +141,7 @@ def test_what_a_machine_dies_of_or_fails_at_is_tried_again(machines, tmp_path, m
     cell = SimpleNamespace(engine="numpy", budget=SimpleNamespace(timeout_seconds=60))
     with dask.Cluster(machines.scheduler_address, allow_imports=False) as ours:
         if what == "measure_cell":
-            assert ours.submit(cell, request, None, 1.0, first=False).result() == ["film"]
+            assert ours.submit(cell, request, None, 1.0).result() == ["film"]
         else:
             assert list(ours.replicates("numpy", request, [1])) == ["film"]
     assert tries.read_text() == "xxx"
@@ -188,6 +186,49 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
             list(ours.replicates("fake_engines:Steady", {"scene_path": "nowhere.yaml", "settings": {}}, [1, 2]))
 
 
+def test_contended_cells_are_measured_again_where_they_were_measured(machines, tmp_path, monkeypatch):
+    """The second of four cells is contended, and its first repetition, too."""
+    from harness.run.recorder import Recorder
+
+    marks, measured_as = iter("010010"), Recorder.measured_as
+
+    def judged(self, record, messages):
+        event = measured_as(self, record, messages)
+        return {**event, "machine": {**event["machine"], "contended": next(marks) == "1"}}
+
+    monkeypatch.setattr(Recorder, "measured_as", judged)
+    path, out = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("remeasure: 0", "remeasure: 2")), tmp_path / "out"
+    outcome, _ = sweeping.run(path, out, cluster=machines.scheduler_address)
+    assert outcome.states == {"done": 4} and outcome.measured == 6
+    found = sorted(cells(out), key=lambda event: event["order"])
+    assert [(event["attempt"], event["machine"]["contended"]) for event in found] == [(1, 0), (3, 0), (1, 0), (1, 0)]
+    again = [event for event in store.read_events(out) if event["event"] in ("cell", "attempt") and event["order"] == 1]
+    assert [(event["event"], event["attempt"]) for event in again] == [("cell", 1), ("attempt", 2), ("cell", 3)]
+    assert len({event["worker"] for event in again}) == 1
+    assert sweeping.run(path, out, cluster=machines.scheduler_address)[0].measured == 0
+
+
+def test_a_cell_whose_machine_is_gone_is_not_measured_again():
+    """Of two workers on a host either may; where the one that measured it is gone, the cell stays as it is."""
+    from types import SimpleNamespace
+
+    from harness.run.executors.dask import Blocks
+
+    homes = {"0": "tcp://a:1", "1": "tcp://gone:1", "2": "tcp://b:1"}
+    machines = {"tcp://a:1": {"host": "a"}, "tcp://a:9": {"host": "a"}, "tcp://b:1": {"host": "b"}}
+    recorder = SimpleNamespace(
+        stopped=False, listener=SimpleNamespace(note=print), plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
+        latest={cell_id: {"worker": home} for cell_id, home in homes.items()},
+    )  # fmt: skip
+    given = [SimpleNamespace(cell_id=cell_id, block=0) for cell_id in homes]
+    blocks = Blocks(recorder, SimpleNamespace(present=lambda: machines), given, again=True)
+    started = []
+    blocks._start = lambda cells, address: started.append((cells[0].cell_id, address))
+    blocks._look()
+    blocks._feed()
+    assert sorted(started) == [("0", "tcp://a:9"), ("2", "tcp://b:1")] and not blocks.waiting
+
+
 def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back():
     """A host of two workers, another of one; then the worker at a block is gone."""
     from harness.run.executors.dask import MOST_LOSSES, Blocks
@@ -202,19 +243,20 @@ def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back
     machines = {"tcp://a:1": {"host": "a"}, "tcp://a:9": {"host": "a"}, "tcp://b:1": {"host": "b"}}
     notes, failed = [], []
     recorder = SimpleNamespace(
-        stopped=False, listener=SimpleNamespace(note=notes.append), ready=lambda: [c for block in cells for c in block],
+        stopped=False, listener=SimpleNamespace(note=notes.append),
         plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
     )  # fmt: skip
-    blocks = Blocks(recorder, SimpleNamespace(present=lambda: dict(machines)))
+    cluster = SimpleNamespace(present=lambda: dict(machines))
+    blocks = Blocks(recorder, cluster, [cell for block in cells for cell in block])
     started = []
 
     def start(given, address):
         started.append((given[0].cell_id, address))
         made = Pending()
-        blocks.tasks[made] = SimpleNamespace(cell=given[0], rest=given[1:], address=address)
+        blocks.tasks[made] = SimpleNamespace(cell=given[0], rest=given[1:], address=address, attempt=1)
         return made
 
-    blocks._start, blocks._failed = start, lambda cell, message: failed.append((cell.cell_id, message))
+    blocks._start, blocks._failed = start, lambda cell, message, attempt: failed.append((cell.cell_id, message))
     blocks._look()
     blocks._feed()
     blocks._feed()

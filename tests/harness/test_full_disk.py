@@ -63,7 +63,7 @@ def test_a_run_on_a_full_disk_ends_in_a_line_and_its_resume_in_the_rows_of_an_un
 
 
 def test_an_append_that_fails_leaves_no_half_line(tmp_path):
-    event = {"event": "sentinel", "block": 0, "seconds": 0.1}
+    event = {"event": "start", "cell_id": "a"}
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with store.Events(tmp_path) as events:
         events.append(event)

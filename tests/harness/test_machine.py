@@ -70,22 +70,6 @@ def test_the_repository_of_a_hook_that_calls_is_not_looked_at(tmp_path, monkeypa
     assert machine.git_state(tmp_path / "ours") == ours
 
 
-def test_work_of_others_is_told_from_our_own(monkeypatch):
-    def report(others, steal, wall):
-        before = contention.Sample(10.0, 1.0, 3.0, 4)
-        samples = iter([before, before, contention.Sample(10.0 + wall + others, 1.0 + steal, 3.0 + wall, 6)])
-        monkeypatch.setattr(contention, "sample", lambda: next(samples))
-        disturbance = contention.Disturbance()
-        disturbance.start()
-        disturbance.stop(wall)
-        return disturbance.report()
-
-    quiet, beside, stolen = report(0.1, 0.0, 10.0), report(5.0, 0.0, 10.0), report(0.0, 1.0, 10.0)
-    assert not quiet["contended"] and quiet["involuntary_switches"] == 2
-    assert beside["contended"] and beside["other_cpu_seconds"] == 5.0
-    assert stolen["contended"] and stolen["steal_seconds"] == 1.0
-
-
 def test_our_own_work_is_not_somebody_else_s():
     before = contention.sample()
     end = time.process_time() + 0.2  # of this process's own time: on a busy machine a wall clock says little

@@ -8,8 +8,9 @@ from types import MappingProxyType
 
 import pytest
 
-from engines.errors import RaybenchError
+from engines.errors import ConfigError, RaybenchError
 from engines.external import Engine as Program
+from engines.interface import FullPattern
 from engines.mitsuba import Engine as MitsubaEngine
 from harness import config
 from harness.config.paths import shipped
@@ -113,6 +114,57 @@ def test_a_control_runs_one_configuration_under_two_labels(tmp_path):
         (twin,) = [c for c in same if not c.label]
         assert twin.cell_id != cell.cell_id and twin.settings == cell.settings
     assert not any(cell.label for cell in planned(tmp_path).cells), "too few repeats for one"
+
+
+def test_every_scene_has_a_twin_of_its_baseline_s_first_configuration(tmp_path):
+    """Of the baseline engine where the scene has it; else of the first."""
+    text = sweeping.EXPERIMENT.replace("scene: ball.yaml\n", "").replace(
+        "matrix: {engine: ['fake_engines:Steady', 'fake_engines:Other']}",
+        "matrix: {scene: [ball.yaml, two.yaml], engine: ['fake_engines:Steady', 'fake_engines:Other'], "
+        "sampler: [sobol, random]}\nexclude: [{scene: two, engine: '*Other'}]\nbaseline: other",
+    )  # fmt: skip
+    (tmp_path / "two.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 2"))
+    made = planned(tmp_path, text.replace("repeats: 2", "repeats: 3"))
+    twins = [(c.scene.name, c.engine_name, c.settings["sampler"]["name"]) for c in made.cells if c.label == planner.AA_LABEL]
+    assert sorted(twins) == sorted(3 * [("ball", "other", "sobol"), ("two", "steady", "sobol")])
+    assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "timing=false"]).cells)
+    assert not any(cell.label for cell in planned(tmp_path, text, ["repeats=3", "aa_twin=false"]).cells)
+
+
+PATTERNED = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Patterned") + "sampler: stratified\n"
+
+
+def test_samplers_with_patterns_have_whole_ones_as_checkpoints(tmp_path):
+    """Checkpoints 1, 2, 4, ..., 100: each pattern once, none of more than the budget."""
+    made = planned(tmp_path, PATTERNED, ["budget.max_spp=100"])
+    steady, patterned = ({c.engine_name: c for c in made.cells}[name] for name in ("steady", "patterned"))
+    assert not steady.patterns and "patterns" not in steady.spec
+    assert [(each.spp, each.sampler["strata"]) for each in patterned.patterns] == [(4, 4), (16, 16), (64, 64)]
+    assert patterned.spec["patterns"][1] == {"spp": 16, "sampler": {"name": "stratified", "strata": 16}}
+    assert patterned.request(made.experiment.checkpoints)["patterns"] == patterned.spec["patterns"]
+    assert "strata: 16" in patterned.command(16) and "strata: 64" in patterned.command(64)
+    assert state.budgeted_seconds(patterned) == pytest.approx(5.0 * (4 + 16 + 64) / 64 + state.OVERHEAD_SECONDS, rel=1e-3)
+    small = {c.engine_name: c.skip for c in planned(tmp_path, PATTERNED, ["budget.max_spp=3"]).cells}
+    assert small["steady"] is None and "no whole pattern of its sampler has at most 3 samples" in small["patterned"]
+    free = planned(tmp_path, PATTERNED, ["sampler=random"])
+    assert not any(cell.patterns for cell in free.cells)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (lambda spp: 4, "returned 4: None is wanted, or a FullPattern of 1 samples or more"),
+        (lambda spp: FullPattern(1, {"name": "stratified"}), "a FullPattern of 2 samples or more"),
+        (lambda spp: FullPattern(spp, {}), "with its sampler"),
+        (lambda spp: 1 // 0, "full_pattern failed: ZeroDivisionError"),
+    ],
+)
+def test_patterns_that_are_none_are_refused(tmp_path, monkeypatch, answer, words):
+    import fake_engines
+
+    monkeypatch.setattr(fake_engines.Patterned, "full_pattern", lambda self, sampler, spp: answer(spp))
+    with pytest.raises(ConfigError, match=f"engine patterned: .*{words}"):
+        planned(tmp_path, PATTERNED)
 
 
 def test_what_an_engine_cannot_do_is_skipped_with_its_reason(tmp_path):
@@ -228,7 +280,7 @@ def test_expected_times_come_from_the_same_configuration_else_from_the_budget(tm
     events = {first.cell_id: {"state": "done", "configuration": first.configuration, "wall_seconds": 0.7}}
     expected = state.expected_seconds([twin, other], events)
     assert expected[twin.cell_id] == (0.7, True)
-    assert expected[other.cell_id] == (5.0 + state.OVERHEAD_SECONDS, False)
+    assert expected[other.cell_id] == (pytest.approx(5.0 + state.OVERHEAD_SECONDS, rel=1e-3), False), "96 pixels are scored"
 
 
 def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):

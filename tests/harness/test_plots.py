@@ -65,7 +65,7 @@ def test_every_plot_comes_as_svg_png_and_pdf(plots, folder):
     for scene in ("cornell_box", "two_spheres"):
         kinds = ("error-over-time", "error-over-samples", "error-over-rays", "time-to-quality", "pareto", "phases")
         assert {f"{kind}-{scene}" for kind in kinds} <= names
-    assert {"targets-over-time", "speed-up-over-threads", "sentinel"} <= names
+    assert {"targets-over-time", "speed-up-over-threads"} <= names
     for name in names:
         for suffix in ("svg", "png", "pdf"):
             assert (folder / "plots" / f"{name}.{suffix}").stat().st_size > 1000
@@ -177,15 +177,14 @@ def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
         point["metrics"] = kept
 
 
-def test_results_without_targets_threads_or_sentinels_draw_what_is_left(tmp_path):
+def test_results_without_targets_or_threads_draw_what_is_left(tmp_path):
     rng = np.random.default_rng(1)
     case = ("cornell_box", "numba", "bvh", "random", 1, None)
     cells = [done_cell(tmp_path, case, block, 1.0, SMALL, rng, False) for block in range(2)]
-    cells = [cell | {"sentinel_seconds": None} for cell in cells]
     (tmp_path / "events.jsonl").write_text("".join(json.dumps(cell) + "\n" for cell in cells))
     names = {plot.name for plot in write_plots(analyse(load_results(tmp_path)), tmp_path)}
     assert "error-over-time-cornell_box" in names and "phases-cornell_box" in names
-    assert not {"sentinel", "speed-up-over-threads", "targets-over-time"} & names
+    assert not {"speed-up-over-threads", "targets-over-time"} & names
 
 
 def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):

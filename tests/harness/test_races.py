@@ -8,6 +8,9 @@ import pytest
 from harness.analysis import analyse
 from harness.analysis.frames import ResultFrames
 from harness.report.html.assembly import headlines
+from harness.report.plots import Palette
+from harness.report.plots.bars import quality_bars
+from harness.report.plots.panels import panels
 from harness.report.tables import all_tables
 from harness.report.tables.evidence import evidence
 from harness.store.results import results_of
@@ -148,6 +151,17 @@ def test_no_verdict_below_three_blocks(tmp_path, blocks, verdict):
     rows = verdicts(found)
     assert rows.loc["numba"].verdict == verdict and rows.loc["numpy"].possible_winner == (blocks < 3)
     assert ("below 3 no verdict is given" in evidence(analyse(found))) == (blocks < 3)
+
+
+@pytest.mark.parametrize(("blocks", "dots"), [(2, 2), (3, 1)])
+def test_below_three_blocks_each_is_drawn_as_a_dot(tmp_path, blocks, dots):
+    """Warm and cold, for two contestants; from three blocks on a dot is a mean, and has a whisker."""
+    analysis = analyse(results(tmp_path, contestant(0.2, engine="numpy", blocks=blocks), twins(blocks=blocks)))
+    figure = quality_bars(analysis, panels(analysis)[0], Palette(analysis.results))
+    drawn = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
+    assert [len(line.get_xdata()) for line in drawn] == [dots] * 4
+    whiskers = [line for line in figure.axes[0].get_lines() if line.get_linewidth() == 1.2]
+    assert len(whiskers) == (4 if dots == 1 else 0)
 
 
 def test_the_same_is_said_where_it_is_known(tmp_path):

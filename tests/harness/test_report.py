@@ -84,7 +84,7 @@ def test_the_document_is_well_formed_with_unique_ids_and_nothing_outside(page):
 def test_pictures_and_plots_have_words_for_those_who_cannot_see_them(page):
     outline = Outline(page)
     assert outline.images and all(len(image["alt"]) > 10 for image in outline.images)
-    assert len(outline.svgs) == 15 and all(svg["role"] == "img" and len(svg["aria-label"]) > 40 for svg in outline.svgs)
+    assert len(outline.svgs) == 14 and all(svg["role"] == "img" and len(svg["aria-label"]) > 40 for svg in outline.svgs)
 
 
 def test_verdicts_come_first_and_every_part_is_there(page):

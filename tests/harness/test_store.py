@@ -18,7 +18,7 @@ FIRST = {
     "threads": 1, "width": 8, "height": 6, "reference_id": None, "phases": {}, "points": [], "counters": {},
     "machine": {},
 }  # fmt: skip
-SECOND = {"event": "sentinel", "block": 0, "seconds": 0.1}
+SECOND = {"event": "start", "cell_id": "a"}
 
 
 def lines(folder):

@@ -48,7 +48,8 @@ def test_an_event_says_all_that_was_asked_and_measured(finished):
         assert set(event["phases"]) == {f"{p}_seconds" for p in ("import", "load", "build", "compile", "render")}
         assert [point["spp"] for point in event["points"]] == [1, 2, 4, 8]
         assert {"load_1m", "steal_seconds", "involuntary_switches", "contended"} <= set(event["machine"])
-        assert event["sentinel_seconds"] > 0 and event["counters"]["rays"] == 8 * 96
+        assert event["machine"]["timed_seconds"] == pytest.approx(event["points"][-1]["seconds"], abs=1e-6)
+        assert event["attempt"] == 1 and not event["separate_renders"] and event["counters"]["rays"] == 8 * 96
         assert event["command"].startswith("raybench render ") and "--spp 8 " in event["command"]
 
 
@@ -86,6 +87,17 @@ def test_images_hold_the_layers_and_where_they_come_from(finished):
         assert told["cell_id"] == event["cell_id"] and told["spp"] == 8 and told["spec"]["seed"] == event["seed"]
 
 
+def test_a_sampler_with_patterns_is_measured_at_whole_ones_each_rendered_anew(tmp_path):
+    path = sweeping.write(tmp_path, with_engines("Patterned") + "sampler: stratified\n")
+    outcome, _ = sweeping.run(path, tmp_path / "out", ["budget.max_spp=64", "repeats=1"])
+    assert outcome.states == {"done": 1}
+    (event,) = cells(tmp_path / "out")
+    assert event["separate_renders"] and [point["spp"] for point in event["points"]] == [4, 16, 64]
+    assert [point["sampler"]["strata"] for point in event["points"]] == [4, 16, 64] and event["counters"]["strata"] == 64
+    assert [point["rays"] for point in event["points"]] == [4, 16, 64], "of each render alone"
+    assert "strata: 64" in event["command"] and len(load_results(tmp_path / "out").contenders) == 1
+
+
 def test_the_second_run_does_nothing(finished):
     path, out, _, _ = finished
     before = (out / store.EVENTS).read_bytes()
@@ -100,7 +112,6 @@ def test_manifest_and_run_event_tell_what_ran_where(finished):
     assert [event["event"] for event in events][:3] == ["run", "environment", "targets"]
     assert manifest["config"]["repeats"] == 3 and manifest["machine"]["cpu"]
     assert {event["env_id"] for event in cells(out)} == {manifest["env_id"]}
-    assert sum(event["event"] == "sentinel" for event in events) == 3, "one a block"
 
 
 def test_rescoring_changes_no_number_but_by_float32(finished):

@@ -1,20 +1,18 @@
-"""Time-to-quality with intervals, phases, speed-up over threads, and the drift of the machine."""
+"""Time-to-quality with intervals, phases, and speed-up over threads."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+from matplotlib.ticker import FixedLocator
 
 from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.analysis.scaling import thread_families
 from harness.report.plots.panels import MOST_CURVES, Panel
-from harness.report.plots.style import FAINT, GRID, INK, LINES, Palette, log_scales, new_figure, small_multiples
+from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
 from harness.statistics import amdahl_fit, parallel_speedups
 from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.results import PHASES
@@ -127,39 +125,3 @@ def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
     whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))
     axis.errorbar([row.threads for row in rows], values[:, 0], yerr=whiskers, color=look.colour, linestyle=look.line,
                   marker=look.marker, elinewidth=1, capsize=2, label=name + serial)  # fmt: skip
-
-
-def sentinel_drift(analysis: Analysis) -> Figure | None:
-    """The fixed kernel's time over the run against its median on the same machine: what moves here is the machine."""
-    blocks = _deviations((e.get("env_id"), e["block"], e["seconds"]) for e in analysis.results.sentinels)
-    cells = _deviations((c.get("env_id"), c.get("order") or 0, c["sentinel_seconds"]) for c in analysis.results.cells
-                        if c.get("sentinel_seconds") and c["state"] == "done")  # fmt: skip
-    if not blocks and not cells:
-        return None
-    series = [(name, data) for name, data in (("block", blocks), ("position of the cell in the run", cells)) if data]
-    figure = new_figure(7.2, 2.6)
-    axes = figure.subplots(1, len(series), squeeze=False, sharey=True)[0]
-    for axis, (name, data) in zip(axes, series, strict=True):
-        for index, (x, deviation) in enumerate(data):
-            line = LINES[index % len(LINES)] if name == "block" else "none"
-            axis.plot(x, deviation, ".", linestyle=line, color=INK, markersize=4)
-        axis.axhline(0, color=FAINT, linewidth=0.8)
-        axis.set_xlabel(name)
-        if name == "block":
-            axis.xaxis.set_major_locator(FixedLocator(sorted({place for x, _ in data for place in x})))
-            axis.xaxis.set_minor_locator(NullLocator())
-            axis.xaxis.set_major_formatter(ScalarFormatter())
-    axes[0].set_ylabel("sentinel, deviation\nfrom its median [%]")
-    return figure
-
-
-def _deviations(samples: Iterable[tuple[Any, float, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(place, deviation from the median in percent) of each machine, from (machine, place, seconds)."""
-    machines: dict[Any, list[tuple[float, float]]] = {}
-    for machine, place, seconds in samples:
-        machines.setdefault(machine, []).append((float(place), float(seconds)))
-    found = []
-    for pairs in machines.values():
-        places, seconds = np.array(sorted(pairs)).T
-        found.append((places, 100 * (seconds / np.median(seconds) - 1)))
-    return found

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from harness.analysis import Analysis
 from harness.report.plots import stability
 from harness.report.plots.accelerator_tradeoff import build_against_traverse
-from harness.report.plots.bars import phase_bars, quality_bars, sentinel_drift, thread_speedups
+from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
 from harness.report.plots.curves import error_curves, pareto, shows_slopes, target_ecdf
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
@@ -21,7 +21,7 @@ from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, 
 
 OF_ALL_SCENES = (
     "targets-over-time", "speed-up-over-threads", "build-against-traverse", "cost-over-primitives",
-    "cost-over-resolution", "sentinel",
+    "cost-over-resolution",
 )  # fmt: skip
 
 
@@ -81,9 +81,6 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
         Sketch("cost-over-resolution", "Cost over resolution and samples",
                "Time of a path over the pixels of the image, and over the samples per pixel so far: flat where cost grows "
                "in proportion.", lambda: cost_over_pixels(analysis, palette)),
-        Sketch("sentinel", "Drift of the machine",
-               "Time of a fixed kernel through the run, as deviation from its median in percent.",
-               lambda: sentinel_drift(analysis)),
         *stability.sketches(analysis.results.check_results),
     ]  # fmt: skip
 

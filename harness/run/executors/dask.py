@@ -22,7 +22,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,6 @@ from harness.config import paths
 from harness.hashing import digest
 from harness.measure import machine, memory
 from harness.measure.pool import Pool, WorkerFailed, WorkerMessage, WorkerTimeout
-from harness.measure.sentinel import sentinel_seconds
 from harness.plan.cells import Cell
 from harness.plan.state import expected_seconds
 from harness.run.recorder import CellRecord, Recorder
@@ -61,8 +59,6 @@ class CellResult:
 
     environment: Mapping[str, Any]
     address: str
-    sentinel: float = 0.0
-    block_sentinel: float = 0.0
     messages: list[WorkerMessage] = field(default_factory=list)
     error: Exception | None = None
     wall_seconds: float = 0.0
@@ -76,19 +72,16 @@ class CellResult:
 
 
 def measure_cell(
-    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, first: bool, most_bytes: int | None,
-    share: float,
+    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, most_bytes: int | None, share: float,
 ) -> CellResult:  # fmt: skip
-    """Measures a cell on the machine that runs this. `first` of a block takes the sentinel's median, too.
+    """Measures a cell on the machine that runs this.
 
     Without a limit of memory, `most_bytes`, it gets that `share` of the machine's which its place has.
     """
     from distributed import get_worker
 
     result = CellResult(machine.environment(), get_worker().address)
-    if first:
-        result.block_sentinel = median(sentinel_seconds() for _ in range(3))
-    began, result.sentinel = monotonic(), sentinel_seconds()
+    began = monotonic()
     with TemporaryFolder() as folder:
         log = Path(folder) / "worker.log"
         with Pool(allow_imports, log, most_bytes or memory.default_limit(share)) as pool:
@@ -124,6 +117,7 @@ class Task:
     cell: Cell
     rest: list[Cell]
     address: str | None
+    attempt: int
 
 
 class Cluster:
@@ -190,15 +184,16 @@ class Cluster:
             yield from found
 
     def measure(self, recorder: Recorder) -> None:
-        """Measures what a run has left to do."""
-        Blocks(recorder, self).run()
+        """Measures what a run has left to do, and contended cells again."""
+        Blocks(recorder, self, recorder.ready()).run()
+        known = {*self.machines()}
+        for cells in recorder.contended_again(lambda event: event.get("worker") in known):
+            Blocks(recorder, self, cells, again=True).run()
 
-    def submit(
-        self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float, first: bool
-    ) -> Future:  # fmt: skip
+    def submit(self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float) -> Future:
         """Gives a cell to a machine, or with that share of it to any."""
         return self.client.submit(
-            measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports, first,
+            measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports,
             self._most_bytes, share, workers=[address] if address else None, resources={RESOURCE: share}, pure=False,
             retries=MOST_LOSSES,
         )  # fmt: skip
@@ -237,19 +232,29 @@ def _result(future: Future) -> Any:
 
 
 class Blocks:
-    """The cells of a sweep on their way through a cluster."""
+    """Cells of a sweep on their way through a cluster. Those that are measured `again` go to the machine that measured them,
+    or stay as they are where it is gone."""
 
-    def __init__(self, recorder: Recorder, cluster: Cluster) -> None:
-        self.recorder, self.cluster = recorder, cluster
+    def __init__(self, recorder: Recorder, cluster: Cluster, cells: Iterable[Cell], again: bool = False) -> None:
+        self.recorder, self.cluster, self.again = recorder, cluster, again
         self.timed = recorder.plan.experiment.timing
-        self.left = {cell.cell_id: cell for cell in recorder.ready()}
+        self.left = {cell.cell_id: cell for cell in cells}
         self.total = len(self.left)
-        self.waiting = deque(_by_block(self.left.values()) if self.timed else [[cell] for cell in self.left.values()])
+        self.waiting = deque(self._together(self.left.values()) if self.timed else [[cell] for cell in self.left.values()])
         self.machines: Mapping[str, Mapping[str, Any]] = {}
         self.tasks: dict[Future, Task] = {}
         self.losses: Counter[str] = Counter()
-        self.begun: set[tuple[str | None, int]] = set()
-        """(machine, block) whose sentinel is known."""
+
+    def _together(self, cells: Iterable[Cell]) -> list[list[Cell]]:
+        """Cells that one machine measures one after the other: those of a block, and of one machine where it matters."""
+        found: dict[tuple[int, str | None], list[Cell]] = {}
+        for cell in cells:
+            found.setdefault((cell.block, self._home(cell)), []).append(cell)
+        return list(found.values())
+
+    def _home(self, cell: Cell) -> str | None:
+        """The machine that must measure a cell; None: any."""
+        return self.recorder.latest[cell.cell_id].get("worker") if self.again else None
 
     def run(self) -> None:
         """Until every cell has an event; where the run is to stop, until those under way have one."""
@@ -269,7 +274,7 @@ class Blocks:
             self.cluster.client.cancel(list(self.tasks))
 
     def _look(self) -> None:
-        """Sees which machines there are, and takes back the cells that only a machine that is gone may measure."""
+        """Sees which machines there are, and takes back the cells that only a machine that is gone was to measure."""
         before, self.machines = self.machines, self.cluster.present()
         for address in before.keys() - self.machines.keys():
             self.recorder.listener.note(f"{address} is gone: its cells are measured elsewhere")
@@ -277,13 +282,15 @@ class Blocks:
             if task.address is not None and task.address not in self.machines and not future.done():
                 future.cancel()
                 self._lost(self.tasks.pop(future))
+        if self.again:
+            self.waiting = deque(cells for cells in self.waiting if self._home(cells[0]) in self.machines)
 
     def _lost(self, task: Task) -> None:
-        self.begun.discard((task.address, task.cell.block))
         self.losses[task.cell.cell_id] += 1
         cells = [task.cell, *task.rest]
         if self.losses[task.cell.cell_id] >= MOST_LOSSES:
-            self._failed(cells.pop(0), f"{MOST_LOSSES} machines were lost while they measured this cell")
+            message = f"{MOST_LOSSES} machines were lost while they measured this cell"
+            self._failed(cells.pop(0), message, task.attempt)
         if cells:
             self.waiting.appendleft(cells)
 
@@ -301,24 +308,34 @@ class Blocks:
             )
         else:
             places = [None] * (sum(info["nthreads"] for info in self.machines.values()) - len(self.tasks))
-        cells = [] if self.recorder.stopped else [self.waiting.popleft() for _ in places[: len(self.waiting)]]
-        return [self._start(each, address) for each, address in zip(cells, places, strict=False)]
+        if self.recorder.stopped:
+            return []
+        found = [(address, self._next(address)) for address in places]
+        return [self._start(cells, address) for address, cells in found if cells]
+
+    def _next(self, address: str | None) -> list[Cell]:
+        """Takes the first waiting cells that the machine, or another worker on its host, may measure; none without any."""
+        for cells in self.waiting:
+            home = self._home(cells[0])
+            if home is None or (address and self.machines[address]["host"] == self.machines[home]["host"]):
+                self.waiting.remove(cells)
+                return cells
+        return []
 
     def _start(self, cells: Sequence[Cell], address: str | None) -> Future:
         cell, *rest = cells
-        self.recorder.begin(cell)
-        first = self.timed and (address, cell.block) not in self.begun
-        self.begun.add((address, cell.block))
+        attempt = self.recorder.next_attempt(cell) if self.again else 1
+        self.recorder.begin(cell, attempt)
         fewest = min((info["nthreads"] for info in self.machines.values()), default=1)
         share = 1.0 if self.timed else 1.0 / max(1, fewest // max(1, cell.settings["threads"]))
         request = cell.request(self.recorder.plan.experiment.checkpoints)
-        future = self.cluster.submit(cell, request, address, share, first)
-        self.tasks[future] = Task(cell, rest, address)
+        future = self.cluster.submit(cell, request, address, share)
+        self.tasks[future] = Task(cell, rest, address, attempt)
         return future
 
-    def _failed(self, cell: Cell, message: str) -> None:
+    def _failed(self, cell: Cell, message: str, attempt: int) -> None:
         del self.left[cell.cell_id]
-        self.recorder.finish(cell, self.recorder.event(cell, "failed", message))
+        self.recorder.finish(cell, {**self.recorder.event(cell, "failed", message), "attempt": attempt})
 
     def _finish(self, future: Future) -> list[Future]:
         """Records what a machine has sent, and goes on with the cell that follows there."""
@@ -327,27 +344,23 @@ class Blocks:
             self._lost(task)
             return []
         try:
-            self._record(task.cell, _result(future))
+            self._record(task, _result(future))
         except WorkerFailed as error:
-            self._failed(task.cell, str(error))
+            self._failed(task.cell, str(error), task.attempt)
         if not task.rest or self.recorder.stopped:
             return []
         return [self._start(task.rest, task.address)]
 
-    def _record(self, cell: Cell, result: CellResult) -> None:
-        recorder = self.recorder
+    def _record(self, task: Task, result: CellResult) -> None:
+        recorder, cell = self.recorder, task.cell
         env_id = digest(result.environment)
         recorder.record_environment(env_id, result.environment)
-        if result.block_sentinel:
-            recorder.append({
-                "event": "sentinel", "block": cell.block, "seconds": result.block_sentinel, "env_id": env_id,
-            })  # fmt: skip
         if result.log:
             with (recorder.folder / "worker.log").open("ab") as file:
                 file.write(result.log)
         recorder.listener.cell(cell, self.total - len(self.left), self.total, self._seconds_left())
         del self.left[cell.cell_id]
-        event = recorder.measured_as(CellRecord(recorder, cell, env_id), result.again(), result.sentinel)
+        event = recorder.measured_as(CellRecord(recorder, cell, env_id, task.attempt), result.again())
         if not self.timed:
             event["machine"] = {**event["machine"], "contended": True}
         recorder.finish(cell, {**event, "wall_seconds": result.wall_seconds, "worker": result.address})
@@ -355,10 +368,3 @@ class Blocks:
     def _seconds_left(self) -> float:
         seconds = sum(seconds for seconds, _ in expected_seconds(self.left.values(), self.recorder.latest).values())
         return seconds / max(1, len(self.tasks) if self.timed else len(self.machines))
-
-
-def _by_block(cells: Iterable[Cell]) -> list[list[Cell]]:
-    found: dict[int, list[Cell]] = {}
-    for cell in cells:
-        found.setdefault(cell.block, []).append(cell)
-    return list(found.values())

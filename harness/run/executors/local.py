@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import closing
-from statistics import median
 from time import monotonic
 
 from harness.measure.pool import Pool
-from harness.measure.sentinel import sentinel_seconds
+from harness.plan.cells import Cell
 from harness.plan.state import expected_seconds
 from harness.run.recorder import CellRecord, Recorder
 
 
 def measure(recorder: Recorder, pool: Pool) -> None:
-    """Measures cell after cell; every block begins with fresh workers and a sentinel."""
-    todo = recorder.ready()
+    """Measures cell after cell, and contended ones again; every block begins with fresh workers."""
+    _measure(recorder, pool, recorder.ready(), again=False)
+    for cells in recorder.contended_again(lambda event: event["env_id"] == recorder.env_id):
+        _measure(recorder, pool, cells, again=True)
+
+
+def _measure(recorder: Recorder, pool: Pool, cells: Sequence[Cell], again: bool) -> None:
     checkpoints = recorder.plan.experiment.checkpoints
     block = None
-    for number, cell in enumerate(todo):
+    for number, cell in enumerate(cells):
         if recorder.stopped:
             return
         if cell.block != block:
             block = cell.block
             pool.renew()
-            seconds = median(sentinel_seconds() for _ in range(3))
-            recorder.append({"event": "sentinel", "block": block, "seconds": seconds})
-        left = expected_seconds(todo[number:], recorder.latest)
-        recorder.listener.cell(cell, number, len(todo), sum(seconds for seconds, _ in left.values()))
-        recorder.begin(cell)
-        began, sentinel = monotonic(), sentinel_seconds()
-        record = CellRecord(recorder, cell, recorder.env_id)
+        left = expected_seconds(cells[number:], recorder.latest)
+        recorder.listener.cell(cell, number, len(cells), sum(seconds for seconds, _ in left.values()))
+        attempt = recorder.next_attempt(cell) if again else 1
+        recorder.begin(cell, attempt)
+        began = monotonic()
+        record = CellRecord(recorder, cell, recorder.env_id, attempt)
         with closing(pool.cell(cell.engine, cell.request(checkpoints), cell.budget.timeout_seconds)) as messages:
-            event = recorder.measured_as(record, messages, sentinel)
+            event = recorder.measured_as(record, messages)
         recorder.finish(cell, {**event, "wall_seconds": monotonic() - began})
