@@ -9,6 +9,7 @@ from harness import config, store
 from harness.analysis import analyse
 from harness.plan import planner
 from harness.report.html.assembly import headlines
+from harness.report.plots.panels import facets
 from harness.report.tables import all_tables
 from tests.harness import sweeping
 from tests.harness.test_races import contestant, results, twins, verdicts
@@ -97,6 +98,7 @@ def test_divisions_are_ranked_apart_and_never_compared(tmp_path):
     assert rows.loc["other open"].baseline == "embree open" and rows.loc["other open"].verdict == "slower"
     lines = {(line["scene"], line["winner"]) for line in headlines(analyse(found)) if line["target"] == "0.01"}
     assert lines == {("hall closed division", "numba closed"), ("hall open division", "embree open")}
+    assert [facet.title for facet in facets(analyse(found).verdicts)] == ["closed division", "open division"]
     assert "division" in {column.name for column in all_tables(analyse(found))[0].columns}
 
 

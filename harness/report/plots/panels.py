@@ -53,7 +53,10 @@ def panels(analysis: Analysis) -> list[Panel]:
 
 
 def facets(verdicts: list[Verdict]) -> list[Facet]:
-    """One facet if the curves are few; else one for each value of the first axis that splits them well."""
+    """One facet if the curves are few; else one for each value of the first axis that splits them well. Divisions are split."""
+    if len(divisions := sorted({v.contender.settings.division for v in verdicts})) > 1:
+        return [Facet(f"{division} division {facet.title}".strip(), facet.verdicts) for division in divisions
+                for facet in facets([v for v in verdicts if v.contender.settings.division == division])]  # fmt: skip
     if len(verdicts) <= MOST_CURVES:
         return [Facet("", verdicts)]
     for axis in FACET_AXES:
