@@ -48,7 +48,7 @@ def build(contender: Contender) -> Estimate:
 
 def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
     """Every member of every family; none of its ratios of a contender with a flag that disqualifies it."""
-    unfit = {id(verdict.contender) for verdict in analysis.verdicts if verdict.disqualified()}
+    unfit = {id(verdict.contender) for verdict in analysis.verdicts if verdict.disqualified}
     for family in families(analysis.results):
         first, *others = family
         yield BreakEven(first, None, build(first), microseconds_a_path(first), None, None)

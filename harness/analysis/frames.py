@@ -15,7 +15,7 @@ import pandas as pd
 
 from harness.analysis import races
 from harness.analysis.columns import Column, Table
-from harness.analysis.model import FLAGS, OF_THE_CLOCK, OF_THE_ESTIMATOR, Analysis, Verdict
+from harness.analysis.model import FLAGS, OF_THE_ESTIMATOR, OF_THE_TIME, Analysis, Verdict
 from harness.analysis.verdicts import analyse
 from harness.metrics import METRIC_MEANINGS
 from harness.store.results import PHASES, Event, Results, load_results, phase_seconds, settings_of
@@ -183,7 +183,7 @@ def cells(results: Results) -> Table:
 def verdicts(analysis: Analysis) -> Table:
     """One row a scene, target and contestant."""
     flags = "; ".join(f"{name}: {words}" for name, words in FLAGS.items())
-    allowed, allowed_open = (" and ".join(sorted(names)) for names in (OF_THE_CLOCK, OF_THE_ESTIMATOR))
+    allowed, allowed_open = (", ".join(sorted(names)) for names in (OF_THE_TIME, OF_THE_ESTIMATOR))
     margin = f"{100 * races.margin(analysis.results):g} %"
     table = Table(
         "verdicts", "Verdicts", "One row a scene, target and contestant that has a measured cell.",

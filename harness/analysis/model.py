@@ -26,9 +26,8 @@ FLAGS = {
     NOISY: "reference too noisy for the target",
 }
 """What a reader of a verdict must know: name -> words."""
-OF_THE_CLOCK = frozenset({"contended", "own_clock"})
-"""Flags that leave a contestant in the rankings. All others say that its image, or the error it claims, is not to be
-trusted."""
+OF_THE_TIME = frozenset({"contended", "own_clock", NOISY})
+"""Flags that leave a contestant in the rankings. All others say that its image, or the error it claims, is wrong."""
 OF_THE_ESTIMATOR = frozenset({"other_image", "too_good_per_sample"})
 """Flags that leave a contestant of the open division in its ranking: there another estimator is no offence."""
 
@@ -68,15 +67,15 @@ class Verdict:
         """Cells that failed or ran out of time."""
         return sum(cell["state"] in ("failed", "timeout") for cell in self.contender.cells)
 
-    def disqualified(self, index: int | None = None) -> bool:
-        """Whether a flag keeps it out of the ranking on the target of `index`, or out of that of seconds per sample."""
-        allowed = OF_THE_CLOCK | OF_THE_ESTIMATOR if self.contender.settings.division == "open" else OF_THE_CLOCK
-        return bool(set(self.flags_of(index)) - allowed)
+    @property
+    def disqualified(self) -> bool:
+        """Whether a flag keeps it out of all rankings of its division."""
+        allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contender.settings.division == "open" else OF_THE_TIME
+        return bool(set(self.flags) - allowed)
 
-    def flags_of(self, index: int | None = None) -> list[str]:
+    def flags_of(self, index: int) -> list[str]:
         """The flags, with those of the time to the target of `index`."""
-        noisy = index is not None and not self.warm[index].reliable
-        return [*self.flags, *([NOISY] if noisy else [])]
+        return [*self.flags, *([] if self.warm[index].reliable else [NOISY])]
 
     @property
     def warnings(self) -> list[str]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from harness.analysis.model import Analysis, Verdict, raced_together, seconds_per_sample
 from harness.metrics import as_error
 from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
+from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.ratios import MARGIN
 from harness.store.results import Contender, Results
 
@@ -29,13 +30,13 @@ def run_races(analysis: Analysis) -> None:
     Contestants with a flag that disqualifies them are left out.
     """
     groups = list(raced_together(analysis.verdicts).values())
-    logs = {index: [_logs([_bounds(verdict, index) for verdict in group]) for group in groups]
+    logs = {index: [_logs([_bounds(analysis.results, verdict, index) for verdict in group]) for group in groups]
             for index in (None, *range(len(analysis.results.targets)))}  # fmt: skip
     twins = [_twins([verdict.contender for verdict in group]) for group in groups]
     distances: dict[int | None, dict[str, list[float]]] = {}
-    for at, (group, pairs) in enumerate(zip(groups, twins, strict=True)):
+    for group, pairs in zip(groups, twins, strict=True):
         for pair in pairs or [None]:
-            own = [twin_distance(*found[at], *pair) if pair else math.nan for found in logs.values()]
+            own = [_distance([group[row] for row in pair], index) if pair else math.nan for index in logs]
             for index, distance in zip(logs, [own[0], *_filled(own[1:])], strict=True):
                 distances.setdefault(index, {}).setdefault(group[0].contender.settings.scene, []).append(distance)
     for index, scenes in distances.items():
@@ -50,6 +51,18 @@ def run_races(analysis: Analysis) -> None:
                 _leave_unresolved(group, index)
 
 
+def _distance(pair: Sequence[Verdict], index: int | None) -> float:
+    """|ln ratio| of twins. The reference's noise moves the times of both alike, so these are taken as they are found."""
+    if index is None:
+        return twin_distance(*_logs([_per_sample(verdict.contender) for verdict in pair]), 0, 1)
+    times = [zip(verdict.contender.runs, verdict.warm[index].crossings, strict=True) for verdict in pair]
+    return twin_distance(*_logs([{cell["block"]: bound for cell, bound in one} for one in times]), 0, 1)
+
+
+def _per_sample(contender: Contender) -> dict[int, Bound]:
+    return {block: Bound(seconds, seconds) for block, seconds in seconds_per_sample(contender).items()}
+
+
 def _filled(distances: Sequence[float]) -> list[float]:
     """Distances of twins on targets, the easiest first. Where the twins did not get there, or were there at once, that of the
     nearest easier target that was timed stands in, else of the nearest harder one."""
@@ -62,7 +75,7 @@ def _run(
     analysis: Analysis, group: list[Verdict], index: int | None, low: Logs, high: Logs, twins: list[tuple[int, int]]
 ) -> None:  # fmt: skip
     scene = group[0].contender.settings.scene
-    rows = {id(verdict.contender): row for row, verdict in enumerate(group) if not verdict.disqualified(index)}
+    rows = {id(verdict.contender): row for row, verdict in enumerate(group) if not verdict.disqualified}
     compared = [(rows[id(v.contender)], rows[id(v.against)]) for v in group
                 if id(v.contender) in rows and id(v.against) in rows]  # fmt: skip
     ranked = np.array([id(v.contender) in rows and not v.contender.settings.label for v in group])
@@ -91,7 +104,7 @@ def _leave_unresolved(group: Sequence[Verdict], index: int | None) -> None:
             verdict.quality_speedups[index] = unresolved
     if index is not None and any(verdict.possible_winner[index] for verdict in group):
         for verdict in group:
-            verdict.possible_winner[index] = not verdict.disqualified(index) and not verdict.contender.settings.label
+            verdict.possible_winner[index] = not verdict.disqualified and not verdict.contender.settings.label
 
 
 def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> dict[str, Any]:
@@ -99,14 +112,22 @@ def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> 
     own = np.array([verdict.warm[index].reading if index is not None else "" for verdict in group])
     if len(set(own)) < 2 or index is None:
         return {}
-    target = as_error(results.metric, results.targets[index])
     ways: tuple[Reading, Reading] = ("interpolated", "first")
-    read = [[_crossings(results, verdict.contender, target, way) for verdict in group] for way in ways]
+    read = [[_crossings(results, verdict, index, way) for verdict in group] for way in ways]
     return {"readings": [_logs(bounds) for bounds in read], "mixed": own[:, None] != own}
 
 
-def _crossings(results: Results, contender: Contender, target: float, reading: Reading) -> dict[int, Bound]:
-    return {cell["block"]: crossing_seconds(results.curve(cell), target, reading).x for cell in contender.runs}
+def _crossings(results: Results, verdict: Verdict, index: int, reading: Reading) -> dict[int, Bound]:
+    """Block -> seconds to a target. What the reference's noise may have moved is known less well: by three of its standard
+    errors, for times go as the inverse of the error at the most."""
+    target = as_error(results.metric, results.targets[index])
+    found = {cell["block"]: crossing_seconds(results.curve(cell), target, reading) for cell in verdict.contender.runs}
+    if verdict.warm[index].reliable:
+        return {block: crossing.x for block, crossing in found.items()}
+    rooms = {block: max(1 - NOISE_ERRORS * crossing.noise, 0.0) if crossing.noise < math.inf else 0.0
+             for block, crossing in found.items()}  # fmt: skip
+    return {block: Bound(x.low * rooms[block], x.high / rooms[block] if rooms[block] else math.inf)
+            for block, (x, _, _) in found.items()}  # fmt: skip
 
 
 def sample_floors(results: Results) -> dict[str, float]:
@@ -114,7 +135,7 @@ def sample_floors(results: Results) -> dict[str, float]:
     own: dict[str, list[float]] = {scene: [] for scene in results.scenes}
     for one, other in _twins(results.contenders):
         pair = [results.contenders[at] for at in (one, other)]
-        logs = _logs([{b: Bound(s, s) for b, s in seconds_per_sample(contender).items()} for contender in pair])
+        logs = _logs([_per_sample(contender) for contender in pair])
         own[pair[0].settings.scene].append(twin_distance(*logs, 0, 1))
     everyone = [distance for found in own.values() for distance in found]
     return {scene: noise_floor(found, everyone) for scene, found in own.items()}
@@ -144,11 +165,11 @@ def _twins(contenders: Sequence[Contender]) -> list[tuple[int, int]]:
     return [(one, other) for one, other in found if one is not None]
 
 
-def _bounds(verdict: Verdict, index: int | None) -> Mapping[int, Bound]:
+def _bounds(results: Results, verdict: Verdict, index: int | None) -> Mapping[int, Bound]:
     """Block -> seconds to the target of `index`, or seconds per sample."""
     if index is not None:
-        return {cell["block"]: bound for cell, bound in zip(verdict.contender.runs, verdict.warm[index].crossings, strict=True)}
-    return {block: Bound(seconds, seconds) for block, seconds in seconds_per_sample(verdict.contender).items()}
+        return _crossings(results, verdict, index, verdict.warm[index].reading)
+    return _per_sample(verdict.contender)
 
 
 def _logs(bounds: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:

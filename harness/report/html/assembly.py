@@ -13,7 +13,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.analysis import Analysis, equivalence, reports_its_time
-from harness.analysis.model import FLAGS, Verdict, possible_winners
+from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Plot
@@ -67,7 +67,8 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
     line = {
         "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
-        "left_out": [_with_flags(verdict, index) for verdict in panel.verdicts if verdict.disqualified(index)],
+        "left_out": [f"{v.contender.name} ({', '.join(v.warnings)})" for v in panel.verdicts if v.disqualified],
+        "noisy": sum(NOISY in verdict.flags_of(index) for verdict in panel.verdicts if not verdict.disqualified),
     }  # fmt: skip
     found = possible_winners(panel.verdicts, index)
     if len(found) != 1:
@@ -77,11 +78,6 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
         "alone": line["out_of"] - len(line["left_out"]) == 1, "winner": best.contender.name, "flags": best.warnings,
         "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
     }  # fmt: skip
-
-
-def _with_flags(verdict: Verdict, index: int) -> str:
-    words = [*verdict.warnings, *(FLAGS[flag] for flag in verdict.flags_of(index) if flag not in verdict.flags)]
-    return f"{verdict.contender.name} ({', '.join(words)})"
 
 
 def colour_maps() -> dict[str, list[list[int]]]:

@@ -83,7 +83,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     floor = analysis.floor(panel.scene)
     beaten_by = math.exp(-floor)  # a lead within the noise floor is none
     bounds = np.array([[beaten_by * point.time.low, point.time.high, *point.error[1:3]] for point in points])
-    fit = np.array([not point.verdict.disqualified() for point in points])
+    fit = np.array([not point.verdict.disqualified for point in points])
     bounds[~fit] = math.nan
     front = pareto_front(*bounds.T)
     figure = new_figure(7.2, 4.6)

@@ -13,7 +13,7 @@ from engines.errors import ConfigError
 from harness.analysis import analyse, seconds_per_sample
 from harness.analysis.columns import Column, Table
 from harness.analysis.equivalence import Replicates, common_spp, margins_of
-from harness.analysis.model import FLAGS, OF_THE_CLOCK
+from harness.analysis.model import FLAGS, OF_THE_TIME
 from harness.analysis.races import margin
 from harness.metrics import metric_title
 from harness.statistics import (
@@ -230,7 +230,7 @@ def _errors(side: Sessions, old: Sessions, new: Sessions) -> dict[int, float]:
 def _flags_of(side: Iterable[Results]) -> dict[int, set[str]]:
     """Flags of contestants' images, by the contestant's `id`."""
     verdicts = (verdict for results in side for verdict in analyse(results).verdicts)
-    return {id(verdict.contender): set(verdict.flags) - OF_THE_CLOCK for verdict in verdicts}
+    return {id(verdict.contender): set(verdict.flags) - OF_THE_TIME for verdict in verdicts}
 
 
 def _image_row(
