@@ -4,20 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from engines.choices import SAMPLERS as KNOWN_SAMPLERS
 from engines.choices import SHADERS, Option, integer, one_of, resolve
 from engines.errors import Unsupported
-from engines.interface import Renderer, Settings
+from engines.interface import FullPattern, Renderer, Settings
 from engines.mitsuba import library
 from engines.mitsuba.description import scene_lacks
+from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
 from engines.scene import Scene
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
 }
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
-_PATTERN = {"sample_count": Option(64, "samples a pixel in one pattern", integer(1, 65_536))}
+
+
+def _count_or_none(value: Any) -> str | None:
+    wrong = integer(1, LARGEST)(value)
+    return None if value is None or wrong is None else f"{wrong}, or null"
+
+
+_MEANING = f"samples a pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
+_PATTERN = {"sample_count": Option(None, _MEANING, _count_or_none)}
 SAMPLERS: dict[str, dict[str, Option]] = {
     "independent": {}, "multijitter": _PATTERN, "orthogonal": _PATTERN, "ldsampler": _PATTERN,
 }  # fmt: skip
@@ -29,8 +39,10 @@ NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lo
 class Engine:
     """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32.
 
-    With `on_pass`, `stop` is heard after every sample a pixel. Without, it is heard between kernel launches: half a second,
-    or twenty times as long as recording one takes where surfaces are many. Shorter launches would make the peer look slow.
+    With `on_pass`, `stop` is heard after every sample a pixel, or where the sampler has patterns, every sixteen. Without, it
+    is heard between kernel launches: a second and a half, or seventy times as long as recording one takes where
+    surfaces are many; and of patterns as long as it takes to trace four million paths, or a whole pattern of one pixel.
+    Shorter launches would make the peer look slow. A pattern that `stop` ends between its launches is dropped.
     """
 
     name = "mitsuba"
@@ -42,7 +54,7 @@ class Engine:
 
     @property
     def version(self) -> str:
-        return f"1+{library.version()}"
+        return f"2+{library.version()}"
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         return ACCELERATORS
@@ -50,6 +62,10 @@ class Engine:
     def samplers(self) -> Mapping[str, Mapping[str, Option]]:
         """Samplers of Mitsuba's own."""
         return SAMPLERS if self.variant == library.LLVM else {"independent": {}}
+
+    def full_pattern(self, sampler: Mapping[str, Any], spp: int) -> FullPattern | None:
+        """See `engines.interface.HasPatterns` and `engines.mitsuba.patterns.full_pattern`."""
+        return full_pattern(sampler, spp)
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
         try:

@@ -58,7 +58,7 @@ class Renderer:
             target = self._passes.done + spp
             while self._passes.done < target:
                 with self._active():  # rays that other threads trace come between passes
-                    samples = min(1 if on_pass else self._passes.step(), target - self._passes.done)
+                    samples = self._passes.step(target - self._passes.done, on_pass is not None)
                     whole = self._passes.render(samples)
                 if on_pass is not None and whole:
                     self._fill()
@@ -75,8 +75,7 @@ class Renderer:
     def stop(self) -> None:
         """Ends a running `render` after its pass, which in the scalar variant is cut short and dropped."""
         self._stop.set()
-        if isinstance(self._passes, Passes):
-            self._passes.cancel()
+        self._passes.cancel()
 
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         """Takes another camera or other shapes: loads the scene anew, and restarts the film."""

@@ -37,7 +37,7 @@ class Passes:
         self.done = 0
         self._film = Film(width, height)
 
-    def step(self) -> int:
+    def step(self, left: int, seen: bool) -> int:
         """Samples a pixel after which `stop` is heard."""
         return 1
 

@@ -1,6 +1,6 @@
 """The radiance along a ray in Mitsuba's wavefront: its own path integrator, and the transport rules that it lacks.
 
-Each maker gives a function (sampler, ray) -> colour; what it does is recorded once and compiled. Whitted's tree of
+Each maker gives a function (sampler, ray, active) -> colour; what it does is recorded once and compiled. Whitted's tree of
 rays is walked along one branch a sample, chosen as the dielectric samples it, which has the tree's expected value.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 
 from engines.mitsuba.stage import Stage, far_corner, listed_emitters
 
-Radiance = Callable[[Any, Any], Any]
+Radiance = Callable[[Any, Any, Any], Any]
 
 
 def path_node(options: Any) -> dict[str, Any]:
@@ -22,8 +22,8 @@ def path_node(options: Any) -> dict[str, Any]:
 def path_tracer(stage: Stage) -> Radiance:
     integrator = stage.mi.load_dict(path_node(stage.settings.shader.options))
 
-    def radiance(sampler: Any, ray: Any) -> Any:
-        return integrator.sample(stage.loaded, sampler, ray)[0]
+    def radiance(sampler: Any, ray: Any, active: Any) -> Any:
+        return integrator.sample(stage.loaded, sampler, ray, active=active)[0]
 
     return radiance
 
@@ -57,7 +57,7 @@ def _direct(stage: Stage, max_depth: int) -> Radiance:
             total += dr.select(seen, value * weight, 0.0)
         return dr.select(smooth, total, 0.0)
 
-    def radiance(sampler: Any, ray: Any) -> Any:
+    def radiance(sampler: Any, ray: Any, active: Any) -> Any:
         def go_on(sampler: Any, ray: Any, light: Any, weight: Any, depth: Any, active: Any) -> Any:
             return active
 
@@ -76,7 +76,7 @@ def _direct(stage: Stage, max_depth: int) -> Radiance:
             ray = dr.select(active, si.spawn_ray(si.to_world(sample.wo)), ray)
             return sampler, ray, light, weight, depth + 1, active
 
-        state = (sampler, mi.Ray3f(ray), mi.Color3f(0.0), mi.Color3f(1.0), mi.UInt32(0), mi.Bool(True))
+        state = (sampler, mi.Ray3f(ray), mi.Color3f(0.0), mi.Color3f(1.0), mi.UInt32(0), mi.Bool(active))
         return dr.while_loop(state, go_on, step, labels=("sampler", "ray", "light", "weight", "depth", "active"))[2]
 
     return radiance
@@ -85,10 +85,10 @@ def _direct(stage: Stage, max_depth: int) -> Radiance:
 def depth_map(stage: Stage) -> Radiance:
     mi, dr, corner = stage.mi, stage.dr, far_corner(stage)
 
-    def radiance(sampler: Any, ray: Any) -> Any:
+    def radiance(sampler: Any, ray: Any, active: Any) -> Any:
         if corner is None:
             return mi.Color3f(0.0)
-        si = stage.loaded.ray_intersect(ray)
+        si = stage.loaded.ray_intersect(ray, active)
         reach = 1.1 * dr.norm(mi.Point3f(*map(float, corner)) - ray.o)
         grey = dr.select(si.is_valid() & (reach > 0.0), dr.maximum(0.0, (reach - si.t) / reach), 0.0)
         return mi.Color3f(grey)
@@ -97,8 +97,8 @@ def depth_map(stage: Stage) -> Radiance:
 
 
 def albedo(stage: Stage) -> Radiance:
-    def radiance(sampler: Any, ray: Any) -> Any:
-        si = stage.loaded.ray_intersect(ray)
+    def radiance(sampler: Any, ray: Any, active: Any) -> Any:
+        si = stage.loaded.ray_intersect(ray, active)
         return stage.scale * si.bsdf().eval_diffuse_reflectance(si, si.is_valid())
 
     return radiance

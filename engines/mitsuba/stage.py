@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from engines.interface import Settings
 from engines.mitsuba.description import Description, Part, described, extent, sensor
 from engines.mitsuba.library import activate
+from engines.mitsuba.patterns import USUAL
 from engines.mitsuba.ply import write_ply
 from engines.scene import BLACK, Conductor, Material, Plane, Scene, Triple
 from engines.temporary import TemporaryFolder
@@ -106,7 +107,8 @@ def sampler_node(settings: Settings) -> dict[str, Any]:
     name, options = settings.sampler.name, settings.sampler.options
     if name == "random":
         name = "independent"
-    return {"type": name, "sample_count": options.get("strata", options.get("sample_count", 1))}
+    count = options.get("strata", options.get("sample_count"))
+    return {"type": name, "sample_count": count or (1 if name == "independent" else USUAL)}
 
 
 # ---- what shaders of ours ask of a scene -----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 import engines
 from engines import Settings, UnknownName
 from engines.mitsuba import Engine, ScalarEngine, library
+from engines.mitsuba.patterns import ROUNDED
 from engines.mitsuba.seeds import seed_of
 
 installed = pytest.mark.skipif(library.lacking(library.LLVM) is not None, reason=str(library.lacking(library.LLVM)))
@@ -98,16 +100,110 @@ def test_patterns_spread_their_samples():
 
 
 @installed
-@pytest.mark.parametrize("sampler", ["orthogonal", {"name": "multijitter", "sample_count": 4}])
-def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler):
+@pytest.mark.parametrize("lanes", [64, 1 << 22], ids=["bands", "whole"])
+@pytest.mark.parametrize("sampler", ["random", "orthogonal", {"name": "multijitter", "sample_count": 4}])
+def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler, lanes, monkeypatch):
+    """Also where a launch takes some pixels only, or some samples."""
     films = []
     for split in ((25,), (1, 3, 21)):
+        monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", lanes)
         renderer = Engine().prepare(_plain(), Settings(6, 5, sampler=sampler, seed=3))
         for spp in split:
             renderer.render(spp)
         films.append(renderer.film)
     for name in ("sums", "squares", "even_sums", "counts"):
         assert np.array_equal(getattr(films[0], name), getattr(films[1], name)), name
+    assert films[0].spp == 25
+
+
+@installed
+@pytest.mark.parametrize("name", sorted(ROUNDED))
+def test_a_whole_pattern_is_the_image_that_mitsuba_renders(name):
+    """Of the same seed, in one call of exactly as many samples: what is timed is the peer's own work."""
+    pattern = Engine().full_pattern({"name": name}, 10)
+    settings = Settings(24, 16, sampler=dict(pattern.sampler), seed=3, threads=2)
+    renderer = Engine().prepare(engines.load_scene("two_spheres"), settings)
+    stage = renderer._stage
+    integrator = stage.mi.load_dict({"type": "path", "max_depth": 16, "rr_depth": 5})
+    seed = seed_of(3, 0)
+    theirs = np.array(stage.mi.render(stage.loaded, integrator=integrator, spp=pattern.spp, seed=seed))
+    assert np.allclose(renderer.render(pattern.spp).mean(), theirs, rtol=1e-4, atol=1e-5)
+
+
+@installed
+@pytest.mark.parametrize("name", sorted(ROUNDED))
+def test_full_patterns_are_as_large_as_mitsuba_makes_them(name):
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    mi.set_log_level(mi.LogLevel.Error)
+    before = 0
+    for spp in (*range(1, 70), 100, 122, 257, 1000, 1025, 4096):
+        pattern = Engine().full_pattern({"name": name}, spp)
+        option = pattern.sampler["strata" if name == "stratified" else "sample_count"]
+        assert mi.load_dict({"type": name, "sample_count": option}).sample_count() == pattern.spp
+        assert Engine().full_pattern(pattern.sampler, spp) == pattern
+        assert pattern.spp >= max(spp, before)
+        before = pattern.spp
+
+
+def test_a_chosen_pattern_is_repeated_and_the_largest_too():
+    def spp(sampler, wanted):
+        return Engine().full_pattern(sampler, wanted).spp
+
+    assert [spp({"name": "orthogonal", "sample_count": 20}, n) for n in (1, 25, 26)] == [25, 25, 50]
+    assert spp({"name": "multijitter", "sample_count": None}, 5) == 6
+    assert spp({"name": "stratified", "strata": 64}, 5) == 16
+    assert spp({"name": "stratified"}, 4097) == 8192
+    assert Engine().full_pattern({"name": "random"}, 5) is None
+
+
+@installed
+def test_a_pattern_that_stop_ends_is_dropped_whole(monkeypatch):
+    monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", 64)
+    renderer = Engine().prepare(_plain(), Settings(6, 5, sampler={"name": "multijitter", "sample_count": 16}))
+    renderer.render(16)
+    sums, passes = renderer.film.sums.copy(), renderer._passes
+    launch = passes._launch
+
+    def stopping(*given):
+        renderer.stop()
+        return launch(*given)
+
+    monkeypatch.setattr(passes, "_launch", stopping)
+    assert renderer.render(16).spp == 16
+    assert np.array_equal(renderer.film.sums, sums)
+    monkeypatch.undo()
+    assert renderer.render(16).spp == 32
+
+
+@installed
+def test_every_sample_of_every_pixel_has_a_stream_of_its_own():
+    import drjit as dr
+
+    from engines.mitsuba.streams import stream_sampler
+
+    mi, _ = library.activate(library.LLVM, 2)
+    lane = dr.arange(mi.UInt32, 1 << 16)
+    draws = np.array([stream_sampler(mi, dr, seed, lane & 255, lane >> 8).next_2d() for seed in (0, 1, 2**40)])
+    draws = draws.reshape(6, 256, 256).astype(float)
+    assert abs(draws.mean() - 0.5) < 5 / np.sqrt(12 * draws.size)
+    flat = draws.reshape(6, -1)
+    of_a_pixel = draws[0].T.ravel()
+    beside = (flat[0, 1:], flat[0, :-1]), (of_a_pixel[1:], of_a_pixel[:-1])
+    for one, other in (*pairwise(flat), *beside):
+        assert abs(np.corrcoef(one, other)[0, 1]) < 5 / 256
+
+
+@installed
+@pytest.mark.parametrize("size", [(1, 1), (9, 7), (5, 8), (2, 65)])
+def test_independent_samples_are_launched_in_strips_that_hold_every_pixel(size):
+    passes = Engine().prepare(_plain(), Settings(*size, sampler="random"))._passes
+    mi, dr = passes._stage.mi, passes._stage.dr
+    x, y = (np.array(of, int) for of in passes._from_strips(dr.arange(mi.UInt32, size[0] * size[1])))
+    assert sorted(y * size[0] + x) == list(range(size[0] * size[1]))
+    assert np.array_equal(passes._in_strips(mi.UInt32(y * size[0] + x)), np.arange(len(x)))
+    assert x[:16].max() <= 3  # a vector's lanes stay together
 
 
 def test_every_seed_and_pass_has_a_seed_of_its_own():
