@@ -100,6 +100,24 @@ def test_drift_that_a_pair_of_sessions_shows_is_no_change_between_several(before
     assert not any(row["regression"] for row in changes(old, new).rows)
 
 
+def test_the_machines_of_a_merged_folder_are_compared_one_by_one(before, tmp_path):
+    def merged(name, factor):
+        events = [json.loads(line) for line in (before / "events.jsonl").read_text().splitlines()]
+        for event in [event for event in events if event["event"] == "cell"]:
+            other = json.loads(json.dumps(event)) | {"env_id": "other", "cell_id": event["cell_id"] + "-other"}
+            for point in other["points"]:
+                point["seconds"] *= factor
+            events.append(other)
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
+        return load_results(tmp_path / name)
+
+    found = verdicts(changes([merged("old", 1.0)], [merged("new", 2.0)]), "seconds per sample")
+    assert {(name.split()[-1], verdict) for (_, name), verdict in found.items()} == {
+        ("env0", "unresolved"), ("other", "slower or drift"),
+    }  # fmt: skip
+
+
 def test_a_session_counts_once(before, tmp_path):
     copy = altered(before, tmp_path / "copy", lambda event: None)
     with pytest.raises(ConfigError, match=r"copy: has measurements of .*: a session counts once"):
