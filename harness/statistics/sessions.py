@@ -22,6 +22,8 @@ from harness.statistics.ratios import ALPHA, FEWEST_BLOCKS, LEAST_ERROR, MARGIN,
 
 FEWEST_SESSIONS = 3
 """Sessions a side below which the drift between them is not separated from a change."""
+ROUNDING = 1e-9
+"""Least standard error of a mean log ratio of errors, of which seeds decide all but the rounding."""
 
 
 class Change(NamedTuple):
@@ -73,11 +75,11 @@ def change_of_errors(before: Mapping[int, float], after: Mapping[int, float], se
     shared = sorted(ours.keys() & theirs.keys())
     if len(shared) >= FEWEST_BLOCKS:
         logs = _logs([theirs[seed] for seed in shared]) - _logs([ours[seed] for seed in shared])
-        return _change(float(logs.mean()), [_within(logs, 1)], sessions, True)
+        return _change(float(logs.mean()), [_within(logs, 1)], sessions, True, ROUNDING)
     if min(len(ours), len(theirs)) < FEWEST_BLOCKS:
         return Change(math.nan, math.nan, math.nan, sessions, False)
     sides = [_logs(list(side.values())) for side in (ours, theirs)]
-    return _change(float(sides[1].mean() - sides[0].mean()), [_within(logs, 1) for logs in sides], sessions, True)
+    return _change(float(sides[1].mean() - sides[0].mean()), [_within(logs, 1) for logs in sides], sessions, True, ROUNDING)
 
 
 def judge_changes(changes: Sequence[Change], margin: float = MARGIN) -> list[str]:
@@ -111,9 +113,11 @@ def _within(logs: NDArray[np.float64], sessions: int) -> tuple[float, int]:
     return float(logs.var(ddof=1)) / logs.size / sessions**2, logs.size - 1
 
 
-def _change(mean: float, shares: Sequence[tuple[float, int]], sessions: tuple[int, int], tested: bool) -> Change:
+def _change(
+    mean: float, shares: Sequence[tuple[float, int]], sessions: tuple[int, int], tested: bool, least: float = LEAST_ERROR
+) -> Change:  # fmt: skip
     """With the degrees of freedom of a sum of variances (Welch 1947, Satterthwaite 1946)."""
     variance = sum(share for share, _ in shares)
     spread = sum(share**2 / freedom for share, freedom in shares)
     freedom = variance**2 / spread if spread > 0 else float(min(freedom for _, freedom in shares))
-    return Change(mean, max(math.sqrt(variance), LEAST_ERROR) if variance >= 0 else math.nan, freedom, sessions, tested)
+    return Change(mean, max(math.sqrt(variance), least) if variance >= 0 else math.nan, freedom, sessions, tested)

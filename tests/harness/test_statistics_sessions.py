@@ -85,6 +85,7 @@ def test_errors_are_compared_seed_by_seed_however_many_sessions_repeat_them():
     worse = {seed: 1.2 * error for seed, error in before.items()}
     same, rise = (change_of_errors(before, after, (3, 3)) for after in (before, worse))
     assert judge_changes([same, rise]) == ["same", "rise"]
+    assert np.allclose(same.interval(), 0, atol=1e-6) and np.allclose(rise.interval(), math.log(1.2), atol=1e-6)
     elsewhere = {100 + seed: error for seed, error in worse.items()}
     assert judge_changes([change_of_errors(before, elsewhere, (1, 1))]) == ["unresolved"]
     assert not change_of_errors(before, {}, (1, 1)).tested
