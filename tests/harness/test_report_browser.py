@@ -49,7 +49,7 @@ def test_tables_that_matter_fit_a_1280_pixel_window(page, report, section):
 def test_engines_are_compared_in_words_and_numbers(page):
     lines = page.evaluate("Array.from(document.querySelectorAll('#equivalence li'), line => line.textContent)")
     assert len(lines) == 12 == page.evaluate("document.querySelectorAll('#table-equivalence tbody tr').length")
-    assert all("images of" in line and "%" in line for line in lines)
+    assert all("images at" in line and "%" in line for line in lines)
 
 
 def test_every_plot_is_visible(page):

@@ -85,11 +85,12 @@ def test_samples_that_are_not_finite_are_flagged_in_every_table_though_no_pixel_
     assert outcome.states == {"done": 4}
     analysis = analyse(load_results(tmp_path / "out"))
     verdicts = {v.contender.settings.engine: v for v in analysis.verdicts}
-    assert "bad_samples" in verdicts["spotty"].flags and not verdicts["steady"].flags
+    flags = {name: set(verdict.flags) - {"contended"} for name, verdict in verdicts.items()}  # the machine may be busy
+    assert flags == {"spotty": {"bad_samples"}, "steady": set()}
     shown = frames.verdicts(analysis).frame
     assert shown[shown.engine == "spotty"]["flags"].str.contains("bad_samples").all()
     rows = {row["contender"]: row["warnings"] for row in time_to_quality(analysis).rows}
-    assert rows["spotty"] == "bad samples" and not rows["steady"]
+    assert "bad samples" in rows["spotty"] and "bad samples" not in rows["steady"]
 
 
 def test_checkpoints_before_the_failure_are_kept(swept):
