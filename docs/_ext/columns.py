@@ -20,7 +20,7 @@ KINDS = {"text": "text", "flag": "true or false", "number": "number", "exact": "
 def text() -> str:
     empty = results_of(Path("results/NAME"), {}, [])
     analysis = analyse(empty)
-    people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes(empty, empty)]
+    people = [*all_tables(analysis), accelerators(analysis), scaling(analysis), accuracy(analysis), changes([empty], [empty])]
     parts = ["## DataFrames"]
     parts += [_section("points", frames.points(empty)), _section("times_to_quality", frames.times_to_quality(analysis))]
     parts += [_section("cells", frames.cells(empty)), _section("verdicts", frames.verdicts(analysis))]

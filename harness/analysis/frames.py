@@ -15,7 +15,7 @@ import pandas as pd
 
 from harness.analysis import races
 from harness.analysis.columns import Column, Table
-from harness.analysis.model import FLAGS, OF_THE_TIME, Analysis, Verdict
+from harness.analysis.model import FLAGS, OF_THE_ESTIMATOR, OF_THE_TIME, Analysis, Verdict
 from harness.analysis.verdicts import analyse
 from harness.metrics import METRIC_MEANINGS
 from harness.store.results import PHASES, Event, Results, load_results, phase_seconds, settings_of
@@ -33,6 +33,7 @@ IDENTITY = [
     Column("width", "Pixels.", "count"),
     Column("height", "Pixels.", "count"),
     Column("label", "A/A label, empty for ordinary cells."),
+    Column("division", "Division in which it is ranked: closed or open."),
 ]
 SECONDS = Column(
     "seconds",
@@ -182,6 +183,7 @@ def cells(results: Results) -> Table:
 def verdicts(analysis: Analysis) -> Table:
     """One row a scene, target and contestant."""
     flags = "; ".join(f"{name}: {words}" for name, words in FLAGS.items())
+    allowed, allowed_open = (", ".join(sorted(names)) for names in (OF_THE_TIME, OF_THE_ESTIMATOR))
     margin = f"{100 * races.margin(analysis.results):g} %"
     table = Table(
         "verdicts", "Verdicts", "One row a scene, target and contestant that has a measured cell.",
@@ -203,9 +205,10 @@ def verdicts(analysis: Analysis) -> Table:
                 f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared."),
          Column("noise_floor", "What a ratio has to differ from 1 by, from the scene's A/A twin; unknown where that was not "
                 "measured.", "percent"),
-         Column("possible_winner", "Whether it may be the fastest of its scene, shader, size and machine, among those that "
-                "no flag disqualifies: no test finds it slower than another. Nobody where nobody got there.", "flag"),
-         Column("flags", f"Names joined by spaces. All but {', '.join(sorted(OF_THE_TIME))} disqualify. {flags}.")],
+         Column("possible_winner", "Whether it may be the fastest of its scene, shader, size, division and machine, among "
+                "those that no flag disqualifies: no test finds it slower than another. Nobody where none got there.", "flag"),
+         Column("flags", f"Names joined by spaces. All but {allowed} disqualify, in the open division also all but "
+                f"{allowed_open}. {flags}.")],
     )  # fmt: skip
     table.rows = [
         {**_verdict(verdict, index), "metric": analysis.results.metric, "target": target,

@@ -35,6 +35,8 @@ FLAGS = {
 """What a reader of a verdict must know: name -> words."""
 OF_THE_TIME = frozenset({"contended", "own_clock", NOISY})
 """Flags that leave a contestant in the rankings. All others say that its image, the error it claims or its conduct is wrong."""
+OF_THE_ESTIMATOR = frozenset({"other_image", "too_good_per_sample"})
+"""Flags that leave a contestant of the open division in its ranking: there another estimator is no offence."""
 
 
 @dataclass
@@ -75,8 +77,9 @@ class Verdict:
 
     @property
     def disqualified(self) -> bool:
-        """Whether a flag keeps it out of all rankings."""
-        return bool(set(self.flags) - OF_THE_TIME)
+        """Whether a flag keeps it out of all rankings of its division."""
+        allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contender.settings.division == "open" else OF_THE_TIME
+        return bool(set(self.flags) - allowed)
 
     def flags_of(self, index: int) -> list[str]:
         """The flags, with those of the time to the target of `index`."""
@@ -122,8 +125,8 @@ class Analysis:
         return self.floors.get((scene, index), math.nan)
 
 
-Group = tuple[str, str, str, str]
-"""Scene, shader, size and machine."""
+Group = tuple[str, str, str, str, str]
+"""Scene, shader, size, division and machine."""
 
 
 def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
@@ -131,7 +134,7 @@ def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     groups: dict[Group, list[Verdict]] = {}
     for verdict in verdicts:
         s = verdict.contender.settings
-        groups.setdefault((s.scene, s.shader, s.size, s.machine), []).append(verdict)
+        groups.setdefault((s.scene, s.shader, s.size, s.division, s.machine), []).append(verdict)
     return groups
 
 

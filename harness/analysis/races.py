@@ -1,4 +1,4 @@
-"""Races: the contestants of a scene, shader, size and machine on one target, and what `statistics.race` says of them.
+"""Races: the contestants of a scene, shader, size, division and machine on one target, and what `statistics.race` says of them.
 
 Beside the targets there is a race in seconds a sample, whose index is None.
 """
@@ -45,6 +45,10 @@ def run_races(analysis: Analysis) -> None:
     for index, found in logs.items():
         for group, (low, high), pairs in zip(groups, found, twins, strict=True):
             _run(analysis, group, index, low, high, pairs)
+    for group in groups:
+        for index in logs:
+            if (group[0].contender.settings.scene, index) in analysis.separated:
+                _leave_unresolved(group, index)
 
 
 def _distance(pair: Sequence[Verdict], index: int | None) -> float:
@@ -92,6 +96,20 @@ def _run(
     if index is not None:
         for verdict, possible in zip(group, found.possible_winner.tolist(), strict=True):
             verdict.possible_winner[index] = possible
+
+
+def _leave_unresolved(group: Sequence[Verdict], index: int | None) -> None:
+    """Twins of another race of the scene are separated: nothing is concluded in this one either."""
+    for verdict in group:
+        ratio = verdict.speedup if index is None else verdict.quality_speedups[index]
+        unresolved = ratio._replace(verdict="unresolved") if ratio else None
+        if index is None:
+            verdict.speedup = unresolved
+        else:
+            verdict.quality_speedups[index] = unresolved
+    if index is not None and any(verdict.possible_winner[index] for verdict in group):
+        for verdict in group:
+            verdict.possible_winner[index] = not verdict.disqualified and not verdict.contender.settings.label
 
 
 def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> dict[str, Any]:

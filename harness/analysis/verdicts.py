@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from harness.analysis import archived_verdicts
 from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
 from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, last_pictured
 from harness.analysis.image_flags import image_flags
-from harness.analysis.model import Analysis, Verdict, raced_together
+from harness.analysis.model import Analysis, Group, Verdict, raced_together
 from harness.analysis.races import run_races
 from harness.analysis.slopes import slopes
 from harness.metrics import as_error
@@ -38,13 +39,19 @@ def analyse(results: Results) -> Analysis:
         found = baseline_of(verdict.contender, group, results)
         if found is not None:
             verdict.against, verdict.factors = found
-        _compare(results, verdict, nearest_of_engine(verdict.contender, group, engine), images)
+        _compare(results, verdict, nearest_of_engine(verdict.contender, _closed_beside(verdict, groups), engine), images)
         verdict.bias = verdict.bias or known.bias.get(verdict.contender.settings)
         verdict.equivalence = verdict.equivalence or known.baseline.get(verdict.contender.settings)
         verdict.flags = _flags(results, verdict)
     analysis = Analysis(results, verdicts, engine, pairs=engine_pairs(results, images, known.pairs))
     run_races(analysis)
     return analysis
+
+
+def _closed_beside(verdict: Verdict, groups: Mapping[Group, list[Contender]]) -> list[Contender]:
+    """Contestants of the closed division, whose images those of both are compared with."""
+    s = verdict.contender.settings
+    return groups.get((s.scene, s.shader, s.size, "closed", s.machine), [])
 
 
 def baseline_engine_of(results: Results) -> str:

@@ -1,7 +1,7 @@
 """The command line: `raybench` and `python -m harness`. Only names and help live here; work is imported when asked for.
 
-Exit codes: 0 all is well, 1 a cell failed or ran out of time, 2 the input cannot be used or a file cannot be written,
-130 interrupted.
+Exit codes: 0 all is well, 1 a cell failed or ran out of time, or a regression was found, 2 the input cannot be used or a
+file cannot be written, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from typing import Annotated, Optional
 
 import typer
 
+from harness.cli.comparing import SeveralFolders, compare
+
 app = typer.Typer(
     name="raybench", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     help="Races ray tracers to quality: the error of an image against the time it took.",
-    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out; 2 the input cannot be used, or a file cannot "
-    "be written; 130 interrupted.",
+    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out, or a regression was found; 2 the input "
+    "cannot be used, or a file cannot be written; 130 interrupted.",
 )  # fmt: skip
 
 Config = Annotated[str, typer.Argument(help="An experiment: a path, or a bare name from configs/.")]
@@ -248,17 +250,7 @@ def calibrate(folder: Folder, references: References = None) -> None:
     raise typer.Exit(results.calibrate(folder))
 
 
-@app.command()
-def compare(
-    before: Folder,
-    after: Folder,
-    everything: Annotated[bool, typer.Option("--all", help="Show what did not change, too.")] = False,
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write it all: .csv, .md or .tex.")] = None,  # noqa: UP045
-) -> None:
-    """Say what changed significantly between two results folders: speed, start-up, error."""
-    from harness.cli import results
-
-    results.compare(before, after, everything, output)
+app.command(cls=SeveralFolders)(compare)
 
 
 @app.command()

@@ -141,9 +141,9 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
     rows: dict[tuple[str, ...], list[Cell]] = {}
     for cell in sorted(made.cells, key=lambda cell: cell.order):
         rows.setdefault(_columns(cell), []).append(cell)
-    names = ("scene", "engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label")
+    names = ("scene", "engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division")
     varying = [i for i, name in enumerate(names) if len({row[i] for row in rows}) > 1 or name in ("scene", "engine")]
-    fixed = [(names[i], next(iter(rows), ("",) * 9)[i]) for i in range(len(names)) if i not in varying]
+    fixed = [(names[i], next(iter(rows), ("",) * 10)[i]) for i in range(len(names)) if i not in varying]
     same = ", ".join(f"{name} {value}" for name, value in fixed if value)
     if rows and same:
         console.print(f"The same for all: {escape(same)}", soft_wrap=True)
@@ -161,7 +161,7 @@ def _columns(cell: Cell) -> tuple[str, ...]:
     return (
         cell.scene.name, cell.engine_name, words(settings["accelerator"]), words(settings["shader"]),
         words(settings["sampler"]), settings["precision"], str(settings["threads"]),
-        f"{settings['width']}x{settings['height']}", cell.label or "",
+        f"{settings['width']}x{settings['height']}", cell.label or "", cell.division,
     )  # fmt: skip
 
 

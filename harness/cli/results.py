@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,8 @@ from harness.console import consoles
 from harness.store import atomic
 
 CHAPTER_FOLDERS = (Path("results/dissertation"), Path("results/dahlquist"))
+NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
+"""Verdicts that `compare` leaves out unless it is asked for everything."""
 
 
 def require_results(folder: Path) -> None:
@@ -116,27 +119,52 @@ def calibrate(folder: Path) -> int:
     return 1 if found.missed else 0
 
 
-def compare(before: Path, after: Path, everything: bool, output: Path | None) -> None:
-    """Prints what changed significantly between two results folders, or all that was compared."""
+def compare(
+    before: Sequence[Path], after: Sequence[Path], everything: bool, output: Path | None, threshold: float | None,
+) -> int:  # fmt: skip
+    """Prints what changed between two sides of results folders, or all that was compared; the number of regressions."""
     from harness.report.tables import TEXTS, cell_text, changes
     from harness.store.results import load_results
 
     text = None if output is None else TEXTS.get(output.suffix.removeprefix("."))
     if output is not None and text is None:
         raise ConfigError(f"--output {output}: must end in one of {', '.join(f'.{name}' for name in TEXTS)}")
-    for folder in (before, after):
+    for folder in (*before, *after):
         require_results(folder)
-    found = changes(load_results(before), load_results(after))
-    shown = [row for row in found.rows if everything or row["verdict"] not in ("no change", "unknown")]
+    found = changes([load_results(folder) for folder in before], [load_results(folder) for folder in after], threshold)
+    shown = [row for row in found.rows if everything or row["verdict"] not in NO_CHANGE]
     console = consoles()[0]
     console.print(found.note, markup=False, soft_wrap=True)
     if shown:
-        table = Table(*(column.heading for column in found.columns), box=None, header_style="bold")
+        columns = found.columns[:-1]
+        table = Table(*(column.heading for column in columns), box=None, header_style="bold")
         for row in shown:
-            table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in found.columns))
+            table.add_row(*(escape(cell_text(column, row.get(column.name))) for column in columns))
         console.print(table)
     counts = Counter(str(row["verdict"]) for row in found.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
     if output is not None and text is not None:
         atomic.write_text(output, text(found))
+    return sum(bool(row.get("regression")) for row in found.rows)
+
+
+def sides(
+    folders: Sequence[Path], before: Sequence[Path], after: Sequence[Path]
+) -> tuple[Sequence[Path], Sequence[Path]]:  # fmt: skip
+    """The folders before and after: two without options, or those of both options."""
+    if (folders and (before or after)) or (not folders and not (before and after)) or (folders and len(folders) != 2):
+        raise ConfigError("compare: two results folders are wanted, or --before and --after with one or more each")
+    return (folders[:1], folders[1:]) if folders else (before, after)
+
+
+def share(text: str) -> float:
+    """`10%` or `0.1` as a share above zero."""
+    number, percent, rest = text.strip().partition("%")
+    try:
+        value = float(number) / (100 if percent else 1)
+    except ValueError:
+        value = math.nan
+    if rest or not 0 < value < math.inf:
+        raise ConfigError(f"--threshold {text}: must be a share above zero: 10% or 0.1")
+    return value

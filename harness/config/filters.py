@@ -85,7 +85,7 @@ def condition(key: str, node: Located) -> Condition:
     bounds = _BOUNDS.read(node).written
     if not bounds:
         raise node.refuse("bounds are wanted: {ge: 2}")
-    if key in ("scene", "engine", "resolution", "precision", *CHOICES):
+    if key in ("scene", "engine", "resolution", "precision", "division", *CHOICES):
         raise node.refuse("bounds are for numbers: a name, a glob or a list is wanted")
     return lambda found: is_number(found) and all(COMPARISONS[name](found, x) for name, x in bounds.items())
 

@@ -141,6 +141,7 @@ _BUDGET = Record(
 BUDGET = Budget(**_changes(_BUDGET.read(locate({})).values))
 """That of a file that gives none."""
 
+DIVISIONS = ("closed", "open")
 SETTINGS = {
     "scene": Key(SceneKind(), "Name of a scene in scenes/, or path of a scene file beside the experiment.", None),
     "engine": Key(EngineKind(), "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None),
@@ -156,6 +157,11 @@ SETTINGS = {
     ),
     "threads": Key(integer(1, 1024), "Threads of the engine.", 1),
     "resolution": Key(RESOLUTION, "Width and height of the image, by default those of the scene.", None, unit="pixels"),
+    "division": Key(
+        one_of(*DIVISIONS),
+        "Division in which the contestant is ranked. closed: the same estimator with the same image. open: anything whose "
+        "image is not biased against the reference.", "closed",
+    ),
     "budget": Key(
         Checked(mapping, replace(_BUDGET, make=lambda given, context: _changes(given.written))), _BUDGET.meaning, {}
     ),

@@ -46,6 +46,8 @@ class Cell:
     """Whether the sampler's error falls smoothly from sample to sample."""
     reproducible: bool = False
     """Whether the engine promises the same images at every repetition."""
+    division: str = "closed"
+    """The ranking it stands in. No part of the spec: another one is written down without measuring again."""
     patterns: tuple[FullPattern, ...] = ()
     """The checkpoints of a sampler with whole patterns: each is a render of its own."""
 

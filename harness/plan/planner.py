@@ -46,6 +46,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     known = _Known(experiment, allow_imports, allow_commands)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
+    _one_division(experiment, found)
     configurations = _with_aa_twins(experiment, [cell for cell, _ in found])
     cells: list[Cell] = []
     for block in range(experiment.repeats):
@@ -71,15 +72,32 @@ def _baseline_runs(experiment: Experiment, engines: set[str]) -> None:
         raise ConfigError(f"{experiment.source} baseline = {experiment.baseline!r}: no engine of this experiment: {near}")
 
 
+def _one_division(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> None:
+    """Refuses a contestant that is in both divisions."""
+    divisions: dict[str, str] = {}
+    for cell, _ in found:
+        if divisions.setdefault(cell.configuration, cell.division) != cell.division:
+            raise ConfigError(
+                f"{experiment.source} division: {cell.scene.name} by {cell.engine_name} is in both, closed and open: "
+                "a contestant is in one"
+            )
+
+
 def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
-    """Refuses a pair with a side that is no contestant of the experiment."""
+    """Refuses a pair with a side that is no contestant of the experiment, and one whose sides are in different divisions."""
     runs = [{**cell.settings, "engine": cell.engine_name, "accelerator": cell.settings["accelerator"]["name"],
-             "sampler": cell.settings["sampler"]["name"]} for cell in configurations]  # fmt: skip
+             "sampler": cell.settings["sampler"]["name"], "division": cell.division} for cell in configurations]  # fmt: skip
     for index, pair in enumerate(experiment.pairs):
+        divisions = []
         for side, wanted in pair.items():
-            if not any(all(settings[key] == value for key, value in wanted.items()) for settings in runs):
+            found = [settings for settings in runs if all(settings[key] == value for key, value in wanted.items())]
+            if not found:
                 where = f"{experiment.source} pairs[{index}].{side} = {flow(wanted)}"
                 raise ConfigError(f"{where}: no contestant of this experiment has these settings")
+            divisions.append({settings["division"] for settings in found})
+        if not set.intersection(*divisions):
+            where = f"{experiment.source} pairs[{index}]"
+            raise ConfigError(f"{where}: its sides are in different divisions, which are not compared")
 
 
 class _Known:
@@ -206,7 +224,7 @@ def _configured(
         scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
         primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
-        reproducible=_is_reproducible(engine), patterns=patterns or (),
+        reproducible=_is_reproducible(engine), patterns=patterns or (), division=combination["division"],
     )  # fmt: skip
     return cell, None if skip else wanted
 

@@ -126,6 +126,9 @@ class Sweep:
         for cell in self.plan.cells:
             if cell.skip and not up_to_date(cell, self.recorder.latest.get(cell.cell_id), self.recorder.metric):
                 self.recorder.append(self.recorder.event(cell, "skipped", cell.skip))
+            known = self.recorder.latest.get(cell.cell_id)
+            if known is not None and known.get("division", "closed") != cell.division:
+                self.recorder.append({**known, "division": cell.division})
 
     def _cells(self) -> list[Cell]:
         """What is to be measured, and what may be measured again: on another machine it may be another contestant."""

@@ -5,6 +5,7 @@
     crossings    where an error curve reaches a target
     quality      censored time-to-quality, efficiency
     ratios       ratios of times, verdicts and possible winners of a race, the noise floor of A/A twins
+    sessions     what changed between two sides of one or more sessions
     scaling      speed-up over threads, Amdahl's serial fraction
     fronts       Pareto front of intervals, ECDF of targets reached
     bias         bias over pairs of seeds, sanity flags
@@ -19,12 +20,14 @@ from harness.statistics.equivalence import Equivalence, equivalence
 from harness.statistics.fronts import ecdf, pareto_front
 from harness.statistics.intervals import Estimate, bounded_interval, geometric_interval, mean_interval
 from harness.statistics.quality import QualityTime, crossing_seconds, efficiency, reading_of, time_to_quality
-from harness.statistics.ratios import Race, Ratio, noise_floor, race, twin_distance, unpaired_ratio
+from harness.statistics.ratios import Race, Ratio, noise_floor, race, twin_distance
 from harness.statistics.scaling import ParallelRow, amdahl_fit, parallel_speedups
+from harness.statistics.sessions import Change, change_of_errors, change_of_times, judge_changes
 
 __all__ = [
     "BiasEstimate",
     "Bound",
+    "Change",
     "Crossing",
     "Curve",
     "Equivalence",
@@ -38,6 +41,8 @@ __all__ = [
     "amdahl_fit",
     "bias_estimate",
     "bounded_interval",
+    "change_of_errors",
+    "change_of_times",
     "common_samples",
     "convergence_slope",
     "crossing_seconds",
@@ -47,6 +52,7 @@ __all__ = [
     "equivalence",
     "find_crossing",
     "geometric_interval",
+    "judge_changes",
     "mean_interval",
     "noise_floor",
     "on_bias_floor",
@@ -57,5 +63,4 @@ __all__ = [
     "time_to_quality",
     "too_good_per_sample",
     "twin_distance",
-    "unpaired_ratio",
 ]

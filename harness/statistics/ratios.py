@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit  # Student's distribution; scipy.stats takes a second to import
 
-from harness.statistics.intervals import LEVEL, NOTHING, Estimate, exp
+from harness.statistics.intervals import LEVEL, exp
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -136,23 +136,6 @@ def twin_distance(low: Array, high: Array, one: int, other: int) -> float:
     return abs(float((low[one] - low[other])[present].mean()))
 
 
-def unpaired_ratio(before: Sequence[float], after: Sequence[float], level: float = LEVEL) -> Estimate:
-    """exp(mean log after - mean log before) with Welch's interval: for measurements that share no blocks.
-
-    Values that are not positive and finite are left out; NaN below two on either side.
-    """
-    a, b = (np.log([value for value in values if value > 0 and math.isfinite(value)]) for values in (before, after))
-    n = min(a.size, b.size)
-    if n < 2:
-        return NOTHING
-    share_a, share_b = a.var(ddof=1) / a.size, b.var(ddof=1) / b.size
-    se = math.sqrt(share_a + share_b)
-    difference = float(b.mean() - a.mean())
-    freedom = se**4 / (share_a**2 / (a.size - 1) + share_b**2 / (b.size - 1)) if se > 0 else 1.0
-    half = float(stdtrit(freedom, (1 + level) / 2)) * se
-    return Estimate(exp(difference), exp(difference - half), exp(difference + half), n)
-
-
 def _pairs(low: Array, high: Array, ranked: Mask, clock: Array | float) -> _Pairs:
     """Variance of a pair: (2 D s^2 + (n - 1) s_ij^2) / (D + n - 1), s^2 being the residual mean square of contestant
     + block."""
@@ -196,7 +179,7 @@ def _ratios(
     of, base = compared.T
     least, most, blocks = pairs.excess[0, base, of], -pairs.excess[0, of, base], pairs.blocks[of, base]
     ends, inner = ((pairs.least(level, base, of), -pairs.least(level, of, base)) for level in (LEVEL, 1 - 2 * ALPHA))
-    sure = _holm(np.minimum(2 * np.minimum(p[base, of], p[of, base]), 1.0), ranked[of] & ranked[base]) <= ALPHA
+    sure = holm(np.minimum(2 * np.minimum(p[base, of], p[of, base]), 1.0), ranked[of] & ranked[base]) <= ALPHA
     verdicts = np.where(sure, np.where(p[base, of] < p[of, base], "faster", "slower"), "unresolved")
     verdicts[(inner[0] > -math.log1p(margin)) & (inner[1] < math.log1p(margin))] = "same"
     verdicts[(blocks < FEWEST_BLOCKS) | separated] = "unresolved"
@@ -209,7 +192,7 @@ def _ratios(
     ]
 
 
-def _holm(p: Array, family: Mask) -> Array:
+def holm(p: Array, family: Mask) -> Array:
     """Adjusted p values (Holm 1979) of those in the family; others as they are. NaN stays NaN."""
     adjusted = p.copy()
     members = np.flatnonzero(family & ~np.isnan(p))

@@ -164,6 +164,7 @@ class Measurement(Record):
     primitives: Count | None = None
     smooth_sampler: bool = False
     reproducible: bool = False
+    division: Literal["closed", "open"] = "closed"
     engine: str
     shader: Choice
     sampler: Choice
@@ -204,8 +205,8 @@ class Attempt(Measurement):
 
 
 def _settings(row: list[str | int]) -> list[str | int]:
-    if [type(value) for value in row] != [str] * 6 + [int] + [str] * 3:
-        raise ValueError("a contender's settings are wanted: six texts, the threads, three texts")
+    if [type(value) for value in row[:10]] != [str] * 6 + [int] + [str] * 3 or row[10:] not in ([], ["closed"], ["open"]):
+        raise ValueError("a contender's settings are wanted: six texts, the threads, three texts, and the division")
     return row
 
 

@@ -22,7 +22,7 @@ from harness.store.folder import image_file, read_manifest
 from harness.store.reference_files import reference_arrays
 
 PHASES = ("import", "load", "build", "compile", "render")
-AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "machine")
+AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division", "machine")
 """The settings in which contenders of a scene may differ, in the order in which labels name them."""
 Event = Mapping[str, Any]
 BRUTE_FORCE = "brute force"
@@ -42,6 +42,7 @@ class Settings(NamedTuple):
     size: str
     label: str
     machine: str
+    division: str = "closed"
 
 
 @dataclass
@@ -240,7 +241,7 @@ def settings_of(cell: Event) -> Settings:
         str(cell.get("scene", "?")), str(cell.get("engine", "?")), choice_text(cell.get("accelerator")),
         choice_text(cell.get("shader")), choice_text(cell.get("sampler")), str(cell.get("precision") or ""),
         int(cell.get("threads") or 1), f"{cell.get('width') or '?'}x{cell.get('height') or '?'}",
-        str(cell.get("label") or ""), str(cell.get("env_id") or "")[:8],
+        str(cell.get("label") or ""), str(cell.get("env_id") or "")[:8], str(cell.get("division") or "closed"),
     )  # fmt: skip
 
 

@@ -160,7 +160,7 @@ def compare(folder: Path, other: Path, scratch: Path) -> None:
     from harness.cli import results
 
     with contextlib.redirect_stdout(io.StringIO()):
-        results.compare(other, folder, True, scratch / "changes.csv")
+        results.compare([other], [folder], True, scratch / "changes.csv", None)
 
 
 def merge(folder: Path, other: Path, scratch: Path) -> None:

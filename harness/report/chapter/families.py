@@ -79,11 +79,11 @@ class Pair(NamedTuple):
 
 
 def families(analysis: Analysis, axis: str) -> list[Family]:
-    """Groups of two or more measured contenders that differ along `axis` alone; A/A labels are left out.
+    """Groups of two or more measured contenders that differ along `axis` alone; A/A labels and the open division are left out.
 
     Axes: `accelerator` (of any engine: a value is an engine with its accelerator), `threads`, `shader`, `sampler`.
     """
-    measured = [c for c in analysis.results.contenders if c.done and not c.settings.label]
+    measured = [c for c in analysis.results.contenders if c.done and not c.settings.label and c.settings.division == "closed"]
     choices = choices_of(measured)
     found: dict[tuple[tuple[str, str], ...], Family] = {}
     for contender in measured:

@@ -1,4 +1,4 @@
-"""What shares a figure: the contenders of one scene, shader, size and machine; and how many curves are split over subplots."""
+"""What shares a figure: the contenders of one scene, shader, size, division and machine; and how many curves are split."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FACET_AXES = ("engine", "sampler", "accelerator", "threads", "precision")
 
 @dataclass
 class Panel:
-    """Verdicts that may be compared in one picture. `title` names the scene; shader, size, machine where they vary."""
+    """Verdicts that may be compared in one picture. `title` names the scene, and what else varies of what they share."""
 
     title: str
     verdicts: list[Verdict]
@@ -40,19 +40,23 @@ class Facet:
 
 
 def panels(analysis: Analysis) -> list[Panel]:
-    """One panel a scene, shader, size and machine, without the A/A twin's second label."""
+    """One panel a scene, shader, size, division and machine, without the A/A twin's second label."""
     groups = ranked_together(analysis.verdicts)
-    varying = [len({key[i] for key in groups}) > 1 for i in range(4)]
+    varying = [len({key[i] for key in groups}) > 1 for i in range(5)]
+    varying[3] = any(division != "closed" for _, _, _, division, _ in groups)
     found = []
     for (scene, *others), verdicts in groups.items():
-        others[-1] = f"machine {others[-1]}"
+        others[-2:] = f"{others[-2]} division", f"machine {others[-1]}"
         title = " ".join([scene, *(word for word, varies in zip(others, varying[1:], strict=True) if varies)])
         found.append(Panel(title, verdicts))
     return found
 
 
 def facets(verdicts: list[Verdict]) -> list[Facet]:
-    """One facet if the curves are few; else one for each value of the first axis that splits them well."""
+    """One facet if the curves are few; else one for each value of the first axis that splits them well. Divisions are split."""
+    if len(divisions := sorted({v.contender.settings.division for v in verdicts})) > 1:
+        return [Facet(f"{division} division {facet.title}".strip(), facet.verdicts) for division in divisions
+                for facet in facets([v for v in verdicts if v.contender.settings.division == division])]  # fmt: skip
     if len(verdicts) <= MOST_CURVES:
         return [Facet("", verdicts)]
     for axis in FACET_AXES:

@@ -1,66 +1,138 @@
-"""What changed significantly between two results folders: for regressions."""
+"""What changed between two sides, each of one or more results folders: for regressions.
+
+A folder is one session, in however many runs it was measured.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from harness.analysis import seconds_per_sample
+from engines.errors import ConfigError
+from harness.analysis import analyse, seconds_per_sample
 from harness.analysis.columns import Column, Table
-from harness.analysis.races import sample_floors
+from harness.analysis.equivalence import Replicates, common_spp, margins_of
+from harness.analysis.model import FLAGS, OF_THE_TIME
+from harness.analysis.races import margin
 from harness.metrics import metric_title
-from harness.statistics import Estimate, unpaired_ratio
+from harness.statistics import (
+    Change,
+    Equivalence,
+    Estimate,
+    change_of_errors,
+    change_of_times,
+    equivalence,
+    judge_changes,
+)
+from harness.statistics.equivalence import shared_alpha
+from harness.statistics.intervals import exp
+from harness.statistics.sessions import FEWEST_SESSIONS
 from harness.store.results import Contender, Results, Settings, point_error
 
-LEVEL = 0.95
-"""Of all intervals together (Sidak)."""
+TIMES = {"rise": "slower", "fall": "faster"}
+ERRORS = {"rise": "worse", "fall": "better"}
+UNTESTED_THRESHOLD = 0.1
+"""Share beyond which a time has become longer, where drift is not separated from change and no other share is asked for."""
+Sessions = Sequence[tuple[Results, Contender]]
+"""A contestant in each session that measured it."""
 
 
-def changes(before: Results, after: Results) -> Table:
-    """One row a contender of both folders and measure: seconds per sample, start-up seconds, error.
+class Compared(NamedTuple):
+    """A measure of a contestant on both sides; `words` are those for a rise and a fall."""
 
-    Contenders match where scene, engine, settings and size are equal; machine and engine version may differ.
-    Intervals are Welch's on logarithms and hold together at 95 %. A time within the A/A noise floor of either folder
-    has not changed; where a floor was not measured, it is unresolved. Where the metrics differ, errors are not
-    compared; the note says so, and what else to beware of.
+    old: Sessions
+    measure: str
+    change: Change
+    words: Mapping[str, str]
+
+
+def changes(before: Sequence[Results], after: Sequence[Results], threshold: float | None = None) -> Table:
+    """One row a contestant of both sides and measure: seconds per sample, start-up seconds, error, image.
+
+    Contestants match where scene and settings are equal; the engine's version may differ, and the machine unless a folder holds
+    several. With three or more sessions a side times are tested between sessions; else there is no verdict on them, and a
+    row says whether the interval within sessions lies beyond `threshold`. A row is a `regression` where something failed,
+    where an image is flagged or different now, and where a time or error is higher by more than `threshold`: the lower end of
+    its interval is. Without one that is the margin of *same*, and 10 % for times that are not tested.
+
+    Raises `ConfigError` where one measurement stands in two folders of a side.
     """
-    table = Table(
-        "changes", "What changed",
-        " ".join([f"{before.folder} before, {after.folder} after; ratios are after over before.", *cautions(before, after)]),
-        [Column("scene", "Scene."), Column("contender", "Engine and the settings that vary."),
-         Column("measure", "seconds per sample (warm), start-up seconds, or error at the most samples that both have."),
-         Column("ratio", "After over before; the intervals of all rows hold together at 95 %.", "estimate"),
-         Column("verdict", "faster, slower, better, worse, no change, unresolved, or in one folder only.")],
-    )  # fmt: skip
-    ours, theirs = ({matching(c.settings): c for c in results.contenders if c.done} for results in (before, after))
-    common = [key for key in ours if key in theirs]
-    level = LEVEL ** (1 / max(3 * len(common), 1))
-    floors = [sample_floors(results) for results in (before, after)]
-    for key in common:
-        floor = float(np.max([found[key.scene] for found in floors]))
-        table.rows += _rows(before, after, ours[key], theirs[key], level, floor)
-    for only, word in ((set(ours) - set(theirs), "before"), (set(theirs) - set(ours), "after")):
-        for key in sorted(only):
-            name = (ours if word == "before" else theirs)[key].name
-            table.rows.append({"scene": key.scene, "contender": name, "verdict": f"only {word}"})
+    _sessions_differ(before, after)
+    same_within = margin(after[0])
+    ours, theirs = _by_key(before, after)
+    table = _table(before, after, same_within, threshold)
+    moved = _moved(before, after)
+    common = [key for key in ours if key in theirs and key.scene not in moved]
+    compared = [each for key in common for each in _compared(ours[key], theirs[key])]
+    verdicts = judge_changes([each.change for each in compared], same_within)
+    flags = [_flags_of(side) for side in (before, after)]
+    pictured = {key: _image_row(ours[key], theirs[key], flags, len(common)) for key in common}
+    for each, verdict in zip(compared, verdicts, strict=True):
+        limit = threshold if threshold is not None else same_within if each.change.tested else UNTESTED_THRESHOLD
+        table.rows.append(_row(each, verdict, limit))
+    table.rows += [{**_who(ours[key]), **row} for key, row in pictured.items() if row]
+    order = [(key.scene, ours[key][0][1].name) for key in common]
+    table.rows.sort(key=lambda row: order.index((row["scene"], row["contender"])))
+    table.rows += [{**_who(ours[key]), "verdict": "scene changed"} for key in ours if key in theirs and key.scene in moved]
+    table.rows += [_only_before(ours[key], key, after) for key in sorted(ours.keys() - theirs.keys())]
+    table.rows += [{**_who(theirs[key]), "verdict": "only after"} for key in sorted(theirs.keys() - ours.keys())]
     return table
 
 
-def cautions(before: Results, after: Results) -> list[str]:
+def _table(before: Sequence[Results], after: Sequence[Results], same_within: float, threshold: float | None) -> Table:
+    folders = [", ".join(str(results.folder) for results in side) for side in (before, after)]
+    limits = f"{100 * same_within:g} %, or {100 * UNTESTED_THRESHOLD:g} % where times are not tested"
+    if threshold is not None:
+        limits = f"{100 * threshold:g} %"
+    note = [f"{folders[0]} before, {folders[1]} after; ratios are after over before.", sessions_text(before, after)]
+    return Table(
+        "changes", "What changed", " ".join([*note, *cautions(before, after)]),
+        [Column("scene", "Scene."), Column("contender", "Engine and the settings that vary."),
+         Column("measure", "seconds per sample (warm), start-up seconds, error at the most samples that both sides have, or "
+                "image."),
+         Column("ratio", "After over before, with its 95 % interval.", "estimate"),
+         Column("sessions", "How many sessions there are of it before and after."),
+         Column("verdict", "Times: faster, slower, same or unresolved; all of the table hold together at 5 % (Holm). slower or "
+                "drift, faster or drift: beyond the threshold, but not tested between sessions. Errors: better, worse, same "
+                "or unresolved. Images: flagged now, or identical, equivalent, different or unresolved. Else: failed, scene "
+                "changed, only before, only after."),
+         Column("regression", "Whether it failed, is flagged now, has another image, or is higher by more than "
+                f"{limits} with its whole interval.", "flag")],
+    )  # fmt: skip
+
+
+def sessions_text(before: Sequence[Results], after: Sequence[Results]) -> str:
+    """How times are tested."""
+    counts = len(before), len(after)
+    if min(counts) >= FEWEST_SESSIONS:
+        return f"Times are tested between {counts[0]} and {counts[1]} sessions."
+    number = "One session each" if counts == (1, 1) else f"{counts[0]} and {counts[1]} sessions"
+    return f"{number}: drift is not separated from change; {FEWEST_SESSIONS} sessions a side would be tested."
+
+
+def cautions(before: Sequence[Results], after: Sequence[Results]) -> list[str]:
     """What stands in the way of a comparison: other machines, another metric, scenes with other content."""
-    machines, scenes = ([_seen(results, key) for results in (before, after)] for key in ("env_id", "scene_hash"))
+    machines = {frozenset(set().union(*_seen(results, "env_id").values())) for results in (*before, *after)}
     found = []
-    if set().union(*machines[0].values()) != set().union(*machines[1].values()):
+    if len(machines) > 1:
         found.append("Measured on different machines or with other library versions: times say nothing about the code.")
-    if before.metric != after.metric:
-        found.append(f"Errors are {metric_title(before.metric)} before and {metric_title(after.metric)} after: not compared.")
-    moved = sorted(name for name in scenes[0].keys() & scenes[1].keys() if scenes[0][name] != scenes[1][name])
-    if moved:
+    metrics = list(dict.fromkeys(results.metric for results in (*before, *after)))
+    if len(metrics) > 1:
+        found.append(f"Errors are {' and '.join(map(metric_title, metrics))}: not compared.")
+    if moved := _moved(before, after):
         found.append(f"Scenes whose content has changed: {', '.join(moved)}.")
     return found
+
+
+def _moved(before: Sequence[Results], after: Sequence[Results]) -> list[str]:
+    """Scenes of both sides of which not all folders hold the same content."""
+    hashes: list[dict[str, set[str]]] = [{}, {}]
+    for side, found in zip((before, after), hashes, strict=True):
+        for results in side:
+            for scene, seen in _seen(results, "scene_hash").items():
+                found.setdefault(scene, set()).update(seen)
+    return sorted(scene for scene in hashes[0].keys() & hashes[1].keys() if len(hashes[0][scene] | hashes[1][scene]) > 1)
 
 
 def _seen(results: Results, key: str) -> dict[str, set[str]]:
@@ -72,45 +144,117 @@ def _seen(results: Results, key: str) -> dict[str, set[str]]:
     return found
 
 
+def _sessions_differ(before: Sequence[Results], after: Sequence[Results]) -> None:
+    """Refuses folders that share measurements: a session counts once, and copies have no drift."""
+    sides = [before, after] if len(before) == len(after) == 1 else [[*before, *after]]
+    for side in sides:
+        seen: dict[tuple[str, str, float], Results] = {}
+        for results in side:
+            for cell in results.cells:
+                if cell["state"] != "done" or not cell.get("points"):
+                    continue
+                own = str(cell["cell_id"]), str(cell.get("time")), float(cell["points"][-1]["seconds"])
+                if (other := seen.setdefault(own, results)) is not results:
+                    raise ConfigError(f"{results.folder}: has measurements of {other.folder}: a session counts once")
+
+
+def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results, Contender]]]]:
+    """The measured contestants of each side by what has to be equal for two to be the same."""
+    several = any(len({c.settings.machine for c in results.contenders if c.done}) > 1 for side in sides for results in side)
+    found: list[dict[Settings, list[tuple[Results, Contender]]]] = []
+    for side in sides:
+        groups: dict[Settings, list[tuple[Results, Contender]]] = {}
+        for results in side:
+            for contender in results.contenders:
+                if contender.done:
+                    key = matching(contender.settings)._replace(machine=contender.settings.machine if several else "")
+                    groups.setdefault(key, []).append((results, contender))
+        found.append(groups)
+    return found
+
+
 def matching(settings: Settings) -> Settings:
-    """What has to be equal for two contenders to be the same."""
-    return settings._replace(machine="")
+    """What has to be equal for two contestants to be the same."""
+    return settings._replace(machine="", division="closed")
 
 
-def _rows(
-    before: Results, after: Results, old: Contender, new: Contender, level: float, floor: float
-) -> list[dict[str, Any]]:  # fmt: skip
-    spp = max(_checkpoints(old) & _checkpoints(new), default=None) if before.metric == after.metric else None
-    measures = [
-        ("seconds per sample", list(seconds_per_sample(old).values()), list(seconds_per_sample(new).values()), floor,
-         ("faster", "slower")),
-        ("start-up seconds", [old.fixed_seconds(c) for c in old.done], [new.fixed_seconds(c) for c in new.done], floor,
-         ("faster", "slower")),
-        ("error", _errors(before, old, spp), _errors(after, new, spp), 0.0, ("better", "worse")),
+def _who(sessions: Sessions) -> dict[str, Any]:
+    return {"scene": sessions[0][1].settings.scene, "contender": sessions[0][1].name}
+
+
+def _only_before(old: Sessions, key: Settings, after: Sequence[Results]) -> dict[str, Any]:
+    """A row for what has no measurement after: it failed, or nobody asked for it."""
+    cells = [cell for results in after for c in results.contenders for cell in c.cells
+             if key in (matching(c.settings), matching(c.settings)._replace(machine=c.settings.machine))]  # fmt: skip
+    failed = any(cell["state"] in ("failed", "timeout") for cell in cells)
+    return {**_who(old), "verdict": "failed" if failed else "only before", "regression": failed}
+
+
+def _compared(old: Sessions, new: Sessions) -> list[Compared]:
+    def times(side: Sessions, start: bool) -> list[list[float]]:
+        if start:
+            return [[c.fixed_seconds(cell) for cell in c.done] for _, c in side]
+        return [list(seconds_per_sample(c).values()) for _, c in side]
+
+    errors = change_of_errors(_errors(old, old, new), _errors(new, old, new), (len(old), len(new)))
+    return [
+        Compared(old, "seconds per sample", change_of_times(times(old, False), times(new, False)), TIMES),
+        Compared(old, "start-up seconds", change_of_times(times(old, True), times(new, True)), TIMES),
+        Compared(old, "error", errors, ERRORS),
     ]  # fmt: skip
-    rows = []
-    for measure, first, second, least, words in measures:
-        ratio = unpaired_ratio(first, second, level)
-        rows.append({"scene": old.settings.scene, "contender": old.name, "measure": measure, "ratio": ratio,
-                     "verdict": _verdict(ratio, least, words)})  # fmt: skip
-    return rows
 
 
-def _verdict(ratio: Estimate, floor: float, words: tuple[str, str]) -> str:
-    """`words` name a ratio below and above 1."""
-    if math.isnan(ratio.low) or math.isnan(floor):
-        return "unresolved"
-    if ratio.high < math.exp(-floor):
-        return words[0]
-    return words[1] if ratio.low > math.exp(floor) else "no change"
+def _row(each: Compared, verdict: str, limit: float) -> dict[str, Any]:
+    change = each.change
+    low, high = change.interval()
+    longer, shorter = low > math.log1p(limit), high < -math.log1p(limit)
+    if not change.tested and (longer or shorter):
+        verdict = f"{TIMES['rise' if longer else 'fall']} or drift"
+    return {
+        **_who(each.old), "measure": each.measure, "sessions": "{} and {}".format(*change.sessions),
+        "ratio": Estimate(exp(change.mean), exp(low), exp(high), min(change.sessions)),
+        "verdict": each.words.get(verdict, verdict),
+        "regression": longer and (verdict == "rise" or not change.tested),
+    }  # fmt: skip
 
 
-def _checkpoints(contender: Contender) -> set[int]:
-    """Samples at which every done cell has a checkpoint."""
-    sets: Sequence[set[int]] = [{point["spp"] for point in cell["points"]} for cell in contender.done]
-    return set.intersection(*sets)
+def _errors(side: Sessions, old: Sessions, new: Sessions) -> dict[int, float]:
+    """Seed -> error of a side at the most samples that all have; empty where metrics differ or samples do not meet."""
+    spp = common_spp(*(contender for _, contender in (*old, *new)))
+    if len({results.metric for results, _ in (*old, *new)}) > 1:
+        return {}
+    return {cell["seed"]: point_error(point, results.metric)[0] for results, contender in side for cell in contender.done
+            for point in cell["points"] if point["spp"] == spp}  # fmt: skip
 
 
-def _errors(results: Results, contender: Contender, spp: int | None) -> list[float]:
-    return [point_error(point, results.metric)[0] for cell in contender.done for point in cell["points"]
-            if point["spp"] == spp]  # fmt: skip
+def _flags_of(side: Iterable[Results]) -> dict[int, set[str]]:
+    """Flags of contestants' images, by the contestant's `id`."""
+    verdicts = (verdict for results in side for verdict in analyse(results).verdicts)
+    return {id(verdict.contender): set(verdict.flags) - OF_THE_TIME for verdict in verdicts}
+
+
+def _image_row(
+    old: Sessions, new: Sessions, flags: Sequence[Mapping[int, set[str]]], comparisons: int
+) -> dict[str, Any]:  # fmt: skip
+    """What is to be said of the images; empty where there are none and no flag is new."""
+    known, now = (set().union(*(found.get(id(contender), ()) for _, contender in side))
+                  for side, found in zip((old, new), flags, strict=True))  # fmt: skip
+    image = {"measure": "image", "sessions": f"{len(old)} and {len(new)}"}
+    if now - known:
+        return {**image, "verdict": f"flagged: {', '.join(FLAGS[flag] for flag in sorted(now - known))}", "regression": True}
+    found = _same_image(old, new, comparisons)
+    return {**image, "verdict": found.verdict, "regression": found.verdict == "different"} if found else {}
+
+
+def _same_image(old: Sessions, new: Sessions, comparisons: int) -> Equivalence | None:
+    """The images of the first session of either side at equal samples, in pairs of one block; None without two pairs."""
+    (before, one), (after, other) = old[0], new[0]
+    spp = common_spp(one, other, pictured=True)
+    if spp is None:
+        return None
+    ours, theirs = Replicates(before, keep=1).of(one, spp), Replicates(after, keep=1).of(other, spp)
+    shared = sorted(ours.keys() & theirs.keys())
+    if len(shared) < 2 or ours[shared[0]].shape != theirs[shared[0]].shape:
+        return None
+    pairs = [ours[block] for block in shared], [theirs[block] for block in shared]
+    return equivalence(*pairs, margins_of(after), shared_alpha(comparisons))

@@ -45,7 +45,8 @@ def time_to_quality(analysis: Analysis) -> Table:
         "time_to_quality", "Time to quality",
         f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
         f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. {evidence(analysis)}",
-        [SCENE, CONTENDER, Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
+        [SCENE, CONTENDER, *_division(analysis),
+         Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
          Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
@@ -74,6 +75,12 @@ def time_to_quality(analysis: Analysis) -> Table:
     )  # fmt: skip
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
+
+
+def _division(analysis: Analysis) -> list[Column]:
+    """A column where some contender is not of the closed division."""
+    some = any(verdict.contender.settings.division != "closed" for verdict in analysis.verdicts)
+    return [Column("division", "Division in which it is ranked: closed or open.")] * some
 
 
 def speedups(analysis: Analysis) -> Table:

@@ -1,0 +1,60 @@
+"""The command `raybench compare`, whose options take several folders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+from typer.core import TyperCommand
+
+
+class SeveralFolders(TyperCommand):
+    """Takes several folders behind `--before` and `--after`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        spread: list[str] = []
+        option = ""
+        for word in args:
+            if word.startswith("-"):
+                option = word if word in ("--before", "--after") else ""
+                spread += [] if option else [word]
+            else:
+                spread += [option, word] if option else [word]
+        return super().parse_args(ctx, spread)
+
+
+def compare(
+    folders: Annotated[
+        Optional[list[Path]],  # noqa: UP045
+        typer.Argument(metavar="BEFORE AFTER", help="Two results folders.", show_default=False),
+    ] = None,
+    before: Annotated[
+        Optional[list[Path]],  # noqa: UP045
+        typer.Option("--before", metavar="FOLDER...", help="Results folders of one side, each a session of its own."),
+    ] = None,
+    after: Annotated[
+        Optional[list[Path]],  # noqa: UP045
+        typer.Option("--after", metavar="FOLDER...", help="Those of the other side. Times are tested from three a side on."),
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Show what did not change, too.")] = False,
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write it all: .csv, .md or .tex.")] = None,  # noqa: UP045
+    fail_on_regression: Annotated[
+        bool,
+        typer.Option("--fail-on-regression", help="Exit code 1 where something is slower or worse, failed or flagged now."),
+    ] = False,
+    threshold: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(
+            metavar="SHARE",
+            help="How much slower or worse a regression is, at least. By default the config's same_within, and 10% for times "
+            "of fewer than three sessions a side.",
+        ),
+    ] = None,
+) -> None:
+    """Say what changed between results folders: speed, start-up, error and image."""
+    from harness.cli import results
+
+    limit = None if threshold is None else results.share(threshold)
+    found = results.compare(*results.sides(folders or [], before or [], after or []), everything, output, limit)
+    raise typer.Exit(1 if found and fail_on_regression else 0)
