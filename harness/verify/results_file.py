@@ -17,6 +17,8 @@ from harness.verify.summary import counts
 
 FORMAT_VERSION = 2
 """2: outcomes are pass, xfail, fail and skip; the rows are `results`."""
+NOT_FINITE = {None: math.nan, "inf": math.inf, "-inf": -math.inf}
+NUMBERS = {name for name, field in CheckResult.model_fields.items() if field.annotation is float}
 
 
 def document(results: Sequence[CheckResult], quick: bool) -> dict[str, Any]:
@@ -38,17 +40,19 @@ def read_results(path: str | Path) -> list[CheckResult]:
     if version != FORMAT_VERSION:
         raise ConfigError(f"{path}: format {version}, this raybench reads {FORMAT_VERSION}: run raybench verify again")
     try:
-        return TypeAdapter(list[CheckResult]).validate_python(_nan_if_null(data.get("results")))
+        return TypeAdapter(list[CheckResult]).validate_python(_numbers_of(data.get("results")))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(map(str, ("results", *first["loc"])))
         raise ConfigError(f"{path}: {place} = {first['input']!r}: {first['msg']}") from error
 
 
-def _nan_if_null(rows: Any) -> Any:
-    """Rows with NaN in the place of null."""
-    plain = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
-    return [{key: math.nan if value is None else value for key, value in row.items()} for row in rows] if plain else rows
+def _numbers_of(rows: Any) -> Any:
+    """Rows with numbers in the place of what `document` writes for those that JSON lacks."""
+    if not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows)):
+        return rows
+    return [{key: NOT_FINITE.get(value, value) if key in NUMBERS and isinstance(value, str | None) else value
+             for key, value in row.items()} for row in rows]  # fmt: skip
 
 
 def _plain(value: Any) -> Any:
