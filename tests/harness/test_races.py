@@ -153,6 +153,18 @@ def test_no_verdict_below_three_blocks(tmp_path, blocks, verdict):
     assert ("below 3 no verdict is given" in evidence(analyse(found))) == (blocks < 3)
 
 
+@pytest.mark.parametrize(("contended", "words"), [
+    ([], "Contention was not measured."), ([False, False], "No timing is contended."),
+    ([True, False], "1 of 2 timings is contended."), ([True, True, False], "2 of 3 timings are contended."),
+])  # fmt: skip
+def test_the_first_lines_say_how_many_timings_were_contended(tmp_path, contended, words):
+    found = results(tmp_path, contestant(0.2, engine="numpy"), twins())
+    cells = [cell for contender in found.contenders for cell in contender.done]
+    for index, cell in enumerate(cells):
+        cell["machine"] = {"contended": contended[index]} if index < len(contended) else {}
+    assert words in evidence(analyse(found))
+
+
 @pytest.mark.parametrize(("blocks", "dots"), [(2, 2), (3, 1)])
 def test_below_three_blocks_each_is_drawn_as_a_dot(tmp_path, blocks, dots):
     """Warm and cold, for two contestants; from three blocks on a dot is a mean, and has a whisker."""

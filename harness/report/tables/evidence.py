@@ -11,8 +11,8 @@ from harness.statistics.ratios import FEWEST_BLOCKS
 
 
 def evidence(analysis: Analysis) -> str:
-    """`5 blocks. Noise floor (A/A twins): cornell_box 1.2 % to 2.3 %; not measured on terrain, ...`; empty without results."""
-    return " ".join(filter(None, (blocks_text(analysis), floors_text(analysis))))
+    """`5 blocks. 2 of 40 timings are contended. Noise floor (A/A twins): cornell_box 1.2 %; ...`; empty without results."""
+    return " ".join(filter(None, (blocks_text(analysis), contention_text(analysis), floors_text(analysis))))
 
 
 def blocks_text(analysis: Analysis) -> str:
@@ -23,6 +23,18 @@ def blocks_text(analysis: Analysis) -> str:
     if counts[0] < FEWEST_BLOCKS:
         text += f"; below {FEWEST_BLOCKS} no verdict is given"
     return f"{text}."
+
+
+def contention_text(analysis: Analysis) -> str:
+    """How many of the cells that count were contended, and of how many that is known."""
+    cells = [cell for verdict in analysis.verdicts for cell in verdict.contender.done]
+    found = [(cell.get("machine") or {}).get("contended") for cell in cells]
+    judged = [bool(contended) for contended in found if contended is not None]
+    if not judged:
+        return "Contention was not measured." if cells else ""
+    if not any(judged):
+        return "No timing is contended."
+    return f"{sum(judged)} of {len(judged)} timings {'is' if sum(judged) == 1 else 'are'} contended."
 
 
 def floors_text(analysis: Analysis) -> str:
