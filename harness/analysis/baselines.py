@@ -65,9 +65,12 @@ def baseline_of(contender: Contender, group: Sequence[Contender], results: Resul
 
 
 def factors(one: Contender, other: Contender, group: Iterable[Contender]) -> list[str]:
-    """The names of the factors in which two differ."""
+    """The names of the factors in which two differ. `auto` of two engines is one setting, whatever options each has for it."""
     found = [factor for factor in FACTORS if getattr(one.settings, factor) != getattr(other.settings, factor)]
     if "engine" in found and "accelerator" in found:
+        if _name(one.settings.accelerator) == _name(other.settings.accelerator) == "auto":
+            found.remove("accelerator")
+            return found
         theirs: dict[str, set[str]] = {one.settings.engine: set(), other.settings.engine: set()}
         for contender in group:
             theirs.setdefault(contender.settings.engine, set()).add(_name(contender.settings.accelerator))

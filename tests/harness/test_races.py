@@ -99,6 +99,14 @@ def test_what_a_config_may_say_of_pairs_does_not_stop_a_reader(tmp_path):
         assert len(verdicts(results(tmp_path, twins(), config={"pairs": pairs, "same_within": "x"}))) == 2
 
 
+def test_auto_of_two_engines_is_one_setting_whatever_its_options(tmp_path):
+    made = contestant(0.01, engine="embree", accelerator="auto"), contestant(0.2, engine="numba", accelerator="auto")
+    for cell in made[0]:
+        cell["accelerator"] = {"name": "auto", "quality": "medium"}
+    found = verdicts(results(tmp_path, *made))
+    assert (found.loc["embree"].baseline, found.loc["embree"].factor) == ("numba", "engine")
+
+
 # Floors
 
 
