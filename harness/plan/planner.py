@@ -127,7 +127,7 @@ class _Known:
         return self._codes[name]
 
     def candidate(self, name: str) -> Engine | None:
-        """An engine that the experiment may not name; None where it is not to be had."""
+        """An engine, whether or not the experiment names it; None where it cannot be loaded."""
         if name in self.engines:
             return self.engines[name]
         if name not in self.candidates:
@@ -318,7 +318,7 @@ def _certifier(
 
 
 def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
-    """An engine with its own accelerator and precision; None where it is not to be had."""
+    """How an engine would certify: its own accelerator and precision; None where it cannot be loaded."""
     engine = known.candidate(name)
     if engine is None:
         return None

@@ -1,7 +1,7 @@
 """Speed of this checkout over another's: `python -m tests.benchmarks.paired BASE [--scenes NAME...] [--rounds N] [--images]`.
 
-    git worktree add /tmp/base COMMIT            # or: mkdir /tmp/base; git archive COMMIT | tar -x -C /tmp/base
-    python -m tests.benchmarks.paired /tmp/base --rounds 8
+    git worktree add ../base COMMIT            # or: mkdir ../base; git archive COMMIT | tar -x -C ../base
+    python -m tests.benchmarks.paired ../base --rounds 8
 
 Processes of the two checkouts alternate, in mirrored order (base, this, this, base). In each, one thread renders every
 scene several times with warm kernels; its figure is the least process time. A round is one process of each checkout. The

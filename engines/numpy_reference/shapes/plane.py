@@ -44,14 +44,14 @@ class Planes:
         return LocalGeometry(normal, normal, np.zeros_like(normal), 0.0)
 
     def bounds(self) -> tuple[Array, Array]:
-        raise NotImplementedError("a plane has no bounding box")
+        raise TypeError("a plane has no bounding box")
 
     @staticmethod
     def corners() -> Array:
         return np.zeros((3, 0))
 
     def sample(self, index: Indices, point: Array, u0: Array, u1: Array, area: Array) -> ShapeSample:
-        raise NotImplementedError("a plane has infinite area and cannot be sampled")
+        raise TypeError("a plane has infinite area and cannot be sampled")
 
     def pdf(self, index: Indices, point: Array, distance: Array, cosine: Array, area: Array) -> Array:
         return np.zeros(distance.size)
