@@ -12,9 +12,9 @@ from engines.choices import SAMPLERS as KNOWN_SAMPLERS
 from engines.choices import SHADERS as KNOWN_SHADERS
 from engines.choices import Option
 from engines.conformance.stage import ROOM, TRIANGLES, plane, rectangle, scene, sphere
-from engines.conformance.subject import BASE, Broken, Subject, expect
+from engines.conformance.subject import BASE, SAMPLERS, Broken, Subject, expect
 from engines.errors import ConfigError, UnknownName, Unsupported
-from engines.interface import Engine, Renderer, Settings
+from engines.interface import Engine, FullPattern, HasPatterns, Renderer, Settings
 from engines.scene import Scene
 
 COUNTERS = ("build_seconds", "compile_seconds", "accelerator_bytes", "bad_samples")
@@ -167,10 +167,32 @@ def _count_rays(renderer: Renderer, before: float, samples: int) -> None:
         expect(counted == 6, f"6 rays and one without a direction were traced, and counters()['rays'] grew by {counted}")
 
 
+def whole_patterns_are_as_large_as_asked(subject: Subject) -> None:
+    """Where an engine has full_pattern, it gives None, or a pattern of at least spp samples and never fewer as spp rises."""
+    engine = subject.engine
+    if not isinstance(engine, HasPatterns):
+        return
+    for given in subject.listed.get("sampler", SAMPLERS):
+        sampler = {"name": given} if isinstance(given, str) else dict(given)
+        last = 0
+        for spp in (1, 3, 4, 100, 1000):
+            found = engine.full_pattern(sampler, spp)
+            seen = f"full_pattern({sampler}, {spp}) is {found!r}"
+            expect(found is None or isinstance(found, FullPattern), seen)
+            if found is None:
+                expect(last == 0, f"{seen}, after a pattern of {last} samples")
+                continue
+            expect(found.spp >= max(spp, last), f"{seen}: at least {max(spp, last)} samples are wanted")
+            again = engine.full_pattern(found.sampler, found.spp)
+            expect(again == found, f"{seen}, but asked for its own sampler and samples it gives {again!r}")
+            last = found.spp
+
+
 CLAIMS = (
     the_engine_says_what_it_is,
     unknown_names_are_refused,
     values_out_of_range_are_refused,
     why_not_and_prepare_agree,
     counters_count,
+    whole_patterns_are_as_large_as_asked,
 )

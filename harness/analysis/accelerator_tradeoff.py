@@ -1,4 +1,4 @@
-"""What an accelerator costs to build and what it saves: contenders that differ in their accelerator alone."""
+"""What an accelerator costs to build and what it saves: contestants that differ in their accelerator alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from harness.analysis.model import Analysis, seconds_per_sample
 from harness.analysis.races import race_of
 from harness.analysis.scaling import microseconds_a_path
 from harness.statistics import Estimate, Ratio, geometric_interval
-from harness.store.results import Contender, Results, phase_seconds
+from harness.store.results import Contestant, Results, phase_seconds
 
 
 class BreakEven(NamedTuple):
@@ -19,36 +19,36 @@ class BreakEven(NamedTuple):
     `break_even_spp`: samples per pixel from which on its build and rendering together take less; inf: never; None: unresolved.
     """
 
-    contender: Contender
-    against: Contender | None
+    contestant: Contestant
+    against: Contestant | None
     build_seconds: Estimate
     path_microseconds: Estimate
     speedup: Ratio | None
     break_even_spp: Estimate | None
 
 
-def families(results: Results) -> list[list[Contender]]:
-    """Measured contenders that differ in the accelerator alone, two or more, the quickest build first."""
-    groups: dict[object, list[Contender]] = {}
-    for contender in results.contenders:
-        if not contender.settings.label and seconds_per_sample(contender):
-            groups.setdefault(contender.settings._replace(accelerator=""), []).append(contender)
+def families(results: Results) -> list[list[Contestant]]:
+    """Measured contestants that differ in the accelerator alone, two or more, the quickest build first."""
+    groups: dict[object, list[Contestant]] = {}
+    for contestant in results.contestants:
+        if not contestant.settings.label and seconds_per_sample(contestant):
+            groups.setdefault(contestant.settings._replace(accelerator=""), []).append(contestant)
     return [sorted(group, key=lambda c: build(c).value) for group in groups.values() if len(group) > 1]
 
 
-def build_seconds(contender: Contender) -> dict[int, float]:
+def build_seconds(contestant: Contestant) -> dict[int, float]:
     """Block -> seconds of the build."""
-    return {cell["block"]: phase_seconds(cell, "build") for cell in contender.done}
+    return {cell["block"]: phase_seconds(cell, "build") for cell in contestant.done}
 
 
-def build(contender: Contender) -> Estimate:
+def build(contestant: Contestant) -> Estimate:
     """Geometric mean over seeds of the seconds of the build."""
-    return geometric_interval(list(build_seconds(contender).values()))
+    return geometric_interval(list(build_seconds(contestant).values()))
 
 
 def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
-    """Every member of every family; none of its ratios of a contender with a flag that disqualifies it."""
-    unfit = {id(verdict.contender) for verdict in analysis.verdicts if verdict.disqualified}
+    """Every member of every family; none of its ratios of a contestant with a flag that disqualifies it."""
+    unfit = {id(verdict.contestant) for verdict in analysis.verdicts if verdict.disqualified}
     for family in families(analysis.results):
         first, *others = family
         yield BreakEven(first, None, build(first), microseconds_a_path(first), None, None)
@@ -61,7 +61,7 @@ def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
                             break_even_spp(first, other, found.get(row)))  # fmt: skip
 
 
-def break_even_spp(first: Contender, other: Contender, speedup: Ratio | None) -> Estimate | None:
+def break_even_spp(first: Contestant, other: Contestant, speedup: Ratio | None) -> Estimate | None:
     """Geometric mean over blocks of (build - build of the first) / (seconds a sample that it saves), where it surely
     saves some.
 

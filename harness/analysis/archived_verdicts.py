@@ -20,7 +20,7 @@ EVENT = "archived_verdicts"
 
 @dataclass
 class ArchivedVerdicts:
-    """By the settings of the contender, or of both engines of a pair."""
+    """By the settings of the contestant, or of both engines of a pair."""
 
     bias: dict[Settings, BiasEstimate] = field(default_factory=dict)
     baseline: dict[Settings, Equivalence] = field(default_factory=dict)
@@ -29,8 +29,8 @@ class ArchivedVerdicts:
 
 def event(analysis: Analysis) -> dict[str, Any]:
     """The verdicts of an analysis that rest on images, as plain data."""
-    biased = [(v.contender.settings, v.bias) for v in analysis.verdicts if v.bias is not None]
-    equal = [(v.contender.settings, v.equivalence) for v in analysis.verdicts if v.equivalence is not None]
+    biased = [(v.contestant.settings, v.bias) for v in analysis.verdicts if v.bias is not None]
+    equal = [(v.contestant.settings, v.equivalence) for v in analysis.verdicts if v.equivalence is not None]
     pairs = [(p.first.settings, p.second.settings, p.comparison) for p in analysis.pairs if p.comparison is not None]
     return {
         "event": EVENT,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from harness.analysis.equivalence import similarity
 from harness.config.experiment import PREFERRED_BASELINES
-from harness.store.results import Contender, Results
+from harness.store.results import Contestant, Results
 
 FACTORS = ("engine", "accelerator", "sampler", "precision", "threads")
 AA = "A/A"
@@ -21,50 +21,50 @@ AA = "A/A"
 class Baseline(NamedTuple):
     """Whom a contestant is compared with, and the factors in which the two differ."""
 
-    contender: Contender
+    contestant: Contestant
     factors: str
 
 
 def engine_order(results: Results) -> list[str]:
     """Engines that were measured, the baseline first: the config's, numpy, numba, embree, others by name."""
-    engines = sorted({c.settings.engine for c in results.contenders if c.done})
+    engines = sorted({c.settings.engine for c in results.contestants if c.done})
     wished = (results.manifest.get("config") or {}).get("baseline")
     return list(dict.fromkeys(name for name in (wished, *PREFERRED_BASELINES, *engines) if name in engines))
 
 
-def nearest_of_engine(contender: Contender, group: Iterable[Contender], engine: str) -> Contender | None:
+def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engine: str) -> Contestant | None:
     """The engine's contestant that shares the most settings: whose image is compared."""
     same = [c for c in group if c.settings.engine == engine and not c.settings.label]
-    return max(same, key=lambda c: similarity(contender, c), default=None)
+    return max(same, key=lambda c: similarity(contestant, c), default=None)
 
 
-def baseline_of(contender: Contender, group: Sequence[Contender], results: Results) -> Baseline | None:
+def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Results) -> Baseline | None:
     """None for the baseline engine's own, and where no other is one factor apart and nearer to the baseline engine.
 
     A twin is compared with the contestant that it repeats. Among several, the one of the engine that stands first in
     `engine_order` is taken, of these the one that is fewest factors from the baseline engine, then the first by name.
     """
-    if contender.settings.label:
-        same = [c for c in group if c.settings == contender.settings._replace(label="")]
+    if contestant.settings.label:
+        same = [c for c in group if c.settings == contestant.settings._replace(label="")]
         return Baseline(same[0], AA) if same else None
-    racing = [c for c in group if not c.settings.label and c is not contender]
-    named = _named(contender, racing, results)
+    racing = [c for c in group if not c.settings.label and c is not contestant]
+    named = _named(contestant, racing, results)
     if named is not None:
-        return Baseline(named, " and ".join(factors(contender, named, group)) or "none")
+        return Baseline(named, " and ".join(factors(contestant, named, group)) or "none")
     order = engine_order(results)
-    root = nearest_of_engine(contender, group, order[0])
+    root = nearest_of_engine(contestant, group, order[0])
 
-    def distance(one: Contender) -> tuple[int, int]:
+    def distance(one: Contestant) -> tuple[int, int]:
         return order.index(one.settings.engine), len(factors(one, root, group)) if root is not None else 0
 
-    nearer = [c for c in racing if len(factors(contender, c, group)) == 1 and distance(c) < distance(contender)]
-    if contender.settings.engine == order[0] or not nearer:
+    nearer = [c for c in racing if len(factors(contestant, c, group)) == 1 and distance(c) < distance(contestant)]
+    if contestant.settings.engine == order[0] or not nearer:
         return None
     found = min(nearer, key=lambda c: (distance(c), c.name))
-    return Baseline(found, factors(contender, found, group)[0])
+    return Baseline(found, factors(contestant, found, group)[0])
 
 
-def factors(one: Contender, other: Contender, group: Iterable[Contender]) -> list[str]:
+def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> list[str]:
     """The names of the factors in which two differ. `auto` of two engines is one setting, whatever options each has for it."""
     found = [factor for factor in FACTORS if getattr(one.settings, factor) != getattr(other.settings, factor)]
     if "engine" in found and "accelerator" in found:
@@ -72,27 +72,27 @@ def factors(one: Contender, other: Contender, group: Iterable[Contender]) -> lis
             found.remove("accelerator")
             return found
         theirs: dict[str, set[str]] = {one.settings.engine: set(), other.settings.engine: set()}
-        for contender in group:
-            theirs.setdefault(contender.settings.engine, set()).add(_name(contender.settings.accelerator))
+        for contestant in group:
+            theirs.setdefault(contestant.settings.engine, set()).add(_name(contestant.settings.accelerator))
         if not theirs[one.settings.engine] & theirs[other.settings.engine]:
             found.remove("accelerator")
     return found
 
 
-def _named(contender: Contender, racing: Sequence[Contender], results: Results) -> Contender | None:
+def _named(contestant: Contestant, racing: Sequence[Contestant], results: Results) -> Contestant | None:
     """The nearest of those that the config's first pair of this contestant names."""
     pairs = (results.manifest.get("config") or {}).get("pairs") or []
     for pair in pairs if isinstance(pairs, list) else []:
         wanted: Mapping[str, Any] = pair if isinstance(pair, Mapping) else {}
         found = [c for c in racing if _matches(wanted.get("baseline"), c)]
-        if found and _matches(wanted.get("contestant"), contender):
-            return max(found, key=lambda c: similarity(contender, c))
+        if found and _matches(wanted.get("contestant"), contestant):
+            return max(found, key=lambda c: similarity(contestant, c))
     return None
 
 
-def _matches(wanted: Any, contender: Contender) -> bool:
+def _matches(wanted: Any, contestant: Contestant) -> bool:
     """Whether a contestant has the settings of one side of a pair; choices are named without their options."""
-    settings = contender.settings._asdict()
+    settings = contestant.settings._asdict()
     return isinstance(wanted, Mapping) and bool(wanted) and all(
         _name(str(settings.get(key))) == _name(str(value)) for key, value in wanted.items()
     )  # fmt: skip

@@ -66,7 +66,7 @@ def calibrate(analysis: Analysis, image_repetitions: int = REPETITIONS) -> Calib
     if archived is not None:
         return from_record(archived)
     noises = list(_noises(analysis))
-    samples = [verdict.radiance for verdict in analysis.verdicts if verdict.radiance and not verdict.contender.settings.label]
+    samples = [verdict.radiance for verdict in analysis.verdicts if verdict.radiance and not verdict.contestant.settings.label]
     times, images = (np.random.default_rng([SEED, part]) for part in range(2))
     races = race_figures(noises, REPETITIONS, times, margin(analysis.results)) if noises else None
     bias = bias_figures(samples, image_repetitions, images) if samples else None
@@ -87,7 +87,7 @@ def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
 
 def _noise(group: Sequence[Verdict], index: int | None) -> RaceNoise | None:
     low, high = times_found(group, index)
-    labelled = np.array([bool(verdict.contender.settings.label) for verdict in group])
+    labelled = np.array([bool(verdict.contestant.settings.label) for verdict in group])
     known = ((low == high) & np.isfinite(low)).all(axis=1) & ~labelled
     residuals = scaled_residuals(low[known])
     if residuals is None:

@@ -11,7 +11,7 @@ from itertools import combinations
 
 from harness.statistics import BiasEstimate, mean_interval
 from harness.statistics.bias import ROUNDED
-from harness.store.results import Contender, Event
+from harness.store.results import Contestant, Event
 
 CORRELATED_Z = 5.0
 """Standard errors by which products of differences from the two halves of a reference are negative, if noise is shared."""
@@ -26,30 +26,30 @@ OFF_CLOCK_SHARE, OFF_CLOCK_SECONDS = 0.1, 0.05
 """Processor time of a cell between timed calls, over that within them, and at least: thread pools take a moment to rest."""
 
 
-def conduct_flags(contender: Contender, bias: BiasEstimate | None) -> list[str]:
+def conduct_flags(contestant: Contestant, bias: BiasEstimate | None) -> list[str]:
     """Names, of `analysis.model.FLAGS`; `bias` where there are images."""
     seen = {
-        **seed_flags(contender),
-        "reference_copied": copies_reference(contender, bias),
-        "fewer_samples": not (bias and bias.biased) and has_fewer_samples(contender),
-        "too_many_threads": uses_more_threads(contender),
-        "works_between_calls": works_between_calls(contender),
+        **seed_flags(contestant),
+        "reference_copied": copies_reference(contestant, bias),
+        "fewer_samples": not (bias and bias.biased) and has_fewer_samples(contestant),
+        "too_many_threads": uses_more_threads(contestant),
+        "works_between_calls": works_between_calls(contestant),
     }
     return [name for name, found in seen.items() if found]
 
 
-def seed_flags(contender: Contender) -> dict[str, bool]:
+def seed_flags(contestant: Contestant) -> dict[str, bool]:
     """`ignores_seed`: all images of different seeds are equal at equal samples; `stale_image`: some are.
 
     Images are equal where all their metrics are, to the last digit, and they show noise: scenes may have none.
     """
-    equal = [_fingerprint(a) == _fingerprint(b) for a, b in _same_samples(contender)]
+    equal = [_fingerprint(a) == _fingerprint(b) for a, b in _same_samples(contestant)]
     return {"ignores_seed": bool(equal) and all(equal), "stale_image": any(equal) and not all(equal)}
 
 
-def _same_samples(contender: Contender) -> Iterator[tuple[Event, Event]]:
+def _same_samples(contestant: Contestant) -> Iterator[tuple[Event, Event]]:
     """Checkpoints of two cells, of different seeds, at the same samples, where the reference has noise."""
-    for one, other in combinations(contender.done, 2):
+    for one, other in combinations(contestant.done, 2):
         theirs = {point["spp"]: point for point in other["points"]}
         for point in one["points"]:
             if one["seed"] != other["seed"] and point["spp"] in theirs and _noisy(point):
@@ -67,7 +67,7 @@ def _fingerprint(point: Event) -> tuple[float | None, ...]:
     return tuple(value for _, value in sorted(point["metrics"].items()))
 
 
-def copies_reference(contender: Contender, bias: BiasEstimate | None) -> bool:
+def copies_reference(contestant: Contestant, bias: BiasEstimate | None) -> bool:
     """Whether the images share the noise of the reference's halves R1, R2.
 
     Of an image A that is independent of them the mean of (A - R1)(A - R2) is its variance plus its squared bias, never
@@ -76,55 +76,55 @@ def copies_reference(contender: Contender, bias: BiasEstimate | None) -> bool:
     """
     if bias is not None and bias.squared < -CORRELATED_Z * bias.se:
         return True
-    ends = [cell["points"][-1] for cell in contender.done]
+    ends = [cell["points"][-1] for cell in contestant.done]
     errors = [tuple(end["metrics"].get(name) for name in ("mse_corrected", "mse_se")) for end in ends if _noisy(end)]
     known = [(error, se) for error, se in errors if error is not None and se is not None]
     return bool(known) and all(error < -CORRELATED_Z * se for error, se in known)
 
 
-def has_fewer_samples(contender: Contender) -> bool:
+def has_fewer_samples(contestant: Contestant) -> bool:
     """Whether errors exceed, by more than `NOISIER` at 99 % over blocks, what the spread of as many samples explains.
 
     At the first checkpoint of `FEWEST_SAMPLES` or more, where a bias is least of the error. The mean squared error of a film of
     independent samples is its `film_variance`. For points that depend on each other nothing is expected: few Halton points may
     err more than independent ones.
     """
-    if not all(cell.get("smooth_sampler") for cell in contender.done):
+    if not all(cell.get("smooth_sampler") for cell in contestant.done):
         return False
     logs = []
-    for cell in contender.done:
+    for cell in contestant.done:
         point = next((p for p in cell["points"] if p["spp"] >= FEWEST_SAMPLES and p.get("film_variance") is not None), None)
         error = (point["metrics"].get("mse_corrected") if point else None) or 0.0
         if point is None or not 0 < error < math.inf:
             return False
         logs.append(math.log(error / point["film_variance"]) if point["film_variance"] > 0 else math.inf)
     if len(logs) > 1 and all(math.isinf(value) for value in logs):
-        return not any(seed_flags(contender).values())
+        return not any(seed_flags(contestant).values())
     return bool(mean_interval(logs, 0.99).low > math.log(NOISIER))
 
 
-def uses_more_threads(contender: Contender) -> bool:
+def uses_more_threads(contestant: Contestant) -> bool:
     """Whether on average more threads ran, or waited for a processor, than the settings allow.
 
     On a busy machine too many threads take no more processor time, but they wait.
     """
     runnable, most = 0.0, OFF_CLOCK_SECONDS
-    for machine, threads in _machines(contender):
+    for machine, threads in _machines(contestant):
         runnable += (machine.get("cpu_seconds") or 0.0) + (machine.get("run_queue_seconds") or 0.0)
         most += (machine.get("timed_seconds") or 0.0) * (threads + max(MORE_THREADS * threads, LEAST_MORE))
     return runnable > most
 
 
-def works_between_calls(contender: Contender) -> bool:
+def works_between_calls(contestant: Contestant) -> bool:
     """Whether threads of the engine used a processor when nothing was asked of them, in every cell."""
     found = [
         (machine.get("off_clock_cpu_seconds") or 0.0)
         > max(OFF_CLOCK_SHARE * (machine.get("cpu_seconds") or 0.0), OFF_CLOCK_SECONDS)
-        for machine, _ in _machines(contender)
+        for machine, _ in _machines(contestant)
     ]
     return bool(found) and all(found)
 
 
-def _machines(contender: Contender) -> Iterator[tuple[Event, int]]:
-    for cell in contender.done:
+def _machines(contestant: Contestant) -> Iterator[tuple[Event, int]]:
+    for cell in contestant.done:
         yield cell.get("machine") or {}, cell["threads"]

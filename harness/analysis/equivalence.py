@@ -1,4 +1,4 @@
-"""Whether contenders make the same image, from the images that a run stored: pairs of engines, and what they rest on.
+"""Whether contestants make the same image, from the images that a run stored: pairs of engines, and what they rest on.
 
 Images are compared in pairs of one block, in two ways. At equal samples: the most that all blocks of both have; every
 configuration has the same seeds, so engines that share samplers share their noise, and it cancels. At unequal samples: the
@@ -19,10 +19,10 @@ from harness.metrics import Reference
 from harness.statistics import Equivalence, equivalence
 from harness.statistics.bias import expected_variance
 from harness.statistics.equivalence import Margins, shared_alpha
-from harness.store.results import Contender, Event, Results, Settings
+from harness.store.results import Contestant, Event, Results, Settings
 
 SIMILARITY_WEIGHTS = {"sampler": 16, "threads": 8, "accelerator": 4, "precision": 2, "label": 1}
-"""What counts how much when the nearest relative among another engine's contenders is looked for."""
+"""What counts how much when the nearest relative among another engine's contestants is looked for."""
 Images = Mapping[int, np.ndarray]
 
 
@@ -38,8 +38,8 @@ class Comparison(NamedTuple):
 class EnginePair(NamedTuple):
     """Two engines on one scene under the same settings; `comparison` None where images are missing or do not vary."""
 
-    first: Contender
-    second: Contender
+    first: Contestant
+    second: Contestant
     comparison: Comparison | None
 
     @property
@@ -48,33 +48,33 @@ class EnginePair(NamedTuple):
 
 
 class Replicates:
-    """A contender's images, one a seed; the most recent few sets are kept in memory."""
+    """A contestant's images, one a seed; the most recent few sets are kept in memory."""
 
     def __init__(self, results: Results, keep: int = 8) -> None:
         self.results, self.keep = results, keep
         self.held: dict[tuple[int, int | None], Images] = {}
         self.references: dict[str, Reference | None] = {}
 
-    def reference(self, contender: Contender) -> Reference | None:
-        """The reference that a contender was compared with; None where it is missing."""
-        key = str(contender.done[0].get("reference_id"))
+    def reference(self, contestant: Contestant) -> Reference | None:
+        """The reference that a contestant was compared with; None where it is missing."""
+        key = str(contestant.done[0].get("reference_id"))
         if key not in self.references:
             self.references = {key: self.results.reference(key)}
         return self.references[key]
 
-    def of(self, contender: Contender, spp: int | None = None) -> Images:
+    def of(self, contestant: Contestant, spp: int | None = None) -> Images:
         """Block -> (h, w, 3): two or more finite, distinct images at `spp` samples or at each cell's last; or nothing."""
-        key = (id(contender), spp)
+        key = (id(contestant), spp)
         if key not in self.held:
             while len(self.held) >= self.keep:
                 self.held.pop(next(iter(self.held)))
-            self.held[key] = self._load(contender, spp)
+            self.held[key] = self._load(contestant, spp)
         else:
             self.held[key] = self.held.pop(key)
         return self.held[key]
 
-    def _load(self, contender: Contender, spp: int | None) -> Images:
-        found = {cell["block"]: self.results.image(last_pictured(cell, spp)) for cell in contender.done}
+    def _load(self, contestant: Contestant, spp: int | None) -> Images:
+        found = {cell["block"]: self.results.image(last_pictured(cell, spp)) for cell in contestant.done}
         images = {block: image for block, image in found.items() if image is not None and np.isfinite(image).all()}
         stack = list(images.values())
         alike = len(stack) > 1 and all(image.shape == stack[0].shape for image in stack)
@@ -86,10 +86,10 @@ def last_pictured(cell: Event, spp: int | None = None) -> Event:
     return next((p for p in reversed(cell["points"]) if p.get("image") and spp in (None, p["spp"])), {})
 
 
-def common_spp(*contenders: Contender, pictured: bool = False) -> int | None:
+def common_spp(*contestants: Contestant, pictured: bool = False) -> int | None:
     """The most samples at which every done cell of all of them has a checkpoint (and its image)."""
     sets = [{point["spp"] for point in cell["points"] if point.get("image") or not pictured}
-            for contender in contenders for cell in contender.done]  # fmt: skip
+            for contestant in contestants for cell in contestant.done]  # fmt: skip
     return max(set.intersection(*sets), default=None) if sets else None
 
 
@@ -99,7 +99,7 @@ def margins_of(results: Results) -> Margins:
     return Margins(**{name: float(given[name]) for name in Margins._fields if given.get(name) is not None})
 
 
-def compared(first: Contender, second: Contender, images: Replicates, alpha: float) -> Comparison | None:
+def compared(first: Contestant, second: Contestant, images: Replicates, alpha: float) -> Comparison | None:
     """Their images at equal samples or their last ones, whichever has the smaller standard error."""
     spp = common_spp(first, second, pictured=True)
     found = [_compared(first, second, images, alpha, at) for at in dict.fromkeys([spp, None])]
@@ -108,7 +108,7 @@ def compared(first: Contender, second: Contender, images: Replicates, alpha: flo
 
 
 def _compared(
-    first: Contender, second: Contender, images: Replicates, alpha: float, spp: int | None
+    first: Contestant, second: Contestant, images: Replicates, alpha: float, spp: int | None
 ) -> Comparison | None:  # fmt: skip
     ours, theirs = images.of(first, spp), images.of(second, spp)
     shared = sorted(ours.keys() & theirs.keys())
@@ -140,25 +140,25 @@ def engine_pairs(results: Results, images: Replicates, known: Known) -> list[Eng
 
     `known` has what was concluded before the images were given up.
     """
-    groups: dict[tuple[str, ...], list[Contender]] = {}
-    for contender in results.contenders:
-        s = contender.settings
-        if contender.done and not s.label:
-            groups.setdefault((s.scene, s.shader, s.size, s.sampler, s.machine), []).append(contender)
+    groups: dict[tuple[str, ...], list[Contestant]] = {}
+    for contestant in results.contestants:
+        s = contestant.settings
+        if contestant.done and not s.label:
+            groups.setdefault((s.scene, s.shader, s.size, s.sampler, s.machine), []).append(contestant)
     pairs = [pair for members in groups.values() for pair in _nearest(members)]
     alpha = shared_alpha(len(pairs))
     return [EnginePair(a, b, compared(a, b, images, alpha) or known.get((a.settings, b.settings))) for a, b in pairs]
 
 
-def _nearest(members: Sequence[Contender]) -> Iterator[tuple[Contender, Contender]]:
-    engines = list(dict.fromkeys(contender.settings.engine for contender in members))
+def _nearest(members: Sequence[Contestant]) -> Iterator[tuple[Contestant, Contestant]]:
+    engines = list(dict.fromkeys(contestant.settings.engine for contestant in members))
     for a, b in combinations(engines, 2):
         ours, theirs = ([c for c in members if c.settings.engine == engine] for engine in (a, b))
         yield max(((x, y) for x in ours for y in theirs), key=lambda pair: similarity(*pair))
 
 
-def similarity(one: Contender, other: Contender) -> int:
-    """How much two contenders have in common, by the weights of `SIMILARITY_WEIGHTS`."""
+def similarity(one: Contestant, other: Contestant) -> int:
+    """How much two contestants have in common, by the weights of `SIMILARITY_WEIGHTS`."""
     return sum(weight for axis, weight in SIMILARITY_WEIGHTS.items()
                if getattr(one.settings, axis) == getattr(other.settings, axis))  # fmt: skip
 

@@ -140,8 +140,8 @@ def times_to_quality(analysis: Analysis) -> Table:
     )  # fmt: skip
     for verdict in analysis.verdicts:
         who = {
-            **_cell(verdict.contender.done[0]),
-            "contestant": verdict.contender.name,
+            **_cell(verdict.contestant.done[0]),
+            "contestant": verdict.contestant.name,
             "metric": analysis.results.metric,
         }
         for start, times in (("warm", verdict.warm), ("cold", verdict.cold)):
@@ -212,7 +212,7 @@ def verdicts(analysis: Analysis) -> Table:
     )  # fmt: skip
     table.rows = [
         {**_verdict(verdict, index), "metric": analysis.results.metric, "target": target,
-         "noise_floor": math.expm1(analysis.floor(verdict.contender.settings.scene, index))}
+         "noise_floor": math.expm1(analysis.floor(verdict.contestant.settings.scene, index))}
         for verdict in analysis.verdicts for index, target in enumerate(analysis.results.targets)
     ]  # fmt: skip
     return table
@@ -222,7 +222,7 @@ def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
     """A verdict on the target of `index`."""
     warm, cold, ratio = verdict.warm[index], verdict.cold[index], verdict.quality_speedups[index]
     return {
-        **_cell(verdict.contender.done[0]), "contestant": verdict.contender.name,
+        **_cell(verdict.contestant.done[0]), "contestant": verdict.contestant.name,
         "seconds": (warm.value, warm.low, warm.high), "cold_seconds": (cold.value, cold.low, cold.high),
         "reached": warm.reached, "at_first": warm.at_first, "seeds": warm.seeds, "failed_cells": verdict.failures,
         "baseline": verdict.against.name if verdict.against else None, "factor": verdict.factors or None,
@@ -235,7 +235,7 @@ def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
 def by_contestant(frame: pd.DataFrame, results: Results) -> pd.DataFrame:
     """The rows of `cells` or `points` in the order of the contestants, and of each by block."""
     keys = ["scene", "contestant"]
-    order = pd.DataFrame([(c.settings.scene, c.name) for c in results.contenders], columns=keys, dtype="string")
+    order = pd.DataFrame([(c.settings.scene, c.name) for c in results.contestants], columns=keys, dtype="string")
     return order.drop_duplicates().merge(frame.sort_values("block", kind="stable"), on=keys)
 
 
@@ -250,7 +250,7 @@ def metric_meaning(name: str) -> str:
 
 def _contestants(results: Results) -> dict[str, str]:
     """Cell id -> the name of its contestant."""
-    return {cell["cell_id"]: contender.name for contender in results.contenders for cell in contender.cells}
+    return {cell["cell_id"]: contestant.name for contestant in results.contestants for cell in contestant.cells}
 
 
 def _cell(cell: Event) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""What is concluded from results: a verdict on every contender, and pairs of engines."""
+"""What is concluded from results: a verdict on every contestant, and pairs of engines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from harness.analysis.equivalence import EnginePair
 from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
 from harness.statistics.bias import RadianceSample
-from harness.store.results import Contender, Results
+from harness.store.results import Contestant, Results
 
 NOISY = "noisy_reference"
 """Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
@@ -19,6 +19,7 @@ FLAGS = {
     "biased_tile": "a tile biased",
     "on_bias_floor": "sits on its bias floor",
     "other_image": "differs from the baseline's image",
+    "equivalence_unresolved": "not shown to be equivalent to the baseline's image",
     "too_good_per_sample": "too good per sample",
     "nonfinite_pixels": "non-finite pixels",
     "bad_samples": "bad samples",
@@ -35,13 +36,13 @@ FLAGS = {
 """What a reader of a verdict must know: name -> words."""
 OF_THE_TIME = frozenset({"contended", "own_clock", NOISY})
 """Flags that leave a contestant in the rankings. All others say that its image, the error it claims or its conduct is wrong."""
-OF_THE_ESTIMATOR = frozenset({"other_image", "too_good_per_sample"})
+OF_THE_ESTIMATOR = frozenset({"other_image", "equivalence_unresolved", "too_good_per_sample"})
 """Flags that leave a contestant of the open division in its ranking: there another estimator is no offence."""
 
 
 @dataclass
 class Verdict:
-    """All that is concluded about one contender. Lists run along the results' targets.
+    """All that is concluded about one contestant. Lists run along the results' targets.
 
     `against` is the contestant that times are compared with, `factors` says in what the two differ;
     `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared.
@@ -49,7 +50,7 @@ class Verdict:
     or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of `FLAGS`.
     """
 
-    contender: Contender
+    contestant: Contestant
     warm: list[QualityTime]
     cold: list[QualityTime]
     slope: Slope
@@ -59,8 +60,8 @@ class Verdict:
     samples_per_second: Estimate
     rays_per_second: Estimate
     phases: dict[str, Estimate]
-    baseline: Contender | None = None
-    against: Contender | None = None
+    baseline: Contestant | None = None
+    against: Contestant | None = None
     factors: str = ""
     speedup: Ratio | None = None
     quality_speedups: list[Ratio | None] = field(default_factory=list)
@@ -73,12 +74,12 @@ class Verdict:
     @property
     def failures(self) -> int:
         """Cells that failed or ran out of time."""
-        return sum(cell["state"] in ("failed", "timeout") for cell in self.contender.cells)
+        return sum(cell["state"] in ("failed", "timeout") for cell in self.contestant.cells)
 
     @property
     def disqualified(self) -> bool:
         """Whether a flag keeps it out of all rankings of its division."""
-        allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contender.settings.division == "open" else OF_THE_TIME
+        allowed = OF_THE_TIME | OF_THE_ESTIMATOR if self.contestant.settings.division == "open" else OF_THE_TIME
         return bool(set(self.flags) - allowed)
 
     def flags_of(self, index: int) -> list[str]:
@@ -104,7 +105,7 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
 
 @dataclass
 class Analysis:
-    """`verdicts` of all contenders that have a measured cell. `pairs` are engines compared under equal settings.
+    """`verdicts` of all contestants that have a measured cell. `pairs` are engines compared under equal settings.
 
     `floors`: (scene, index of the target) -> noise floor as a log ratio, NaN where it was not measured; the index
     None stands for seconds per sample. `separated` are those whose A/A twins differ, so that nothing is concluded.
@@ -118,7 +119,7 @@ class Analysis:
     pairs: list[EnginePair] = field(default_factory=list)
 
     def of_scene(self, scene: str) -> list[Verdict]:
-        return [verdict for verdict in self.verdicts if verdict.contender.settings.scene == scene]
+        return [verdict for verdict in self.verdicts if verdict.contestant.settings.scene == scene]
 
     def floor(self, scene: str, index: int | None = None) -> float:
         """The scene's noise floor as a log ratio; NaN where it was not measured."""
@@ -133,14 +134,14 @@ def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     """The verdicts of each race, those of A/A twins included."""
     groups: dict[Group, list[Verdict]] = {}
     for verdict in verdicts:
-        s = verdict.contender.settings
+        s = verdict.contestant.settings
         groups.setdefault((s.scene, s.shader, s.size, s.division, s.machine), []).append(verdict)
     return groups
 
 
 def ranked_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     """The verdicts of each race, without those of the A/A twins' second labels."""
-    return raced_together(verdict for verdict in verdicts if not verdict.contender.settings.label)
+    return raced_together(verdict for verdict in verdicts if not verdict.contestant.settings.label)
 
 
 def possible_winners(verdicts: Iterable[Verdict], index: int) -> list[Verdict]:
@@ -149,7 +150,7 @@ def possible_winners(verdicts: Iterable[Verdict], index: int) -> list[Verdict]:
     return sorted(found, key=lambda verdict: verdict.warm[index].value)
 
 
-def seconds_per_sample(contender: Contender) -> dict[int, float]:
+def seconds_per_sample(contestant: Contestant) -> dict[int, float]:
     """Block -> warm seconds per sample per pixel, over the whole cell."""
-    ends = {cell["block"]: cell["points"][-1] for cell in contender.done}
+    ends = {cell["block"]: cell["points"][-1] for cell in contestant.done}
     return {block: end["seconds"] / end["spp"] for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}

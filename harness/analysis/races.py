@@ -17,7 +17,7 @@ from harness.metrics import as_error
 from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.ratios import MARGIN
-from harness.store.results import Contender, Results
+from harness.store.results import Contestant, Results
 
 Logs = NDArray[np.float64]
 CLOCK_SECONDS = 1e-6
@@ -32,13 +32,13 @@ def run_races(analysis: Analysis) -> None:
     groups = list(raced_together(analysis.verdicts).values())
     logs = {index: [_logs([_bounds(analysis.results, verdict, index) for verdict in group]) for group in groups]
             for index in (None, *range(len(analysis.results.targets)))}  # fmt: skip
-    twins = [_twins([verdict.contender for verdict in group]) for group in groups]
+    twins = [_twins([verdict.contestant for verdict in group]) for group in groups]
     distances: dict[int | None, dict[str, list[float]]] = {}
     for group, pairs in zip(groups, twins, strict=True):
         for pair in pairs or [None]:
             own = [_distance([group[row] for row in pair], index) if pair else math.nan for index in logs]
             for index, distance in zip(logs, [own[0], *_filled(own[1:])], strict=True):
-                distances.setdefault(index, {}).setdefault(group[0].contender.settings.scene, []).append(distance)
+                distances.setdefault(index, {}).setdefault(group[0].contestant.settings.scene, []).append(distance)
     for index, scenes in distances.items():
         everyone = [distance for found in scenes.values() for distance in found]
         analysis.floors |= {(scene, index): noise_floor(found, everyone) for scene, found in scenes.items()}
@@ -47,7 +47,7 @@ def run_races(analysis: Analysis) -> None:
             _run(analysis, group, index, low, high, pairs)
     for group in groups:
         for index in logs:
-            if (group[0].contender.settings.scene, index) in analysis.separated:
+            if (group[0].contestant.settings.scene, index) in analysis.separated:
                 _leave_unresolved(group, index)
 
 
@@ -59,13 +59,13 @@ def _distance(pair: Sequence[Verdict], index: int | None) -> float:
 def times_found(verdicts: Sequence[Verdict], index: int | None) -> tuple[Logs, Logs]:
     """(k, n) bounds of ln seconds to the target of `index`, or per sample, whatever the noise of the reference."""
     if index is None:
-        return _logs([_per_sample(verdict.contender) for verdict in verdicts])
-    times = [zip(verdict.contender.runs, verdict.warm[index].crossings, strict=True) for verdict in verdicts]
+        return _logs([_per_sample(verdict.contestant) for verdict in verdicts])
+    times = [zip(verdict.contestant.runs, verdict.warm[index].crossings, strict=True) for verdict in verdicts]
     return _logs([{cell["block"]: bound for cell, bound in one} for one in times])
 
 
-def _per_sample(contender: Contender) -> dict[int, Bound]:
-    return {block: Bound(seconds, seconds) for block, seconds in seconds_per_sample(contender).items()}
+def _per_sample(contestant: Contestant) -> dict[int, Bound]:
+    return {block: Bound(seconds, seconds) for block, seconds in seconds_per_sample(contestant).items()}
 
 
 def _filled(distances: Sequence[float]) -> list[float]:
@@ -79,11 +79,11 @@ def _filled(distances: Sequence[float]) -> list[float]:
 def _run(
     analysis: Analysis, group: list[Verdict], index: int | None, low: Logs, high: Logs, twins: list[tuple[int, int]]
 ) -> None:  # fmt: skip
-    scene = group[0].contender.settings.scene
-    rows = {id(verdict.contender): row for row, verdict in enumerate(group) if not verdict.disqualified}
-    compared = [(rows[id(v.contender)], rows[id(v.against)]) for v in group
-                if id(v.contender) in rows and id(v.against) in rows]  # fmt: skip
-    ranked = np.array([id(v.contender) in rows and not v.contender.settings.label for v in group])
+    scene = group[0].contestant.settings.scene
+    rows = {id(verdict.contestant): row for row, verdict in enumerate(group) if not verdict.disqualified}
+    compared = [(rows[id(v.contestant)], rows[id(v.against)]) for v in group
+                if id(v.contestant) in rows and id(v.against) in rows]  # fmt: skip
+    ranked = np.array([id(v.contestant) in rows and not v.contestant.settings.label for v in group])
     found = race(low, high, compared, analysis.floor(scene, index), ranked=ranked, twins=twins, clock=clock_steps(low),
                  margin=margin(analysis.results), **_readings(analysis.results, group, index))  # fmt: skip
     if found.twins_separated:
@@ -109,7 +109,7 @@ def _leave_unresolved(group: Sequence[Verdict], index: int | None) -> None:
             verdict.quality_speedups[index] = unresolved
     if index is not None and any(verdict.possible_winner[index] for verdict in group):
         for verdict in group:
-            verdict.possible_winner[index] = not verdict.disqualified and not verdict.contender.settings.label
+            verdict.possible_winner[index] = not verdict.disqualified and not verdict.contestant.settings.label
 
 
 def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> dict[str, Any]:
@@ -126,7 +126,7 @@ def _crossings(results: Results, verdict: Verdict, index: int, reading: Reading)
     """Block -> seconds to a target. What the reference's noise may have moved is known less well: by three of its standard
     errors, for times go as the inverse of the error at the most."""
     target = as_error(results.metric, results.targets[index])
-    found = {cell["block"]: crossing_seconds(results.curve(cell), target, reading) for cell in verdict.contender.runs}
+    found = {cell["block"]: crossing_seconds(results.curve(cell), target, reading) for cell in verdict.contestant.runs}
     if verdict.warm[index].reliable:
         return {block: crossing.x for block, crossing in found.items()}
     rooms = {block: max(1 - NOISE_ERRORS * crossing.noise, 0.0) if crossing.noise < math.inf else 0.0
@@ -138,9 +138,9 @@ def _crossings(results: Results, verdict: Verdict, index: int, reading: Reading)
 def sample_floors(results: Results) -> dict[str, float]:
     """Scene -> its noise floor of seconds per sample as a log ratio, NaN where it was not measured."""
     own: dict[str, list[float]] = {scene: [] for scene in results.scenes}
-    for one, other in _twins(results.contenders):
-        pair = [results.contenders[at] for at in (one, other)]
-        logs = _logs([_per_sample(contender) for contender in pair])
+    for one, other in _twins(results.contestants):
+        pair = [results.contestants[at] for at in (one, other)]
+        logs = _logs([_per_sample(contestant) for contestant in pair])
         own[pair[0].settings.scene].append(twin_distance(*logs, 0, 1))
     everyone = [distance for found in own.values() for distance in found]
     return {scene: noise_floor(found, everyone) for scene, found in own.items()}
@@ -163,9 +163,9 @@ def clock_steps(low: Logs) -> Logs:
     return CLOCK_SECONDS * np.exp(-shortest)
 
 
-def _twins(contenders: Sequence[Contender]) -> list[tuple[int, int]]:
+def _twins(contestants: Sequence[Contestant]) -> list[tuple[int, int]]:
     """Places of measured contestants that differ in their label alone: the unlabelled first."""
-    places = {c.settings: place for place, c in enumerate(contenders) if c.done}
+    places = {c.settings: place for place, c in enumerate(contestants) if c.done}
     found = [(places.get(settings._replace(label="")), place) for settings, place in places.items() if settings.label]
     return [(one, other) for one, other in found if one is not None]
 
@@ -174,7 +174,7 @@ def _bounds(results: Results, verdict: Verdict, index: int | None) -> Mapping[in
     """Block -> seconds to the target of `index`, or seconds per sample."""
     if index is not None:
         return _crossings(results, verdict, index, verdict.warm[index].reading)
-    return _per_sample(verdict.contender)
+    return _per_sample(verdict.contestant)
 
 
 def _logs(bounds: Sequence[Mapping[int, Bound]]) -> tuple[Logs, Logs]:

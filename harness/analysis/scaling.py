@@ -1,4 +1,4 @@
-"""How cost grows: families of contenders that differ in one size alone, and the exponents of their times."""
+"""How cost grows: families of contestants that differ in one size alone, and the exponents of their times."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.analysis.model import Analysis, seconds_per_sample
 from harness.statistics import Estimate, geometric_interval, mean_interval
-from harness.store.results import Contender, Event, Results, phase_seconds
+from harness.store.results import Contestant, Event, Results, phase_seconds
 
 FEWEST = 3
 """Sizes from which on an exponent is shown."""
@@ -20,7 +20,7 @@ Samples = dict[int, dict[int, float]]
 class ScalingExponent(NamedTuple):
     """d log seconds / d log size between two sizes: 0 is no growth, 1 proportion. Interval: Student's over blocks."""
 
-    contender: Contender
+    contestant: Contestant
     cost: str
     over: str
     smallest: int
@@ -29,45 +29,45 @@ class ScalingExponent(NamedTuple):
     last: Estimate
 
 
-def primitives(contender: Contender) -> int:
-    return int(contender.cells[0].get("primitives") or 0)
+def primitives(contestant: Contestant) -> int:
+    return int(contestant.cells[0].get("primitives") or 0)
 
 
 def pixels(cell: Event) -> int:
     return int(cell["width"]) * int(cell["height"])
 
 
-def families(analysis: Analysis, axis: str, size: Callable[[Contender], int]) -> list[list[Contender]]:
-    """Contenders that differ in one setting alone, three or more different sizes, the smallest first."""
-    groups: dict[object, list[Contender]] = {}
+def families(analysis: Analysis, axis: str, size: Callable[[Contestant], int]) -> list[list[Contestant]]:
+    """Contestants that differ in one setting alone, three or more different sizes, the smallest first."""
+    groups: dict[object, list[Contestant]] = {}
     for verdict in analysis.verdicts:
-        contender = verdict.contender
-        if not contender.settings.label and seconds_per_sample(contender) and size(contender):
-            groups.setdefault(contender.settings._replace(**{axis: ""}), []).append(contender)
+        contestant = verdict.contestant
+        if not contestant.settings.label and seconds_per_sample(contestant) and size(contestant):
+            groups.setdefault(contestant.settings._replace(**{axis: ""}), []).append(contestant)
     ordered = [sorted(group, key=size) for group in groups.values()]
-    return [group for group in ordered if len({size(contender) for contender in group}) >= FEWEST]
+    return [group for group in ordered if len({size(contestant) for contestant in group}) >= FEWEST]
 
 
-def name_of(family: Sequence[Contender]) -> str:
+def name_of(family: Sequence[Contestant]) -> str:
     """The name that the family's members share."""
     first = family[0]
     return " ".join(word for word in first.name.split() if word != first.settings.size)
 
 
-def microseconds_a_path(contender: Contender) -> Estimate:
+def microseconds_a_path(contestant: Contestant) -> Estimate:
     """Geometric mean over seeds of the warm time of a path (a sample of a pixel)."""
-    return geometric_interval([1e6 * seconds for seconds in path_seconds(contender).values()])
+    return geometric_interval([1e6 * seconds for seconds in path_seconds(contestant).values()])
 
 
-def path_seconds(contender: Contender) -> dict[int, float]:
+def path_seconds(contestant: Contestant) -> dict[int, float]:
     """Block -> warm seconds of a path."""
-    return {block: s / pixels(contender.done[0]) for block, s in seconds_per_sample(contender).items()}
+    return {block: s / pixels(contestant.done[0]) for block, s in seconds_per_sample(contestant).items()}
 
 
-def passes(contender: Contender) -> Samples:
+def passes(contestant: Contestant) -> Samples:
     """Samples per pixel so far -> block -> seconds of a path in the pass that ended there."""
     found: Samples = {}
-    for cell in contender.done:
+    for cell in contestant.done:
         before = (0, 0.0)
         for point in cell["points"]:
             spp, seconds = point["spp"] - before[0], point["seconds"] - before[1]
@@ -79,7 +79,7 @@ def passes(contender: Contender) -> Samples:
 def scaling_exponents(analysis: Analysis) -> Iterator[ScalingExponent]:
     """Time of a path and of the build over primitives; time of a path over pixels and over samples."""
     over_scenes = families(analysis, "scene", primitives)
-    over_sizes = families(analysis, "size", lambda contender: pixels(contender.done[0]))
+    over_sizes = families(analysis, "size", lambda contestant: pixels(contestant.done[0]))
     for family in over_scenes:
         yield from _exponents(family[-1], "path", "primitives", {primitives(c): path_seconds(c) for c in family})
         built = {primitives(c): {cell["block"]: phase_seconds(cell, "build") for cell in c.done} for c in family}
@@ -89,12 +89,12 @@ def scaling_exponents(analysis: Analysis) -> Iterator[ScalingExponent]:
         yield from _exponents(family[-1], "path", "samples per pixel", passes(family[-1]))
 
 
-def _exponents(contender: Contender, cost: str, over: str, seconds: Samples) -> Iterator[ScalingExponent]:
+def _exponents(contestant: Contestant, cost: str, over: str, seconds: Samples) -> Iterator[ScalingExponent]:
     """Nothing below `FEWEST` sizes with a time."""
     timed = {size: {b: s for b, s in blocks.items() if s > 0} for size, blocks in sorted(seconds.items())}
     sizes = [size for size, blocks in timed.items() if blocks]
     if len(sizes) >= FEWEST:
-        yield ScalingExponent(contender, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
+        yield ScalingExponent(contestant, cost, over, sizes[0], sizes[-1], exponent(timed, sizes), exponent(timed, sizes[-2:]))
 
 
 def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
@@ -106,11 +106,11 @@ def exponent(seconds: Samples, sizes: Sequence[int]) -> Estimate:
     return mean_interval(slopes)
 
 
-def thread_families(results: Results) -> list[list[Contender]]:
-    """Measured contenders that differ in threads alone, two or more, by rising thread count."""
-    families: dict[Any, list[Contender]] = {}
-    for contender in results.contenders:
-        if seconds_per_sample(contender):
-            families.setdefault(contender.settings._replace(threads=0), []).append(contender)
+def thread_families(results: Results) -> list[list[Contestant]]:
+    """Measured contestants that differ in threads alone, two or more, by rising thread count."""
+    families: dict[Any, list[Contestant]] = {}
+    for contestant in results.contestants:
+        if seconds_per_sample(contestant):
+            families.setdefault(contestant.settings._replace(threads=0), []).append(contestant)
     found = [sorted(family, key=lambda c: c.settings.threads) for family in families.values()]
     return [family for family in found if len(family) > 1]

@@ -7,7 +7,7 @@ from harness.store.results import Results, Settings
 
 
 def slopes(results: Results) -> dict[Settings, Slope]:
-    """The slope of relMSE of every measured contender, fitted over samples that the contenders of its scene share."""
+    """The slope of relMSE of every measured contestant, fitted over samples that the contestants of its scene share."""
     found: dict[Settings, Slope] = {}
     for scene in results.scenes:
         seeds = {c.settings: [results.curve(cell, results.relative_metric) for cell in c.done] for c in results.of_scene(scene)}

@@ -1,4 +1,4 @@
-"""What the results say: every contender's verdict, computed once for the tables, the plots and the report."""
+"""What the results say: every contestant's verdict, computed once for the tables, the plots and the report."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ from harness.statistics import (
 )
 from harness.statistics.bias import radiance_sample
 from harness.statistics.equivalence import shared_alpha
-from harness.store.results import Contender, Event, Results, phase_seconds, point_error
+from harness.store.results import Contestant, Event, Results, phase_seconds, point_error
 
 
 def analyse(results: Results) -> Analysis:
     """Draws all conclusions; reads the last image of every cell for bias and equivalence."""
     slope_of = slopes(results)
-    verdicts = [_own_verdict(results, c, slope_of[c.settings]) for c in results.contenders if c.done]
+    verdicts = [_own_verdict(results, c, slope_of[c.settings]) for c in results.contestants if c.done]
     images, known = Replicates(results), archived_verdicts.read_archived(results)
     engine = baseline_engine_of(results)
-    groups = {key: [v.contender for v in group] for key, group in raced_together(verdicts).items()}
-    for verdict in sorted(verdicts, key=lambda v: (v.contender.settings.scene, v.contender.settings.shader)):
-        group = next(group for group in groups.values() if verdict.contender in group)
-        found = baseline_of(verdict.contender, group, results)
+    groups = {key: [v.contestant for v in group] for key, group in raced_together(verdicts).items()}
+    for verdict in sorted(verdicts, key=lambda v: (v.contestant.settings.scene, v.contestant.settings.shader)):
+        group = next(group for group in groups.values() if verdict.contestant in group)
+        found = baseline_of(verdict.contestant, group, results)
         if found is not None:
             verdict.against, verdict.factors = found
-        _compare(results, verdict, nearest_of_engine(verdict.contender, _closed_beside(verdict, groups), engine), images)
-        verdict.bias = verdict.bias or known.bias.get(verdict.contender.settings)
-        verdict.equivalence = verdict.equivalence or known.baseline.get(verdict.contender.settings)
+        _compare(results, verdict, nearest_of_engine(verdict.contestant, _closed_beside(verdict, groups), engine), images)
+        verdict.bias = verdict.bias or known.bias.get(verdict.contestant.settings)
+        verdict.equivalence = verdict.equivalence or known.baseline.get(verdict.contestant.settings)
         verdict.flags = _flags(results, verdict)
     analysis = Analysis(results, verdicts, engine, pairs=engine_pairs(results, images, known.pairs))
     run_races(analysis)
     return analysis
 
 
-def _closed_beside(verdict: Verdict, groups: Mapping[Group, list[Contender]]) -> list[Contender]:
+def _closed_beside(verdict: Verdict, groups: Mapping[Group, list[Contestant]]) -> list[Contestant]:
     """Contestants of the closed division, whose images those of both are compared with."""
-    s = verdict.contender.settings
+    s = verdict.contestant.settings
     return groups.get((s.scene, s.shader, s.size, "closed", s.machine), [])
 
 
@@ -59,14 +59,14 @@ def baseline_engine_of(results: Results) -> str:
     return next(iter(engine_order(results)), "")
 
 
-def _own_verdict(results: Results, contender: Contender, slope: Slope) -> Verdict:
-    """What needs no other contender and no image."""
-    curves = [results.curve(cell) for cell in contender.runs]
-    fixed = [contender.fixed_seconds(cell) for cell in contender.runs]
-    done = contender.done
+def _own_verdict(results: Results, contestant: Contestant, slope: Slope) -> Verdict:
+    """What needs no other contestant and no image."""
+    curves = [results.curve(cell) for cell in contestant.runs]
+    fixed = [contestant.fixed_seconds(cell) for cell in contestant.runs]
+    done = contestant.done
     ends = [cell["points"][-1] for cell in done]
     return Verdict(
-        contender,
+        contestant,
         warm=[time_to_quality(curves, [0.0] * len(curves), target) for target in error_targets(results)],
         cold=[time_to_quality(curves, fixed, target) for target in error_targets(results)],
         slope=slope,
@@ -86,30 +86,30 @@ def error_targets(results: Results) -> list[float]:
     return [as_error(results.metric, target) for target in results.targets]
 
 
-def _compare(results: Results, verdict: Verdict, baseline: Contender | None, images: Replicates) -> None:
+def _compare(results: Results, verdict: Verdict, baseline: Contestant | None, images: Replicates) -> None:
     """Fills in what needs the reference or the images."""
-    contender = verdict.contender
-    own_images, reference = images.of(contender), images.reference(contender)
+    contestant = verdict.contestant
+    own_images, reference = images.of(contestant), images.reference(contestant)
     if own_images and reference is not None and next(iter(own_images.values())).shape == reference.mean.shape:
-        spp = [last_pictured(cell)["spp"] for cell in contender.done if cell["block"] in own_images]
+        spp = [last_pictured(cell)["spp"] for cell in contestant.done if cell["block"] in own_images]
         verdict.bias = bias_estimate(list(own_images.values()), reference, results.epsilon, spp)
         verdict.radiance = radiance_sample(list(own_images.values()), reference, spp)
-    if baseline is not None and baseline is not contender:
+    if baseline is not None and baseline is not contestant:
         verdict.baseline = baseline
-        comparison = compared(baseline, contender, images, shared_alpha(len(results.contenders)))
+        comparison = compared(baseline, contestant, images, shared_alpha(len(results.contestants)))
         verdict.equivalence = comparison.found if comparison else None
 
 
 def _flags(results: Results, verdict: Verdict) -> list[str]:
-    flags = image_flags(results, verdict) + conduct_flags(verdict.contender, verdict.bias)
-    if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contender.settings.sampler:
-        spp = common_spp(verdict.contender, verdict.baseline)
-        own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contender, verdict.baseline))
+    flags = image_flags(results, verdict) + conduct_flags(verdict.contestant, verdict.bias)
+    if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contestant.settings.sampler:
+        spp = common_spp(verdict.contestant, verdict.baseline)
+        own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contestant, verdict.baseline))
         if too_good_per_sample(own, theirs):
             flags.append("too_good_per_sample")
-    if any((cell.get("machine") or {}).get("contended") for cell in verdict.contender.done):
+    if any((cell.get("machine") or {}).get("contended") for cell in verdict.contestant.done):
         flags.append("contended")
-    if any(reports_its_time(cell) for cell in verdict.contender.done):
+    if any(reports_its_time(cell) for cell in verdict.contestant.done):
         flags.append("own_clock")
     return flags
 
@@ -119,9 +119,9 @@ def reports_its_time(cell: Event) -> bool:
     return bool((cell.get("counters") or {}).get("told_by_program"))
 
 
-def _error_times_spp(results: Results, contender: Contender, spp: int | None) -> dict[int, float]:
+def _error_times_spp(results: Results, contestant: Contestant, spp: int | None) -> dict[int, float]:
     return {cell["block"]: point_error(point, results.metric)[0] * point["spp"]
-            for cell in contender.done for point in cell["points"] if point["spp"] == spp}  # fmt: skip
+            for cell in contestant.done for point in cell["points"] if point["spp"] == spp}  # fmt: skip
 
 
 def _mse(point: Event) -> float:

@@ -206,7 +206,7 @@ class Attempt(Measurement):
 
 def _settings(row: list[str | int]) -> list[str | int]:
     if [type(value) for value in row[:10]] != [str] * 6 + [int] + [str] * 3 or row[10:] not in ([], ["closed"], ["open"]):
-        raise ValueError("a contender's settings are wanted: six texts, the threads, three texts, and the division")
+        raise ValueError("a contestant's settings are wanted: six texts, the threads, three texts, and the division")
     return row
 
 

@@ -1,6 +1,6 @@
-"""A results folder as the tables, plots and report see it: contenders, each with its seeds' curves.
+"""A results folder as the tables, plots and report see it: contestants, each with its seeds' curves.
 
-Only manifest.json, events.jsonl and images are read. A contender is one configuration on one scene: everything in
+Only manifest.json, events.jsonl and images are read. A contestant is one configuration on one scene: everything in
 a cell's spec except its seed and block.
 """
 
@@ -23,14 +23,14 @@ from harness.store.reference_files import reference_arrays
 
 PHASES = ("import", "load", "build", "compile", "render")
 AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division", "machine")
-"""The settings in which contenders of a scene may differ, in the order in which labels name them."""
+"""The settings in which contestants of a scene may differ, in the order in which labels name them."""
 Event = Mapping[str, Any]
 BRUTE_FORCE = "brute force"
 """What tables call the accelerator `none`."""
 
 
 class Settings(NamedTuple):
-    """The settings of a contender. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
+    """The settings of a contestant. Choices are text, such as `path_tracer(max_depth=6)`; `size` is `256x256`."""
 
     scene: str
     engine: str
@@ -46,7 +46,7 @@ class Settings(NamedTuple):
 
 
 @dataclass
-class Contender:
+class Contestant:
     """One configuration on one scene with its cells, by block. `name` is unique among those of its scene."""
 
     settings: Settings
@@ -89,17 +89,17 @@ class Results:
     check_results: list[Event] = field(default_factory=list)
     archived_verdicts: Event | None = None
     calibration: Event | None = None
-    contenders: list[Contender] = field(default_factory=list)
+    contestants: list[Contestant] = field(default_factory=list)
 
     @property
     def scenes(self) -> list[str]:
-        """Scenes in the order of the contenders: that of the config."""
-        return list(dict.fromkeys(contender.settings.scene for contender in self.contenders))
+        """Scenes in the order of the contestants: that of the config."""
+        return list(dict.fromkeys(contestant.settings.scene for contestant in self.contestants))
 
     @property
     def engines(self) -> list[str]:
         """Engines in alphabetical order."""
-        return sorted({contender.settings.engine for contender in self.contenders})
+        return sorted({contestant.settings.engine for contestant in self.contestants})
 
     @property
     def epsilon(self) -> float:
@@ -113,9 +113,9 @@ class Results:
         """relMSE, whatever the quality metric: slopes of the RMSE and biases are about mean squares."""
         return metric_name("relmse", self.epsilon)
 
-    def of_scene(self, scene: str) -> list[Contender]:
-        """The scene's contenders that have something to show."""
-        return [c for c in self.contenders if c.settings.scene == scene and c.done]
+    def of_scene(self, scene: str) -> list[Contestant]:
+        """The scene's contestants that have something to show."""
+        return [c for c in self.contestants if c.settings.scene == scene and c.done]
 
     def curve(self, cell: Event, metric: str = "") -> Curve:
         """A cell's error by `metric`, which is that of the targets without one: see `point_error`."""
@@ -167,7 +167,7 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
                       {event["reference_id"]: event for event in of_kind(events, "certificate")},
                       check_results(events, manifest.get("verify_job_ids")),
                       last_event(events, "archived_verdicts"), last_event(events, "calibration"))  # fmt: skip
-    results.contenders = _contenders(results.cells, _config_scenes(manifest))
+    results.contestants = _contestants(results.cells, _config_scenes(manifest))
     return results
 
 
@@ -245,7 +245,7 @@ def settings_of(cell: Event) -> Settings:
     )  # fmt: skip
 
 
-def _contenders(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contender]:
+def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contestant]:
     """Cells by configuration, named by what differs among those that were measured, or from them.
 
     Scenes come in the order of the config, others after them as they appear.
@@ -254,45 +254,45 @@ def _contenders(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Co
     for cell in cells:
         groups.setdefault(settings_of(cell), []).append(cell)
     scenes = list(dict.fromkeys([*config_scenes, *(settings.scene for settings in groups)]))
-    contenders = [Contender(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
+    contestants = [Contestant(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
                   for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
-    choices = choices_of(contenders)
-    words = [name_words(contender, choices) for contender in contenders]
-    measured = [bool(contender.done) for contender in contenders]
+    choices = choices_of(contestants)
+    words = [name_words(contestant, choices) for contestant in contestants]
+    measured = [bool(contestant.done) for contestant in contestants]
     seen: dict[tuple[str, str], set[str]] = {}
-    for contender, own, done in zip(contenders, words, measured, strict=True):
+    for contestant, own, done in zip(contestants, words, measured, strict=True):
         if done or not any(measured):
             for axis in AXES:
-                seen.setdefault(scope(axis, contender), set()).add(own[axis])
-    for contender, own in zip(contenders, words, strict=True):
-        shown = [own[a] for a in AXES if a == "engine" or seen.get(scope(a, contender), set()) - {own[a]}]
-        contender.name = " ".join(word for word in shown if word)
-    return contenders
+                seen.setdefault(scope(axis, contestant), set()).add(own[axis])
+    for contestant, own in zip(contestants, words, strict=True):
+        shown = [own[a] for a in AXES if a == "engine" or seen.get(scope(a, contestant), set()) - {own[a]}]
+        contestant.name = " ".join(word for word in shown if word)
+    return contestants
 
 
-def scope(axis: str, contender: Contender) -> tuple[str, str]:
-    """Among whom values of an axis must differ in names: all contenders, but for accelerators those of one engine."""
-    return axis, contender.settings.engine if axis == "accelerator" else ""
+def scope(axis: str, contestant: Contestant) -> tuple[str, str]:
+    """Among whom values of an axis must differ in names: all contestants, but for accelerators those of one engine."""
+    return axis, contestant.settings.engine if axis == "accelerator" else ""
 
 
-def choices_of(contenders: Sequence[Contender]) -> dict[tuple[str, str], list[Any]]:
+def choices_of(contestants: Sequence[Contestant]) -> dict[tuple[str, str], list[Any]]:
     """The different choices of accelerators, shaders and samplers in each scope."""
     found: dict[tuple[str, str], list[Any]] = {}
-    for contender in contenders:
+    for contestant in contestants:
         for axis in ("accelerator", "shader", "sampler"):
-            known = found.setdefault(scope(axis, contender), [])
-            if contender.cells[0].get(axis) not in known:
-                known.append(contender.cells[0].get(axis))
+            known = found.setdefault(scope(axis, contestant), [])
+            if contestant.cells[0].get(axis) not in known:
+                known.append(contestant.cells[0].get(axis))
     return found
 
 
-def name_words(contender: Contender, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
+def name_words(contestant: Contestant, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
     """Axis -> the word for it in a name. Options are given only where two choices of one name differ in them."""
-    settings = contender.settings
+    settings = contestant.settings
     words = {axis: str(getattr(settings, axis)) for axis in AXES}
     words["threads"] = f"{settings.threads} thread{'s' if settings.threads != 1 else ''}"
     for axis in ("accelerator", "shader", "sampler"):
-        words[axis] = brief_choice(contender.cells[0].get(axis), choices[scope(axis, contender)])
+        words[axis] = brief_choice(contestant.cells[0].get(axis), choices[scope(axis, contestant)])
     return words
 
 

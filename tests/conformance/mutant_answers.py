@@ -7,7 +7,7 @@ import numpy as np
 from engines.choices import Option
 from engines.conformance import asking, light
 from engines.errors import ConfigError, UnknownName, Unsupported
-from engines.interface import Settings
+from engines.interface import FullPattern, Settings
 from engines.scene import Perspective, PerspectiveArctan, Sphere
 from tests.conformance.mutants import breaks
 from tests.conformance.small_engine import Engine, Renderer
@@ -183,3 +183,15 @@ class BlackGlass(Engine):
     def why_not(self, scene, settings):
         plain = tuple(replace(material, ks=(0, 0, 0), kt=(0, 0, 0)) for material in scene.materials)
         return super().why_not(replace(scene, materials=plain), settings)
+
+
+@breaks(asking.whole_patterns_are_as_large_as_asked)
+class SmallPatterns(Engine):
+    def full_pattern(self, sampler, spp):
+        return FullPattern(max(1, spp - 1), sampler)
+
+
+@breaks(asking.whole_patterns_are_as_large_as_asked)
+class ForgetfulPatterns(Engine):
+    def full_pattern(self, sampler, spp):
+        return FullPattern(2 * spp, sampler)

@@ -31,7 +31,7 @@ def analysis(tmp_path_factory):
 
 def test_each_is_judged_beside_the_quickest_build_and_breaks_even_when_it_should(analysis):
     table = next(table for table in all_tables(analysis) if table.name == "accelerators")
-    rows = {row["contender"].removeprefix("numba "): row for row in table.rows}
+    rows = {row["contestant"].removeprefix("numba "): row for row in table.rows}
     assert next(iter(rows)) == "brute force" and "against" not in rows["brute force"]
     for name in ("grid", "bvh"):
         row = rows[name]

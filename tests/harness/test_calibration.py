@@ -82,7 +82,7 @@ def test_an_archive_without_images_keeps_the_figures_of_the_run(folders):
 def test_races_without_twins_are_named(folders):
     """Nothing is called slower in them, whatever their noise."""
     analysis = analyse(load_results(folders[0]))
-    kept = [verdict for verdict in analysis.verdicts if not verdict.contender.settings.label]
+    kept = [verdict for verdict in analysis.verdicts if not verdict.contestant.settings.label]
     bare = calibration.calibrate(replace(analysis, verdicts=kept), 1)
     assert bare.races.power == (0, 0) and bare.races.false_winners == 0
     assert f"{bare.race_count} of the races have no A/A twins" in calibration.rests_on(bare)

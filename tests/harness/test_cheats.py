@@ -47,7 +47,7 @@ def swept(tmp_path_factory):
 @pytest.fixture(scope="module")
 def verdicts(swept):
     """Engine and label -> the verdict."""
-    settings = [(v.contender.settings, v) for v in analyse(load_results(swept)).verdicts]
+    settings = [(v.contestant.settings, v) for v in analyse(load_results(swept)).verdicts]
     return {(each.engine, each.label): verdict for each, verdict in settings}
 
 
@@ -69,14 +69,14 @@ def test_a_cheat_is_refused_by_name(swept, name, words):
 def test_flags_need_no_images_and_blame_nobody_for_what_was_not_recorded(swept):
     """As in archives, and in results of older versions; the scene without noise has the same image under every seed."""
     results = load_results(swept)
-    for contender in results.contenders:
-        for cell in contender.cells:
+    for contestant in results.contestants:
+        for cell in contestant.cells:
             for point in cell.get("points", []):
                 point["image"] = None
-    flags = {c.settings.engine: conduct_flags(c, None) for c in results.contenders}
+    flags = {c.settings.engine: conduct_flags(c, None) for c in results.contestants}
     wanted = {"reference_copied", "fewer_samples", "ignores_seed", "stale_image", "works_between_calls", "too_many_threads"}
     assert wanted <= {flag for found in flags.values() for flag in found} and not flags["steady"]
-    silent = next(c for c in results.contenders if c.settings.engine == "ignores_seed")
+    silent = next(c for c in results.contestants if c.settings.engine == "ignores_seed")
     for cell in silent.cells:
         cell["machine"] = {}
         for point in cell["points"]:

@@ -63,8 +63,8 @@ def test_unequal_samples_are_taken_where_they_say_more_and_the_words_say_so(anal
 def test_images_of_one_seed_are_taken_at_equal_samples_where_they_share_their_noise(tmp_path):
     folder = write_folder(tmp_path / "shared", seeds=3, threads=(1,))
     results = load_results(folder)
-    for contender in results.contenders:
-        for cell in contender.done:
+    for contestant in results.contestants:
+        for cell in contestant.done:
             for point in cell["points"]:
                 source = f"images/cornell_box-numba-bvh-random-1-None-{cell['block']}/spp{point['spp']:04d}.exr"
                 if point["image"] and point["image"] != source:

@@ -88,12 +88,12 @@ def test_the_folder_stands_on_its_own(here, merged, tmp_path):
 
 def test_machines_share_no_panel_no_baseline_and_no_verdict(merged):
     analysis = analyse(load_results(merged))
-    machines = [{v.contender.settings.machine for v in panel.verdicts} for panel in panels(analysis)]
+    machines = [{v.contestant.settings.machine for v in panel.verdicts} for panel in panels(analysis)]
     assert machines == [{"env0"}, {"env1"}]
     for verdict in analysis.verdicts:
         if verdict.baseline is not None:
-            assert verdict.baseline.settings.machine == verdict.contender.settings.machine
-    assert all(v.contender.settings.machine in v.contender.name for v in analysis.verdicts)
+            assert verdict.baseline.settings.machine == verdict.contestant.settings.machine
+    assert all(v.contestant.settings.machine in v.contestant.name for v in analysis.verdicts)
 
 
 def test_report_and_shared_plots_carry_a_banner(commanded):
@@ -111,7 +111,7 @@ def test_halves_of_one_run_become_one(here, tmp_path):
         for block in (0, 1)
     ]
     merge(halves, tmp_path / "out")
-    ours, whole = ({c.settings: len(c.done) for c in load_results(f).contenders} for f in (tmp_path / "out", here))
+    ours, whole = ({c.settings: len(c.done) for c in load_results(f).contestants} for f in (tmp_path / "out", here))
     assert ours == whole
 
 

@@ -165,11 +165,11 @@ def test_a_caption_speaks_of_slopes_only_where_the_legend_has_them(analysis):
 
 def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
     panel = panels(analysis)[0]
-    cell = panel.verdicts[0].contender.done[0]
+    cell = panel.verdicts[0].contestant.done[0]
     point = cell["points"][-1]
     kept = dict(point["metrics"])
     try:
-        for other in panel.verdicts[0].contender.done:
+        for other in panel.verdicts[0].contestant.done:
             other["points"][-1]["metrics"] = kept | {"relmse_e0.01_se": 1.0}
         assert band(analysis.results, panel.verdicts[0], "spp").noisy[-1]
         assert error_curves(analysis, panel, Palette(analysis.results), "spp") is not None

@@ -167,7 +167,7 @@ def test_no_verdict_below_three_blocks(tmp_path, blocks, verdict):
 ])  # fmt: skip
 def test_the_first_lines_say_how_many_timings_were_contended(tmp_path, contended, words):
     found = results(tmp_path, contestant(0.2, engine="numpy"), twins())
-    cells = [cell for contender in found.contenders for cell in contender.done]
+    cells = [cell for contestant in found.contestants for cell in contestant.done]
     for index, cell in enumerate(cells):
         cell["machine"] = {"contended": contended[index]} if index < len(contended) else {}
     assert words in evidence(analyse(found))
@@ -232,7 +232,7 @@ def test_no_ranking_contains_a_flagged_contestant(tmp_path, flagged):
     analysis = analyse(found)
     tables = {table.name: table for table in all_tables(analysis)}
     for row in tables["speedups"].rows:
-        assert flagged not in (row["contender"], row["baseline"])
+        assert flagged not in (row["contestant"], row["baseline"])
     (line,) = [line for line in headlines(analysis) if line["target"] == "0.01"]
     assert line["left_out"] == [f"{flagged} (bad samples)"]
     assert line["winner"] == ("embree" if flagged == "numba" else "numba"), "of those that are left"

@@ -71,7 +71,7 @@ def test_a_cell_that_stays_contended_is_kept_and_flagged(tmp_path, monkeypatch):
     assert kept["attempt"] == 1 and kept["machine"]["contended"], "the first measurement"
     assert [event["attempt"] for event in events(out, "attempt")] == [2, 3]
     images_are_there(out, of_cells(out))
-    flags = {v.contender.settings.engine: v.flags for v in analyse(load_results(out)).verdicts}
+    flags = {v.contestant.settings.engine: v.flags for v in analyse(load_results(out)).verdicts}
     assert "contended" in flags[kept["engine"]] and sum("contended" in each for each in flags.values()) == 1
     assert sweeping.run(path, out)[0].measured == 0, "the rounds are used up, over all runs"
     assert sweeping.run(path, out, ["remeasure=3"])[0].measured == 1

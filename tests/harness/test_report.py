@@ -113,7 +113,7 @@ def test_pictures_decode_to_the_images(page, folder):
     from harness.store.results import load_results
 
     results = load_results(folder)
-    reference = results.reference(results.contenders[0].cells[0]["reference_id"])
+    reference = results.reference(results.contestants[0].cells[0]["reference_id"])
     assert unpacked(group["pictures"][0]["data"], (48, 64, 3)) == pytest.approx(reference.mean, rel=5e-3)
     names = [picture["name"] for picture in group["pictures"]]
     assert names[0] == "reference" and {name.split()[0] for name in names[1:4]} == {"numpy", "numba", "embree"}

@@ -95,7 +95,7 @@ def test_a_sampler_with_patterns_is_measured_at_whole_ones_each_rendered_anew(tm
     assert event["separate_renders"] and [point["spp"] for point in event["points"]] == [4, 16, 64]
     assert [point["sampler"]["strata"] for point in event["points"]] == [4, 16, 64] and event["counters"]["strata"] == 64
     assert [point["rays"] for point in event["points"]] == [4, 16, 64], "of each render alone"
-    assert "strata: 64" in event["command"] and len(load_results(tmp_path / "out").contenders) == 1
+    assert "strata: 64" in event["command"] and len(load_results(tmp_path / "out").contestants) == 1
 
 
 def test_the_second_run_does_nothing(finished):

@@ -42,7 +42,7 @@ def tables(analysis, folder):
 
 def row_of(table, **wanted):
     rows = [row for row in table.rows if all(row[key] == value for key, value in wanted.items())]
-    assert len(rows) == 1, (wanted, [row["contender"] for row in rows])
+    assert len(rows) == 1, (wanted, [row["contestant"] for row in rows])
     return rows[0]
 
 
@@ -52,7 +52,7 @@ def read_csv(path):
 
 def test_time_to_quality_is_that_of_the_power_law(tables):
     """relMSE = level / spp, so 0.1 from level 0.5 takes 5 samples of 0.02 s."""
-    row = row_of(tables["time_to_quality"], scene="cornell_box", contender="numba random 1 thread", target=0.1)
+    row = row_of(tables["time_to_quality"], scene="cornell_box", contestant="numba random 1 thread", target=0.1)
     expected = SCENES["cornell_box"] / 0.1 * SECONDS_PER_SPP["numba"]
     assert row["warm_seconds"].value == pytest.approx(expected, rel=0.1)
     start = row["cold_seconds"].value - row["warm_seconds"].value
@@ -61,13 +61,13 @@ def test_time_to_quality_is_that_of_the_power_law(tables):
 
 
 def test_an_unreached_target_is_counted_and_not_extrapolated(tables):
-    row = row_of(tables["time_to_quality"], scene="cornell_box", contender="numpy random 1 thread", target=0.001)
+    row = row_of(tables["time_to_quality"], scene="cornell_box", contestant="numpy random 1 thread", target=0.001)
     assert row["reached"] == "0/5" and math.isinf(row["warm_seconds"].value)
 
 
 def test_the_biased_engine_is_flagged_and_the_others_are_not(tables):
     for row in tables["bias_and_equivalence"].rows:
-        if row["scene"] == "two_spheres" and row["contender"].startswith("embree"):
+        if row["scene"] == "two_spheres" and row["contestant"].startswith("embree"):
             assert "flagged" in row["bias"] and row["verdict"] == "different"
             assert row["difference"].value == pytest.approx(0.03, abs=0.005)
         else:
@@ -75,7 +75,7 @@ def test_the_biased_engine_is_flagged_and_the_others_are_not(tables):
 
 
 def test_speedups_are_those_of_the_samples(tables):
-    who = {"scene": "cornell_box", "contender": "numba random 1 thread"}
+    who = {"scene": "cornell_box", "contestant": "numba random 1 thread"}
     row = row_of(tables["speedups"], **who, measure="seconds per sample")
     assert row["speedup"].value == pytest.approx(SECONDS_PER_SPP["numpy"] / SECONDS_PER_SPP["numba"], rel=0.05)
     assert row["verdict"] == "faster" and row["baseline"] == "numpy random 1 thread"
@@ -90,14 +90,14 @@ def test_threads_show_amdahls_tenth(tables):
 def test_slopes_are_named(tables):
     for row in tables["convergence"].rows:
         if row["scene"] == "cornell_box":
-            assert row["slope_verdict"] == ("steeper" if "sobol" in row["contender"] else "monte carlo")
+            assert row["slope_verdict"] == ("steeper" if "sobol" in row["contestant"] else "monte carlo")
 
 
 def test_slopes_are_of_mean_squares_whatever_the_quality_metric(folder):
     results = load_results(folder)
     results.metric = "mape"
     slopes = {
-        v.contender.name: v.slope for v in analyse(results).verdicts if v.contender.settings.scene == "cornell_box"
+        v.contestant.name: v.slope for v in analyse(results).verdicts if v.contestant.settings.scene == "cornell_box"
     }
     assert slopes["numba random 1 thread"].verdict == "monte carlo"
     assert slopes["numba sobol 1 thread"].value == pytest.approx(-0.7, abs=0.02)
@@ -122,7 +122,7 @@ def test_the_config_may_name_the_baseline(folder):
 
 
 def test_failures_name_state_reason_and_count(tables):
-    found = {(row["contender"], row["state"], row["cells"]) for row in tables["failures"].rows}
+    found = {(row["contestant"], row["state"], row["cells"]) for row in tables["failures"].rows}
     assert {state for _, state, _ in found} == {"failed", "timeout", "skipped"}
     assert any(state == "skipped" and count == 5 for _, state, count in found)
 
@@ -184,16 +184,16 @@ def test_estimates_show_their_interval_or_why_there_is_none():
 
 
 def test_names_say_what_differs_and_no_more(analysis):
-    names = {contender.name for contender in analysis.results.contenders if contender.done}
+    names = {contestant.name for contestant in analysis.results.contestants if contestant.done}
     assert {"numpy sobol 1 thread", "embree random 2 threads", "numba random 1 thread A/A"} <= names
     pair = [{"name": "bvh", "leaf": 4, "sah": True}, {"name": "bvh", "leaf": 8, "sah": True}, {"name": "grid"}]
     assert [brief_choice(choice, pair) for choice in pair] == ["bvh(leaf=4)", "bvh(leaf=8)", "grid"]
     assert choice_text(pair[0]) == "bvh(leaf=4, sah=True)"
 
 
-def test_contenders_are_unique_within_a_scene(analysis):
+def test_contestants_are_unique_within_a_scene(analysis):
     for scene in analysis.results.scenes:
-        names = [c.name for c in analysis.results.contenders if c.settings.scene == scene]
+        names = [c.name for c in analysis.results.contestants if c.settings.scene == scene]
         assert len(names) == len(set(names))
 
 

@@ -30,7 +30,7 @@ def altered(folder, target, change):
 
 
 def verdicts(table, measure):
-    return {(row["scene"], row["contender"]): row["verdict"] for row in table.rows if row.get("measure") == measure}
+    return {(row["scene"], row["contestant"]): row["verdict"] for row in table.rows if row.get("measure") == measure}
 
 
 def slowed(*engines, factor=1.6):
@@ -76,7 +76,7 @@ def test_a_slower_engine_of_one_session_each_may_have_drifted(before, tmp_path):
     found = verdicts(table, "seconds per sample")
     assert set(found.values()) == {"slower or drift", "unresolved"}
     assert all((verdict == "slower or drift") == key[1].startswith("numba") for key, verdict in found.items())
-    assert {row["contender"].split()[0] for row in table.rows if row["regression"]} == {"numba"}
+    assert {row["contestant"].split()[0] for row in table.rows if row["regression"]} == {"numba"}
     assert not any(row["regression"] for row in changes([load_results(before)], [after], threshold=0.9).rows)
     back = verdicts(changes([after], [load_results(before)]), "seconds per sample")
     assert set(back.values()) == {"faster or drift", "unresolved"}
@@ -88,7 +88,7 @@ def test_a_slower_engine_is_found_between_sessions_and_only_it(before, tmp_path)
     found = verdicts(table, "seconds per sample")
     assert {verdict for key, verdict in found.items() if key[1].startswith("numba")} == {"slower"}
     assert {verdict for key, verdict in found.items() if not key[1].startswith("numba")} <= {"same", "unresolved"}
-    assert {row["contender"].split()[0] for row in table.rows if row["regression"]} == {"numba"}
+    assert {row["contestant"].split()[0] for row in table.rows if row["regression"]} == {"numba"}
     assert "tested between 5 and 5 sessions" in table.note and {row["sessions"] for row in table.rows} == {"5 and 5"}
     assert set(verdicts(table, "error").values()) == {"same"}
 
@@ -134,7 +134,7 @@ def test_a_worse_estimator_is_found(before, tmp_path):
     assert all((verdict == "worse") == key[1].startswith("embree") for key, verdict in found.items())
 
 
-def test_contenders_of_one_folder_are_named(before, tmp_path):
+def test_contestants_of_one_folder_are_named(before, tmp_path):
     def rename(event):
         if event["engine"] == "embree":
             event["engine"] = "other"
@@ -195,7 +195,7 @@ def test_what_failed_or_is_flagged_is_a_regression(pictured, tmp_path):
 
     after = broken(pictured, tmp_path / "after", breaks)
     table = changes([load_results(pictured)], [after])
-    found = {(row["contender"].split()[0], row.get("measure"), row["verdict"]) for row in table.rows if row["regression"]}
+    found = {(row["contestant"].split()[0], row.get("measure"), row["verdict"]) for row in table.rows if row["regression"]}
     assert {("numpy", None, "failed"), ("numba", "image", "flagged: bad samples")} < found
     (embree,) = (verdict for engine, _, verdict in found if engine == "embree")
     assert embree.startswith("flagged: ") and "a tile biased" in embree

@@ -62,7 +62,7 @@ def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
     assert [point["metrics"]["nonfinite"] for point in found["late_infinity"]["points"]] == [0, 0, 0, 2]
     for name in ("not_a_number", "late_infinity", "too_bright"):
         assert found[name]["points"][-1]["metrics"]["relmse_e0.01"] == math.inf
-    ranked = {contender.settings.engine for contender in load_results(out).contenders if contender.done}
+    ranked = {contestant.settings.engine for contestant in load_results(out).contestants if contestant.done}
     assert ranked == {"steady", "unsure", "talkative"}
     report = (out / "report.html").read_text()
     assert "2 of 96 pixels of the engine" in report and "late_infinity" in report
@@ -72,7 +72,7 @@ def test_what_is_not_finite_is_flagged_in_the_verdicts(tmp_path):
     text = sweeping.EXPERIMENT.replace("fake_engines:Other", "wrong_engines:NowAndThen")
     outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
     assert outcome.states == {"done": 3, "failed": 1}
-    verdicts = {v.contender.settings.engine: v for v in analyse(load_results(tmp_path / "out")).verdicts}
+    verdicts = {v.contestant.settings.engine: v for v in analyse(load_results(tmp_path / "out")).verdicts}
     assert {"nonfinite_pixels", "bad_samples"} <= set(verdicts["now_and_then"].flags)
     assert not {"nonfinite_pixels", "bad_samples"} & set(verdicts["steady"].flags)
     assert verdicts["now_and_then"].failures == 1
@@ -84,12 +84,12 @@ def test_samples_that_are_not_finite_are_flagged_in_every_table_though_no_pixel_
     outcome, _ = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out")
     assert outcome.states == {"done": 4}
     analysis = analyse(load_results(tmp_path / "out"))
-    verdicts = {v.contender.settings.engine: v for v in analysis.verdicts}
+    verdicts = {v.contestant.settings.engine: v for v in analysis.verdicts}
     flags = {name: set(verdict.flags) - {"contended"} for name, verdict in verdicts.items()}  # the machine may be busy
     assert flags == {"spotty": {"bad_samples"}, "steady": set()}
     shown = frames.verdicts(analysis).frame
     assert shown[shown.engine == "spotty"]["flags"].str.contains("bad_samples").all()
-    rows = {row["contender"]: row["warnings"] for row in time_to_quality(analysis).rows}
+    rows = {row["contestant"]: row["warnings"] for row in time_to_quality(analysis).rows}
     assert "bad samples" in rows["spotty"] and "bad samples" not in rows["steady"]
 
 

@@ -60,8 +60,8 @@ def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
     raced.wait_for("raybench.saved")
     results = load_results(folder / "results/derby")
     shown = raced.evaluate("raybench.contestants.map(contestant => contestant.points)")
-    assert [len(c.done) for c in results.contenders] == [1, 1] and results.targets == [0.5, 1e-7]
-    recorded = {c.settings.sampler: c.done[0]["points"] for c in results.contenders}
+    assert [len(c.done) for c in results.contestants] == [1, 1] and results.targets == [0.5, 1e-7]
+    recorded = {c.settings.sampler: c.done[0]["points"] for c in results.contestants}
     for points, sampler in zip(shown, ("sobol(scramble=owen)", "random"), strict=True):
         assert [point[2] for point in points] == [point["spp"] for point in recorded[sampler]]
         assert [point[0] for point in points] == pytest.approx([point["seconds"] for point in recorded[sampler]])

@@ -27,7 +27,7 @@ from harness.report.chapter.families import (
 from harness.report.chapter.sentences import SPEED, finding, listed, plural, tally
 from harness.report.tables import Column, Table
 from harness.statistics import Estimate
-from harness.store.results import Contender
+from harness.store.results import Contestant
 
 
 def section(analysis: Analysis, plots: Path) -> Section | None:
@@ -86,6 +86,6 @@ def _build_table(found: list[Family]) -> Table:
     return table
 
 
-def _build_milliseconds(contender: Contender) -> Estimate:
-    builds = {cell["block"]: (cell.get("phases") or {}).get("build_seconds") or math.nan for cell in contender.done}
+def _build_milliseconds(contestant: Contestant) -> Estimate:
+    builds = {cell["block"]: (cell.get("phases") or {}).get("build_seconds") or math.nan for cell in contestant.done}
     return estimate(builds, 1e3)

@@ -27,17 +27,17 @@ from harness.report.chapter.sentences import finding, listed, plural
 from harness.report.tables import Column, Table
 from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate, Ratio
-from harness.store.results import Contender, choices_of, name_words
+from harness.store.results import Contestant, choices_of, name_words
 
 PORT = "dahlquist"
 
 
 class Rival(NamedTuple):
-    """A contender by the name of its engine and accelerator; `speedup` over the port's fastest under the same settings is
+    """A contestant by the name of its engine and accelerator; `speedup` over the port's fastest under the same settings is
     None where that is itself, or where either was not measured."""
 
     name: str
-    contender: Contender
+    contestant: Contestant
     speedup: Ratio | None
 
 
@@ -46,10 +46,10 @@ def section(analysis: Analysis, plots: Path) -> Section:
     made = Section("Beside Dahlquist's ray tracer", [Paragraph(_setting(analysis))])
     found = families(analysis, "accelerator")
     rivals = _rivals(analysis, found)
-    if any(rival.contender.done for rival in rivals):
+    if any(rival.contestant.done for rival in rivals):
         made.sections += [
             _frames(analysis, found, rivals, plots),
-            port_pictures.section(analysis, [(rival.name, rival.contender) for rival in rivals], plots),
+            port_pictures.section(analysis, [(rival.name, rival.contestant) for rival in rivals], plots),
             port_features.section(analysis),
         ]
     made.sections.append(limits(analysis))
@@ -57,11 +57,11 @@ def section(analysis: Analysis, plots: Path) -> Section:
 
 
 def _setting(analysis: Analysis) -> list[str]:
-    measured = [contender for contender in analysis.results.contenders if contender.done]
+    measured = [contestant for contestant in analysis.results.contestants if contestant.done]
     if not measured:
         return ["Nothing was measured."]
-    blocks = {cell["block"] for contender in measured for cell in contender.done}
-    sizes = sorted({contender.settings.size for contender in measured})
+    blocks = {cell["block"] for contestant in measured for cell in contestant.done}
+    sizes = sorted({contestant.settings.size for contestant in measured})
     return [
         f"The engines of raybench rendered the scene of Dahlquist's ray tracer beside a port of that program, at "
         f"{listed(sizes)} pixels.",
@@ -73,19 +73,19 @@ def _setting(analysis: Analysis) -> list[str]:
 
 
 def _rivals(analysis: Analysis, found: Sequence[Family]) -> list[Rival]:
-    """Every contender that is no A/A twin, measured or not."""
-    racing = [c for c in analysis.results.contenders if not c.settings.label]
+    """Every contestant that is no A/A twin, measured or not."""
+    racing = [c for c in analysis.results.contestants if not c.settings.label]
     choices = choices_of(racing)
     rivals = []
-    for contender in racing:
-        words = name_words(contender, choices)
-        family = next((f for f in found if any(c is contender for c in f.members.values())), None)
+    for contestant in racing:
+        words = name_words(contestant, choices)
+        family = next((f for f in found if any(c is contestant for c in f.members.values())), None)
         port = None if family is None else _fastest_port(family)
         speedup = None
-        if family is not None and port is not None and family.members[port] is not contender:
-            own = next(name for name, member in family.members.items() if member is contender)
+        if family is not None and port is not None and family.members[port] is not contestant:
+            own = next(name for name, member in family.members.items() if member is contestant)
             speedup = compare(analysis, family, own, port)
-        rivals.append(Rival(accelerator_name(words["engine"], words["accelerator"]), contender, speedup))
+        rivals.append(Rival(accelerator_name(words["engine"], words["accelerator"]), contestant, speedup))
     return rivals
 
 
@@ -100,7 +100,7 @@ def _fastest_port(family: Family) -> str | None:
 def _frames(analysis: Analysis, found: Sequence[Family], rivals: Sequence[Rival], plots: Path) -> Section:
     parts: list[Part] = [part for family in found for part in _comparison(family, rivals)]
     parts.append(TablePart(_frame_table(analysis, rivals)))
-    measured = [(rival.name, rival.contender) for rival in rivals if rival.contender.done]
+    measured = [(rival.name, rival.contestant) for rival in rivals if rival.contestant.done]
     return Section("Frames", [*parts, *figures.part(figures.frame_times(measured, plots))])
 
 
@@ -111,14 +111,14 @@ def _comparison(family: Family, rivals: Sequence[Rival]) -> list[Part]:
     port = _fastest_port(family)
     if port is None:
         return [Paragraph([f"{where} the port was not measured, so nothing is compared with it."])]
-    speedups = {id(rival.contender): rival.speedup for rival in rivals}
+    speedups = {id(rival.contestant): rival.speedup for rival in rivals}
     compared = [(name, speedups[id(family.members[name])]) for name in ranking(family)]
     clauses = [f"{finding(name, port, speedup)}." for name, speedup in compared if speedup is not None]
     return [Paragraph([f"{where}, beside {port}, the port's fastest, and from the fastest down:"]), Listing(clauses)]
 
 
 def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
-    sizes = {rival.contender.settings.size for rival in rivals}
+    sizes = {rival.contestant.settings.size for rival in rivals}
     table = Table(
         "frames", "Frame times and primary rays",
         "Geometric means over blocks with 95 % intervals. Against the port: how many times as fast as its fastest "
@@ -134,20 +134,20 @@ def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
         ],
     )  # fmt: skip
     gains = _gains(analysis)
-    for name, contender, speedup in rivals:
-        row: dict[str, Any] = {"name": name, "size": contender.settings.size, "threads": contender.settings.threads}
-        if contender.done:
-            rate = thousands(contender)
-            row["frame_ms"] = estimate(seconds_per_sample(contender), 1e3)
+    for name, contestant, speedup in rivals:
+        row: dict[str, Any] = {"name": name, "size": contestant.settings.size, "threads": contestant.settings.threads}
+        if contestant.done:
+            rate = thousands(contestant)
+            row["frame_ms"] = estimate(seconds_per_sample(contestant), 1e3)
             row["primary_rays"] = Estimate(rate.value / 1e3, rate.low / 1e3, rate.high / 1e3, rate.n)
         row["against"] = speedup and Estimate(*speedup[:4])
-        row["gain"] = gains.get(id(contender))
+        row["gain"] = gains.get(id(contestant))
         table.rows.append(row)
     return table
 
 
 def _gains(analysis: Analysis) -> dict[int, Estimate]:
-    """By the id of a contender: its speed over that of the one with the fewest threads."""
+    """By the id of a contestant: its speed over that of the one with the fewest threads."""
     found = {}
     for family in families(analysis, "threads"):
         first, *others = sorted(family.members, key=lambda name: family.members[name].settings.threads)

@@ -38,10 +38,10 @@ def section(analysis: Analysis, plots: Path) -> Section:
 
 def _setting(analysis: Analysis) -> list[str]:
     results = analysis.results
-    settings = [c.settings for c in results.contenders if c.done and not c.settings.label]
+    settings = [c.settings for c in results.contestants if c.done and not c.settings.label]
     if not settings:
         return ["Nothing was measured."]
-    blocks = {cell["block"] for contender in results.contenders for cell in contender.done}
+    blocks = {cell["block"] for contestant in results.contestants for cell in contestant.done}
     used, names = {(s.engine, s.accelerator) for s in settings}, {s.engine for s in settings}
     varied = {
         "engine" if len(used) == len(names) else "accelerator": len(used), "thread count": len({s.threads for s in settings}),
@@ -97,11 +97,11 @@ def _bias(analysis: Analysis) -> str:
     ]
     if not tested:
         return "Whether images converge to those of the references was not tested: it takes images of several seeds."
-    biased = [verdict.contender for verdict in tested if verdict.bias is not None and verdict.bias.flags]
+    biased = [verdict.contestant for verdict in tested if verdict.bias is not None and verdict.bias.flags]
     number = plural(len(tested), "configuration")
     if not biased:
         return f"Of {number} none was found to converge to another image than its reference."
-    names = sorted({f"{contender.name} on {contender.settings.scene}" for contender in biased})
+    names = sorted({f"{contestant.name} on {contestant.settings.scene}" for contestant in biased})
     shown = [*names[:5], f"{len(names) - 5} more"] if len(names) > 6 else names
     return f"Of {number} {len(biased)} converge to another image than the reference, by three standard errors: {listed(shown)}."
 

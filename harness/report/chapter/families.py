@@ -1,4 +1,4 @@
-"""Contenders that differ along one axis alone, compared pair by pair over all that is held fixed."""
+"""Contestants that differ along one axis alone, compared pair by pair over all that is held fixed."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from harness.analysis.races import race_of
 from harness.report.tables import Column
 from harness.report.tables.model import number_text
 from harness.statistics import Estimate, Race, Ratio, geometric_interval
-from harness.store.results import Contender, choices_of, name_words
+from harness.store.results import Contestant, choices_of, name_words
 
 
 class Measure(NamedTuple):
     """`values`: block -> a positive number of which less is better. `floor`: its noise floor as a log ratio; None stands
     for that of seconds per sample."""
 
-    values: Callable[[Contender], Mapping[int, float]]
+    values: Callable[[Contestant], Mapping[int, float]]
     floor: float | None
 
 
@@ -42,7 +42,7 @@ class Family:
     """`members` by their value on the axis; `held` is what all of them share, in words, by the keys of `HEADINGS`."""
 
     held: Mapping[str, str]
-    members: Mapping[str, Contender]
+    members: Mapping[str, Contestant]
 
     @property
     def scene(self) -> str:
@@ -53,7 +53,7 @@ class Family:
         return self.held.get("shader", "")
 
     @property
-    def any(self) -> Contender:
+    def any(self) -> Contestant:
         return next(iter(self.members.values()))
 
 
@@ -79,21 +79,21 @@ class Pair(NamedTuple):
 
 
 def families(analysis: Analysis, axis: str) -> list[Family]:
-    """Groups of two or more measured contenders that differ along `axis` alone; A/A labels and the open division are left out.
+    """Groups of two or more measured contestants that differ along `axis` alone; A/A labels and the open division are left out.
 
     Axes: `accelerator` (of any engine: a value is an engine with its accelerator), `threads`, `shader`, `sampler`.
     """
-    measured = [c for c in analysis.results.contenders if c.done and not c.settings.label and c.settings.division == "closed"]
+    measured = [c for c in analysis.results.contestants if c.done and not c.settings.label and c.settings.division == "closed"]
     choices = choices_of(measured)
     found: dict[tuple[tuple[str, str], ...], Family] = {}
-    for contender in measured:
-        named = name_words(contender, choices)
+    for contestant in measured:
+        named = name_words(contestant, choices)
         named["accelerator"] = accelerator_name(named["engine"], named["accelerator"])
-        held = {key: named.get(key, contender.settings.scene) for key in HEADINGS if key != axis}
+        held = {key: named.get(key, contestant.settings.scene) for key in HEADINGS if key != axis}
         if axis == "accelerator":
             del held["precision"]
         family = found.setdefault(tuple(held.items()), Family(held, {}))
-        found[tuple(held.items())] = Family(held, {**family.members, named[axis]: contender})
+        found[tuple(held.items())] = Family(held, {**family.members, named[axis]: contestant})
     return [family for family in found.values() if len(family.members) > 1]
 
 
@@ -117,9 +117,9 @@ def value_columns(found: Sequence[Family], meaning: str, heading: str = "{}") ->
     return [Column(value, meaning.format(value), "estimate", heading.format(value)) for value in values(found)]
 
 
-def row_of(family: Family, number: Callable[[Contender], Estimate], **more: Any) -> dict[str, Any]:
+def row_of(family: Family, number: Callable[[Contestant], Estimate], **more: Any) -> dict[str, Any]:
     """A row of a table with `value_columns`: what the family holds, a number for each member, and `more`."""
-    return {**family.held, **{value: number(contender) for value, contender in family.members.items()}, **more}
+    return {**family.held, **{value: number(contestant) for value, contestant in family.members.items()}, **more}
 
 
 def compare(analysis: Analysis, family: Family, one: str, other: str, measure: Measure = SPEEDS) -> Ratio:
@@ -155,7 +155,7 @@ def pairs(
 
 def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:
     """Values of a family from the least to the greatest mean; those without a measure are left out."""
-    means = {value: estimate(measure.values(contender)).value for value, contender in family.members.items()}
+    means = {value: estimate(measure.values(contestant)).value for value, contestant in family.members.items()}
     return sorted((value for value, mean in means.items() if not math.isnan(mean)), key=lambda v: means[v])
 
 
@@ -185,10 +185,10 @@ def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[
     return [value for value, may in zip(order, possible, strict=True) if may]
 
 
-def thousands(contender: Contender) -> Estimate:
+def thousands(contestant: Contestant) -> Estimate:
     """Thousands of paths (samples of a pixel) a second: geometric mean over blocks with its interval."""
-    pixels = (contender.done[0].get("width") or 0) * (contender.done[0].get("height") or 0)
-    return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contender).items()})
+    pixels = (contestant.done[0].get("width") or 0) * (contestant.done[0].get("height") or 0)
+    return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contestant).items()})
 
 
 def reciprocal(ratio: Ratio) -> Ratio:

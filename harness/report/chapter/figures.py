@@ -28,7 +28,7 @@ from harness.report.plots.style import (
     save,
 )
 from harness.statistics import geometric_interval
-from harness.store.results import Contender, point_error
+from harness.store.results import Contestant, point_error
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
 
@@ -76,12 +76,12 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
                     "A row a scene: paths a second of each accelerator with its interval, on a logarithmic axis.")  # fmt: skip
 
 
-def frame_times(named: Sequence[tuple[str, Contender]], plots: Path) -> Plot | None:
-    """Milliseconds a frame of contenders with the names of their rows; a marker a number of threads."""
+def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | None:
+    """Milliseconds a frame of contestants with the names of their rows; a marker a number of threads."""
     if not named:
         return None
     rows = list(dict.fromkeys(name for name, _ in named))
-    counts = sorted({contender.settings.threads for _, contender in named})
+    counts = sorted({contestant.settings.threads for _, contestant in named})
     figure = new_figure(7.2, 1.2 + 0.3 * len(rows))
     axis = figure.subplots()
     for index, threads in enumerate(counts):

@@ -58,7 +58,7 @@ def section(analysis: Analysis) -> Section:
 
 
 def _of(results: Results, engine: str) -> list[Any]:
-    return [c for c in results.contenders if c.settings.engine == engine and not c.settings.label]
+    return [c for c in results.contestants if c.settings.engine == engine and not c.settings.label]
 
 
 def _elsewhere(names: Iterable[str]) -> str:
@@ -87,7 +87,7 @@ def _accelerators(results: Results, engine: str) -> str:
 def _depth(results: Results) -> str:
     depths = {
         (c.cells[0].get("shader") or {}).get("max_depth")
-        for c in results.contenders if c.done and c.settings.engine != PORT
+        for c in results.contestants if c.done and c.settings.engine != PORT
     }  # fmt: skip
     known = sorted(depth for depth in depths if isinstance(depth, int))
     return f"as many as max_depth allows, here {listed([str(depth) for depth in known])}" if known else ""

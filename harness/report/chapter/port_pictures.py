@@ -24,7 +24,7 @@ from harness.report.plots import Plot
 from harness.report.plots.style import new_figure
 from harness.report.tables import Column, Table
 from harness.report.tables.model import number_text
-from harness.store.results import Contender, Results
+from harness.store.results import Contestant, Results
 
 CALLS, TIME_ELAPSED = 11, 3000
 """The frame calls after which balls stand as in scenes/dahlquist.yaml."""
@@ -40,7 +40,7 @@ Image = NDArray[np.float64]
 
 
 class Difference(NamedTuple):
-    """`levels` (n,) of the ball pixels of contenders `names`, whose images are the same; `image` (h, w, 3) in levels."""
+    """`levels` (n,) of the ball pixels of contestants `names`, whose images are the same; `image` (h, w, 3) in levels."""
 
     names: list[str]
     image: Image
@@ -54,10 +54,10 @@ class Truth(NamedTuple):
     balls: NDArray[np.bool_]
 
 
-def section(analysis: Analysis, named: Sequence[tuple[str, Contender]], plots: Path) -> Section:
-    """Image differences of the contenders with their names: those that have an image of the reference's size."""
-    measured = [(name, contender) for name, contender in named if contender.done]
-    truth = _truth(analysis.results, [contender for _, contender in measured])
+def section(analysis: Analysis, named: Sequence[tuple[str, Contestant]], plots: Path) -> Section:
+    """Image differences of the contestants with their names: those that have an image of the reference's size."""
+    measured = [(name, contestant) for name, contestant in named if contestant.done]
+    truth = _truth(analysis.results, [contestant for _, contestant in measured])
     if isinstance(truth, str):
         return Section("Images", [Paragraph([f"Images were not compared: {truth}."])])
     found, without = _differences(analysis.results, measured, truth)
@@ -74,9 +74,9 @@ def section(analysis: Analysis, named: Sequence[tuple[str, Contender]], plots: P
     return Section("Images", parts)
 
 
-def _truth(results: Results, contenders: Sequence[Contender]) -> Truth | str:
+def _truth(results: Results, contestants: Sequence[Contestant]) -> Truth | str:
     """The port's frame, or why there is none to compare with."""
-    ids = {cell.get("reference_id") for contender in contenders for cell in contender.done}
+    ids = {cell.get("reference_id") for contestant in contestants for cell in contestant.done}
     if len(ids) != 1:
         return "they have different references"
     reference = results.reference(ids.pop())
@@ -94,7 +94,7 @@ def _truth(results: Results, contenders: Sequence[Contender]) -> Truth | str:
 
 
 def _differences(
-    results: Results, named: Sequence[tuple[str, Contender]], truth: Truth
+    results: Results, named: Sequence[tuple[str, Contestant]], truth: Truth
 ) -> tuple[list[Difference], list[str]]:
     """From the smallest difference to the greatest, and the names without an image. Threads change no image."""
     found: list[Difference] = []
@@ -113,9 +113,9 @@ def _differences(
     return sorted(found, key=lambda one: float(one.levels.mean())), without
 
 
-def _last_image(results: Results, contender: Contender) -> Image | None:
+def _last_image(results: Results, contestant: Contestant) -> Image | None:
     """(h, w, 3) in levels."""
-    for cell in contender.done:
+    for cell in contestant.done:
         point = next((point for point in reversed(cell["points"]) if point.get("image")), None)
         image = None if point is None else results.image(point)
         if image is not None:

@@ -22,7 +22,7 @@ from harness.report.chapter.families import (
 )
 from harness.report.chapter.sentences import ERROR, QUALITY, SPEED, error_name, listed, tally
 from harness.report.tables import Column, Table
-from harness.store.results import Contender, point_error
+from harness.store.results import Contestant, point_error
 
 
 def section(analysis: Analysis, plots: Path) -> Section | None:
@@ -55,9 +55,9 @@ def _common_spp(family: Family) -> int | None:
 def _errors_at(analysis: Analysis, spp: int | None) -> Measure:
     """Error at `spp` samples, where it is above three of its standard errors. It repeats, so that its noise floor is 0."""
 
-    def values(contender: Contender) -> Mapping[int, float]:
+    def values(contestant: Contestant) -> Mapping[int, float]:
         found = {}
-        for cell in contender.done:
+        for cell in contestant.done:
             for point in cell["points"]:
                 error, spread = point_error(point, analysis.results.metric)
                 if point["spp"] == spp and error > 3 * spread:
@@ -90,16 +90,16 @@ def _error_table(analysis: Analysis, found: list[Family]) -> Table:
 def _times_to(analysis: Analysis, family: Family, index: int) -> Measure:
     """Warm seconds until the target of `index`, which all of a family reach."""
 
-    def values(contender: Contender) -> Mapping[int, float]:
-        verdict = next(verdict for verdict in analysis.verdicts if verdict.contender is contender)
-        return {cell["block"]: bound.high for cell, bound in zip(contender.runs, verdict.warm[index].crossings, strict=True)}
+    def values(contestant: Contestant) -> Mapping[int, float]:
+        verdict = next(verdict for verdict in analysis.verdicts if verdict.contestant is contestant)
+        return {cell["block"]: bound.high for cell, bound in zip(contestant.runs, verdict.warm[index].crossings, strict=True)}
 
     return Measure(values, analysis.floor(family.scene, index))
 
 
 def _hardest(analysis: Analysis, family: Family) -> int | None:
     """Index of the hardest target that every member reaches with every seed, none at its first checkpoint already."""
-    verdicts = [v for v in analysis.verdicts if any(v.contender is member for member in family.members.values())]
+    verdicts = [v for v in analysis.verdicts if any(v.contestant is member for member in family.members.values())]
     for index in reversed(range(len(analysis.results.targets))):
         found = [verdict.warm[index] for verdict in verdicts]
         if all(quality.reached == quality.seeds for quality in found):

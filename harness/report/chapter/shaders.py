@@ -10,7 +10,7 @@ from harness.report.chapter.families import families, identity, pairs, row_of, t
 from harness.report.chapter.sentences import SPEED, plural, tally
 from harness.report.tables import Table
 from harness.statistics import Estimate
-from harness.store.results import Contender
+from harness.store.results import Contestant
 
 
 def section(analysis: Analysis, plots: Path) -> Section | None:
@@ -33,7 +33,7 @@ def section(analysis: Analysis, plots: Path) -> Section | None:
     return Section("Shaders", [Paragraph([*said, note]), TablePart(table)])
 
 
-def _nanoseconds(contender: Contender) -> Estimate:
+def _nanoseconds(contestant: Contestant) -> Estimate:
     """Of a path."""
-    rate = thousands(contender)
+    rate = thousands(contestant)
     return Estimate(1e6 / rate.value, 1e6 / rate.high, 1e6 / rate.low, rate.n)

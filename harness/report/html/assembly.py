@@ -23,7 +23,7 @@ from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
 from harness.statistics import QualityTime
-from harness.store.results import Contender, Event, Results, point_error
+from harness.store.results import Contestant, Event, Results, point_error
 
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
@@ -68,15 +68,15 @@ def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
     line = {
         "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
-        "left_out": [f"{v.contender.name} ({', '.join(v.warnings)})" for v in panel.verdicts if v.disqualified],
+        "left_out": [f"{v.contestant.name} ({', '.join(v.warnings)})" for v in panel.verdicts if v.disqualified],
         "noisy": sum(NOISY in verdict.flags_of(index) for verdict in panel.verdicts if not verdict.disqualified),
     }  # fmt: skip
     found = possible_winners(panel.verdicts, index)
     if len(found) != 1:
-        return line | {"rivals": [verdict.contender.name for verdict in found]}
+        return line | {"rivals": [verdict.contestant.name for verdict in found]}
     best = found[0]
     return line | {
-        "alone": line["out_of"] - len(line["left_out"]) == 1, "winner": best.contender.name, "flags": best.warnings,
+        "alone": line["out_of"] - len(line["left_out"]) == 1, "winner": best.contestant.name, "flags": best.warnings,
         "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
     }  # fmt: skip
 
@@ -96,7 +96,7 @@ def cell_table(analysis: Analysis) -> Table:
     table = Table(
         "cells", "Every cell", "One row a cell; the command renders it again.",
         [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
-         Column("contender", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
+         Column("contestant", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
          Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples per pixel at the end.", "count"),
          Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
          Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
@@ -104,23 +104,23 @@ def cell_table(analysis: Analysis) -> Table:
          Column("note", "Message, what disturbed the timing, or that a program reported its own time."),
          Column("command", "Repeats the cell.")],
     )  # fmt: skip
-    for contender in results.contenders:
-        for cell in contender.cells:
-            table.rows.append(_cell_row(analysis, contender, cell))
+    for contestant in results.contestants:
+        for cell in contestant.cells:
+            table.rows.append(_cell_row(analysis, contestant, cell))
     return table
 
 
-def _cell_row(analysis: Analysis, contender: Contender, cell: Event) -> dict[str, Any]:
+def _cell_row(analysis: Analysis, contestant: Contestant, cell: Event) -> dict[str, Any]:
     contended = (cell.get("machine") or {}).get("contended")
     notes = [cell.get("message"), contended and "contended", reports_its_time(cell) and "time reported by the program"]
     row = {
-        "state": cell["state"], "scene": contender.settings.scene, "contender": contender.name,
+        "state": cell["state"], "scene": contestant.settings.scene, "contestant": contestant.name,
         "block": cell.get("block"), "seed": cell.get("seed"), "command": repeat_command(cell),
         "note": "; ".join(note for note in notes if note),
     }  # fmt: skip
     if cell.get("points"):
         end = cell["points"][-1]
-        row |= {"spp": end["spp"], "seconds": end["seconds"], "cold": end["seconds"] + contender.fixed_seconds(cell),
+        row |= {"spp": end["spp"], "seconds": end["seconds"], "cold": end["seconds"] + contestant.fixed_seconds(cell),
                 "error": point_error(end, analysis.results.metric)[0]}  # fmt: skip
     return row
 

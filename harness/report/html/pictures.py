@@ -65,26 +65,26 @@ def shown_images(analysis: Analysis) -> set[str]:
 
 
 def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]]:
-    """(image, words) of up to nine contenders: the best of every engine first, then by final error.
+    """(image, words) of up to nine contestants: the best of every engine first, then by final error.
 
-    Threads change no image: of contenders that differ in them alone, one is enough.
+    Threads change no image: of contestants that differ in them alone, one is enough.
     """
     ranked = sorted(panel.verdicts, key=lambda v: (math.isnan(v.final_error.value), v.final_error.value))
-    engines = list(dict.fromkeys(v.contender.settings.engine for v in ranked))
-    best = [next(v for v in ranked if v.contender.settings.engine == engine) for engine in engines]
+    engines = list(dict.fromkeys(v.contestant.settings.engine for v in ranked))
+    best = [next(v for v in ranked if v.contestant.settings.engine == engine) for engine in engines]
     found = []
     seen = set()
     for verdict in [*best, *(v for v in ranked if v not in best)]:
-        same_image = verdict.contender.settings._replace(threads=0)
+        same_image = verdict.contestant.settings._replace(threads=0)
         if same_image in seen:
             continue
         seen.add(same_image)
-        for cell in verdict.contender.done[:1]:
+        for cell in verdict.contestant.done[:1]:
             point = next((p for p in reversed(cell["points"]) if p.get("image")), None)
             image = results.image(point) if point else None
             if point and image is not None and len(found) < MOST_PICTURES:
                 caption = point_words(results, point)
-                found.append((image, {"name": verdict.contender.name, "caption": caption, "image": point["image"]}))
+                found.append((image, {"name": verdict.contestant.name, "caption": caption, "image": point["image"]}))
     shape = found[0][0].shape if found else None
     return [pair for pair in found if pair[0].shape == shape]
 
@@ -97,7 +97,7 @@ def point_words(results: Results, point: Event) -> str:
 
 
 def _group(results: Results, panel: Panel, pictures: list[tuple[Image, dict[str, Any]]], factor: int) -> PictureGroup:
-    reference = results.reference(panel.verdicts[0].contender.done[0].get("reference_id"))
+    reference = results.reference(panel.verdicts[0].contestant.done[0].get("reference_id"))
     if reference is not None and reference.mean.shape != pictures[0][0].shape:
         reference = None
     shown = [{"name": words["name"], "caption": words["caption"], "data": packed(shrunk(image, factor))}
@@ -134,12 +134,12 @@ def packed(image: Image) -> str:
 
 
 def _at_equal_time(results: Results, panel: Panel) -> tuple[float, list[tuple[Verdict, Event]]]:
-    """(time, the last pictured checkpoint of each contender's first block within it), by rising error."""
-    cells = [(v, [p for p in v.contender.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
+    """(time, the last pictured checkpoint of each contestant's first block within it), by rising error."""
+    cells = [(v, [p for p in v.contestant.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
     cells = [(verdict, points) for verdict, points in cells if points]
     if not cells:
         return math.nan, []
-    # The time of the contender that ends first; later where another has no picture by then.
+    # The time of the contestant that ends first; later where another has no picture by then.
     first_end = min(points[-1]["seconds"] for _, points in cells)
     seconds = max(first_end, *(points[0]["seconds"] for _, points in cells))
     taken = [(verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"]))
@@ -149,7 +149,7 @@ def _at_equal_time(results: Results, panel: Panel) -> tuple[float, list[tuple[Ve
 
 
 def _equal_time_crops(results: Results, panel: Panel, reference: Reference | None) -> tuple[float, list[Crop]]:
-    """(time, crops): the last picture of each contender's first block within the time that all have one for."""
+    """(time, crops): the last picture of each contestant's first block within the time that all have one for."""
     seconds, taken = _at_equal_time(results, panel)
     found = [(verdict, point, results.image(point)) for verdict, point in taken]
     images = [(verdict, point, image) for verdict, point, image in found if image is not None]
@@ -157,7 +157,7 @@ def _equal_time_crops(results: Results, panel: Panel, reference: Reference | Non
         return math.nan, []
     guide = reference.mean if reference is not None else images[0][2]
     crops = [_crop(guide, guide, "reference", f"{reference.spp} spp")] if reference is not None else []
-    crops += [_crop(image, guide, verdict.contender.name, point_words(results, point))
+    crops += [_crop(image, guide, verdict.contestant.name, point_words(results, point))
               for verdict, point, image in images if image.shape == guide.shape]  # fmt: skip
     return seconds, crops
 

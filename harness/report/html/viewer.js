@@ -33,7 +33,7 @@ class Viewer {
     return this.group.has_reference ? this.group.radiance[0] : null;
   }
 
-  // The number key of a picture: the reference is 0, contenders count from 1.
+  // The number key of a picture: the reference is 0, contestants count from 1.
   keyOf(index) {
     return this.group.has_reference ? index : index + 1;
   }

@@ -26,15 +26,15 @@ def build_against_traverse(analysis: Analysis, palette: Palette) -> Figure | Non
         for family in found:
             if family[0].settings.scene != scene:
                 continue
-            x = np.array([build(contender)[:3] for contender in family]) * 1e3
-            y = np.array([microseconds_a_path(contender)[:3] for contender in family])
+            x = np.array([build(contestant)[:3] for contestant in family]) * 1e3
+            y = np.array([microseconds_a_path(contestant)[:3] for contestant in family])
             x = np.where(np.isnan(x), x, np.maximum(x, SHORTEST_BUILD))
             first = palette.look(family[0])
             axis.plot(x[:, 0], y[:, 0], color=first.colour, linestyle=first.line, linewidth=first.width / 2, alpha=0.6)
-            for contender, across, up in zip(family, x, y, strict=True):
-                look = palette.look(contender).line_style() | {"linestyle": "none", "markersize": 6.5}
+            for contestant, across, up in zip(family, x, y, strict=True):
+                look = palette.look(contestant).line_style() | {"linestyle": "none", "markersize": 6.5}
                 axis.errorbar(across[0], up[0], xerr=_whisker(across), yerr=_whisker(up), elinewidth=0.8,
-                              label=contender.name, **look)  # fmt: skip
+                              label=contestant.name, **look)  # fmt: skip
         log_scales(axis, y=True)
         axis.set_title(scene, fontsize=9)
         axis.set_xlabel("build [ms]")
@@ -45,7 +45,7 @@ def build_against_traverse(analysis: Analysis, palette: Palette) -> Figure | Non
     if len(named) <= MOST_CURVES:
         figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=3)
     else:
-        handles = palette.key([contender for family in found for contender in family])
+        handles = palette.key([contestant for family in found for contestant in family])
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
 

@@ -41,7 +41,7 @@ def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure |
             axis.set_xlabel("time [s]")
             axis.tick_params(labelbottom=True)
         axis.grid(axis="y", visible=False)
-    axes[0].set_yticks(range(rows), [verdict.contender.name for verdict in panel.verdicts])
+    axes[0].set_yticks(range(rows), [verdict.contestant.name for verdict in panel.verdicts])
     axes[0].set_ylim(rows - 0.4, -0.6)
     for filled, words in ((True, "warm: rendering alone"), (False, "cold: with import, load, build, compilation")):
         axes[0].plot([], [], "o", color=INK, markerfacecolor=INK if filled else "white", label=words, linestyle="none")
@@ -51,7 +51,7 @@ def quality_bars(analysis: Analysis, panel: Panel, palette: Palette) -> Figure |
 
 def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Palette) -> None:
     """Means with whiskers; below three blocks a dot a block, for there an interval says nothing."""
-    colour = palette.colour(verdict.contender.settings.engine)
+    colour = palette.colour(verdict.contestant.settings.engine)
     warm, cold = verdict.warm[index], verdict.cold[index]
     if not math.isfinite(warm.value):
         axis.annotate(f"{warm.reached}/{warm.seeds} reached", (0.02, row), xycoords=("axes fraction", "data"),
@@ -79,7 +79,7 @@ def phase_bars(panel: Panel) -> Figure:
         axis.barh(range(rows), seconds, left=left, color=PHASE_COLOURS[phase], hatch=PHASE_HATCHES[phase], label=phase,
                   edgecolor="white", linewidth=0, height=0.72)  # fmt: skip
         left += seconds
-    axis.set_yticks(range(rows), [verdict.contender.name for verdict in panel.verdicts])
+    axis.set_yticks(range(rows), [verdict.contestant.name for verdict in panel.verdicts])
     axis.set_ylim(rows - 0.4, -0.6)
     axis.set_xlabel("mean time [s]")
     axis.grid(axis="y", visible=False)
@@ -97,7 +97,7 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
     many = most > MOST_CURVES
     height = 3.0 + (0.5 if many else 0.11 * most)
     figure, grid = small_multiples(len(scenes), 3.4, height)
-    counts = sorted({contender.settings.threads for family in families for contender in family})
+    counts = sorted({contestant.settings.threads for family in families for contestant in family})
     for axis, scene in zip(grid, scenes, strict=True):
         axis.plot(counts, np.array(counts) / counts[0], color=FAINT, linewidth=0.8, linestyle=":", label="ideal")
         for family in families:
@@ -115,7 +115,7 @@ def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:
 
 
 def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
-    seconds = {contender.settings.threads: seconds_per_sample(contender) for contender in family}
+    seconds = {contestant.settings.threads: seconds_per_sample(contestant) for contestant in family}
     rows = parallel_speedups(seconds)
     fit = amdahl_fit(seconds)
     look = palette.look(family[0])

@@ -18,13 +18,13 @@ from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, ne
 from harness.statistics import ecdf, geometric_interval, pareto_front
 from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.ratios import FEWEST_BLOCKS
-from harness.store.results import Contender, Results, point_error
+from harness.store.results import Contestant, Results, point_error
 
 X_LABELS = {"seconds": "warm time [s]", "spp": "samples per pixel", "rays": "rays"}
 
 
 class Band(NamedTuple):
-    """A contender's checkpoints over its seeds: median x and error, the range of seeds, and whether it is noise."""
+    """A contestant's checkpoints over its seeds: median x and error, the range of seeds, and whether it is noise."""
 
     x: np.ndarray
     error: np.ndarray
@@ -36,12 +36,12 @@ class Band(NamedTuple):
 def band(results: Results, verdict: Verdict, x: str) -> Band:
     """Checkpoints that at least half of the seeds reached."""
     rows: dict[int, list[tuple[float, float, float]]] = {}
-    for cell in verdict.contender.done:
+    for cell in verdict.contestant.done:
         for point in cell["points"]:
             error, se = point_error(point, results.metric)
             if math.isfinite(error) and point.get(x):
                 rows.setdefault(point["spp"], []).append((float(point[x]), error, se))
-    enough = [np.array(rows[spp]) for spp in sorted(rows) if 2 * len(rows[spp]) >= len(verdict.contender.done)]
+    enough = [np.array(rows[spp]) for spp in sorted(rows) if 2 * len(rows[spp]) >= len(verdict.contestant.done)]
     medians = np.array([np.median(row, axis=0) for row in enough]).reshape(-1, 3)
     low, high = (np.array([fold(row[:, 1]) for row in enough]) for fold in (np.min, np.max))
     return Band(medians[:, 0], medians[:, 1], low, high, medians[:, 1] <= NOISE_ERRORS * medians[:, 2])
@@ -90,17 +90,17 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
     axis = figure.subplots()
     for verdict in panel.verdicts:
         own = sorted((point.time.value, point.error.value) for point in points if point.verdict is verdict)
-        look = palette.look(verdict.contender)
+        look = palette.look(verdict.contestant)
         axis.plot(*np.array(own).reshape(-1, 2).T, color=look.colour, linestyle=look.line, linewidth=0.8, alpha=0.45)
     named: set[int] = set()
     for point, best in zip(points, front, strict=True):
-        look = palette.look(point.verdict.contender)
+        look = palette.look(point.verdict.contestant)
         if not best:
             axis.plot(point.time[0], point.error[0], marker=look.marker, color=look.colour, alpha=0.25, markersize=3)
             continue
         axis.errorbar(point.time[0], point.error[0], xerr=_whisker(point.time), yerr=_whisker(point.error),
                       marker=look.marker, color=look.colour, markersize=5, elinewidth=1, linestyle=look.line,
-                      label=None if id(point.verdict) in named else point.verdict.contender.name)  # fmt: skip
+                      label=None if id(point.verdict) in named else point.verdict.contestant.name)  # fmt: skip
         named.add(id(point.verdict))
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
     axis.set_xlabel(X_LABELS["seconds"])
@@ -112,22 +112,23 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
 
 
 def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
-    """Share of (scene, target, seed) reached by a warm time, for each configuration over all its scenes."""
+    """Share of (scene, target, seed) reached by a warm time, for each configuration over all its scenes but those where a flag
+    disqualifies it."""
     solvers: dict[Any, list[Verdict]] = {}
     for verdict in analysis.verdicts:
-        if not verdict.contender.settings.label:
-            solvers.setdefault(verdict.contender.settings._replace(scene=""), []).append(verdict)
+        if not (verdict.contestant.settings.label or verdict.disqualified):
+            solvers.setdefault(verdict.contestant.settings._replace(scene=""), []).append(verdict)
     if not analysis.results.targets or not solvers:
         return None
     first = {id(verdicts[0]): verdicts for verdicts in solvers.values()}
     parts = facets([verdicts[0] for verdicts in solvers.values()])
     figure, axes = small_multiples(len(parts), 3.7, 4.2 if len(parts) <= 3 else 4.0)
-    latest = max((c["points"][-1]["seconds"] for v in analysis.verdicts for c in v.contender.done), default=1.0)
+    latest = max((c["points"][-1]["seconds"] for v in analysis.verdicts for c in v.contestant.done), default=1.0)
     for axis, part in zip(axes, parts, strict=True):
         for verdict in part.verdicts:
-            look = palette.look(verdict.contender)
+            look = palette.look(verdict.contestant)
             times, share = ecdf([s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
-            name = verdict.contender.name
+            name = verdict.contestant.name
             x = [*times[:1], *times, latest] if times.size else [latest]
             y = [0.0, *share, share[-1]] if times.size else [0.0]
             axis.step(x, y, where="post", color=look.colour, linestyle=look.line, linewidth=look.width, label=name)
@@ -149,7 +150,7 @@ class _ParetoPoint(NamedTuple):
 def _pareto_points(results: Results, verdict: Verdict) -> list[_ParetoPoint]:
     """Checkpoints of three seeds or more whose error is above its noise, with intervals over seeds."""
     rows: dict[int, list[tuple[float, float]]] = {}
-    for cell in verdict.contender.done:
+    for cell in verdict.contestant.done:
         for point in cell["points"]:
             error, se = point_error(point, results.metric)
             if error > NOISE_ERRORS * se and error > 0 and math.isfinite(error) and point["seconds"] > 0:
@@ -164,19 +165,19 @@ def _whisker(estimate: Any) -> list[list[float]]:
 
 
 def shows_slopes(x: str, verdicts: Sequence[Verdict]) -> bool:
-    """Whether the legend of their error over `x` has slopes: not every contender has one, and beyond a few curves there is
+    """Whether the legend of their error over `x` has slopes: not every contestant has one, and beyond a few curves there is
     no entry a curve."""
     return x == "spp" and len(verdicts) <= MOST_CURVES and any(not math.isnan(v.slope.value) for v in verdicts)
 
 
 def _curve_label(verdict: Verdict, x: str) -> str:
     if shows_slopes(x, [verdict]):
-        return f"{verdict.contender.name} ({verdict.slope.value:.2f})"
-    return verdict.contender.name
+        return f"{verdict.contestant.name} ({verdict.slope.value:.2f})"
+    return verdict.contestant.name
 
 
 def _curve(axis: Axes, data: Band, palette: Palette, verdict: Verdict, label: str) -> None:
-    look = palette.look(verdict.contender)
+    look = palette.look(verdict.contestant)
     sure = ~data.noisy & (data.error > 0)
     axis.plot(data.x[sure], data.error[sure], label=label, **look.line_style())
     low = data.low[sure].clip(1e-300)
@@ -207,15 +208,15 @@ def _frame(axis: Axes, results: Results, panel: Panel, bottom: float) -> None:
 
 
 def _legend(figure: Figure, axes: list[Axes], palette: Palette, verdicts: list[Verdict]) -> None:
-    finish_legend(figure, axes, palette, [verdict.contender for verdict in verdicts])
+    finish_legend(figure, axes, palette, [verdict.contestant for verdict in verdicts])
 
 
-def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contenders: list[Contender]) -> None:
+def finish_legend(figure: Figure, axes: list[Axes], palette: Palette, contestants: list[Contestant]) -> None:
     """An entry a curve beside the plot if they are few; else one a colour, line, marker and width, beneath."""
-    if len(contenders) <= MOST_CURVES:
+    if len(contestants) <= MOST_CURVES:
         axes[0].legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0)
         return
-    handles: list[Artist] = list(palette.key(contenders))
+    handles: list[Artist] = list(palette.key(contestants))
     labels = [str(handle.get_label()) for handle in handles]
     for handle, label in zip(*axes[0].get_legend_handles_labels(), strict=True):
         if label.startswith(("noise of", "dominated", "no front")):

@@ -53,7 +53,7 @@ def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[
 
 def _mark_mixture(analysis: Analysis, figure: Figure, name: str) -> None:
     """A banner on figures of all scenes where several machines share their axes; panels belong to one machine each."""
-    count = len({verdict.contender.settings.machine for verdict in analysis.verdicts})
+    count = len({verdict.contestant.settings.machine for verdict in analysis.verdicts})
     if count > 1 and name in OF_ALL_SCENES:
         figure.suptitle(f"{count} machines: times must not be compared", color="#a6192e", fontsize=9, weight="bold")
 
@@ -65,14 +65,14 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
     return [
         *found,
         Sketch("targets-over-time", "Targets reached over time",
-               "Steps that rise with time: the share of all scenes, targets and seeds each contender has reached.",
+               "Steps that rise with time: the share of all scenes, targets and seeds each contestant has reached.",
                lambda: target_ecdf(analysis, palette)),
         Sketch("speed-up-over-threads", "Speed-up over threads",
                "Speed-up against the fewest threads, with intervals; dotted: ideal; serial fraction by Amdahl's law.",
                lambda: thread_speedups(analysis, palette)),
         Sketch("build-against-traverse", "Accelerators: build against traverse",
                "Points by the time an accelerator takes to build and the time of a path through it, on logarithmic axes; "
-               "lines join contenders that differ in the accelerator alone. Lower left is better.",
+               "lines join contestants that differ in the accelerator alone. Lower left is better.",
                lambda: build_against_traverse(analysis, palette)),
         Sketch("cost-over-primitives", "Cost over the number of primitives",
                "Rising curves on logarithmic axes: time of a path, and of building the accelerator, over the primitives "
@@ -92,11 +92,11 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
         slopes = " Numbers in the legend are slopes of the RMSE, over samples that all share."
         note = slopes if shows_slopes(x, panel.verdicts) else ""
         yield Sketch(file_stem("error-over", word, title), f"{title}: error over {word}",
-                     f"Falling curves on logarithmic axes, the error of each contender over {word}; bands are the range "
+                     f"Falling curves on logarithmic axes, the error of each contestant over {word}; bands are the range "
                      f"of seeds, dashed lines the targets, crosses lie below three standard errors.{note}",
                      partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
-                 "For each target, the seconds each contender needs: full dots warm, hollow dots cold, whiskers "
+                 "For each target, the seconds each contestant needs: full dots warm, hollow dots cold, whiskers "
                  "95 % intervals; below three blocks a dot a block.",
                  partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",

@@ -1,4 +1,4 @@
-"""What shares a figure: the contenders of one scene, shader, size, division and machine; and how many curves are split."""
+"""What shares a figure: the contestants of one scene, shader, size, division and machine; and how many curves are split."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Panel:
 
     @property
     def scene(self) -> str:
-        return self.verdicts[0].contender.settings.scene
+        return self.verdicts[0].contestant.settings.scene
 
 
 class Facet:
@@ -54,18 +54,18 @@ def panels(analysis: Analysis) -> list[Panel]:
 
 def facets(verdicts: list[Verdict]) -> list[Facet]:
     """One facet if the curves are few; else one for each value of the first axis that splits them well. Divisions are split."""
-    if len(divisions := sorted({v.contender.settings.division for v in verdicts})) > 1:
+    if len(divisions := sorted({v.contestant.settings.division for v in verdicts})) > 1:
         return [Facet(f"{division} division {facet.title}".strip(), facet.verdicts) for division in divisions
-                for facet in facets([v for v in verdicts if v.contender.settings.division == division])]  # fmt: skip
+                for facet in facets([v for v in verdicts if v.contestant.settings.division == division])]  # fmt: skip
     if len(verdicts) <= MOST_CURVES:
         return [Facet("", verdicts)]
     for axis in FACET_AXES:
-        values = sorted({getattr(v.contender.settings, axis) for v in verdicts})
+        values = sorted({getattr(v.contestant.settings, axis) for v in verdicts})
         if 2 <= len(values) <= 6:
             return [
                 Facet(
                     f"{axis} {setting_text(axis, value)}",
-                    [v for v in verdicts if getattr(v.contender.settings, axis) == value],
+                    [v for v in verdicts if getattr(v.contestant.settings, axis) == value],
                 )
                 for value in values
             ]
@@ -77,7 +77,7 @@ def reference_noise(results: Results, panel: Panel) -> tuple[float, int] | None:
     """(relMSE that the reference's own noise amounts to, its spp); None for other metrics or without the reference."""
     if not results.metric.startswith("relmse_e"):
         return None
-    reference: Reference | None = results.reference(panel.verdicts[0].contender.done[0].get("reference_id"))
+    reference: Reference | None = results.reference(panel.verdicts[0].contestant.done[0].get("reference_id"))
     if reference is None:
         return None
     noise = float((reference.variance / (reference.mean**2 + results.epsilon)).mean())

@@ -20,7 +20,7 @@ from harness.analysis.scaling import (
 from harness.report.plots.curves import finish_legend
 from harness.report.plots.style import Palette, log_scales, new_figure
 from harness.statistics import Estimate, geometric_interval
-from harness.store.results import Contender, phase_seconds
+from harness.store.results import Contestant, phase_seconds
 
 
 def cost_over_primitives(analysis: Analysis, palette: Palette) -> Figure | None:
@@ -47,7 +47,7 @@ def cost_over_primitives(analysis: Analysis, palette: Palette) -> Figure | None:
 
 def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:
     """None below three sizes of image that some configuration has on one scene."""
-    found = families(analysis, "size", lambda contender: pixels(contender.done[0]))
+    found = families(analysis, "size", lambda contestant: pixels(contestant.done[0]))
     if not found:
         return None
     figure = new_figure(8.4, 3.6)
@@ -65,12 +65,12 @@ def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:
     return figure
 
 
-def _pass_times(contender: Contender) -> dict[int, Estimate]:
+def _pass_times(contestant: Contestant) -> dict[int, Estimate]:
     """Samples per pixel so far -> microseconds of a path in the pass that ended there."""
-    return {spp: geometric_interval([1e6 * s for s in blocks.values()]) for spp, blocks in passes(contender).items()}
+    return {spp: geometric_interval([1e6 * s for s in blocks.values()]) for spp, blocks in passes(contestant).items()}
 
 
-def _line(axis: Axes, palette: Palette, first: Contender, x: list[int], y: list[Estimate], label: str) -> None:
+def _line(axis: Axes, palette: Palette, first: Contestant, x: list[int], y: list[Estimate], label: str) -> None:
     """A curve with intervals."""
     values = np.array([estimate[:3] for estimate in y])
     whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))

@@ -22,7 +22,7 @@ from matplotlib.ticker import FuncFormatter
 
 from engines.errors import ConfigError
 from harness.store.atomic import replacing, write_text
-from harness.store.results import Contender, Results, setting_text
+from harness.store.results import Contestant, Results, setting_text
 
 INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
 """Colours that the report's dark mode replaces."""
@@ -67,7 +67,7 @@ class Sketch(NamedTuple):
 
 
 class Look(NamedTuple):
-    """How a contender is drawn."""
+    """How a contestant is drawn."""
 
     colour: str
     line: Any
@@ -82,18 +82,18 @@ class Look(NamedTuple):
 
 
 class Palette:
-    """Looks of all contenders; depends on the order in which names first appear, so that later ones move none."""
+    """Looks of all contestants; depends on the order in which names first appear, so that later ones move none."""
 
     def __init__(self, results: Results) -> None:
-        cells = [contender.settings for contender in results.contenders]
+        cells = [contestant.settings for contestant in results.contestants]
         self.engines = engine_colours(str(cell.get("engine")) for cell in results.cells)
         self.samplers = sorted({settings.sampler for settings in cells})
         self.accelerators = sorted({settings.accelerator for settings in cells})
         self.threads = sorted({settings.threads for settings in cells})
 
-    def look(self, contender: Contender) -> Look:
+    def look(self, contestant: Contestant) -> Look:
         """Engine: colour. Sampler: line. Accelerator: marker. float32: hollow marker. More threads: thicker line."""
-        settings = contender.settings
+        settings = contestant.settings
         return Look(
             self.engines.get(settings.engine, FAINT), LINES[self.samplers.index(settings.sampler) % len(LINES)],
             MARKERS[self.accelerators.index(settings.accelerator) % len(MARKERS)], settings.precision != "float32",
@@ -103,8 +103,8 @@ class Palette:
     def colour(self, engine: str) -> str:
         return self.engines.get(engine, FAINT)
 
-    def key(self, contenders: Sequence[Contender]) -> list[Line2D]:
-        """Legend entries for what looks mean, instead of one entry a curve: only what differs among the contenders."""
+    def key(self, contestants: Sequence[Contestant]) -> list[Line2D]:
+        """Legend entries for what looks mean, instead of one entry a curve: only what differs among the contestants."""
         entries: list[Line2D] = []
         kinds: list[tuple[str, dict[str, Any]]] = [
             ("engine", {"linewidth": 2.5, "marker": "", "linestyle": "-"}), ("sampler", {"color": INK, "marker": ""}),
@@ -113,7 +113,7 @@ class Palette:
             ("precision", {"color": INK, "linestyle": "none", "marker": "o"}),
         ]  # fmt: skip
         for axis, fixed in kinds:
-            examples = {getattr(c.settings, axis): self.look(c) for c in reversed(contenders)}
+            examples = {getattr(c.settings, axis): self.look(c) for c in reversed(contestants)}
             if len(examples) < 2:
                 continue
             for value in sorted(examples):

@@ -5,19 +5,19 @@ from __future__ import annotations
 from harness.analysis import Analysis
 from harness.analysis.accelerator_tradeoff import break_evens
 from harness.analysis.columns import Column, Table
-from harness.report.tables.equivalence import CONTENDER, SCENE
+from harness.report.tables.equivalence import CONTESTANT, SCENE
 from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate
 from harness.store.results import setting_text
 
 
 def accelerators(analysis: Analysis) -> Table:
-    """One row a contender that has a twin with another accelerator; empty where there is none."""
+    """One row a contestant that has a twin with another accelerator; empty where there is none."""
     table = Table(
         "accelerators", "Accelerators: build against traverse",
-        "Contenders that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
+        "Contestants that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
         f"over seeds with 95 % intervals; ratios paired by block. {floors_text(analysis)}",
-        [SCENE, CONTENDER, Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
+        [SCENE, CONTESTANT, Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
          Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
          Column("against", "The accelerator of the same family that is built fastest."),
          Column("speedup", "Its time of a path over this one's.", "estimate", "speed-up"),
@@ -27,7 +27,7 @@ def accelerators(analysis: Analysis) -> Table:
                 "break-even [spp]")],
     )  # fmt: skip
     for found in break_evens(analysis):
-        row = {"scene": found.contender.settings.scene, "contender": found.contender.name,
+        row = {"scene": found.contestant.settings.scene, "contestant": found.contestant.name,
                "build_seconds": found.build_seconds, "path_microseconds": found.path_microseconds}  # fmt: skip
         if found.against is not None and found.speedup is not None:
             row |= {"against": setting_text("accelerator", found.against.settings.accelerator),

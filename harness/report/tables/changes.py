@@ -28,13 +28,13 @@ from harness.statistics import (
 from harness.statistics.equivalence import shared_alpha
 from harness.statistics.intervals import exp
 from harness.statistics.sessions import FEWEST_SESSIONS
-from harness.store.results import Contender, Results, Settings, point_error
+from harness.store.results import Contestant, Results, Settings, point_error
 
 TIMES = {"rise": "slower", "fall": "faster"}
 ERRORS = {"rise": "worse", "fall": "better"}
 UNTESTED_THRESHOLD = 0.1
 """Share beyond which a time has become longer, where drift is not separated from change and no other share is asked for."""
-Sessions = Sequence[tuple[Results, Contender]]
+Sessions = Sequence[tuple[Results, Contestant]]
 """A contestant in each session that measured it."""
 
 
@@ -73,7 +73,7 @@ def changes(before: Sequence[Results], after: Sequence[Results], threshold: floa
         table.rows.append(_row(each, verdict, limit))
     table.rows += [{**_who(ours[key]), **row} for key, row in pictured.items() if row]
     order = [(key.scene, ours[key][0][1].name) for key in common]
-    table.rows.sort(key=lambda row: order.index((row["scene"], row["contender"])))
+    table.rows.sort(key=lambda row: order.index((row["scene"], row["contestant"])))
     table.rows += [{**_who(ours[key]), "verdict": "scene changed"} for key in ours if key in theirs and key.scene in moved]
     table.rows += [_only_before(ours[key], key, after) for key in sorted(ours.keys() - theirs.keys())]
     table.rows += [{**_who(theirs[key]), "verdict": "only after"} for key in sorted(theirs.keys() - ours.keys())]
@@ -88,7 +88,7 @@ def _table(before: Sequence[Results], after: Sequence[Results], same_within: flo
     note = [f"{folders[0]} before, {folders[1]} after; ratios are after over before.", sessions_text(before, after)]
     return Table(
         "changes", "What changed", " ".join([*note, *cautions(before, after)]),
-        [Column("scene", "Scene."), Column("contender", "Engine and the settings that vary."),
+        [Column("scene", "Scene."), Column("contestant", "Engine and the settings that vary."),
          Column("measure", "seconds per sample (warm), start-up seconds, error at the most samples that both sides have, or "
                 "image."),
          Column("ratio", "After over before, with its 95 % interval.", "estimate"),
@@ -158,17 +158,17 @@ def _sessions_differ(before: Sequence[Results], after: Sequence[Results]) -> Non
                     raise ConfigError(f"{results.folder}: has measurements of {other.folder}: a session counts once")
 
 
-def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results, Contender]]]]:
+def _by_key(*sides: Sequence[Results]) -> list[dict[Settings, list[tuple[Results, Contestant]]]]:
     """The measured contestants of each side by what has to be equal for two to be the same."""
-    several = any(len({c.settings.machine for c in results.contenders if c.done}) > 1 for side in sides for results in side)
-    found: list[dict[Settings, list[tuple[Results, Contender]]]] = []
+    several = any(len({c.settings.machine for c in results.contestants if c.done}) > 1 for side in sides for results in side)
+    found: list[dict[Settings, list[tuple[Results, Contestant]]]] = []
     for side in sides:
-        groups: dict[Settings, list[tuple[Results, Contender]]] = {}
+        groups: dict[Settings, list[tuple[Results, Contestant]]] = {}
         for results in side:
-            for contender in results.contenders:
-                if contender.done:
-                    key = matching(contender.settings)._replace(machine=contender.settings.machine if several else "")
-                    groups.setdefault(key, []).append((results, contender))
+            for contestant in results.contestants:
+                if contestant.done:
+                    key = matching(contestant.settings)._replace(machine=contestant.settings.machine if several else "")
+                    groups.setdefault(key, []).append((results, contestant))
         found.append(groups)
     return found
 
@@ -179,12 +179,12 @@ def matching(settings: Settings) -> Settings:
 
 
 def _who(sessions: Sessions) -> dict[str, Any]:
-    return {"scene": sessions[0][1].settings.scene, "contender": sessions[0][1].name}
+    return {"scene": sessions[0][1].settings.scene, "contestant": sessions[0][1].name}
 
 
 def _only_before(old: Sessions, key: Settings, after: Sequence[Results]) -> dict[str, Any]:
     """A row for what has no measurement after: it failed, or nobody asked for it."""
-    cells = [cell for results in after for c in results.contenders for cell in c.cells
+    cells = [cell for results in after for c in results.contestants for cell in c.cells
              if key in (matching(c.settings), matching(c.settings)._replace(machine=c.settings.machine))]  # fmt: skip
     failed = any(cell["state"] in ("failed", "timeout") for cell in cells)
     return {**_who(old), "verdict": "failed" if failed else "only before", "regression": failed}
@@ -220,24 +220,24 @@ def _row(each: Compared, verdict: str, limit: float) -> dict[str, Any]:
 
 def _errors(side: Sessions, old: Sessions, new: Sessions) -> dict[int, float]:
     """Seed -> error of a side at the most samples that all have; empty where metrics differ or samples do not meet."""
-    spp = common_spp(*(contender for _, contender in (*old, *new)))
+    spp = common_spp(*(contestant for _, contestant in (*old, *new)))
     if len({results.metric for results, _ in (*old, *new)}) > 1:
         return {}
-    return {cell["seed"]: point_error(point, results.metric)[0] for results, contender in side for cell in contender.done
+    return {cell["seed"]: point_error(point, results.metric)[0] for results, contestant in side for cell in contestant.done
             for point in cell["points"] if point["spp"] == spp}  # fmt: skip
 
 
 def _flags_of(side: Iterable[Results]) -> dict[int, set[str]]:
     """Flags of contestants' images, by the contestant's `id`."""
     verdicts = (verdict for results in side for verdict in analyse(results).verdicts)
-    return {id(verdict.contender): set(verdict.flags) - OF_THE_TIME for verdict in verdicts}
+    return {id(verdict.contestant): set(verdict.flags) - OF_THE_TIME for verdict in verdicts}
 
 
 def _image_row(
     old: Sessions, new: Sessions, flags: Sequence[Mapping[int, set[str]]], comparisons: int
 ) -> dict[str, Any]:  # fmt: skip
     """What is to be said of the images; empty where there are none and no flag is new."""
-    known, now = (set().union(*(found.get(id(contender), ()) for _, contender in side))
+    known, now = (set().union(*(found.get(id(contestant), ()) for _, contestant in side))
                   for side, found in zip((old, new), flags, strict=True))  # fmt: skip
     image = {"measure": "image", "sessions": f"{len(old)} and {len(new)}"}
     if now - known:

@@ -12,10 +12,10 @@ from harness.analysis.model import bias_sizes
 from harness.statistics import Equivalence, Estimate
 
 SCENE = Column("scene", "Scene that was rendered.")
-CONTENDER = Column("contender", "Engine and those settings that differ within this experiment.")
-BASELINE = Column("baseline", "Contender compared with: the baseline engine's nearest relative.")
+CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
+BASELINE = Column("baseline", "Contestant compared with: the baseline engine's nearest relative.")
 BOUNDS = [
-    Column("difference", "Second over first (or contender over baseline), less one, of the image means; 95 % interval.",
+    Column("difference", "Second over first (or contestant over baseline), less one, of the image means; 95 % interval.",
            "estimate"),
     Column("image_bound", "What the image means differ by at most, in any channel.", "percent", "means at most"),
     Column("tile_bound", "What any tile of 16x16 pixels differs by at most, in any channel.", "percent", "tiles at most"),
@@ -31,7 +31,7 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
     table = Table(
         "bias_and_equivalence", "Bias against the reference, equivalence with the baseline",
         f"Shares of the radiance; of a tile the larger of its own and 0.1 of the image's mean. {_margins(analysis)}",
-        [SCENE, CONTENDER, BASELINE,
+        [SCENE, CONTESTANT, BASELINE,
          Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
          Column("bias_squared_se", "Its standard error.", "number"),
          Column("bias_difference", "Image over reference, less one, of the means, in the channel farthest off; flagged at 3 "
@@ -146,4 +146,4 @@ def equivalence_text(verdict: Verdict) -> str:
 
 def who(verdict: Verdict) -> dict[str, Any]:
     """The first cells of a row."""
-    return {"scene": verdict.contender.settings.scene, "contender": verdict.contender.name}
+    return {"scene": verdict.contestant.settings.scene, "contestant": verdict.contestant.name}

@@ -16,7 +16,7 @@ def evidence(analysis: Analysis) -> str:
 
 
 def blocks_text(analysis: Analysis) -> str:
-    counts = sorted({len({cell["block"] for cell in verdict.contender.done}) for verdict in analysis.verdicts})
+    counts = sorted({len({cell["block"] for cell in verdict.contestant.done}) for verdict in analysis.verdicts})
     if not counts:
         return ""
     text = f"{counts[-1]} block{'' if counts[-1] == 1 else 's'}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} blocks"
@@ -27,7 +27,7 @@ def blocks_text(analysis: Analysis) -> str:
 
 def contention_text(analysis: Analysis) -> str:
     """How many of the cells that count were contended, and of how many that is known."""
-    cells = [cell for verdict in analysis.verdicts for cell in verdict.contender.done]
+    cells = [cell for verdict in analysis.verdicts for cell in verdict.contestant.done]
     found = [(cell.get("machine") or {}).get("contended") for cell in cells]
     judged = [bool(contended) for contended in found if contended is not None]
     if not judged:
@@ -39,7 +39,7 @@ def contention_text(analysis: Analysis) -> str:
 
 def floors_text(analysis: Analysis) -> str:
     """The floors over all targets, and what follows where there is none or where twins differ."""
-    scenes = list(dict.fromkeys(verdict.contender.settings.scene for verdict in analysis.verdicts))
+    scenes = list(dict.fromkeys(verdict.contestant.settings.scene for verdict in analysis.verdicts))
     if not scenes:
         return ""
     indices = [None, *range(len(analysis.results.targets))]

@@ -5,23 +5,23 @@ from __future__ import annotations
 from harness.analysis import Analysis
 from harness.analysis.columns import Column, Table
 from harness.analysis.scaling import scaling_exponents
-from harness.report.tables.equivalence import CONTENDER
+from harness.report.tables.equivalence import CONTESTANT
 
 
 def scaling(analysis: Analysis) -> Table:
-    """One row a family of contenders and cost; empty where no family has three sizes."""
+    """One row a family of contestants and cost; empty where no family has three sizes."""
     table = Table(
         "scaling", "How cost scales",
         "Exponents k of cost ~ size^k: 0 is no growth, 1 proportion. A path is a sample of a pixel, so that k = 0 over pixels "
         "and samples means a cost in proportion. Slopes of each block, averaged, with a 95 % interval.",
-        [CONTENDER, Column("cost", "What is paid: warm seconds of a path, or seconds of the build."),
+        [CONTESTANT, Column("cost", "What is paid: warm seconds of a path, or seconds of the build."),
          Column("over", "What grows."), Column("smallest", "The smallest size.", "count"),
          Column("largest", "The largest size.", "count"),
          Column("exponent", "Over all sizes, by least squares.", "estimate"),
          Column("exponent_last", "Between the two largest.", "estimate", "at the end")],
     )  # fmt: skip
     for found in scaling_exponents(analysis):
-        table.rows.append({"contender": found.contender.name, "cost": found.cost, "over": found.over,
+        table.rows.append({"contestant": found.contestant.name, "cost": found.cost, "over": found.over,
                            "smallest": found.smallest, "largest": found.largest, "exponent": found.whole,
                            "exponent_last": found.last})  # fmt: skip
     return table

@@ -11,7 +11,7 @@ from harness.analysis.scaling import thread_families
 from harness.metrics import error_words, metric_title
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import (
-    CONTENDER,
+    CONTESTANT,
     SCENE,
     accuracy,
     bias_and_equivalence,
@@ -25,9 +25,9 @@ from harness.report.tables.scaling import scaling
 from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.store.results import PHASES
 
-RENAMED = {"contestant": "contender", "seconds": "warm_seconds", "ratio": "speedup"}
+RENAMED = {"seconds": "warm_seconds", "ratio": "speedup"}
 """Columns of DataFrames by the names that these tables give them."""
-IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image")
+IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image", "equivalence_unresolved")
 """Flags that need no mention among the warnings."""
 
 
@@ -39,13 +39,13 @@ def all_tables(analysis: Analysis) -> list[Table]:
 
 
 def time_to_quality(analysis: Analysis) -> Table:
-    """One row a contender and target."""
+    """One row a contestant and target."""
     results = analysis.results
     table = Table(
         "time_to_quality", "Time to quality",
         f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
         f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. {evidence(analysis)}",
-        [SCENE, CONTENDER, *_division(analysis),
+        [SCENE, CONTESTANT, *_division(analysis),
          Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
@@ -71,15 +71,15 @@ def time_to_quality(analysis: Analysis) -> Table:
     new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
         [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict)) for verdict in analysis.verdicts],
-        columns=["scene", "contender", "bias", "equivalence"], dtype="string",
+        columns=["scene", "contestant", "bias", "equivalence"], dtype="string",
     )  # fmt: skip
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
 
 
 def _division(analysis: Analysis) -> list[Column]:
-    """A column where some contender is not of the closed division."""
-    some = any(verdict.contender.settings.division != "closed" for verdict in analysis.verdicts)
+    """A column where some contestant is not of the closed division."""
+    some = any(verdict.contestant.settings.division != "closed" for verdict in analysis.verdicts)
     return [Column("division", "Division in which it is ranked: closed or open.")] * some
 
 
@@ -90,9 +90,9 @@ def speedups(analysis: Analysis) -> Table:
         "Contestants that differ in one factor, or that the config's pairs name, but none with a flag that disqualifies it. "
         "Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by that of the scene; "
         f"verdicts of a scene and target hold together at 5 % (Holm). {evidence(analysis)}",
-        [SCENE, CONTENDER, Column("baseline", "Whom it is compared with."), Column("factor", "In what the two differ."),
+        [SCENE, CONTESTANT, Column("baseline", "Whom it is compared with."), Column("factor", "In what the two differ."),
          Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
-         Column("speedup", "Baseline over contender; above 1 the contender is faster.", "ratio", "speed-up"),
+         Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
          Column("pairs", "Blocks that both have.", "count"),
          Column("noise_floor", "What the near end of the interval has to differ from 1 by, from the A/A twin."),
          Column("verdict", "faster, slower, same or unresolved.")],
@@ -106,7 +106,7 @@ def speedups(analysis: Analysis) -> Table:
                     **who(verdict), "baseline": verdict.against.name, "factor": verdict.factors, "measure": name,
                     "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks), "pairs": ratio.blocks,
                     "verdict": ratio.verdict,
-                    "noise_floor": floor_text(analysis, verdict.contender.settings.scene, [index]),
+                    "noise_floor": floor_text(analysis, verdict.contestant.settings.scene, [index]),
                 })  # fmt: skip
     return table
 
@@ -116,8 +116,8 @@ def convergence(analysis: Analysis) -> Table:
     metric = analysis.results.metric
     table = Table(
         "convergence", "Convergence and throughput",
-        "Slope of log RMSE over log samples, fitted over samples that the contenders of a scene share: -1/2 is Monte Carlo.",
-        [SCENE, CONTENDER, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
+        "Slope of log RMSE over log samples, fitted over samples that the contestants of a scene share: -1/2 is Monte Carlo.",
+        [SCENE, CONTESTANT, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
          Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
          Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
@@ -145,28 +145,28 @@ def phases(analysis: Analysis) -> Table:
     columns = [Column(f"{phase}_seconds", f"Seconds of {meanings[phase]}.", "estimate",
                       f"{phase} [s]") for phase in PHASES]  # fmt: skip
     table = Table("phases", "Phases", "Where the time of a cold start goes; geometric means over seeds, 95 % intervals.",
-                  [SCENE, CONTENDER, *columns])  # fmt: skip
+                  [SCENE, CONTESTANT, *columns])  # fmt: skip
     for verdict in analysis.verdicts:
         table.rows.append(who(verdict) | {f"{phase}_seconds": verdict.phases[phase] for phase in PHASES})
     return table
 
 
 def threads(analysis: Analysis) -> Table:
-    """Families of contenders that differ in their thread count alone."""
+    """Families of contestants that differ in their thread count alone."""
     table = Table(
         "threads", "Speed-up over threads",
         "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, a fit a block. 95 % intervals.",
-        [SCENE, CONTENDER, Column("threads", "Threads.", "count"),
+        [SCENE, CONTESTANT, Column("threads", "Threads.", "count"),
          Column("speedup", "Against the fewest threads.", "estimate", "speed-up"),
          Column("efficiency", "Speed-up over threads; 1 is ideal.", "estimate"),
          Column("serial_fraction", "Share of the time that more threads do not shorten.", "estimate")],
     )  # fmt: skip
     for family in thread_families(analysis.results):
-        seconds = {contender.settings.threads: seconds_per_sample(contender) for contender in family}
+        seconds = {contestant.settings.threads: seconds_per_sample(contestant) for contestant in family}
         fit = amdahl_fit(seconds)
-        for row, contender in zip(parallel_speedups(seconds), family, strict=True):
+        for row, contestant in zip(parallel_speedups(seconds), family, strict=True):
             table.rows.append({
-                "scene": contender.settings.scene, "contender": contender.name, "threads": row.threads,
+                "scene": contestant.settings.scene, "contestant": contestant.name, "threads": row.threads,
                 "speedup": row.speedup, "efficiency": row.efficiency, "serial_fraction": fit,
             })  # fmt: skip
     return table
@@ -176,8 +176,8 @@ def failures(analysis: Analysis) -> Table:
     """What did not run, and why."""
     table = Table(
         "failures", "Failures, timeouts and skips", "Cells that gave no complete measurement, with the reason.",
-        [SCENE, CONTENDER, Column("state", "failed, timeout or skipped."),
-         Column("cells", "How many seeds of the contender it concerns.", "count"),
+        [SCENE, CONTESTANT, Column("state", "failed, timeout or skipped."),
+         Column("cells", "How many seeds of the contestant it concerns.", "count"),
          Column("message", "The reason, as the engine or the harness gave it.")],
     )  # fmt: skip
     found = frames.by_contestant(frames.cells(analysis.results).frame, analysis.results)
