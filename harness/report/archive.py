@@ -1,8 +1,8 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
-It keeps of the images those that a report shows, in half precision, and what was concluded from the others as an event;
-of the events what still counts, with numbers to six digits; and the references in float32, as a folder of its own. Of
-absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
+It keeps of the images up to six of a scene and shader that a report shows, as precise as it shows them; what was concluded from
+all of them, as an event; of the events what still counts, with numbers to six digits; and the references to four digits, in a
+folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ from engines.errors import ConfigError
 from engines.image import read_image, write_image
 from harness import store
 from harness.analysis import Analysis, analyse, archived_verdicts, calibration
-from harness.report.html.pictures import shown_images
+from harness.report.html.pictures import rounded, shown_images
 from harness.store import confined, reference_files
 from harness.store.results import load_results
 
 DIGITS = 6
+MOST_IMAGES = 3
+"""Of a panel of the report: that many whole images, and as many at equal time."""
 MEASURED = ("phases", "counters", "machine", "wall_seconds")
 DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT, calibration.EVENT)
 """Kinds of events that say nothing about what counts, or are written anew."""
@@ -39,7 +41,7 @@ def archive(folder: Path, out: Path) -> int:
     if (out / store.EVENTS).exists() and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
     analysis = analyse(load_results(folder))
-    kept = {image: store.image_file(folder, image) for image in shown_images(analysis)}
+    kept = {image: store.image_file(folder, image) for image in shown_images(analysis, MOST_IMAGES)}
     _clear(out)
     try:
         _write(analysis, kept, folder, out)
@@ -65,13 +67,7 @@ def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path
     for image, source in kept.items():
         target = confined.inside(out, image, f"{out}: image")
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_image(target, half(read_image(source)))
-
-
-def half(image: np.ndarray) -> np.ndarray:
-    """Rounded to half precision; stored as float32, whose empty bits cost nothing once compressed."""
-    with np.errstate(over="ignore"):
-        return image.astype(np.float16).astype(np.float32)
+        write_image(target, rounded(read_image(source)).astype(np.float32))
 
 
 def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.errors import ConfigError
 from engines.film import BYTES_A_PIXEL, Film
@@ -25,9 +26,12 @@ from harness.store.json_files import read_json, write_json
 if TYPE_CHECKING:
     from harness.metrics import Reference
 
+Array = NDArray[Any]
 HEADERS = 1 << 16
 """Bytes of a film's file beside its pixels, at most."""
 META, EXR = "reference.json", "reference.exr"
+SMALL_BITS = {"sums": 14, "even_sums": 14, "squares": 8}
+"""Significant bits of a film in an archive."""
 FOLDER = "references"
 """Of archives and merged results: the references they carry with them."""
 VARIABLE = "RAYBENCH_REFERENCES"
@@ -89,7 +93,7 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
 def carry(results: Path, event: Mapping[str, Any], out: Path, small: bool) -> None:
     """Copies the reference of a `reference` event into the results folder `out`, where there is such a one.
 
-    `small`: its arrays in float32, compressed, and nothing for eyes. Its metadata names what is there.
+    `small`: its arrays rounded to `SMALL_BITS` and compressed, and nothing for eyes. Its metadata names what is there.
     """
     reference_id, scene_hash = str(event["reference_id"]), str(event["scene_hash"])
     source = search(results, reference_id, scene_hash)
@@ -114,9 +118,15 @@ def carry(results: Path, event: Mapping[str, Any], out: Path, small: bool) -> No
             file.write(content)
 
 
+def _to_bits(array: Array, bits: int) -> Array:
+    """In float32, rounded to so many significant bits: those that are zero take no room once compressed."""
+    fractions, exponents = np.frexp(array.astype(np.float32))
+    return np.ldexp(np.round(fractions * 2.0**bits) / 2.0**bits, exponents).astype(np.float32)
+
+
 def _small(film: Film) -> bytes:
     buffer = io.BytesIO()
-    single = {name: getattr(film, name).astype(np.float32) for name in ("sums", "squares", "even_sums")}
+    single = {name: _to_bits(getattr(film, name), bits) for name, bits in SMALL_BITS.items()}
     np.savez_compressed(buffer, **single, counts=film.counts, bad_samples=np.array(film.bad_samples))
     return buffer.getvalue()
 

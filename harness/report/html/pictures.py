@@ -55,13 +55,22 @@ def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup
     return [_group(analysis.results, panel, pictures, factor) for panel, pictures in chosen]
 
 
-def shown_images(analysis: Analysis) -> set[str]:
-    """The stored images that a report shows, by their paths in the results folder."""
+def shown_images(analysis: Analysis, most: int = MOST_CROPS) -> set[str]:
+    """The stored images that a report shows, by their paths in the results folder; of each panel at most the first
+    `most`, whole and as crops each."""
     found: set[str] = set()
     for panel in panels(analysis):
-        found |= {str(words["image"]) for _, words in _chosen(analysis.results, panel)}
-        found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1]}
+        found |= {str(words["image"]) for _, words in _chosen(analysis.results, panel)[:most]}
+        found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1][:most]}
     return found
+
+
+def rounded(image: Image) -> NDArray[np.float16]:
+    """Half floats with the 8 significant bits that a report shows. NaN and infinity stay; what is too large becomes 65024."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        finite = np.isfinite(image)
+        bits = np.where(finite, np.clip(image, -65024, 65024), image).astype(np.float16).view(np.uint16)
+    return np.where(finite, (bits.astype(np.uint32) + 4) & 0xFFF8, bits).astype(np.uint16).view(np.float16)
 
 
 def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]]:
@@ -124,12 +133,9 @@ def shrunk(image: Image, factor: int) -> Image:
 
 
 def packed(image: Image) -> str:
-    """Half floats with 8 significant bits, high bytes before low bytes, deflated, in base64. NaN and inf stay."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        finite = np.isfinite(image)
-        bits = np.where(finite, np.clip(image, -65024, 65024), image).astype(np.float16).view(np.uint16)
-    rounded = np.where(finite, (bits.astype(np.uint32) + 4) & 0xFFF8, bits).astype(np.uint16)
-    planes = np.concatenate([(rounded >> 8).ravel(), (rounded & 255).ravel()]).astype(np.uint8)
+    """Rounded, high bytes before low bytes, deflated, in base64."""
+    bits = rounded(image).view(np.uint16)
+    planes = np.concatenate([(bits >> 8).ravel(), (bits & 255).ravel()]).astype(np.uint8)
     return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
 
 
