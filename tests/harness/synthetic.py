@@ -148,6 +148,7 @@ def manifest():
     return {
         "raybench_results": 2,
         "config": {"raybench_experiment": 1, "name": "synthetic", "resolution": [48, 36], "repeats": 5,
+                   "equivalence": {"image": 0.02, "tile": 0.5},
                    "quality": {"metric": "relmse", "epsilon": 0.01, "targets": TARGETS}},
         "command": ["raybench", "run", "synthetic.yaml"], "git": {"commit": "0123abc", "dirty": True},
         "versions": {"python": "3.12", "numpy": "2.4", "numba": "0.68"},
