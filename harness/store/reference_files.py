@@ -126,7 +126,7 @@ def _to_bits(array: Array, bits: int) -> Array:
 
 def _small(film: Film) -> bytes:
     buffer = io.BytesIO()
-    single = {name: _to_bits(getattr(film, name), bits) for name, bits in SMALL_BITS.items()}
+    single: dict[str, Any] = {name: _to_bits(getattr(film, name), bits) for name, bits in SMALL_BITS.items()}
     np.savez_compressed(buffer, **single, counts=film.counts, bad_samples=np.array(film.bad_samples))
     return buffer.getvalue()
 

@@ -16,6 +16,7 @@ raybench_experiment: 1
 name: cheats
 scene: ball.yaml
 resolution: [32, 32]
+equivalence: {image: 0.05, tile: 0.5}
 sampler: random
 threads: 1
 matrix: {engine: ENGINES}
