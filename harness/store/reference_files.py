@@ -30,7 +30,7 @@ Array = NDArray[Any]
 HEADERS = 1 << 16
 """Bytes of a film's file beside its pixels, at most."""
 META, EXR = "reference.json", "reference.exr"
-SMALL_BITS = {"sums": 14, "even_sums": 14, "squares": 8}
+SMALL_BITS = {"sums": 14, "even_sums": 14, "squares": 14}
 """Significant bits of a film in an archive."""
 FOLDER = "references"
 """Of archives and merged results: the references they carry with them."""
