@@ -8,13 +8,17 @@ from typing import Any
 
 from engines.scene.metals import METALS
 from engines.scene.plugins import PluginKind, all_options
+from engines.scene.textures import Color, ImageTexture, Number, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import Kind, color, one_of, within
 from engines.schema.yaml_file import Located
 
-__all__ = ["Bsdf", "Conductor", "CustomBSDF"]
+__all__ = [
+    "Blend", "Bsdf", "Bump", "Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mask", "Mixture", "NormalMap", "Null", "Plastic",
+    "Principled", "Sides", "ThinDielectric", "Wrapper",
+]  # fmt: skip
 
 SMOOTHEST = 1e-4
 """The least roughness above 0, as in Mitsuba."""
@@ -57,8 +61,9 @@ class Conductor:
 
     eta: Triple
     k: Triple
-    alpha: tuple[float, float] = (0.0, 0.0)
-    reflectance: Triple = WHITE
+    alpha: tuple[Number, Number] = (0.0, 0.0)
+    reflectance: Color = WHITE
+    distribution: str = "ggx"
 
     @property
     def albedo(self) -> Triple:
@@ -106,7 +111,134 @@ class CustomBSDF:
         object.__setattr__(self, "options", all_options("BSDF", self.plugin, self.options))
 
 
-Bsdf = Conductor | CustomBSDF
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """kd, ks and kt as in `Material`, where they stand inside another BSDF or `kd`, `ks` or `kt` is a texture."""
+
+    kd: Color = BLACK
+    ks: Color = BLACK
+    kt: Color = BLACK
+    ior: float = 1.0
+    fresnel: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Diffuse:
+    """Lambertian: f = reflectance / pi, on both sides."""
+
+    reflectance: Color = (0.5, 0.5, 0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Dielectric:
+    """Glass: reflection and refraction by Fresnel's equations. `ior` is that of the inside over that of the outside.
+
+    `alpha` are the roughnesses along the tangents, both 0 for a smooth interface; `distribution` is "ggx" or "beckmann".
+    """
+
+    ior: float = 1.5
+    alpha: tuple[Number, Number] = (0.0, 0.0)
+    reflectance: Color = WHITE
+    transmittance: Color = WHITE
+    distribution: str = "ggx"
+
+
+@dataclass(frozen=True, slots=True)
+class ThinDielectric:
+    """A pane without thickness: what passes goes straight on, reflections between its faces included."""
+
+    ior: float = 1.5
+    reflectance: Color = WHITE
+    transmittance: Color = WHITE
+
+
+@dataclass(frozen=True, slots=True)
+class Plastic:
+    """A diffuse base under a dielectric coat of index `ior`, smooth where `alpha` is 0.
+
+    `reflectance` scales the specular reflection. With `nonlinear`, light that is reflected inside takes the colour of the
+    base each time.
+    """
+
+    diffuse: Color = (0.5, 0.5, 0.5)
+    ior: float = 1.49
+    alpha: float = 0.0
+    nonlinear: bool = False
+    reflectance: Color = WHITE
+    distribution: str = "ggx"
+
+
+@dataclass(frozen=True, slots=True)
+class Principled:
+    """Disney's BSDF (Burley 2012, 2015) with Mitsuba's parameters. `eta` is the index of refraction that follows from
+    `specular` where that is given."""
+
+    base_color: Color = (0.5, 0.5, 0.5)
+    roughness: Number = 0.5
+    anisotropic: Number = 0.0
+    metallic: Number = 0.0
+    eta: float = 1.5
+    spec_tint: Number = 0.0
+    sheen: Number = 0.0
+    sheen_tint: Number = 0.0
+    clearcoat: Number = 0.0
+    clearcoat_gloss: Number = 0.0
+    flatness: Number = 0.0
+    spec_trans: Number = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Null:
+    """Nothing: every ray goes straight on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mask:
+    """`of`, where a share `opacity` of it is there; the rest lets rays pass straight on. Emission is not scaled."""
+
+    opacity: Number
+    of: Bsdf
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """A share `weight` of `b` and the rest of `a`."""
+
+    weight: Number
+    a: Bsdf
+    b: Bsdf
+
+
+@dataclass(frozen=True, slots=True)
+class Bump:
+    """`of` with the normal of the surface displaced by `scale` times `height`, in scene units."""
+
+    height: ImageTexture
+    scale: float
+    of: Bsdf
+
+
+@dataclass(frozen=True, slots=True)
+class NormalMap:
+    """`of` with the normal 2 c - 1, c a raw texel of `map`, in the frame of the surface."""
+
+    map: Texture
+    of: Bsdf
+
+
+@dataclass(frozen=True, slots=True)
+class Sides:
+    """`front` where the surface is met from the side of its normal, else `back`; None is black."""
+
+    front: Bsdf | None
+    back: Bsdf | None
+
+
+Wrapper = Mask | Blend | Bump | NormalMap | Sides
+Bsdf = (
+    Mixture | Diffuse | Conductor | Dielectric | ThinDielectric | Plastic | Principled | Null | CustomBSDF
+    | Mask | Blend | Bump | NormalMap | Sides
+)  # fmt: skip
 MODELS = {
     "conductor": _CONDUCTOR,
     "plugin": PluginKind("BSDF", "A BSDF of one's own; loaded with --allow-imports alone.", CustomBSDF),

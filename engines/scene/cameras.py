@@ -14,7 +14,7 @@ from engines.schema.keys import Given, Key, Record, Tagged
 from engines.schema.kinds import ANGLE, POINT, POSITIVE, Kind, integer, one_of
 from engines.schema.yaml_file import Located
 
-__all__ = ["Camera", "CustomCamera", "Orthographic", "Perspective", "PerspectiveArctan"]
+__all__ = ["Camera", "CustomCamera", "Orthographic", "Perspective", "PerspectiveArctan", "ThinLens"]
 
 DEFAULT_RESOLUTION = (256, 256)
 LARGEST_SIDE = 65_536
@@ -26,7 +26,12 @@ BYTES_PER_PIXEL = 200
 
 @dataclass(frozen=True, slots=True)
 class Perspective:
-    """Pinhole: `fov` in degrees is the full angle along `fov_axis` ("x" or "y")."""
+    """Pinhole: `fov` in degrees is the full angle along `fov_axis` ("x" or "y").
+
+    Of any camera but MobileRT's and plugins: the axis of view meets the film at 1/2 + `principal_point`, in shares of its
+    width and height, y downwards; with `mirror` left and right are exchanged; nothing is seen that lies outside `clip`, two
+    distances along the axis.
+    """
 
     eye: Triple
     target: Triple
@@ -34,6 +39,26 @@ class Perspective:
     fov: float
     fov_axis: str
     resolution: tuple[int, int]
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirror: bool = False
+    clip: tuple[float, float] = (0.0, math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class ThinLens:
+    """A perspective camera with a round aperture: points at `focus_distance` along the axis of view are sharp."""
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    fov: float
+    fov_axis: str
+    resolution: tuple[int, int]
+    aperture_radius: float
+    focus_distance: float
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirror: bool = False
+    clip: tuple[float, float] = (0.0, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +88,9 @@ class Orthographic:
     up: Triple
     height: float
     resolution: tuple[int, int]
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirror: bool = False
+    clip: tuple[float, float] = (0.0, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +106,7 @@ class CustomCamera:
             object.__setattr__(self, "options", all_options("camera", self.plugin, self.options))
 
 
-Camera = Perspective | PerspectiveArctan | Orthographic | CustomCamera
+Camera = Perspective | ThinLens | PerspectiveArctan | Orthographic | CustomCamera
 
 
 def _resolution(node: Located) -> tuple[int, int]:

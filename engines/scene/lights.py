@@ -103,11 +103,15 @@ class EnvironmentLight:
     """Radiance from infinity: constant `radiance`, or `image` (h, w, 3) latitude-longitude times `radiance`.
 
     Image convention: +y up, row 0 at the top (theta = 0); a direction d has v = acos(d.y)/pi and
-    u = atan2(d.x, -d.z)/(2 pi) modulo 1, so -z is at the left edge and +z in the middle. Looked up bilinearly.
+    u = atan2(d.x, -d.z)/(2 pi) modulo 1, so -z is at the left edge and +z in the middle. Looked up bilinearly. `rotation`
+    are the rows of an orthogonal matrix that takes such directions to the scene's. The rows of an image are cells of equal
+    height ("cells"), or their first and last lie on the poles ("poles", as in Mitsuba).
     """
 
     radiance: Triple
     image: NDArray[np.float64] | None = None
+    rotation: tuple[Triple, Triple, Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    rows: str = "cells"
 
 
 def _environment(given: Given, context: SceneReader) -> EnvironmentLight:

@@ -24,7 +24,7 @@ class Mesh:
     """Indexed triangles: `vertices` (n, 3) float64, `faces` (m, 3) int32, `materials` (m,) int32, one per face.
 
     `normals` (n, 3) unit vertex normals, or None where the mesh is flat-shaded. Faces of zero area may occur: they are
-    never hit and never sampled.
+    never hit and never sampled. `uvs` (n, 2) float64 are texture coordinates of the vertices, or None.
     """
 
     vertices: NDArray[np.float64]
@@ -32,6 +32,7 @@ class Mesh:
     materials: NDArray[np.int32]
     normals: NDArray[np.float64] | None = None
     name: str = "mesh"
+    uvs: NDArray[np.float64] | None = None
 
     def bounds(self) -> NDArray[np.float64] | None:
         """(2, 3) lowest and highest coordinates of the faces; None where there are none."""

@@ -19,7 +19,7 @@ from engines.schema.keys import Given, Key, Record, Variants
 from engines.schema.kinds import DIRECTION, POINT, POSITIVE, TEXT
 from engines.schema.yaml_file import Located
 
-__all__ = ["Disk", "Plane", "Shape", "Sphere", "Triangle"]
+__all__ = ["Cylinder", "Disk", "Plane", "Shape", "Sphere", "Triangle"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
@@ -87,6 +87,24 @@ _DISK = Record("A flat disk.", {"center": _CENTER, "normal": _NORMAL, "radius": 
 
 
 @dataclass(frozen=True, slots=True)
+class Cylinder:
+    """The side of a cylinder about the axis from `p0` to `p1`, open at both ends. Its outside is the front. One that emits
+    is sampled."""
+
+    p0: Triple
+    p1: Triple
+    radius: float
+    material: int
+
+    def bounds(self) -> Box:
+        """The corners of its bounding box."""
+        axis = np.subtract(self.p1, self.p0) / np.linalg.norm(np.subtract(self.p1, self.p0))
+        extent = self.radius * np.sqrt(np.maximum(0.0, 1.0 - np.square(axis)))
+        ends = np.array([self.p0, self.p1])
+        return np.stack([ends.min(axis=0) - extent, ends.max(axis=0) + extent])
+
+
+@dataclass(frozen=True, slots=True)
 class Triangle:
     """Counter-clockwise seen from the front: the normal is (b - a) x (c - a)."""
 
@@ -104,7 +122,7 @@ class Triangle:
 _CORNER = Key(POINT, "A corner; a, b, c run counter-clockwise seen from the front.", unit="metres")
 _TRIANGLE = Record("A triangle.", dict.fromkeys("abc", _CORNER), _of(Triangle))
 
-Shape = Plane | Sphere | Disk | Triangle | Mesh | SphereSet
+Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
 SHAPES = Variants("shape", {
     "sphere": _SPHERE,
     "disk": _DISK,
