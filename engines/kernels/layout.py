@@ -221,6 +221,58 @@ class MaterialRow(Row):
     bsdf = reals(BSDF_PARAMETERS)  # of the model; of a program, of its first leaf
 
 
+class NodeRow(Row):
+    """A step of a material's program: see `engines.kernels.flatten.programs`."""
+
+    dtype = np.float64
+    kind = real()
+    first = real()  # node to go on with, the first of two; of a leaf, the kind of its model
+    second = real()  # node; of a leaf, its row of parameters
+    texture = real()  # -1 for none; of a leaf, its first lookup
+    value = real()  # where there is no texture; scale of a bump map; of a leaf, how many lookups
+
+
+class LookupRow(Row):
+    """A parameter of a leaf that a texture gives: a channel, or 3 for the luminance, held in [low, high]."""
+
+    dtype = np.float64
+    parameter = real()
+    texture = real()
+    channel = real()
+    low = real()
+    high = real()
+
+
+class LeafRow(Row):
+    """The parameters of a model, 0 where they are looked up."""
+
+    bsdf = reals(BSDF_PARAMETERS)
+
+
+class TextureRow(Row):
+    """Of an image: texels, filter and wrap; of a checkerboard: its two colours. Then the matrix of `to_uv`."""
+
+    dtype = np.float64
+    kind = real()
+    width = real()
+    height = real()
+    channels = real()
+    nearest = real()
+    wrap = real()
+    to_uv = reals(6)
+    a = vector()
+    b = vector()
+
+
+class UVRow(Row):
+    """Texture coordinates of a vertex; `given` is 0 where its mesh has none."""
+
+    dtype = np.float64
+    u = real()
+    v = real()
+    given = real()
+
+
 class LightRow(Row):
     """Parameters depend on the kind: see `engines.kernels.flatten.lights`."""
 
@@ -296,6 +348,15 @@ class SceneTable(Table):
     environment_columns = array(np.float64)
     environment_radiance = vectors(REAL)  # one, of a constant environment
 
+    # where some material in use has a program
+    programs = array(np.int32)  # a material: its first node, -1 for none
+    nodes = rows(NodeRow)
+    leaves = rows(LeafRow)
+    lookups = rows(LookupRow)
+    textures = rows(TextureRow)
+    texels = array(np.int64)  # addresses of the images, float32
+    vertex_uvs = rows(UVRow)
+
     # set by the renderer
     camera = rows(CameraRow)
     options = array(np.float64)  # eight of the integrator, then the sampler's
@@ -344,7 +405,7 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow",
-    "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable", "SphereRow", "TriangleRow",
-    "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LeafRow", "LightRow",
+    "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
+    "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

@@ -1,20 +1,17 @@
-"""Materials as rows: the parameters of each one's BSDF model, and its emission."""
+"""BSDF models in kernels: the parameters of each leaf of a material, and the features that it brings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.lookups import Lookup, color_parameters, number_parameter
 from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.lane.bsdf import conductor, mixture
 from engines.kernels.lane.bsdf.interface import LaneBSDF
-from engines.kernels.layout import MaterialRow
-from engines.scene import Conductor, CustomBSDF, Material
+from engines.scene import Color, Conductor, CustomBSDF, Diffuse, Material, Mixture
 from engines.scene.support import option_numbers
 
 MIXTURE, CONDUCTOR = range(2)
@@ -23,38 +20,46 @@ MIXTURE, CONDUCTOR = range(2)
 class BSDFModel(NamedTuple):
     """A BSDF model in kernels."""
 
-    parameters: Callable[[Material], list[float]]
-    """Its numbers, at most BSDF_PARAMETERS."""
-    features: Callable[[Material], dict[str, bool]]
-    """Which features of a scene a material of this model brings."""
+    parameters: Callable[[Any], list[float | Lookup]]
+    """Of a leaf, which is a BSDF of the scene: its numbers, at most BSDF_PARAMETERS."""
+    features: Callable[[Any], dict[str, bool]]
+    """Which features of a scene a leaf of this model brings."""
     columns: Callable[[SceneFeatures], tuple[int, ...]]
     """Which of the numbers are read, where a scene holds these features."""
     lane: Callable[[SceneFeatures], Any]
     """Its lane functions (`engines.kernels.lane.bsdf.interface.LaneBSDF`), for a scene of these features."""
 
 
-def _mixture_parameters(material: Material) -> list[float]:
-    return [*material.kd, *material.ks, *material.kt, material.ior, float(material.fresnel)]
+def _present(color: Color) -> bool:
+    """Whether some channel may be above 0."""
+    return not isinstance(color, tuple) or max(color) > 0
 
 
-def _mixture_features(material: Material) -> dict[str, bool]:
+def _mixture_parameters(leaf: Mixture | Diffuse) -> list[float | Lookup]:
+    if isinstance(leaf, Diffuse):
+        leaf = Mixture(leaf.reflectance)
+    colors = (color_parameters(color) for color in (leaf.kd, leaf.ks, leaf.kt))
+    return [*(number for color in colors for number in color), leaf.ior, float(leaf.fresnel)]
+
+
+def _mixture_features(leaf: Mixture | Diffuse) -> dict[str, bool]:
+    if isinstance(leaf, Diffuse):
+        leaf = Mixture(leaf.reflectance)
     return {
-        "diffuse": max(material.kd) > 0,
-        "specular_reflection": max(material.ks) > 0,
-        "specular_transmission": max(material.kt) > 0,
+        "diffuse": _present(leaf.kd),
+        "specular_reflection": _present(leaf.ks),
+        "specular_transmission": _present(leaf.kt),
     }
 
 
-def _conductor_parameters(material: Material) -> list[float]:
-    metal = material.bsdf
-    assert isinstance(metal, Conductor)
-    return [*metal.eta, *metal.k, *metal.reflectance, *metal.alpha]
+def _conductor_parameters(leaf: Conductor) -> list[float | Lookup]:
+    alpha = (number_parameter(value, 1e-4) if not isinstance(value, int | float) else float(value) for value in leaf.alpha)
+    return [*leaf.eta, *leaf.k, *color_parameters(leaf.reflectance), *alpha]
 
 
-def _conductor_features(material: Material) -> dict[str, bool]:
-    assert isinstance(material.bsdf, Conductor)
-    along, across = material.bsdf.alpha
-    return {"specular_reflection": along == 0, "tangents": along != across}
+def _conductor_features(leaf: Conductor) -> dict[str, bool]:
+    along, across = leaf.alpha
+    return {"specular_reflection": along == 0, "tangents": along is not across and along != across}
 
 
 MODELS: dict[int, BSDFModel] = {
@@ -71,11 +76,10 @@ def _plugin_model(functions: Any, n: int, reflection: bool, transmission: bool, 
         "specular_reflection": reflection, "specular_transmission": transmission, "tangents": tangents, "lobes": True,
     }  # fmt: skip
 
-    def parameters(material: Material) -> list[float]:
-        assert isinstance(material.bsdf, CustomBSDF)
-        return option_numbers(material.bsdf.options)
+    def parameters(leaf: CustomBSDF) -> list[float | Lookup]:
+        return [*option_numbers(leaf.options)]
 
-    return BSDFModel(parameters, lambda material: features, lambda features: columns, lambda features: lane)
+    return BSDFModel(parameters, lambda leaf: features, lambda features: columns, lambda features: lane)
 
 
 def _plugin_kind(bsdf: CustomBSDF) -> int:
@@ -85,37 +89,21 @@ def _plugin_kind(bsdf: CustomBSDF) -> int:
 
 
 KINDS: dict[type, Callable[[Any], int]] = {
-    type(None): lambda bsdf: MIXTURE,
+    Mixture: lambda bsdf: MIXTURE,
+    Diffuse: lambda bsdf: MIXTURE,
     Conductor: lambda bsdf: CONDUCTOR,
     CustomBSDF: _plugin_kind,
 }
-"""The model of each type of `Material.bsdf`."""
+"""The model of each type of leaf."""
 
 
-def model_of(material: Material) -> int:
-    """The kind of a material's BSDF model."""
-    return KINDS[type(material.bsdf)](material.bsdf)
+def leaf_of(material: Material) -> Any:
+    """The material's BSDF; of one that has kd, ks and kt these."""
+    if material.bsdf is not None:
+        return material.bsdf
+    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
 
 
-def material_rows(materials: Iterable[Material]) -> NDArray[np.float64]:
-    """(n, numbers of a row), at least one row."""
-    rows = [
-        MaterialRow.packed(
-            bsdf=MODELS[model_of(m)].parameters(m), emission=m.emission, two_sided=m.two_sided, model=model_of(m)
-        )
-        for m in materials
-    ]
-    return np.array(rows or np.zeros((1, MaterialRow.size)))
-
-
-def material_features(used: Iterable[Material]) -> dict[str, Any]:
-    """The features that these materials bring."""
-    used = list(used)
-    found: dict[str, Any] = {
-        "bsdfs": tuple(sorted({model_of(m) for m in used})),
-        "emission": any(m.emits for m in used),
-    }
-    for material in used:
-        for name, held in MODELS[model_of(material)].features(material).items():
-            found[name] = found.get(name, False) or held
-    return found
+def model_of(leaf: Any) -> int:
+    """The kind of a leaf's model."""
+    return KINDS[type(leaf)](leaf)
