@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.flatten.lookups import Lookup
-from engines.kernels.flatten.materials import MODELS, leaf_of, model_of
+from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
 
@@ -68,20 +68,12 @@ def leaves_in(material: Material) -> list[Any]:
     return [bsdf for bsdf in bsdfs_in(material) if type(bsdf) not in WRAPPERS]
 
 
-def _parameters(leaf: Any) -> list[float | Lookup]:
-    return MODELS[model_of(leaf)].parameters(leaf)
-
-
 def _constants(leaf: Any) -> list[float]:
-    return [0.0 if isinstance(value, Lookup) else value for value in _parameters(leaf)]
+    return [0.0 if isinstance(value, Lookup) else value for value in parameters_of(leaf)]
 
 
 def _is_textured(leaf: Any) -> bool:
-    return any(isinstance(value, Lookup) for value in _parameters(leaf))
-
-
-def _features_of(leaf: Any) -> dict[str, bool]:
-    return MODELS[model_of(leaf)].features(leaf)
+    return any(isinstance(value, Lookup) for value in parameters_of(leaf))
 
 
 class Programs:
@@ -109,7 +101,7 @@ class Programs:
         leaf = leaf_of(self.materials[index])
         if type(leaf) in WRAPPERS or _is_textured(leaf):
             return True
-        return index in self.on_uvs and _features_of(leaf).get("tangents", False)
+        return index in self.on_uvs and leaf_features([leaf]).get("tangents", False)
 
     # ---- nodes -------------------------------------------------------------------------------------------------------
 
@@ -131,7 +123,7 @@ class Programs:
 
     def _leaf(self, leaf: Any) -> list[float]:
         first = len(self.lookups)
-        for parameter, value in enumerate(_parameters(leaf)):
+        for parameter, value in enumerate(parameters_of(leaf)):
             if isinstance(value, Lookup):
                 texture = self._texture(value.texture)
                 row = LookupRow.packed(
@@ -194,8 +186,8 @@ class Programs:
         used = [self.materials[index] for index in self.used]
         leaves = [leaf for material in used for leaf in leaves_in(material)]
         kinds = {row[0] for row in self.nodes}
-        found: dict[str, Any] = {
-            "bsdfs": tuple(sorted({model_of(leaf) for leaf in leaves})),
+        return {
+            **leaf_features(leaves),
             "emission": any(material.emits for material in used),
             "programs": bool(self),
             "textures": len(self.textures) > 0,
@@ -204,7 +196,3 @@ class Programs:
             "masks": MASK in kinds,
             "tilts": bool(kinds & {BUMP, NORMAL_MAP}),
         }
-        for leaf in leaves:
-            for name, held in _features_of(leaf).items():
-                found[name] = found.get(name, False) or held
-        return found
