@@ -18,6 +18,7 @@ from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, Tex
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
+"""Those from BUMP on tilt the shading normal."""
 WRAPPERS: dict[type, int] = {Sides: SIDES, Mask: MASK, Blend: BLEND, Bump: BUMP, NormalMap: NORMAL_MAP}
 """The node of each wrapper."""
 IMAGE, CHECKERBOARD = range(2)

@@ -15,8 +15,8 @@ import numpy as np
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.features import SceneFeatures
-from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, NORMAL_MAP, SIDES
 from engines.kernels.flatten.lookups import LUMINANCE
+from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES
 from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
 from engines.kernels.integrators.interface import Uses
 from engines.kernels.lane import tilt
@@ -162,9 +162,7 @@ def _make_walk(features: SceneFeatures) -> Any:
             found = tilt.bump(frame, ng, wo, slope.x * node.value, slope.y * node.value)
         else:
             found = tilt.normal_map(frame, wo, color_at(scene, texture, at.u, at.v))
-        return State(
-            np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, frame.normal, found
-        )
+        return State(np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, frame.normal, found)
 
     @inline
     def walk(scene, first, u, at, front, ng, wo, frame):
@@ -174,15 +172,13 @@ def _make_walk(features: SceneFeatures) -> Any:
         while kind != LEAF:
             if kind == SIDES:
                 following = np.int64(node.first) if front else np.int64(node.second)
-                state = State(
-                    following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame
-                )
+                state = State(following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame)
             if choices:
                 if masks and kind == MASK:
                     state = _after_mask(state, node, _share(scene, node, at, textures))
                 elif kind == BLEND:
                     state = _after_blend(state, node, _share(scene, node, at, textures))
-            if tilts and (kind == BUMP or kind == NORMAL_MAP):
+            if tilts and kind >= BUMP:
                 state = tilted(scene, state, node, kind, at, ng, wo)
             node = scene.nodes[state.node]
             kind = np.int64(node.kind)

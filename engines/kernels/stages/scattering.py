@@ -96,9 +96,7 @@ def _select_sample(condition, yes, no):
 @inline
 def _masked_sample(rays, lane, si, sample):
     """The model's sample as far as the surface is there, else the ray itself."""
-    found = BSDFSample(
-        sample.wi, sample.weight, sample.pdf * rays.opacity[lane], sample.transmitted, sample.valid
-    )
+    found = BSDFSample(sample.wi, sample.weight, sample.pdf * rays.opacity[lane], sample.transmitted, sample.valid)
     return _select_sample(rays.passing[lane], _straight_on(si, const(1.0, si.t)), found)
 
 

@@ -45,9 +45,7 @@ def _texel(texels, row, x, y):
     column, line = _wrapped(x, np.int64(row.width), wrap), _wrapped(y, np.int64(row.height), wrap)
     first = (line * np.int64(row.width) + column) * channels
     step = np.int64(1) if channels == 3 else np.int64(0)
-    return Vec3(
-        np.float64(texels[first]), np.float64(texels[first + step]), np.float64(texels[first + 2 * step])
-    )
+    return Vec3(np.float64(texels[first]), np.float64(texels[first + step]), np.float64(texels[first + 2 * step]))
 
 
 @inline

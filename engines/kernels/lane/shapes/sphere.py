@@ -60,9 +60,7 @@ def coordinates(p, center, radius):
     theta = math.acos(min(1.0, max(-1.0, height)))
     cos, sin = math.cos(phi), math.sin(phi)
     dp_du = Vec3(-x.y, x.x, 0.0) * (2.0 * math.pi)
-    return Coordinates(
-        phi / (2.0 * math.pi), theta / math.pi, dp_du, Vec3(x.z * cos, x.z * sin, -across) * math.pi
-    )
+    return Coordinates(phi / (2.0 * math.pi), theta / math.pi, dp_du, Vec3(x.z * cos, x.z * sin, -across) * math.pi)
 
 
 class Cone(NamedTuple):
