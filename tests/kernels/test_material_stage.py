@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from engines.kernels.flatten import flatten
-from engines.kernels.flatten.materials import MIXTURE
 from engines.kernels.integrators.interface import Uses
 from engines.kernels.layout import LANES, RayBatch
 from engines.kernels.stages import material as stage_module
