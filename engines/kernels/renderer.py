@@ -23,7 +23,7 @@ from engines.kernels.compile import jit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
-from engines.kernels.stages import camera, light, sampler, scattering, shade, surface
+from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface
 from engines.scene import Camera, Scene, Shape, ThinLens
 
 TILE = 32
@@ -162,10 +162,13 @@ class Renderer:
         draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, isinstance(self._scene.camera, ThinLens), real)
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
-        bsdfs = scattering.stages(features, shade.uses(integrator, shading), real)
+        uses = shade.uses(integrator, shading)
+        programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
         shaded = shade.stage(integrator, shading, features, real)
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
-        self._plan = driver.Plan(shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs))
+        self._plan = driver.Plan(
+            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None
+        )
         order = [
             draw_pixel,
             camera.stage(self._scene.camera, real),
@@ -176,8 +179,9 @@ class Renderer:
             shaded,
             occluded,
         ]
-        self._kept = [*order, *bsdfs]  # machine code lives as long as its stage
-        return np.array([*(stage.address for stage in order), 0, *(stage.address for stage in bsdfs)], np.int64)
+        self._kept = [*order, programs, *bsdfs]  # machine code lives as long as its stage
+        last = [programs.address if programs else 0, *(stage.address for stage in bsdfs)]
+        return np.array([*(stage.address for stage in order), 0, *last], np.int64)
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
