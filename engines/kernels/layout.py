@@ -247,7 +247,8 @@ class RangeRow(Row):
 
 class CameraRow(Row):
     """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
-    half angles are given."""
+    half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from
+    the left, and at `middle_y / 2` of the height, from the top."""
 
     dtype = np.float64
     eye = vector()
@@ -258,6 +259,13 @@ class CameraRow(Row):
     height = real()
     half_angle_x = real()
     half_angle_y = real()
+    middle_x = real()
+    middle_y = real()
+    near = real()  # distances along the axis of view, of cameras that clip
+    far = real()
+    lens_right = vector()  # as long as the radius of the aperture
+    lens_up = vector()
+    focus_distance = real()
 
 
 class MarginRow(Row):

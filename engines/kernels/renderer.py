@@ -24,7 +24,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface
-from engines.scene import Camera, Perspective, PerspectiveArctan, Scene, Shape
+from engines.scene import Camera, Scene, Shape, ThinLens
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
@@ -138,7 +138,7 @@ class Renderer:
         view = self._scene.camera
         self._flat.bind(SceneTable.camera, camera.parameters(view, width, height, self._flat.center))
         if hasattr(self._accelerator, "look"):  # one that knows where camera rays start
-            self._accelerator.look(self._flat, isinstance(view, (Perspective, PerspectiveArctan)))
+            self._accelerator.look(self._flat, camera.has_eye(view))
 
     def _bind_points(self, first: int, last: int) -> None:
         points = sampler.points(self.settings.sampler, first, last)
@@ -159,7 +159,7 @@ class Renderer:
     def _compiled_stages(self) -> NDArray[np.int64]:
         features, real = self._flat.features, self._real
         closest, occluded = self._accelerator.stages(features, real)
-        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real)
+        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, isinstance(self._scene.camera, ThinLens), real)
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
         uses = shade.uses(integrator, shading)
