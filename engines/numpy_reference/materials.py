@@ -71,9 +71,11 @@ class Materials:
         """(n,) whether the BSDF has any of the lobes."""
         return (self.lobes[self._leaf(at)] & lobes) != 0
 
-    def sample(self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array) -> BSDFSample:
+    def sample(
+        self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
+    ) -> BSDFSample:  # fmt: skip
         """`BSDF.sample` of the BSDF at each point; straight on where a mask lets the ray pass."""
-        found = self._sampled(at, uc, u0, u1, Lobes.ALL)
+        found = self._sampled(at, uc, u0, u1, lobes)
         if at.wrapped is None:
             return found
         passing, pdf = at.wrapped.passing, np.where(np.isinf(found.pdf), np.inf, found.pdf * at.wrapped.opacity)
