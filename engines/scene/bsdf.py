@@ -104,7 +104,8 @@ class Conductor:
 
     @property
     def albedo(self) -> Triple:
-        """The share of light that a smooth surface reflects at normal incidence; the shader `albedo` shows it."""
+        """The share of light that a smooth surface of constant reflectance reflects at normal incidence."""
+        assert isinstance(self.reflectance, tuple)
         r, g, b = (
             scale * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
             for eta, k, scale in zip(self.eta, self.k, self.reflectance, strict=True)
@@ -476,9 +477,14 @@ def textures(bsdf: Any) -> Iterator[Texture]:
             yield from textures(getattr(bsdf, item.name))
 
 
+def is_textured(bsdf: Bsdf | None) -> bool:
+    """Whether any texture is in it."""
+    return next(textures(bsdf), None) is not None
+
+
 def uses_uvs(bsdf: Bsdf | None) -> bool:
     """Whether light depends on texture coordinates: by a texture, or by an anisotropic model, whose tangent follows them."""
-    return any(True for _ in textures(bsdf)) or any(map(_anisotropic, leaves(bsdf)))
+    return is_textured(bsdf) or any(map(_anisotropic, leaves(bsdf)))
 
 
 def _anisotropic(leaf: Bsdf) -> bool:
