@@ -38,7 +38,7 @@ def rough_coat(ior: float, alpha: float, distribution: str) -> Coat:
     sine = np.sqrt(1.0 - mu * mu)
     normals = {"ggx": _ggx_normals, "beckmann": _beckmann_normals}[distribution]
     masking = {"ggx": _ggx_masking, "beckmann": _beckmann_masking}[distribution]
-    mx, my, mz = normals(sine, mu, alpha, u[None, :, None], u[None, None, :])
+    mx, mz = normals(sine, mu, alpha, u[None, :, None], u[None, None, :])
     cos = np.clip(sine * mx + mu * mz, 0.0, 1.0)
     # refracted into the coat: only z is needed, for G1 of an isotropic distribution
     reflected, cos_in = _fresnel(cos, ior)
@@ -80,19 +80,19 @@ def _stretched(sine: Array, mu: Array, alpha: float) -> tuple[Array, Array]:
     return x / length, mu / length
 
 
-def _ggx_normals(sine: Array, mu: Array, alpha: float, u0: Array, u1: Array) -> tuple[Array, Array, Array]:
-    """By spherical caps, as the lane functions do."""
+def _ggx_normals(sine: Array, mu: Array, alpha: float, u0: Array, u1: Array) -> tuple[Array, Array]:
+    """x and z, by spherical caps."""
     x, z = _stretched(sine, mu, alpha)
     k, phi = u0 * (1.0 + z), 2.0 * np.pi * u1
     ring = np.sqrt(np.maximum(k * (2.0 - k), 0.0))
-    return _unit(alpha * (ring * np.cos(phi) + x), alpha * ring * np.sin(phi), (1.0 - u0) * (1.0 + z) + 0.0 * phi)
+    return _unit(alpha * (ring * np.cos(phi) + x), alpha * ring * np.sin(phi), (1.0 - u0) * (1.0 + z))
 
 
-def _beckmann_normals(sine: Array, mu: Array, alpha: float, u0: Array, u1: Array) -> tuple[Array, Array, Array]:
-    """By bisection of the distributions of slopes."""
+def _beckmann_normals(sine: Array, mu: Array, alpha: float, u0: Array, u1: Array) -> tuple[Array, Array]:
+    """x and z, by bisection of the distributions of slopes."""
     s, c = _stretched(sine, mu, alpha)
     x, y = _slope(u0, s, c), _slope(u1, np.zeros_like(s[:1]), np.ones_like(c[:1]))
-    return _unit(-alpha * x + 0.0 * y, -alpha * y + 0.0 * x, np.ones(np.broadcast_shapes(x.shape, y.shape)))
+    return _unit(-alpha * x, -alpha * y, np.ones_like(x))
 
 
 def _slope(u: Array, sine: Array, cosine: Array) -> Array:
@@ -109,6 +109,6 @@ def _slope(u: Array, sine: Array, cosine: Array) -> Array:
     return (low + high) / 2.0
 
 
-def _unit(x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+def _unit(x: Array, y: Array, z: Array) -> tuple[Array, Array]:
     length = np.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
+    return x / length, z / length

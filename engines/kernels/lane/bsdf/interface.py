@@ -52,6 +52,8 @@ class Scattering(NamedTuple):
     """Albedo of the diffuse part."""
     albedo: Vec3
     """A colour that represents the material where no light is computed."""
+    through: bool
+    """The light lies on the far side, from where `value` is transmitted."""
 
 
 class LaneBSDF(NamedTuple):

@@ -1,8 +1,8 @@
 """A diffuse base under a dielectric coat, smooth or of microfacets (after Mitsuba's plastic and roughplastic).
 
-Parameters: diffuse, reflectance (3 each), ior, roughness, the base's reflectance from inside F_dr, the specular share s, 1 where
-light that is reflected inside takes the base's colour each time, and for the rough model where its table begins in `si.tables`:
-NODES transmittances of the coat, by the cosine from 0 to 1.
+Parameters: diffuse, reflectance (3 each), ior, roughness, the coat's reflectance from inside F_dr, the specular share s, 1
+where light that is reflected inside takes the base's colour each time, and for the rough model where its table begins in
+`si.tables`: NODES transmittances of the coat, by the cosine from 0 to 1.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
 """Disney's principled BSDF (Burley 2012, 2015) with Mitsuba's parameters, as docs/transport.md has it.
 
 Parameters: base colour (3), roughness, anisotropic, metallic, eta, spec_tint, sheen, sheen_tint, clearcoat, clearcoat_gloss,
-flatness, spec_trans (below 0 where it is the constant 0: such a surface has no back). The lobes, in the order in which a draw finds them: microfacets that reflect or transmit, clearcoat, diffuse.
+flatness, spec_trans (below 0 where it is the constant 0: such a surface has no back). The lobes, in the order in which a draw
+finds them: microfacets that reflect or transmit, clearcoat, diffuse.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -77,9 +78,69 @@ def _albedos(parameters, si):
     return base * ((one - parameters[5]) * (one - select(trans > zero, trans, zero))), base
 
 
+@inline
+def _schlick(of, cos):
+    """The weight of white in Schlick's reflectance: of the cosine in the thinner medium."""
+    one, zero = const(1.0, cos), const(0.0, cos)
+    inside = one - (one - cos * cos) / (of.eta * of.eta)
+    inside = np.sqrt(select(inside > zero, inside, zero))
+    return _fifth(select(of.eta > one, cos, inside))
+
+
+@inline
+def _metal_and_tint(of, f, w):
+    """The reflectance in front: Fresnel's, the metal's and the tinted one."""
+    one = const(1.0, f)
+    normal = (of.eta - one) / (of.eta + one)
+    white = (one - of.metallic) * (one - of.spec_tint) * f
+    metal, tinted = of.metallic, (one - of.metallic) * of.spec_tint
+    at_normal = of.tint * (normal * normal)
+    constant = of.base * (metal * (one - w)) + at_normal * (tinted * (one - w))
+    rest = white + (metal + tinted) * w
+    return Vec3(constant.x + rest, constant.y + rest, constant.z + rest)
+
+
+@inline
+def _diffuse_and_sheen(of, wo, wi, cos):
+    """f of both, in front."""
+    zero, one, half, two = const(0.0, cos), const(1.0, cos), const(0.5, cos), const(2.0, cos)
+    wo5, wi5 = _fifth(wo.z), _fifth(wi.z)
+    retro = two * of.roughness * cos * cos
+    lambert = (one - half * wo5) * (one - half * wi5)
+    returned = retro * (wo5 + wi5 + wo5 * wi5 * (retro - one))
+    bend = half * retro - one
+    flat = (one + bend * wo5) * (one + bend * wi5)
+    between = wo.z + wi.z
+    flat = const(1.25, cos) * (flat * (one / select(between > zero, between, one) - half) + half)
+    value = of.diffuse * const(1.0 / math.pi, cos) * _lerp(lambert + returned, flat, of.flatness)
+    sheen = of.sheen * (one - of.metallic) * _fifth(cos)
+    tinted = of.sheen_tint * sheen
+    white = sheen - tinted
+    color = of.base * value + of.tint * tinted
+    return Vec3(color.x + white, color.y + white, color.z + white)
+
+
+@inline
+def _coat_density(of, m):
+    """GTR1."""
+    one, rest = const(1.0, m.z), of.coat_square - const(1.0, m.z)
+    return rest / (const(math.pi, m.z) * log(of.coat_square) * (one + rest * m.z * m.z))
+
+
+@inline
+def _coat_normal(of, u0, u1):
+    """A normal with density D(m) m.z of the clearcoat."""
+    zero, one = const(0.0, u0), const(1.0, u0)
+    square = (one - exp((one - u1) * log(of.coat_square))) / (one - of.coat_square)
+    sine, cosine = sin_cos_turn(u0)
+    across = one - square
+    ring = np.sqrt(select(across > zero, across, zero))
+    return Vec3(ring * cosine, ring * sine, np.sqrt(select(square > zero, square, zero)))
+
+
 @cache
-def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
-    frame_of = frame_at(tangents)
+def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
+    """The function (parameters, si) -> surface."""
 
     @inline
     def surface_of(parameters, si):
@@ -109,54 +170,15 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
             ax, ay, front,
         )  # fmt: skip
 
-    @inline
-    def schlick(of, cos):
-        """The weight of white in Schlick's reflectance: of the cosine in the thinner medium."""
-        one, zero = const(1.0, cos), const(0.0, cos)
-        inside = one - (one - cos * cos) / (of.eta * of.eta)
-        inside = np.sqrt(select(inside > zero, inside, zero))
-        return _fifth(select(of.eta > one, cos, inside))
+    return surface_of
 
-    @inline
-    def metal_and_tint(of, f, w):
-        """The reflectance in front: Fresnel's, the metal's and the tinted one."""
-        one = const(1.0, f)
-        normal = (of.eta - one) / (of.eta + one)
-        white = (one - of.metallic) * (one - of.spec_tint) * f
-        metal, tinted = of.metallic, (one - of.metallic) * of.spec_tint
-        at_normal = of.tint * (normal * normal)
-        constant = of.base * (metal * (one - w)) + at_normal * (tinted * (one - w))
-        rest = white + (metal + tinted) * w
-        return Vec3(constant.x + rest, constant.y + rest, constant.z + rest)
 
-    @inline
-    def diffuse_and_sheen(of, wo, wi, cos):
-        """f of both, in front."""
-        zero, one, half, two = const(0.0, cos), const(1.0, cos), const(0.5, cos), const(2.0, cos)
-        wo5, wi5 = _fifth(wo.z), _fifth(wi.z)
-        retro = two * of.roughness * cos * cos
-        lambert = (one - half * wo5) * (one - half * wi5)
-        returned = retro * (wo5 + wi5 + wo5 * wi5 * (retro - one))
-        bend = half * retro - one
-        flat = (one + bend * wo5) * (one + bend * wi5)
-        between = wo.z + wi.z
-        flat = const(1.25, cos) * (flat * (one / select(between > zero, between, one) - half) + half)
-        value = of.diffuse * const(1.0 / math.pi, cos) * _lerp(lambert + returned, flat, of.flatness)
-        sheen = of.sheen * (one - of.metallic) * _fifth(cos)
-        tinted = of.sheen_tint * sheen
-        white = sheen - tinted
-        color = of.base * value + of.tint * tinted
-        return Vec3(color.x + white, color.y + white, color.z + white)
-
-    @inline
-    def coat_density(of, m):
-        """GTR1."""
-        one, rest = const(1.0, m.z), of.coat_square - const(1.0, m.z)
-        return rest / (const(math.pi, m.z) * log(of.coat_square) * (one + rest * m.z * m.z))
+@cache
+def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
+    """The function (surface, wo, wi) -> (f |cos|, pdf), of directions in the local frame."""
 
     @inline
     def value_and_pdf(of, wo, wi):
-        """(f |cos|, pdf) in the local frame."""
         zero, one, four = const(0.0, wo.z), const(1.0, wo.z), const(4.0, wo.z)
         reflects = wi.z > zero
         m = half_vector(wo, wi * select(reflects, one, of.e)) if transmission else half_vector(wo, wi)
@@ -167,16 +189,16 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         shadowing = ggx_masking(wi, of.ax, of.ay)
         through = of.glass * (one - f)
         pdf = (one - through) * facets / four + of.diffuse * wi.z * const(1.0 / math.pi, one)
-        w = schlick(of, out)
-        color = metal_and_tint(of, f, w)
+        w = _schlick(of, out)
+        color = _metal_and_tint(of, f, w)
         if transmission:
             back = of.glass * f
             color = select3(of.front, color, Vec3(back, back, back))
         value = color * (select(f > zero, facets, zero) * shadowing / four)
-        lambert = diffuse_and_sheen(of, wo, wi, out) * wi.z
+        lambert = _diffuse_and_sheen(of, wo, wi, out) * wi.z
         if clearcoat:
             quarter = const(0.25, one)
-            density = coat_density(of, m)
+            density = _coat_density(of, m)
             pdf = pdf + of.coat * density * m.z / (four * out)
             coat = _lerp(const(0.04, one), one, w) * density * ggx_masking(wo, quarter, quarter)
             coat = of.coat * coat * ggx_masking(wi, quarter, quarter) * wi.z
@@ -199,6 +221,14 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         value = select3(reflects, value, root * transmitted)
         return Spectrum(value, select(valid, one, zero)), select(valid, pdf, zero)
 
+    return value_and_pdf
+
+
+@cache
+def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
+    frame_of, surface_of = frame_at(tangents), _make_surface_of(transmission, clearcoat)
+    value_and_pdf = _make_value_and_pdf(transmission, clearcoat)
+
     @inline
     def at_directions(parameters, si, wi):
         frame = frame_of(si)
@@ -213,16 +243,6 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         return at_directions(parameters, si, wi)[1]
 
     @inline
-    def coat_normal(of, u0, u1):
-        """A normal with density D(m) m.z of the clearcoat."""
-        zero, one = const(0.0, u0), const(1.0, u0)
-        square = (one - exp((one - u1) * log(of.coat_square))) / (one - of.coat_square)
-        sine, cosine = sin_cos_turn(u0)
-        across = one - square
-        ring = np.sqrt(select(across > zero, across, zero))
-        return Vec3(ring * cosine, ring * sine, np.sqrt(select(square > zero, square, zero)))
-
-    @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
         zero, one, two = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t)
         of, frame = surface_of(parameters, si), frame_of(si)
@@ -233,7 +253,7 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         m = ggx_visible_normal(wo, of.ax, of.ay, u0, u1)
         facets, transmits = u < one, False
         if clearcoat:
-            m = select3(facets, m, coat_normal(of, u0, u1))
+            m = select3(facets, m, _coat_normal(of, u0, u1))
         out = dot(wo, m)
         along, back = two * out, one
         if transmission:
