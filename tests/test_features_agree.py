@@ -86,10 +86,12 @@ def test_path_tracer_with_textures_on_every_shape_under_every_wrapper():
         quad(WALL, 2, UVS),
         quad(SHEET, 3, UVS[::-1].copy()),
         Disk((-0.9, 0.6, 0.7), (0.6, -0.8, 0.0), 0.6, 4),
-        Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, 5),
+        quad([(0.9, -0.9, 0.0), (1.5, -0.8, 0.1), (1.4, -0.7, 0.9), (0.8, -0.8, 0.8)], 6, UVS),
+        Plane((0.0, 0.0, 4.0), (0.36, 0.48, 0.8), 5),
+        Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, 7),
     ]
     floor = Mixture(kd=Checkerboard((0.8, 0.3, 0.2), (0.2, 0.3, 0.8), TURNED))
-    bsdfs = [floor, NormalMap(image(low=0.3, high=0.7), cutout), rough_wall, brushed, both_sides]
+    bsdfs = [floor, NormalMap(image(low=0.3, high=0.7), cutout), rough_wall, brushed, both_sides, metal((0.4, 0.1), image()), metal((0.1, 0.5))]
     sky = EnvironmentLight(radiance=(0.3, 0.35, 0.4))
     equal(shapes, bsdfs, [sky], shader={"name": "path_tracer", "max_depth": 5, "rr_depth": 3})
 
