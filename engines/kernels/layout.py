@@ -31,8 +31,9 @@ from engines.kernels.compile.records import (
     vector,
     vectors,
 )
+from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
-BSDF_PARAMETERS = 11
+BSDF_PARAMETERS = 15
 LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
@@ -146,6 +147,13 @@ class RayBatch(LaneRecord):
     diffuse_albedo = vector()
     albedo = vector()
 
+    # where the scene has masks: the share of the surface that is there, and whether the sample goes straight through
+    opacity = real()
+    passing = flag()
+    # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
+    untilted_normal = vector()
+    outer_normal = vector()
+
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
 """Numbers of a lane, from the first on, that are its path."""
@@ -206,12 +214,18 @@ class PrimitiveRow(Row):
 
 
 class MaterialRow(Row):
-    """Sixteen numbers, one cache line in float32."""
+    """What every scene reads comes first, and the first parameters of the model in the same cache line."""
 
-    bsdf = reals(BSDF_PARAMETERS)  # of the model
     emission = vector()
     two_sided = real()
     model = real()
+    bsdf = reals(BSDF_PARAMETERS)  # of the model; of a program, of its first leaf
+
+
+class LeafRow(Row):
+    """The parameters of a model, 0 where they are looked up."""
+
+    bsdf = reals(BSDF_PARAMETERS)
 
 
 class LightRow(Row):
@@ -233,7 +247,8 @@ class RangeRow(Row):
 
 class CameraRow(Row):
     """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
-    half angles are given."""
+    half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from
+    the left, and at `middle_y / 2` of the height, from the top."""
 
     dtype = np.float64
     eye = vector()
@@ -244,6 +259,13 @@ class CameraRow(Row):
     height = real()
     half_angle_x = real()
     half_angle_y = real()
+    middle_x = real()
+    middle_y = real()
+    near = real()  # distances along the axis of view, of cameras that clip
+    far = real()
+    lens_right = vector()  # as long as the radius of the aperture
+    lens_up = vector()
+    focus_distance = real()
 
 
 class MarginRow(Row):
@@ -288,6 +310,15 @@ class SceneTable(Table):
     environment_rows = array(np.float64)  # cumulative
     environment_columns = array(np.float64)
     environment_radiance = vectors(REAL)  # one, of a constant environment
+
+    # where some material in use has a program
+    programs = array(np.int32)  # a material: its first node, -1 for none
+    nodes = rows(NodeRow)
+    leaves = rows(LeafRow)
+    lookups = rows(LookupRow)
+    textures = rows(TextureRow)
+    texels = array(np.int64)  # addresses of the images, float32
+    vertex_uvs = rows(UVRow)
 
     # set by the renderer
     camera = rows(CameraRow)
@@ -337,7 +368,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow",
-    "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable", "SphereRow", "TriangleRow",
-    "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LeafRow", "LightRow",
+    "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
+    "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
+    "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

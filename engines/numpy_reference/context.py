@@ -38,6 +38,8 @@ class Context:
         self.options: Mapping[str, Any] = shader.options
         self.rays = 0
         self.check: Callable[[], None] = _go_on
+        self.camera_rays: tuple[Array, Array, Array] | None = None
+        """Origins and directions (3, n) of the camera's rays, and the distances (n,) at which it clips them, where it does."""
         self._sampler = sampler
 
     def draw(self, pixels: NDArray[np.integer], sample: int, dimension: int) -> Array:
@@ -45,10 +47,16 @@ class Context:
         return self._sampler.draw(pixels, sample, dimension)
 
     def closest(self, origin: Array, direction: Array, origin_primitive: Indices | None = None) -> Nearest:
-        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and primitive id (-1 for a
-        miss). `origin_primitive` (n,) are the ids of the primitives that the rays start from, -1 for none."""
+        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and primitive id (-1 for a miss). The camera's
+        own rays end where it clips. `origin_primitive` (n,) are the ids of the primitives that the rays start from, -1 for
+        none."""
         self.rays += origin.shape[1]
-        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check, origin_primitive)
+        t_max = np.full(origin.shape[1], np.inf)
+        if self.camera_rays is not None:
+            starts, directions, ends = self.camera_rays
+            if np.array_equal(origin, starts) and np.array_equal(direction, directions):
+                t_max = ends
+        return self.tracer.closest(origin, direction, t_max, self.check, origin_primitive)
 
     def surface(self, origin: Array, direction: Array, hits: Nearest) -> SurfaceInteraction:
         """What lies where rays (3, n), all of which hit, have hit."""

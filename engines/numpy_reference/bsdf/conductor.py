@@ -10,8 +10,9 @@ from engines.numpy_reference.bsdf import ggx
 from engines.numpy_reference.bsdf.fresnel import fresnel_conductor
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.vectors import Array, Frame, Indices, Mask, dot, unit
-from engines.scene import Conductor, Material
+from engines.scene import Conductor
 
 
 class ConductorBSDF:
@@ -21,17 +22,22 @@ class ConductorBSDF:
     G1(wo) G1(wi) how many of them are seen and lit. They reflect on both sides of the surface.
     """
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        models = [material.bsdf for material in materials if isinstance(material.bsdf, Conductor)]
+    def __init__(self, leaves: Sequence[Conductor]) -> None:
         self._eta, self._k, self._reflectance = (
-            np.array([getattr(model, name) for model in models], np.float64).reshape(-1, 3).T.copy()
-            for name in ("eta", "k", "reflectance")
+            ColorParameter([getattr(leaf, name) for leaf in leaves], high)
+            for name, high in (("eta", np.inf), ("k", np.inf), ("reflectance", 1.0))
         )
-        self._alpha = np.array([model.alpha for model in models], np.float64).reshape(-1, 2).T.copy()
+        self._alpha = np.array([leaf.alpha for leaf in leaves], np.float64).reshape(-1, 2).T.copy()
         self._smooth: Mask = (self._alpha == 0.0).all(axis=0)
         self.lobes = np.where(self._smooth, Lobes.SPECULAR_REFLECTION.value, Lobes.GLOSSY_REFLECTION.value)
-        self.diffuse = np.zeros((3, len(models)))
-        self.albedo = np.array([model.albedo for model in models], np.float64).reshape(-1, 3).T.copy()
+
+    def diffuse(self, material: Indices, at: SurfaceInteraction) -> Array:
+        return np.zeros(at.wo.shape)
+
+    def albedo(self, material: Indices, at: SurfaceInteraction) -> Array:
+        """The reflectance of a smooth surface at normal incidence."""
+        eta, k, scale = (parameter(material, at) for parameter in (self._eta, self._k, self._reflectance))
+        return scale * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
 
     def sample(
         self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
@@ -42,7 +48,7 @@ class ConductorBSDF:
         lanes = np.flatnonzero(self.lobes[material] & lobes & Lobes.SPECULAR_REFLECTION)
         which, here = material[lanes], at.take(lanes)
         wi = mirrored(here)
-        weight = np.where(here.reflects(wi), self._reflected(which, dot(here.wo, here.normal)), 0.0)
+        weight = np.where(here.reflects(wi), self._reflected(which, here, dot(here.wo, here.normal)), 0.0)
         found.put(lanes, wi, weight, np.full(lanes.size, np.inf))
         # rough
         lanes = np.flatnonzero(self.lobes[material] & lobes & Lobes.GLOSSY_REFLECTION)
@@ -53,7 +59,7 @@ class ConductorBSDF:
         local = 2.0 * dot(wo, m) * m - wo
         wi = frame.to_world(local)
         with np.errstate(divide="ignore", invalid="ignore"):
-            weight = self._reflected(which, dot(wo, m)) * ggx.masking(local, alpha)
+            weight = self._reflected(which, here, dot(wo, m)) * ggx.masking(local, alpha)
         found.put(lanes, wi, np.where(_reflects(here, wi), weight, 0.0), self.pdf(which, here, wi))
         return found
 
@@ -64,7 +70,7 @@ class ConductorBSDF:
         with np.errstate(divide="ignore", invalid="ignore"):
             m = unit(wo + wi_local)
             facets = ggx.distribution(m, alpha) * ggx.masking(wo, alpha) * ggx.masking(wi_local, alpha)
-            value = self._reflected(material, dot(wo, m)) * facets / (4.0 * wo[2] * wi_local[2])
+            value = self._reflected(material, at, dot(wo, m)) * facets / (4.0 * wo[2] * wi_local[2])
         return np.where(~self._smooth[material] & _reflects(at, wi), value, 0.0)
 
     def pdf(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
@@ -76,9 +82,9 @@ class ConductorBSDF:
             density = ggx.pdf_visible_normals(wo, m, alpha) / (4.0 * dot(wo, m))
         return np.where(~self._smooth[material] & _reflects(at, wi), density, 0.0)
 
-    def _reflected(self, material: Indices, cosine: Array) -> Array:
+    def _reflected(self, material: Indices, at: SurfaceInteraction, cosine: Array) -> Array:
         """(3, n) reflectance of a mirror that is seen under this cosine."""
-        eta, k, scale = (table.take(material, axis=1) for table in (self._eta, self._k, self._reflectance))
+        eta, k, scale = (parameter(material, at) for parameter in (self._eta, self._k, self._reflectance))
         return scale * fresnel_conductor(cosine, eta, k)
 
 

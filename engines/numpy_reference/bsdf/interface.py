@@ -1,20 +1,19 @@
 """What a model of reflection can do: three verbs on n points, in world directions. Both `wo` and `wi` lead away from them.
 
-A new model is a module with a class that has these verbs, and a table: `BSDFS = {NoneType: MixtureBSDF}`.
+A new model is a module with a class that has these verbs, and a table: `BSDFS = {Mixture: MixtureBSDF}`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntFlag
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, dot
-from engines.scene import Material
 
 
 class Lobes(IntFlag):
@@ -50,18 +49,22 @@ class BSDFSample(NamedTuple):
 
 
 class BSDF(Protocol):
-    """All materials of a scene with the same model, m of them. `material` (n,) are places among them; the points `at` and
+    """All BSDFs of a scene with the same model, m of them. `material` (n,) are places among them; the points `at` and
     their `wo` are in the `SurfaceInteraction`."""
 
     lobes: NDArray[np.int64]
-    """(m,) the `Lobes` that each material has."""
-    diffuse: Array
-    """(3, m) the albedo of the diffuse lobe, which ambient light multiplies."""
-    albedo: Array
-    """(3, m) the colour that the shader `albedo` shows; 0 for what only emits."""
+    """(m,) the `Lobes` that each one has."""
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        """The scene's materials with this model."""
+    def __init__(self, leaves: Sequence[Any]) -> None:
+        """The scene's dataclasses of this model."""
+
+    def diffuse(self, material: Indices, at: SurfaceInteraction) -> Array:
+        """(3, n) the albedo of the diffuse lobe, which ambient light multiplies."""
+        ...
+
+    def albedo(self, material: Indices, at: SurfaceInteraction) -> Array:
+        """(3, n) the colour that the shader `albedo` shows; 0 for what only emits."""
+        ...
 
     def sample(
         self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL

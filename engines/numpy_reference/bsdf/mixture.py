@@ -6,7 +6,6 @@ With `fresnel` the mirror is weighted by the reflectance F of a dielectric, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import NoneType
 from typing import NamedTuple
 
 import numpy as np
@@ -14,26 +13,32 @@ import numpy as np
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.vectors import Array, Indices, Mask, cosine_hemisphere, dot
-from engines.scene import Material
+from engines.scene import Mixture
 
 LOBES = (Lobes.DIFFUSE_REFLECTION, Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION)
 
 
 class MixtureBSDF:
-    """All materials of a scene that are given by kd, ks and kt."""
+    """All of a scene that is given by kd, ks and kt."""
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        def colours(name: str) -> Array:
-            return np.array([getattr(material, name) for material in materials], np.float64).reshape(-1, 3).T.copy()
-
-        self._kd, self._ks, self._kt = map(colours, ("kd", "ks", "kt"))
-        self._ior = np.array([material.ior for material in materials], np.float64)
-        self._fresnel = np.array([material.fresnel for material in materials], bool)
-        diffuse, mirror, refraction = ((colour > 0.0).any(axis=0) for colour in (self._kd, self._ks, self._kt))
+    def __init__(self, leaves: Sequence[Mixture]) -> None:
+        self._kd, self._ks, self._kt = (
+            ColorParameter([getattr(leaf, name) for leaf in leaves]) for name in ("kd", "ks", "kt")
+        )
+        self._ior = np.array([leaf.ior for leaf in leaves], np.float64)
+        self._fresnel = np.array([leaf.fresnel for leaf in leaves], bool)
+        diffuse, mirror, refraction = ((k.largest > 0.0).any(axis=0) for k in (self._kd, self._ks, self._kt))
         self.lobes = diffuse * LOBES[0].value + mirror * LOBES[1].value + refraction * LOBES[2].value
-        self.diffuse = self._kd
-        self.albedo = np.where(diffuse, self._kd, np.where(mirror, self._ks, self._kt))
+
+    def diffuse(self, material: Indices, at: SurfaceInteraction) -> Array:
+        return self._kd(material, at)
+
+    def albedo(self, material: Indices, at: SurfaceInteraction) -> Array:
+        """The first of kd, ks and kt that is positive in any channel."""
+        kd, ks, kt = self._kd(material, at), self._ks(material, at), self._kt(material, at)
+        return np.where((kd > 0.0).any(axis=0), kd, np.where((ks > 0.0).any(axis=0), ks, kt))
 
     def sample(
         self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
@@ -68,7 +73,7 @@ class MixtureBSDF:
 
     def evaluate(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         """Lambert's law."""
-        return np.where(at.reflects(wi), self._kd.take(material, axis=1) / np.pi, 0.0)
+        return np.where(at.reflects(wi), self._kd(material, at) / np.pi, 0.0)
 
     def pdf(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         d, r, t = (weight.sum(axis=0) for weight in self._weights(material, at, Lobes.ALL))
@@ -76,7 +81,7 @@ class MixtureBSDF:
             return np.where((d > 0.0) & at.reflects(wi), d / (d + r + t) * dot(at.normal, wi) / np.pi, 0.0)
 
     def _weights(self, material: Indices, at: SurfaceInteraction, lobes: Lobes) -> _Weights:
-        kd, ks, kt = (table.take(material, axis=1) for table in (self._kd, self._ks, self._kt))
+        kd, ks, kt = (k(material, at) for k in (self._kd, self._ks, self._kt))
         coated = self._fresnel[material]
         if coated.any():
             reflectance, _ = fresnel_dielectric(np.abs(dot(at.wo, at.normal)), self._index_ratio(material, at))
@@ -91,7 +96,7 @@ class MixtureBSDF:
         return np.where(at.front, ior, 1.0 / ior)
 
 
-BSDFS = {NoneType: MixtureBSDF}
+BSDFS = {Mixture: MixtureBSDF}
 
 
 class _Weights(NamedTuple):

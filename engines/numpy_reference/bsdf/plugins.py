@@ -10,18 +10,24 @@ import numpy as np
 from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene import CustomBSDF, Material
+from engines.scene import CustomBSDF
 
 
 class PluginBSDF:
     """All materials of plugins in a scene. A plugin's object has the verbs of `BSDF`, with the options of one material
     in the place of materials, and `albedos(options)`. Nothing leaves below the surface but through delta lobes."""
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        self._models = [material.bsdf for material in materials if isinstance(material.bsdf, CustomBSDF)]
+    def __init__(self, leaves: Sequence[CustomBSDF]) -> None:
+        self._models = leaves
         self.lobes = np.array([_lobes(model.plugin).value for model in self._models])
         albedos = [model.plugin.numpy.albedos(model.options) for model in self._models]
-        self.diffuse, self.albedo = np.moveaxis(np.array(albedos, np.float64).reshape(-1, 2, 3), 0, -1).copy()
+        self._diffuse, self._albedo = np.moveaxis(np.array(albedos, np.float64).reshape(-1, 2, 3), 0, -1).copy()
+
+    def diffuse(self, material: Indices, at: SurfaceInteraction) -> Array:
+        return self._diffuse.take(material, axis=1)
+
+    def albedo(self, material: Indices, at: SurfaceInteraction) -> Array:
+        return self._albedo.take(material, axis=1)
 
     def sample(
         self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
