@@ -29,7 +29,7 @@ def directions(u: Any, v: Any) -> Any:
 
 def radiance(emitter: Any, rows: Any) -> Any:
     """(n, 3) for directions (n, 3)."""
-    interaction = mitsuba.SurfaceInteraction3f()
+    interaction: Any = mitsuba.SurfaceInteraction3f()
     found = np.empty((len(rows), 3))
     for index, row in enumerate(rows.tolist()):
         interaction.wi = [-row[0], -row[1], -row[2]]

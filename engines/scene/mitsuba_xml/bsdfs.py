@@ -9,6 +9,10 @@ from typing import NamedTuple
 from engines.errors import suggestion
 from engines.scene.bsdf import (
     INDICES,
+    IORS,
+    LEAST_CONTRAST,
+    MAX_PARTS,
+    PLASTIC_IORS,
     SMOOTHEST,
     Blend,
     Bsdf,
@@ -23,6 +27,7 @@ from engines.scene.bsdf import (
     Principled,
     Sides,
     ThinDielectric,
+    principled_eta,
 )
 from engines.scene.metals import METALS
 from engines.scene.mitsuba_xml.colors import INDEX, color
@@ -32,8 +37,6 @@ from engines.scene.mitsuba_xml.textures import color_or_texture, image_texture, 
 from engines.scene.textures import Color, Number
 from engines.scene.triple import BLACK, WHITE, Triple
 
-MAX_PARTS = 1000
-"""Models and wrappers of one material, those counted again that are used again."""
 GREY: Triple = (0.5, 0.5, 0.5)
 BK7, ACRYLIC, AIR = 1.5046, 1.49, 1.000277
 INDICES_BY_NAME = {
@@ -73,7 +76,7 @@ def bsdf(importer: Importer, plugin: Plugin, two_sided: bool = False) -> Built:
 
 def opaque(importer: Importer, plugin: Plugin, model: Bsdf, two_sided: bool) -> Built:
     """A model that lets no light through, on both sides or on the front alone."""
-    if two_sided:
+    if two_sided or model == Diffuse(BLACK):
         return Built(model, 1, False)
     importer.one_sided[plugin.label] = None
     return Built(Sides(model, None), 2, False)
@@ -108,11 +111,12 @@ def _index(plugin: Plugin, name: str, default: float) -> float:
     return INDICES_BY_NAME[named]
 
 
-def _ior(plugin: Plugin, inside: float) -> float:
+def _ior(plugin: Plugin, inside: float, limits: tuple[float, float] = IORS) -> float:
     """The index of the inside over that of the outside."""
-    if plugin.has("eta") and not plugin.has("int_ior"):
-        return plugin.positive("eta", default=inside)
-    return _index(plugin, "int_ior", inside) / _index(plugin, "ext_ior", AIR)
+    found = _index(plugin, "int_ior", inside) / _index(plugin, "ext_ior", AIR)
+    if not limits[0] <= found <= limits[1]:
+        raise plugin.refuse(f"int_ior / ext_ior is {found:g}: must lie in [{limits[0]:g}, {limits[1]:g}]")
+    return found
 
 
 def _distribution(plugin: Plugin) -> str:
@@ -184,7 +188,9 @@ def _metal(plugin: Plugin) -> tuple[Triple, Triple]:
     return color(eta, INDEX), color(k, INDEX)
 
 
-def _conductor_with(importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number], kind: str) -> Built:
+def _conductor_with(
+    importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number], kind: str
+) -> Built:
     eta, k = _metal(plugin)
     outside = _index(plugin, "ext_eta", 1.0)
     eta = (eta[0] / outside, eta[1] / outside, eta[2] / outside)
@@ -209,7 +215,10 @@ def _glass(
     importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number] = (0.0, 0.0), kind: str = "ggx"
 ) -> Built:  # fmt: skip
     reflectance, transmittance = (_specular(importer, plugin, which) for which in ("reflectance", "transmittance"))
-    return Built(Dielectric(_ior(plugin, BK7), alpha, reflectance, transmittance, kind), 1, True)
+    ior = _ior(plugin, BK7)
+    if alpha != (0.0, 0.0) and abs(ior - 1.0) < LEAST_CONTRAST:
+        raise plugin.refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
+    return Built(Dielectric(ior, alpha, reflectance, transmittance, kind), 1, True)
 
 
 def _rough_glass(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
@@ -223,9 +232,7 @@ def _thin_glass(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
 
 def _plastic_with(importer: Importer, plugin: Plugin, two_sided: bool, alpha: float, kind: str) -> Built:
     base = color_or_texture(importer, plugin, "diffuse_reflectance", "reflectance", default=GREY)
-    nonlinear, ior = plugin.boolean("nonlinear", default=False), _ior(plugin, ACRYLIC)
-    if ior < 1.0:
-        raise plugin.refuse(f"the coat's index of refraction is {ior:g} times that outside: must be at least 1")
+    nonlinear, ior = plugin.boolean("nonlinear", default=False), _ior(plugin, ACRYLIC, PLASTIC_IORS)
     model = Plastic(base, ior, alpha, nonlinear, _specular(importer, plugin), kind)
     return opaque(importer, plugin, model, two_sided)
 
@@ -261,13 +268,10 @@ def _principled(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
     if plugin.has("eta"):
         eta = plugin.positive("eta", default=1.5)
     else:
-        specular = plugin.number("specular", default=0.5, low=0.0, high=1.0)
-        # where light is refracted, Mitsuba keeps the index away from 1
-        if shares["spec_trans"] != 0.0:
-            specular = max(1e-3, specular)
-        eta = 2.0 / (1.0 - (0.08 * specular) ** 0.5) - 1.0
-    if shares["spec_trans"] != 0.0 and eta == 1.0:
-        eta = 1.001
+        eta = principled_eta(plugin.number("specular", default=0.5, low=0.0, high=1.0))
+    if not 1.0 <= eta <= IORS[1]:
+        raise plugin.refuse_property("eta", f"must lie in [1, {IORS[1]:g}]")
+    eta = max(eta, 1.0 + LEAST_CONTRAST)
     model = Principled(base, eta=eta, **shares)
     if shares["spec_trans"] != 0.0:
         return Built(model, 1, True)
@@ -284,7 +288,8 @@ def _null(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
 def _inner(importer: Importer, plugin: Plugin, counts: tuple[int, ...], two_sided: bool) -> list[Built]:
     found = importer.taken(plugin, "bsdf")
     if len(found) not in counts:
-        raise plugin.refuse(f"{' or '.join(map(str, counts))} nested BSDF{'s are' if counts[-1] > 1 else ' is'} wanted, not {len(found)}")
+        wanted = "1 nested BSDF is" if counts == (1,) else f"{' or '.join(map(str, counts))} nested BSDFs are"
+        raise plugin.refuse(f"{wanted} wanted, not {len(found)}")
     return [bsdf(importer, inner, two_sided) for inner in found]
 
 

@@ -6,10 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from engines.errors import suggestion
+from engines.scene.bsdf import MAX_DEPTH, Bsdf, Diffuse, Sides
+from engines.scene.context import SceneReader
 from engines.scene.files import Place
-from engines.scene.mitsuba_xml.document import MAX_DEPTH, Element
+from engines.scene.materials import Material
+from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.shapes import Shape, check_area
+from engines.scene.triple import BLACK, Triple
 
 MAX_NAMED = 5
 """Names or lines that a note lists."""
@@ -47,12 +55,17 @@ class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind."""
 
-    place: Place
+    reader: SceneReader
     ids: dict[str, Plugin]
     notes: Notes
     built: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     building: list[Plugin] = field(default_factory=list)
     one_sided: dict[str, None] = field(default_factory=dict)
+
+    @property
+    def place(self) -> Place:
+        """Where the files are that the scene names."""
+        return self.reader.place
 
     def resolve(self, child: Plugin | Element) -> Plugin:
         """The plugin that is nested, or that a reference means. Raises `SceneError` for ids that do not exist."""
@@ -106,3 +119,27 @@ class Importer:
             found = self.resolve(child)
             element = child.element if isinstance(child, Plugin) else child
             raise element.refuse(f"{plugin.kind} {plugin.type!r} has no use for {found.kind} {found.type!r}")
+
+    def material(self, bsdf: Bsdf | None, radiance: Triple, name: str) -> int:
+        """The index of the material with this BSDF (None is black) and emission; the same for the same values."""
+        bare = bsdf.front if isinstance(bsdf, Sides) and bsdf.back is None else bsdf
+        if bare is None or bare == Diffuse(BLACK):
+            bsdf = None
+        key = ("material", bsdf, radiance)
+        if key not in self.built:
+            taken = {material.name for material in self.reader.table.materials}
+            unique, count = name, 1
+            while unique in taken:
+                count += 1
+                unique = f"{name}_{count}"
+            self.built[key] = self.reader.table.add(Material(unique, emission=radiance, bsdf=bsdf))
+        return self.built[key]
+
+    def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
+        """Raises `SceneError` where a transform has led out of the range of numbers."""
+        if not (np.abs(vertices) < 1e30).all():
+            raise plugin.refuse("vertices must lie within 1e30 of the origin")
+
+    def check_area(self, plugin: Plugin, shape: Shape) -> None:
+        """Counts triangles without area; raises `SceneError` where they are all of what emits."""
+        check_area(plugin.element.located(None), shape, self.reader)

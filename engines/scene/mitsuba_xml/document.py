@@ -57,7 +57,9 @@ class Element:
     @property
     def where(self) -> str:
         """`scene.xml:12 <bsdf type="phong">`."""
-        named = next((f" {key}={_short(self.attributes[key])}" for key in ("name", "type", "id") if key in self.attributes), "")
+        named = next(
+            (f" {key}={_short(self.attributes[key])}" for key in ("name", "type", "id") if key in self.attributes), ""
+        )
         return f"{self.source.name}:{self.line} <{self.tag[:MAX_SHOWN]}{named}>"
 
     def refuse(self, wanted: str) -> SceneError:
@@ -70,7 +72,8 @@ class Element:
 
     def located(self, value: Any) -> Located:
         """`value` as if it stood in a YAML file at this place, for the readers of such files."""
-        return Located(value, Origin(self.source.name, SceneError), (self.attributes.get("name", self.tag),), self.line, self.line)
+        path = (self.attributes.get("name", self.tag),)
+        return Located(value, Origin(self.source.name, SceneError), path, self.line, self.line)
 
     def required(self, attribute: str) -> str:
         """The text of an attribute. Raises `SceneError` where it is missing."""
@@ -101,7 +104,8 @@ class Reader:
         root = self._file(file, name, (file.resolve(),))
         for parameter in self.parameters:
             if parameter not in self.used:
-                raise SceneError(f"{name}: has no parameter ${parameter}: {suggestion(parameter, self.used | {*self.defined} - {parameter})}")
+                known = (self.used | self.defined.keys()) - {parameter}
+                raise SceneError(f"{name}: has no parameter ${parameter[:MAX_SHOWN]}: {suggestion(parameter, known)}")
         return root
 
     def _file(self, file: Path, name: str, within: tuple[Path, ...]) -> Element:

@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from engines.errors import SceneError
-from engines.image import read_image
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
@@ -115,11 +113,10 @@ def rotation(plugin: Plugin) -> tuple[Triple, Triple, Triple]:
 
 def _envmap(importer: Importer, plugin: Plugin) -> EnvironmentLight:
     named = plugin.file("filename")
-    file = importer.place.find(named.located(named.attributes["value"]), named.attributes["value"])
-    try:
-        image = read_image(file)
-    except SceneError as problem:
-        raise SceneError(f"{named.where}: {problem}") from problem
+    images = importer.reader.images
+    file = images.file(named.located(named.attributes["value"]), importer.place)
+    image = images.linear(file, images.texels[file].dtype.kind == "u", "").astype(np.float64)
+    image = np.ascontiguousarray(np.broadcast_to(image, (*image.shape[:2], 3)))
     if not (image >= 0.0).all() or not math.isfinite(image.max()):
         raise named.refuse("holds radiance that is negative, infinite or not a number")
     image.flags.writeable = False

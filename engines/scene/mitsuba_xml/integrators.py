@@ -27,7 +27,20 @@ SUGGESTED = {
     "prb_projective": "the same light by another way",
 }
 """Integrators that a path tracer stands for, and why it is another one."""
-OTHER = ("aov", "depth", "moment", "stokes", "ao", "field", "ppm", "sppm", "photonmapper", "vpl", "irrcache", "adaptive")
+OTHER = (
+    "aov",
+    "depth",
+    "moment",
+    "stokes",
+    "ao",
+    "field",
+    "ppm",
+    "sppm",
+    "photonmapper",
+    "vpl",
+    "irrcache",
+    "adaptive",
+)
 """Integrators that estimate something else, or that hold another one: a path tracer is suggested, with a note."""
 
 

@@ -16,6 +16,7 @@ from engines.scene.triple import Triple
 
 NEAR, FAR = 1e-2, 1e4
 """Clipping planes of Mitsuba's cameras where a file gives none."""
+DEFAULT_SIZE = (768, 576)
 DIAGONAL = math.hypot(36.0, 24.0)
 """Of 35 mm film, in millimetres: what focal lengths refer to."""
 AXES = ("x", "y", "smaller", "larger", "diagonal")
@@ -45,11 +46,12 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
 def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
     films = importer.taken(plugin, "film")
     if not films:
-        return 768, 576
+        return DEFAULT_SIZE
     film = films[0]
     if film.type == "specfilm":
         raise film.refuse("spectral films have no counterpart")
-    width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in (("width", 768), ("height", 576)))
+    sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
+    width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
     crop = [film.integer(f"crop_{name}", default=full, low=0, high=LARGEST_SIDE)
             for name, full in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height))]  # fmt: skip
     if crop != [0, 0, width, height]:

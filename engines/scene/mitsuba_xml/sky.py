@@ -36,12 +36,16 @@ def baked(importer: Importer, plugin: Plugin) -> NDArray[np.float32]:
         raise plugin.refuse("is baked to an image by Mitsuba, which is not installed: pip install 'raybench[mitsuba]'")
     program = [sys.executable, str(Path(__file__).with_name("bake_sky.py"))]
     try:
-        done = subprocess.run(program, input=json.dumps(request).encode(), capture_output=True, timeout=SECONDS, check=False)
+        done = subprocess.run(
+            program, input=json.dumps(request).encode(), capture_output=True, timeout=SECONDS, check=False
+        )
         image = np.load(io.BytesIO(done.stdout), allow_pickle=False)
     except (OSError, ValueError, EOFError, subprocess.TimeoutExpired) as problem:
         raise plugin.refuse(f"Mitsuba could not bake it: {_reason(problem, locals().get('done'))}") from problem
     old = f", with the model of Mitsuba 3 for {plugin.type} of 0.x" if plugin.element.source.old else ""
-    importer.notes.add(f"{plugin.type} is baked to an image of {image.shape[1]} x {image.shape[0]} texels{old}", plugin.element)
+    importer.notes.add(
+        f"{plugin.type} is baked to an image of {image.shape[1]} x {image.shape[0]} texels{old}", plugin.element
+    )
     return image
 
 
@@ -51,10 +55,13 @@ def _reason(problem: Exception, done: Any) -> str:
 
 
 def _request(plugin: Plugin) -> dict[str, Any]:
-    numbers: dict[str, Any] = {
-        name: plugin.number(name, default=0.0, low=low, high=high) for name, (low, high) in NUMBERS.items() if plugin.has(name)
-    }
-    numbers |= {name: plugin.integer(name, default=0, low=low, high=high) for name, (low, high) in WHOLE.items() if plugin.has(name)}
+    numbers: dict[str, Any] = {}
+    for name, (low, high) in NUMBERS.items():
+        if plugin.has(name):
+            numbers[name] = plugin.number(name, default=low, low=low, high=high)
+    for name, (low, high) in WHOLE.items():
+        if plugin.has(name):
+            numbers[name] = plugin.integer(name, default=low, low=low, high=high)
     scale = plugin.number("scale", default=1.0, low=0.0)
     for part in ("sun", "sky"):
         own = plugin.number(f"{part}_scale", default=1.0, low=0.0)

@@ -33,7 +33,7 @@ def cube() -> Triangles:
     """[-1, 1]^3, each face with all of [0, 1]^2."""
     # the vertex with (u, v) = (0, 0) of each face, then the directions in which u and v grow
     frames = [
-        ((-1, -1, -1), (0, 0, 1), (1, 0, 0)), ((1, 1, 1), (0, 0, -1), (-1, 0, 0)), ((1, -1, 1), (0, 0, -1), (0, 1, 0)),
+        ((-1, -1, -1), (0, 0, 1), (1, 0, 0)), ((1, 1, 1), (-1, 0, 0), (0, 0, -1)), ((1, -1, 1), (0, 1, 0), (0, 0, -1)),
         ((-1, -1, 1), (0, 1, 0), (1, 0, 0)), ((-1, -1, -1), (0, 1, 0), (0, 0, 1)), ((-1, 1, -1), (0, -1, 0), (1, 0, 0)),
     ]  # fmt: skip
     return _boxes(frames)
@@ -87,4 +87,5 @@ def _grid_faces(columns: int, rows: int) -> NDArray[np.int32]:
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     start = (row * (columns + 1) + column).ravel()
     right, below = start + 1, start + columns + 1
-    return np.concatenate([np.stack([start, right, below + 1], axis=1), np.stack([start, below + 1, below], axis=1)]).astype(np.int32)
+    halves = [np.stack(corners, axis=1) for corners in ((start, right, below + 1), (start, below + 1, below))]
+    return np.concatenate(halves).astype(np.int32)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.errors import SceneError
-from engines.scene.formats.texture import linear, read_texels
 from engines.scene.mitsuba_xml.colors import REFLECTANCE, color
 from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, Number, Texture, UVMatrix
 from engines.scene.triple import Triple
@@ -90,34 +87,28 @@ def _bitmap(importer: Importer, plugin: Plugin, role: str) -> ImageTexture:
     named = plugin.file("filename")
     if plugin.has("bitmap", "data"):
         raise plugin.refuse("an image from a file is wanted")
-    for name in HARMLESS:
-        plugin.read.add(name)
-    file = importer.place.find(named.located(named.attributes["value"]), named.attributes["value"])
+    plugin.read.update(HARMLESS)
     raw, gamma = plugin.boolean("raw", default=False), plugin.number("gamma", default=-1.0)
     channel = plugin.text("channel", default="", known=("", "r", "g", "b", "a", "all")) or ""
-    pixels = _pixels(importer, plugin, file, raw or gamma > 0.0, "" if channel == "all" else channel)
+    pixels, name = _pixels(importer, named, raw or gamma > 0.0, "" if channel == "all" else channel)
     if gamma > 0.0 and gamma != 1.0:
         pixels = np.power(np.maximum(pixels, 0.0), np.float32(gamma))
         pixels.flags.writeable = False
     kind = plugin.text("filter_type", "filter", default="bilinear", known=FILTERS) or ""
     if kind != FILTERS[kind]:
         importer.notes.add(f"filter_type {kind} of a texture is taken as {FILTERS[kind]}", plugin.element)
-    return ImageTexture(pixels, FILTERS[kind], _wrap(plugin), _to_uv(importer, plugin), file.name)
+    return ImageTexture(pixels, FILTERS[kind], _wrap(plugin), _to_uv(importer, plugin), name)
 
 
-def _pixels(importer: Importer, plugin: Plugin, file: Path, raw: bool, channel: str) -> NDArray[np.float32]:
-    """(h, w, 3) or (h, w, 1) linear, read-only; the same file read in the same way is one array."""
-    key: tuple[Any, ...] = ("pixels", file, raw, channel)
-    if key not in importer.built:
-        try:
-            pixels = linear(read_texels(file), False if raw else None, channel)
-        except SceneError as problem:
-            raise SceneError(f"{plugin.element.where}: {problem}") from problem
-        except KeyError:
-            raise plugin.refuse(f"{file.name} has no channel {channel!r}") from None
-        pixels.flags.writeable = False
-        importer.built[key] = pixels
-    return importer.built[key]
+def _pixels(importer: Importer, named: Element, raw: bool, channel: str) -> tuple[NDArray[np.float32], str]:
+    """(h, w, 3) or (h, w, 1) linear, read-only, and the name of the file; the same file read in the same way is one array."""
+    images = importer.reader.images
+    file = images.file(named.located(named.attributes["value"]), importer.place)
+    srgb = images.texels[file].dtype.kind == "u" and not raw
+    try:
+        return images.linear(file, srgb, channel), file.name
+    except KeyError:
+        raise named.refuse_value(f"the image has no channel {channel!r}") from None
 
 
 def _wrap(plugin: Plugin) -> str:
@@ -139,7 +130,7 @@ def _to_uv(importer: Importer, plugin: Plugin) -> UVMatrix:
     su, sv = (plugin.number(name, default=both) for name in ("uscale", "vscale"))
     ou, ov = (plugin.number(name, default=0.0) for name in ("uoffset", "voffset"))
     if (ou and su != 1.0) or (ov and sv != 1.0):
-        importer.notes.add("scale and offset of a texture mean scale (uv + offset), as Mitsuba 3 reads such files", plugin.element)
+        importer.notes.add("scale and offset of a texture mean scale (uv + offset), as in Mitsuba 3", plugin.element)
     return IDENTITY if (su, sv, ou, ov) == (1.0, 1.0, 0.0, 0.0) else (su, 0.0, su * ou, 0.0, sv, sv * ov)
 
 
@@ -148,13 +139,13 @@ def _to_uv(importer: Importer, plugin: Plugin) -> UVMatrix:
 
 def _checkerboard(importer: Importer, plugin: Plugin, role: str) -> Checkerboard:
     colors: list[Triple] = []
-    for name, default in (("color0", 0.4), ("color1", 0.2)):
-        found = color_or_texture(importer, plugin, name, default=(default,) * 3, role=role)
+    for name, default in (("color0", Checkerboard().a), ("color1", Checkerboard().b)):
+        found = color_or_texture(importer, plugin, name, default=default, role=role)
         if not isinstance(found, tuple):
             raise plugin.refuse(f"{name}: a colour is wanted, not a texture")
         colors.append(found)
     plugin.read.add("line_width")
-    return Checkerboard(*colors, _to_uv(importer, plugin))
+    return Checkerboard(colors[0], colors[1], _to_uv(importer, plugin))
 
 
 def _scaled(importer: Importer, plugin: Plugin, role: str) -> Texture | Triple:

@@ -27,8 +27,8 @@ def numbers(element: Element, attribute: str, counts: tuple[int, ...]) -> list[f
     except ValueError:
         found = []
     if len(found) not in counts:
-        wanted = " or ".join(map(str, counts))
-        raise element.refuse(f'{attribute} = "{text[:80]}": must be {wanted} finite {"number" if counts == (1,) else "numbers"}')
+        wanted = "a finite number" if counts == (1,) else f"{' or '.join(map(str, counts))} finite numbers"
+        raise element.refuse(f'{attribute} = "{text[:80]}": must be {wanted}')
     return found
 
 
@@ -135,7 +135,7 @@ def nearest_orthogonal(linear: Matrix) -> Matrix:
 
 
 def cofactors(linear: Matrix) -> Matrix:
-    """det(A) A^-T: what normals are multiplied with, also where A has no inverse. Times the sign of det(A) it keeps their side."""
+    """det(A) A^-T, for normals, also where A has no inverse. Times the sign of det(A) it keeps their side."""
     a, b, c = linear.T
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
 
