@@ -162,7 +162,7 @@ class ShapeKind:
         if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)
-        _check_area(node, shape, context)
+        check_area(node, shape, context)
         if isinstance(shape, Mesh) and shape.uvs is None:
             if any(is_textured(context.table.materials[index].bsdf) for index in np.unique(shape.materials)):
                 context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
@@ -172,7 +172,7 @@ class ShapeKind:
         return SHAPES.schema()
 
 
-def _check_area(node: Located, shape: Shape, context: SceneReader) -> None:
+def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     """Counts degenerate triangles, and refuses an emitting material where they are all there is."""
     if isinstance(shape, Triangle):
         vertices, faces = np.array([shape.a, shape.b, shape.c]), np.array([[0, 1, 2]], np.int32)
