@@ -163,9 +163,8 @@ class ShapeKind:
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)
         check_area(node, shape, context)
-        if isinstance(shape, Mesh) and shape.uvs is None:
-            if any(is_textured(context.table.materials[index].bsdf) for index in np.unique(shape.materials)):
-                context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
+        if isinstance(shape, Mesh) and shape.uvs is None and _shows_texture(shape, context):
+            context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
         return shape
 
     def schema(self) -> dict[str, Any]:
@@ -187,3 +186,7 @@ def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     if emits.any() and not (emits & area).any():
         name = context.table.materials[int(materials[emits][0])].name
         raise node.refuse(f"material {name!r} emits, but the shape has no area")
+
+
+def _shows_texture(mesh: Mesh, context: SceneReader) -> bool:
+    return any(is_textured(context.table.materials[index].bsdf) for index in np.unique(mesh.materials))
