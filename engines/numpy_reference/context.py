@@ -16,7 +16,7 @@ from engines.numpy_reference.interaction import SurfaceInteraction, surface_inte
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.scene_lights import Lights
-from engines.numpy_reference.vectors import Array, Indices, Mask, norm
+from engines.numpy_reference.vectors import Array, Indices, Mask, dot, norm
 from engines.scene import Scene
 
 
@@ -60,22 +60,24 @@ class Context:
 
     def surface(self, origin: Array, direction: Array, hits: Nearest) -> SurfaceInteraction:
         """What lies where rays (3, n), all of which hit, have hit."""
-        return surface_interaction(self.geometry, origin, direction, hits, self.tracer.offset)
+        return surface_interaction(self.geometry, origin, direction, hits, self.tracer.offset, self.materials.placed)
 
     def unoccluded(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> Mask:
         """(n,) whether nothing lies between points of a surface and of lights, `distance` (inf too) away from them.
 
-        The ray starts off the surface and is aimed anew from there: parallel to the old direction it would meet a light
-        that is seen from the side much earlier than it ends.
+        The ray starts off the surface, on the side of the light, and is aimed anew from there: parallel to the old
+        direction it would meet a light that is seen from the side much earlier than it ends.
         """
         self.rays += direction.shape[1]
+        origin = surface.spawn(direction)
+        side = np.where(dot(surface.geometric, direction) < 0.0, -surface.offset, surface.offset)
         with np.errstate(invalid="ignore"):
-            aim = distance * direction - surface.offset * surface.geometric
+            aim = distance * direction - side * surface.geometric
             length = norm(aim)
             aim = np.where(np.isinf(distance), direction, aim / length)
         t_max = length * (1.0 - self.tracer.offset) - surface.offset
         t_max = np.where(np.isinf(distance), np.inf, t_max)
-        return ~self.tracer.occluded(surface.leave(), aim, t_max, self.check, surface.primitive_id)
+        return ~self.tracer.occluded(origin, aim, t_max, self.check, surface.primitive_id)
 
     def environment(self, direction: Array) -> Array:
         """(3, n) radiance of all lights at infinity together from unit directions."""

@@ -6,7 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, columns, pdf_solid_angle
+from engines.numpy_reference.shapes.interface import (
+    LocalGeometry,
+    ShapeSample,
+    TextureCoordinates,
+    columns,
+    pdf_solid_angle,
+    turn,
+)
 from engines.numpy_reference.vectors import EPSILON, Array, Indices, dot, frame, norm, unit
 from engines.scene import Cylinder
 
@@ -57,19 +64,27 @@ class Cylinders:
             t = np.where((root > 0.0) & (place >= 0.0) & (place <= length), np.minimum(root, t), t)
         return t
 
-    def _turn(self, index: Indices, point: Array) -> tuple[Array, Array, Array]:
+    def _about(self, index: Indices, point: Array) -> tuple[Array, Array, Array]:
         """(n,) angle about the axis, and the unit vectors (3, n) away from it and along increasing angle."""
         t1, t2 = (axis.take(index, axis=1) for axis in self._across)
         away = point - self._end.take(index, axis=1)
         x, y = dot(away, t1), dot(away, t2)
         distance = np.hypot(x, y)
-        return np.arctan2(y, x), (x * t1 + y * t2) / distance, (x * t2 - y * t1) / distance
+        return turn(y, x), (x * t1 + y * t2) / distance, (x * t2 - y * t1) / distance
 
     def interaction(self, index: Indices, origin: Array, direction: Array, point: Array) -> LocalGeometry:
         """The first coordinate is the share of a turn about the axis."""
-        _, outward, around = self._turn(index, point)
+        _, outward, around = self._about(index, point)
         radius = self._radius[index]
         return LocalGeometry(outward, outward, 2.0 * np.pi * radius * around, radius)
+
+    def coordinates(self, index: Indices, origin: Array, direction: Array, point: Array) -> TextureCoordinates:
+        """u runs around the axis, v along it."""
+        phi, _, around = self._about(index, point)
+        way, axis = self._way.take(index, axis=1), self._axis.take(index, axis=1)
+        v = dot(point - self._end.take(index, axis=1), axis) / self._length[index]
+        uv = np.stack([phi / (2.0 * np.pi), v])
+        return TextureCoordinates(uv, 2.0 * np.pi * self._radius[index] * around, way)
 
     def bounds(self) -> tuple[Array, Array]:
         """Tight: along an axis of the scene the circles at the ends reach as far as their two diameters along the frame."""
