@@ -73,7 +73,8 @@ def flat_shapes(kind, n, seed):
 
 
 def tubes(n, seed):
-    return [Cylinder(disk.center, triple(np.add(disk.center, disk.normal)), disk.radius / 2, 0) for disk in flat_shapes(Disk, n, seed)]
+    disks = flat_shapes(Disk, n, seed)
+    return [Cylinder(disk.center, triple(np.add(disk.center, disk.normal)), disk.radius / 2, 0) for disk in disks]
 
 
 def others(seed):

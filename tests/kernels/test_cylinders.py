@@ -137,7 +137,8 @@ def test_a_lane_samples_a_cylinder_as_the_reference_does():
 
     u0, u1 = np.random.default_rng(5).random((2, 500))
     point = np.array([2.0, -1.0, 3.0])
-    lights = renderer(scene([replace(TILTED, material=1)], [material(), material(emission=1.0, two_sided=True)]))._context.lights
+    held = scene([replace(TILTED, material=1)], [material(), material(emission=1.0, two_sided=True)])
+    lights = renderer(held)._context.lights
     seen = np.repeat(point[:, None], 500, axis=1)
     expected = lights.sample(np.zeros(500, int), seen, seen, u0, u1, u0)
     found = _sampled(parameters(TILTED), point, u0, u1)
