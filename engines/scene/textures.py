@@ -118,7 +118,7 @@ def _image(given: Given, context: Any) -> ImageTexture:
     node, written, name = given.at("image"), given["color_space"], str(given.node.path[-1])
     images, channel = context.images, given["channel"] or ""
     file = None if isinstance(node.value, np.ndarray) else images.file(node, context.place)
-    texels = _array(node) if file is None else images.texels[file]
+    texels = image_array(node) if file is None else images.texels[file]
     srgb = texels.dtype.kind == "u" if written is None else written == "srgb"
     try:
         pixels = _read_only(linear(texels, srgb, channel)) if file is None else images.linear(file, srgb, channel)
@@ -134,17 +134,19 @@ def _read_only(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     return pixels
 
 
-def _array(node: Located) -> NDArray[Any]:
-    """(h, w, c) of an array from Python."""
-    found = np.atleast_3d(node.value)
-    if node.value.ndim not in (2, 3) or found.shape[2] not in (1, 2, 3, 4) or 0 in found.shape:
-        raise node.refuse(f"array {node.value.shape}: must have the shape (h, w), or (h, w, c) with c from 1 to 4")
-    if found.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
-        raise node.refuse(f"array of {found.dtype}: must be uint8, uint16 or a kind of float")
-    with np.errstate(over="ignore"):
-        found = found if found.dtype.kind == "u" else found.astype(np.float32)
-    if not np.isfinite(found).all():
-        raise node.refuse("holds values that are infinite or not a number")
+def image_array(node: Located, channels: int = 0) -> NDArray[Any]:
+    """(h, w, c) of an array from Python: uint8, uint16 or finite float32. With `channels` c is that, and numbers are floats."""
+    found, kinds = np.atleast_3d(node.value), "f" if channels else "uf"
+    if node.value.ndim not in (2, 3) or found.shape[2] not in ((channels,) if channels else (1, 2, 3, 4)) or 0 in found.shape:
+        wanted = f"(h, w, {channels})" if channels else "(h, w), or (h, w, c) with c from 1 to 4"
+        raise node.refuse(f"array {node.value.shape}: must have the shape {wanted}")
+    if found.dtype.kind not in kinds or (found.dtype.kind == "u" and found.dtype.itemsize > 2):
+        raise node.refuse(f"array of {found.dtype}: must be {'floats' if channels else 'uint8, uint16 or floats'}")
+    if found.dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            found = found.astype(np.float32)
+        if not np.isfinite(found).all():
+            raise node.refuse("holds values that are infinite or not a number")
     return found
 
 

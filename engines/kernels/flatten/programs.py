@@ -6,7 +6,7 @@ up in textures. A material without wrappers and textures has none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from engines.kernels.flatten.lookups import Lookup
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
+from engines.scene.support import leaves
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
 """Those from BUMP on tilt the shading normal."""
@@ -52,21 +53,9 @@ def parts(wrapper: Any) -> Parts:
     raise TypeError(f"{type(wrapper).__name__} is no wrapper")
 
 
-def bsdfs_in(material: Material) -> Iterator[Any]:
-    """The wrappers and leaves of a material, each once."""
-    waiting, seen = [leaf_of(material)], set()
-    while waiting:
-        bsdf = waiting.pop()
-        if id(bsdf) not in seen:
-            seen.add(id(bsdf))
-            yield bsdf
-            if type(bsdf) in WRAPPERS:
-                waiting += parts(bsdf).of
-
-
 def leaves_in(material: Material) -> list[Any]:
-    """The leaves of a material: itself, where it has no wrapper."""
-    return [bsdf for bsdf in bsdfs_in(material) if type(bsdf) not in WRAPPERS]
+    """Where the wrappers of a material lead; its BSDF itself, where that is none."""
+    return [leaf or _BLACK for leaf in leaves(leaf_of(material))]
 
 
 def _constants(leaf: Any) -> list[float]:
@@ -185,10 +174,9 @@ class Programs:
     def features(self) -> dict[str, Any]:
         """The features that the materials in use bring."""
         used = [self.materials[index] for index in self.used]
-        leaves = [leaf for material in used for leaf in leaves_in(material)]
         kinds = {row[0] for row in self.nodes}
         return {
-            **leaf_features(leaves),
+            **leaf_features(leaf for material in used for leaf in leaves_in(material)),
             "emission": any(material.emits for material in used),
             "programs": bool(self),
             "textures": len(self.textures) > 0,

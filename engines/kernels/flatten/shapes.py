@@ -31,7 +31,7 @@ class AnalyticShape(NamedTuple):
     bounds: Callable[[Reals], tuple[Reals, Reals]]
     """Parameters (n, SHAPE_PARAMETERS) -> lowest and highest coordinates (n, 3)."""
     lane: Any
-    """Its module of `engines.kernels.lane.shapes`: `distance` and `interaction`."""
+    """Its module of `engines.kernels.lane.shapes`: `distance`, `intersection`, and `coordinates` of a point of it."""
 
 
 def _disk(shape: Disk, center: Reals) -> list[float]:

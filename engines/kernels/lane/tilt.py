@@ -65,16 +65,18 @@ def is_consistent(untilted, normal, wi):
 
 
 @inline
+def _tan2(a, b):
+    """The squared tangent of the angle between two unit vectors, 0 of equal ones; held below 1e30."""
+    across, cos, tiny = cross(a, b), dot(a, b), const(1e-30, a.x)
+    square = cos * cos
+    return dot(across, across) / select(square > tiny, square, tiny)
+
+
+@inline
 def terminator(outer, normal, wi):
     """The factor that softens the shadow's edge where `normal` is tilted from `outer` (Estevez, Lecocq and Stein 2019)."""
     zero, one, two, eight = const(0.0, wi.x), const(1.0, wi.x), const(2.0, wi.x), const(8.0, wi.x)
-    tiny = const(1e-30, wi.x)
-    cos, tilt = dot(outer, wi), dot(outer, normal)
-    square, tilt_square = cos * cos, tilt * tilt
-    square, tilt_square = select(square > tiny, square, tiny), select(tilt_square > tiny, tilt_square, tiny)
-    tan2, tilt_tan2 = (one - square) / square, (one - tilt_square) / tilt_square
-    alpha2 = tilt_tan2 / eight
+    alpha2 = _tan2(outer, normal) / eight
     alpha2 = select(alpha2 < one, alpha2, one)
-    alpha2 = select(alpha2 > zero, alpha2, zero)
-    tan2 = select(tan2 > zero, tan2, zero)
-    return two / (one + np.sqrt(one + alpha2 * tan2))
+    factor = two / (one + np.sqrt(one + alpha2 * _tan2(outer, wi)))
+    return select(alpha2 > zero, factor, one)
