@@ -60,7 +60,7 @@ def test_a_sphere_has_longitude_from_x_and_latitude_from_the_top():
 def test_a_disk_has_radius_and_angle_about_its_normal():
     t1, t2 = (t[:, 0] for t in frame(np.array([[0.0], [0.0], [-1.0]])))
     at = np.array([0.5 * t1, 1.5 * t2, -1.0 * t1, -2.0 * t2])
-    found = hits(Disk((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 2.0, 0), at + [0, 0, 3.0], np.tile([0, 0, -1.0], (4, 1)))
+    found = hits(Disk((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 2.0, 0), at + np.array([0.0, 0.0, 3.0]), np.tile([0, 0, -1.0], (4, 1)))
     assert np.allclose(found.uv.T, [(0.25, 0), (0.75, 0.25), (0.5, 0.5), (1.0, 0.75)], atol=1e-12)
 
 

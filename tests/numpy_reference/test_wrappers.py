@@ -7,12 +7,31 @@ from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import dot, unit
 from engines.scene import (
-    Blend, Bump, Checkerboard, Conductor, DirectionalLight, EnvironmentLight, ImageTexture, Mask, Material, Mixture, NormalMap,
-    Plane, Sides, Sphere,
+    Blend,
+    Bump,
+    Checkerboard,
+    Conductor,
+    DirectionalLight,
+    EnvironmentLight,
+    ImageTexture,
+    Mask,
+    Material,
+    Mixture,
+    NormalMap,
+    Plane,
+    Sides,
+    Sphere,
 )  # fmt: skip
 from tests.numpy_reference.bsdf_points import even_directions, points, polar
 from tests.numpy_reference.small_scenes import (
-    image, material, path_tracer, point_view, renderer, scene, whitted, z_score,
+    image,
+    material,
+    path_tracer,
+    point_view,
+    renderer,
+    scene,
+    whitted,
+    z_score,
 )  # fmt: skip
 
 RED, GREEN, BLUE = (Mixture(kd=tuple(0.5 * (i == j) for j in range(3))) for i in range(3))
