@@ -32,7 +32,7 @@ from engines.kernels.compile.records import (
     vectors,
 )
 
-BSDF_PARAMETERS = 11
+BSDF_PARAMETERS = 15
 LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
@@ -146,6 +146,13 @@ class RayBatch(LaneRecord):
     diffuse_albedo = vector()
     albedo = vector()
 
+    # where the scene has masks: the share of the surface that is there, and whether the sample goes straight through
+    opacity = real()
+    passing = flag()
+    # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
+    untilted_normal = vector()
+    outer_normal = vector()
+
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
 """Numbers of a lane, from the first on, that are its path."""
@@ -206,12 +213,12 @@ class PrimitiveRow(Row):
 
 
 class MaterialRow(Row):
-    """Sixteen numbers, one cache line in float32."""
+    """What every scene reads comes first, and the first parameters of the model in the same cache line."""
 
-    bsdf = reals(BSDF_PARAMETERS)  # of the model
     emission = vector()
     two_sided = real()
     model = real()
+    bsdf = reals(BSDF_PARAMETERS)  # of the model; of a program, of its first leaf
 
 
 class LightRow(Row):

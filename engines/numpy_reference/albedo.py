@@ -13,5 +13,6 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
     hits = context.closest(origin, direction)
     seen = np.zeros(origin.shape)
     arrived = np.flatnonzero(hits.primitive_id >= 0)
-    seen[:, arrived] = context.materials.albedo.take(context.geometry.material[hits.primitive_id[arrived]], axis=1)
+    at = context.surface(origin.take(arrived, axis=1), direction.take(arrived, axis=1), hits.take(arrived))
+    seen[:, arrived] = context.materials.albedo(at)
     return seen

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,10 +30,15 @@ class SurfaceInteraction(NamedTuple):
     primitive_id: Indices
     offset: Array
     """(n,) metres between the surface and the origins of rays that leave it."""
+    uv: Array | None = None
+    """(2, n) texture coordinates; None in scenes that need none."""
+    dp_dv: Array | None = None
+    """(3, n) derivative of the point by the shape's second coordinate; None in scenes that need none."""
 
     def take(self, lanes: Indices) -> SurfaceInteraction:
         """The interactions at some of the points."""
-        return SurfaceInteraction(*(field.take(lanes, axis=-1) for field in self))
+        taken: list[Any] = [None if field is None else field.take(lanes, axis=-1) for field in self]
+        return SurfaceInteraction(*taken)
 
     def leave(self, inwards: bool = False) -> Array:
         """(3, n) origins of rays that leave on the side where the ray came from, or on the other one."""

@@ -81,7 +81,7 @@ def _local(
     context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, shadows: bool
 ) -> Array:  # fmt: skip
     """(3, n) emission, the ambient term, and one sample of every light through the lobes that are no deltas."""
-    ambient = context.options["ambient"] * context.materials.diffuse.take(at.material, axis=1)
+    ambient = context.options["ambient"] * context.materials.diffuse(at)
     total = context.materials.emitted(at) + ambient
     lanes = np.flatnonzero(context.materials.has(at, Lobes.NON_SPECULAR))
     at, pixel = at.take(lanes), pixel[lanes]

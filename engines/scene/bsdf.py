@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, is_dataclass
+from dataclasses import fields as fields_of
 from typing import Any
 
 from engines.scene.metals import METALS
@@ -16,8 +17,8 @@ from engines.schema.kinds import Kind, color, one_of, within
 from engines.schema.yaml_file import Located
 
 __all__ = [
-    "Blend", "Bsdf", "Bump", "Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mask", "Mixture", "NormalMap", "Null", "Plastic",
-    "Principled", "Sides", "ThinDielectric", "Wrapper",
+    "Blend", "Bsdf", "Bump", "Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mask", "Mixture", "NormalMap", "Null",
+    "Plastic", "Principled", "Sides", "ThinDielectric", "Wrapper",
 ]  # fmt: skip
 
 SMOOTHEST = 1e-4
@@ -239,6 +240,45 @@ Bsdf = (
     Mixture | Diffuse | Conductor | Dielectric | ThinDielectric | Plastic | Principled | Null | CustomBSDF
     | Mask | Blend | Bump | NormalMap | Sides
 )  # fmt: skip
+
+
+def leaves(bsdf: Bsdf | None) -> Iterator[Bsdf]:
+    """The models of a BSDF below its wrappers, from left to right."""
+    if isinstance(bsdf, Blend):
+        yield from leaves(bsdf.a)
+        yield from leaves(bsdf.b)
+    elif isinstance(bsdf, Sides):
+        yield from leaves(bsdf.front)
+        yield from leaves(bsdf.back)
+    elif isinstance(bsdf, Mask | Bump | NormalMap):
+        yield from leaves(bsdf.of)
+    elif bsdf is not None:
+        yield bsdf
+
+
+def textures(bsdf: Any) -> Iterator[Texture]:
+    """The textures of a BSDF and of its wrappers, each as often as it stands there."""
+    if isinstance(bsdf, Texture):
+        yield bsdf
+    elif isinstance(bsdf, tuple):
+        for part in bsdf:
+            yield from textures(part)
+    elif is_dataclass(bsdf) and not isinstance(bsdf, CustomBSDF):
+        for item in fields_of(bsdf):
+            yield from textures(getattr(bsdf, item.name))
+
+
+def uses_uvs(bsdf: Bsdf | None) -> bool:
+    """Whether light depends on texture coordinates: by a texture, or by an anisotropic model, whose tangent follows them."""
+    return any(True for _ in textures(bsdf)) or any(map(_anisotropic, leaves(bsdf)))
+
+
+def _anisotropic(leaf: Bsdf) -> bool:
+    if isinstance(leaf, Conductor | Dielectric):
+        return leaf.alpha[0] != leaf.alpha[1]
+    return isinstance(leaf, Principled) and leaf.anisotropic != 0.0
+
+
 MODELS = {
     "conductor": _CONDUCTOR,
     "plugin": PluginKind("BSDF", "A BSDF of one's own; loaded with --allow-imports alone.", CustomBSDF),

@@ -10,51 +10,69 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.lookups import Lookup, color_parameters, number_parameter
 from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.lane.bsdf import conductor, mixture
 from engines.kernels.lane.bsdf.interface import LaneBSDF
 from engines.kernels.layout import MaterialRow
-from engines.scene import Conductor, CustomBSDF, Material
+from engines.scene import Color, Conductor, CustomBSDF, Material, Mixture
 from engines.scene.support import option_numbers
 
 MIXTURE, CONDUCTOR = range(2)
+SMOOTHEST = 1e-4
+"""The least roughness that a texture gives."""
 
 
 class BSDFModel(NamedTuple):
-    """A BSDF model in kernels."""
+    """A BSDF model in kernels. A *leaf* is a dataclass of `engines.scene` that is a model itself, and no wrapper."""
 
-    parameters: Callable[[Material], list[float]]
-    """Its numbers, at most BSDF_PARAMETERS."""
-    features: Callable[[Material], dict[str, bool]]
-    """Which features of a scene a material of this model brings."""
+    parameters: Callable[[Any], list[float | Lookup]]
+    """The numbers of a leaf, at most BSDF_PARAMETERS."""
+    features: Callable[[Any], dict[str, bool]]
+    """Which features of a scene a leaf of this model brings."""
     columns: Callable[[SceneFeatures], tuple[int, ...]]
     """Which of the numbers are read, where a scene holds these features."""
     lane: Callable[[SceneFeatures], Any]
     """Its lane functions (`engines.kernels.lane.bsdf.interface.LaneBSDF`), for a scene of these features."""
 
 
-def _mixture_parameters(material: Material) -> list[float]:
-    return [*material.kd, *material.ks, *material.kt, material.ior, float(material.fresnel)]
+def _positive(color: Color) -> bool:
+    """Whether a colour may be above 0 in some channel."""
+    return not isinstance(color, tuple) or max(color) > 0
 
 
-def _mixture_features(material: Material) -> dict[str, bool]:
+def _mixture_parameters(leaf: Mixture) -> list[float | Lookup]:
+    colors = (parameter for color in (leaf.kd, leaf.ks, leaf.kt) for parameter in color_parameters(color))
+    return [*colors, leaf.ior, float(leaf.fresnel)]
+
+
+def _mixture_features(leaf: Mixture) -> dict[str, bool]:
     return {
-        "diffuse": max(material.kd) > 0,
-        "specular_reflection": max(material.ks) > 0,
-        "specular_transmission": max(material.kt) > 0,
+        "diffuse": _positive(leaf.kd),
+        "specular_reflection": _positive(leaf.ks),
+        "specular_transmission": _positive(leaf.kt),
     }
 
 
-def _conductor_parameters(material: Material) -> list[float]:
-    metal = material.bsdf
-    assert isinstance(metal, Conductor)
-    return [*metal.eta, *metal.k, *metal.reflectance, *metal.alpha]
+def _conductor_parameters(leaf: Conductor) -> list[float | Lookup]:
+    return [*leaf.eta, *leaf.k, *color_parameters(leaf.reflectance), *_roughnesses(leaf.alpha)]
 
 
-def _conductor_features(material: Material) -> dict[str, bool]:
-    assert isinstance(material.bsdf, Conductor)
-    along, across = material.bsdf.alpha
-    return {"specular_reflection": along == 0, "tangents": along != across}
+def _conductor_features(leaf: Conductor) -> dict[str, bool]:
+    return {"specular_reflection": _smooth(leaf.alpha), "tangents": _anisotropic(leaf.alpha)}
+
+
+def _smooth(alpha: tuple[Any, Any]) -> bool:
+    return all(isinstance(a, int | float) and a == 0 for a in alpha)
+
+
+def _anisotropic(alpha: tuple[Any, Any]) -> bool:
+    along, across = alpha
+    return along is not across and along != across
+
+
+def _roughnesses(alpha: tuple[Any, Any]) -> list[float | Lookup]:
+    return [number_parameter(a, SMOOTHEST, 1.0) for a in alpha]
 
 
 MODELS: dict[int, BSDFModel] = {
@@ -71,11 +89,10 @@ def _plugin_model(functions: Any, n: int, reflection: bool, transmission: bool, 
         "specular_reflection": reflection, "specular_transmission": transmission, "tangents": tangents, "lobes": True,
     }  # fmt: skip
 
-    def parameters(material: Material) -> list[float]:
-        assert isinstance(material.bsdf, CustomBSDF)
-        return option_numbers(material.bsdf.options)
+    def parameters(leaf: CustomBSDF) -> list[float | Lookup]:
+        return [*option_numbers(leaf.options)]
 
-    return BSDFModel(parameters, lambda material: features, lambda features: columns, lambda features: lane)
+    return BSDFModel(parameters, lambda leaf: features, lambda features: columns, lambda features: lane)
 
 
 def _plugin_kind(bsdf: CustomBSDF) -> int:
@@ -85,37 +102,55 @@ def _plugin_kind(bsdf: CustomBSDF) -> int:
 
 
 KINDS: dict[type, Callable[[Any], int]] = {
-    type(None): lambda bsdf: MIXTURE,
-    Conductor: lambda bsdf: CONDUCTOR,
+    Mixture: lambda leaf: MIXTURE,
+    Conductor: lambda leaf: CONDUCTOR,
     CustomBSDF: _plugin_kind,
 }
-"""The model of each type of `Material.bsdf`."""
+"""The model of each type of leaf."""
 
 
-def model_of(material: Material) -> int:
-    """The kind of a material's BSDF model."""
-    return KINDS[type(material.bsdf)](material.bsdf)
+def leaf_of(material: Material) -> Any:
+    """A material's BSDF; the `Mixture` of its lobes where it has none."""
+    if material.bsdf is not None:
+        return material.bsdf
+    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
+
+
+def model_of(leaf: Any) -> int:
+    """The kind of a leaf's model."""
+    return KINDS[type(leaf)](leaf)
+
+
+def parameters_of(leaf: Any) -> list[float | Lookup]:
+    """The numbers of a leaf, as its model reads them."""
+    return MODELS[model_of(leaf)].parameters(leaf)
+
+
+def leaf_features(leaves: Iterable[Any]) -> dict[str, Any]:
+    """The features that these leaves bring."""
+    leaves = list(leaves)
+    found: dict[str, Any] = {"bsdfs": tuple(sorted({model_of(leaf) for leaf in leaves}))}
+    for leaf in leaves:
+        for name, held in MODELS[model_of(leaf)].features(leaf).items():
+            found[name] = found.get(name, False) or held
+    return found
 
 
 def material_rows(materials: Iterable[Material]) -> NDArray[np.float64]:
     """(n, numbers of a row), at least one row."""
-    rows = [
-        MaterialRow.packed(
-            bsdf=MODELS[model_of(m)].parameters(m), emission=m.emission, two_sided=m.two_sided, model=model_of(m)
+    rows = []
+    for material in materials:
+        leaf = leaf_of(material)
+        numbers = [0.0 if isinstance(number, Lookup) else number for number in parameters_of(leaf)]
+        rows.append(
+            MaterialRow.packed(
+                bsdf=numbers, emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
+            )
         )
-        for m in materials
-    ]
     return np.array(rows or np.zeros((1, MaterialRow.size)))
 
 
 def material_features(used: Iterable[Material]) -> dict[str, Any]:
     """The features that these materials bring."""
     used = list(used)
-    found: dict[str, Any] = {
-        "bsdfs": tuple(sorted({model_of(m) for m in used})),
-        "emission": any(m.emits for m in used),
-    }
-    for material in used:
-        for name, held in MODELS[model_of(material)].features(material).items():
-            found[name] = found.get(name, False) or held
-    return found
+    return {"emission": any(m.emits for m in used), **leaf_features(leaf_of(m) for m in used)}

@@ -78,7 +78,8 @@ class ConductorBSDF:
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         """The reflectance at normal incidence."""
-        return self._reflected(member, at, np.ones(member.size))
+        eta, k = (table.take(member, axis=1) for table in (self._eta, self._k))
+        return self._reflectance(member, at) * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
 
     def _reflected(self, member: Indices, at: SurfaceInteraction, cosine: Array) -> Array:
         """(3, n) reflectance of a mirror that is seen under this cosine."""

@@ -27,8 +27,9 @@ class MixtureBSDF:
         self._colors = [ColorParameter([getattr(leaf, name) for leaf in leaves]) for name in ("kd", "ks", "kt")]
         self._ior = np.array([leaf.ior for leaf in leaves], np.float64)
         self._fresnel = np.array([leaf.fresnel for leaf in leaves], bool)
-        present = [(color.largest > 0.0).any(axis=0) for color in self._colors]
-        self.lobes = sum((lit * lobe.value for lit, lobe in zip(present, LOBES, strict=True)), np.zeros(len(leaves), np.int64))
+        self.lobes = np.zeros(len(leaves), np.int64)
+        for color, lobe in zip(self._colors, LOBES, strict=True):
+            self.lobes += (color.largest > 0.0).any(axis=0) * lobe.value
 
     def sample(
         self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL

@@ -38,9 +38,7 @@ class PlasticBSDF:
         coats = [_smooth_coat(leaf.ior) if leaf.alpha == 0.0 else _rough_coat(leaf) for leaf in leaves]
         self._inside = np.array([coat.inside for coat in coats], np.float64)
         self._passes = np.array([coat.passes for coat in coats], np.float64).reshape(-1, NODES)
-        specular, base = (
-            np.clip(colour.mean, 0.0, 1.0).mean(axis=0) for colour in (self._reflectance, self._diffuse)
-        )
+        specular, base = (np.clip(colour.mean, 0.0, 1.0).mean(axis=0) for colour in (self._reflectance, self._diffuse))
         with np.errstate(invalid="ignore"):
             self._share = np.where(specular + base > 0.0, specular / (specular + base), 0.0)
 
@@ -170,10 +168,11 @@ def _rough_coat(leaf: Plastic) -> _Coat:
 
 @lru_cache(maxsize=64)
 def _tabulated(alpha: float, ior: float, beckmann: bool) -> _Coat:
-    """Means over the visible facets of each direction, by the midpoint rule."""
-    cosine = np.linspace(0.0, 1.0, NODES)
-    middle = (np.arange(NODES) + 0.5) / NODES
-    held, u0, u1 = (axis.reshape(-1) for axis in np.meshgrid(np.maximum(cosine, 1e-6), middle, middle, indexing="ij"))
+    """Means over the visible facets of each direction, by Gauss and Legendre's rule."""
+    cosine = np.maximum(np.linspace(0.0, 1.0, NODES), 1e-6)
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    draw, weights = 0.5 * (node + 1.0), 0.25 * np.outer(weight, weight).reshape(-1)
+    held, u0, u1 = (axis.reshape(-1) for axis in np.meshgrid(cosine, draw, draw, indexing="ij"))
     wo = np.stack([np.sqrt(1.0 - held**2), np.zeros(held.size), held])
     x, y, z = (np.broadcast_to(axis[:, None], wo.shape) for axis in np.eye(3))
     facets = Facets(Frame(x, y, z), wo, np.full((2, held.size), alpha), np.full(held.size, beckmann))
@@ -181,7 +180,7 @@ def _tabulated(alpha: float, ior: float, beckmann: bool) -> _Coat:
 
     def mean(share: Array, wi: Array, kept: Array) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(kept, share * facets.masking(wi), 0.0).reshape(NODES, -1).mean(axis=1)
+            return np.where(kept, share * facets.masking(wi), 0.0).reshape(NODES, -1) @ weights
 
     reflectance, c2 = fresnel_dielectric(dot(wo, m), np.full(held.size, ior))
     down = refracted(wo, m, c2, np.full(held.size, ior))

@@ -10,7 +10,7 @@ import numpy as np
 from engines.numpy_reference.bsdf import ggx
 from engines.numpy_reference.bsdf.facets import Facets
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, index_ratio, reflects, refracted, transmits
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, reflects, refracted, transmits
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.textures import ColorParameter, NumberParameter
 from engines.numpy_reference.vectors import Array, Indices, Mask, cosine_hemisphere, dot

@@ -15,7 +15,7 @@ from engines.scene import ThinDielectric
 
 
 class ThinDielectricBSDF:
-    """All panes of a scene. Light is reflected to and fro between both faces: R = F + (1 - F)^2 F / (1 - F^2) = 2 F / (1 + F)."""
+    """All panes of a scene. Light goes to and fro between both faces: R = F + (1 - F)^2 F / (1 - F^2) = 2 F / (1 + F)."""
 
     def __init__(self, leaves: Sequence[ThinDielectric]) -> None:
         self._ior = np.array([leaf.ior for leaf in leaves], np.float64)
