@@ -33,6 +33,17 @@ class SceneFeatures(NamedTuple):
     mesh_lights: bool = False
     """Some light is a mesh, of which a face is chosen."""
 
+    programs: bool = False
+    """Some material has a program: textures, or models wrapped by others."""
+    textures: bool = False
+    uvs: bool = False
+    """Some mesh that a program meets has texture coordinates."""
+    choices: bool = False
+    """Some program takes one way or the other by chance."""
+    masks: bool = False
+    tilts: bool = False
+    """Some program tilts the shading normal."""
+
     def only(self, *names: str) -> SceneFeatures:
         """The named features, and none of the others."""
         return SceneFeatures(**{name: getattr(self, name) for name in names})

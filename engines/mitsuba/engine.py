@@ -11,9 +11,11 @@ from engines.choices import SHADERS, Option, integer, one_of, resolve
 from engines.errors import Unsupported
 from engines.interface import FullPattern, Renderer, Settings
 from engines.mitsuba import library
+from engines.mitsuba.albedo import albedo_lacks
+from engines.mitsuba.bsdfs import members, model_of
 from engines.mitsuba.description import scene_lacks
 from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
-from engines.scene import Scene
+from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
@@ -89,7 +91,10 @@ class Engine:
             accelerator=resolve("accelerator", settings.accelerator, ACCELERATORS),
             precision=settings.precision or "float32",
         )
-        reason = self._settings_lack(chosen) or scene_lacks(scene) or library.lacking(self.variant)
+        reason = self._settings_lack(chosen) or scene_lacks(scene) or shader_lacks(scene, chosen.shader.name)
+        if reason is None and self.variant == library.SCALAR and chosen.shader.name == "depth_map":
+            reason = _depth_lacks(scene.camera)
+        reason = reason or library.lacking(self.variant)
         if reason is not None:
             raise Unsupported(reason)
         return chosen
@@ -123,6 +128,24 @@ def _scalar_lacks(shader: str, sampler: str) -> str | None:
         return (
             "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"
         )
+    return None
+
+
+def shader_lacks(scene: Scene, shader: str) -> str | None:
+    """What of a scene this shader lacks, which is ours and not Mitsuba's, or None."""
+    if shader == "albedo":
+        return albedo_lacks(scene)
+    if shader not in ("whitted", "no_shadows"):
+        return None
+    for material in scene.materials:
+        if any(isinstance(part, (Mask, Null, Principled)) for part in members(model_of(material))):
+            return f"material {material.name!r}: in Mitsuba {shader} has no masks, no null and no principled BSDFs"
+    return None
+
+
+def _depth_lacks(camera: Camera) -> str | None:
+    if isinstance(camera, ThinLens) or getattr(camera, "clip", (0.0,))[0] > 0.0:
+        return "Mitsuba's scalar variant measures depth_map from the eye, and not from where rays begin"
     return None
 
 

@@ -16,7 +16,7 @@ from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.mitsuba import rays
-from engines.mitsuba.description import camera_lacks
+from engines.mitsuba.cameras import camera_lacks
 from engines.mitsuba.library import LLVM, active
 from engines.mitsuba.scalar import Passes
 from engines.mitsuba.stage import staged

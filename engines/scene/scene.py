@@ -17,6 +17,7 @@ from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.mesh import Mesh
 from engines.scene.shapes import Shape, ShapeKind
+from engines.scene.textures import TexturesKind
 from engines.schema.keys import Given, Key, Record, by_name, list_of
 from engines.schema.kinds import TEXT, integer
 from engines.schema.yaml_file import Located
@@ -44,8 +45,9 @@ class MaterialsKind:
     """Materials by names of the user's own, which the context's table learns before the shapes are read."""
 
     def read(self, node: Located, context: Any = None) -> None:
-        for name, material in MATERIALS.read(node, context).items():
-            context.table.names[name] = context.table.add(material)
+        if node.value is not None and not isinstance(node.value, dict):
+            raise node.refuse("must be a mapping from names to materials")
+        context.table.declare(node.value or {}, context)
 
     def schema(self) -> dict[str, Any]:
         return MATERIALS.schema()
@@ -85,6 +87,7 @@ SCENE = Record("A scene.", {
     "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
     "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
     "camera": Key(CAMERA, "The camera."),
+    "textures": Key(TexturesKind(), "Textures by names of your own.", None),
     "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
     "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
     "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),

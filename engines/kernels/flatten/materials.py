@@ -1,4 +1,4 @@
-"""Materials as rows: the parameters of each one's BSDF model, and its emission."""
+"""BSDF models in kernels: the parameters of each leaf, and the features that it brings."""
 
 from __future__ import annotations
 
@@ -6,15 +6,11 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lookups import Lookup, color_parameters, number_parameter
 from engines.kernels.flatten.plugins import bsdf_functions, kind_of
 from engines.kernels.lane.bsdf import conductor, mixture
 from engines.kernels.lane.bsdf.interface import LaneBSDF
-from engines.kernels.layout import MaterialRow
 from engines.scene import Color, Conductor, CustomBSDF, Material, Mixture
 from engines.scene.support import option_numbers
 
@@ -134,23 +130,3 @@ def leaf_features(leaves: Iterable[Any]) -> dict[str, Any]:
         for name, held in MODELS[model_of(leaf)].features(leaf).items():
             found[name] = found.get(name, False) or held
     return found
-
-
-def material_rows(materials: Iterable[Material]) -> NDArray[np.float64]:
-    """(n, numbers of a row), at least one row."""
-    rows = []
-    for material in materials:
-        leaf = leaf_of(material)
-        numbers = [0.0 if isinstance(number, Lookup) else number for number in parameters_of(leaf)]
-        rows.append(
-            MaterialRow.packed(
-                bsdf=numbers, emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
-            )
-        )
-    return np.array(rows or np.zeros((1, MaterialRow.size)))
-
-
-def material_features(used: Iterable[Material]) -> dict[str, Any]:
-    """The features that these materials bring."""
-    used = list(used)
-    return {"emission": any(m.emits for m in used), **leaf_features(leaf_of(m) for m in used)}

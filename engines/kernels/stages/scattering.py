@@ -1,5 +1,7 @@
 """The BSDF at a vertex: its value and pdf for the light's direction, and a sample by this vertex's random numbers.
 
+Where a scene has masks or tilted normals, both act around the model's functions (docs/transport.md, "Wrappers").
+
 Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, each
 model has a stage of its own that runs only in batches of which some lane has hit it, and the shade stage loads the
 results.
@@ -7,6 +9,7 @@ results.
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -14,7 +17,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const
+from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.integrators.interface import Draws, SurfaceInteraction, Uses
@@ -27,10 +30,11 @@ from engines.kernels.lane.bsdf.interface import (
     Spectrum,
     no_sample,
 )
+from engines.kernels.lane.tilt import is_consistent, terminator
 from engines.kernels.lane.vector import Vec3, select3
 from engines.kernels.layout import LANES, ray_batch
 
-_FEATURES = ("diffuse", "specular_reflection", "specular_transmission", "tangents")
+_FEATURES = ("diffuse", "specular_reflection", "specular_transmission", "tangents", "masks", "tilts")
 
 
 @inline
@@ -47,12 +51,69 @@ def load_draws(rays, lane):
     return Draws(rays.draw[3, lane], rays.draw[4, lane], rays.draw[5, lane], rays.draw[6, lane])
 
 
+# ---- tilted normals and masks, around the functions of a model ---------------------------------------------------------
+
+
+@inline
+def _scaled(sample, factor):
+    weight = Spectrum(sample.weight.color, sample.weight.scale * factor)
+    return BSDFSample(sample.wi, weight, sample.pdf, sample.transmitted, sample.valid)
+
+
+@inline
+def _tilt_at(rays, lane, wi):
+    """(whether the lane's normals agree on the side of `wi`, the factor of what is scattered there)."""
+    untilted, normal = rays.untilted_normal[lane], rays.normal[lane]
+    return is_consistent(untilted, normal, wi), terminator(rays.outer_normal[lane], normal, wi)
+
+
+@inline
+def _tilted_sample(rays, lane, sample):
+    there, factor = _tilt_at(rays, lane, sample.wi)
+    found = _scaled(sample, factor)
+    return BSDFSample(found.wi, found.weight, found.pdf, found.transmitted, found.valid & there)
+
+
+@inline
+def _straight_on(si, share):
+    one = const(1.0, si.t)
+    return BSDFSample(si.direction, Spectrum(Vec3(one, one, one), share), const(math.inf, one), True, True)
+
+
+@inline
+def _select_sample(condition, yes, no):
+    return BSDFSample(
+        select3(condition, yes.wi, no.wi),
+        Spectrum(
+            select3(condition, yes.weight.color, no.weight.color), select(condition, yes.weight.scale, no.weight.scale)
+        ),
+        select(condition, yes.pdf, no.pdf),
+        select(condition, yes.transmitted, no.transmitted),
+        select(condition, yes.valid, no.valid),
+    )
+
+
+@inline
+def _masked_sample(rays, lane, si, sample):
+    """The model's sample as far as the surface is there, else the ray itself."""
+    found = BSDFSample(sample.wi, sample.weight, sample.pdf * rays.opacity[lane], sample.transmitted, sample.valid)
+    return _select_sample(rays.passing[lane], _straight_on(si, const(1.0, si.t)), found)
+
+
+@inline
+def _beyond_mask(rays, lane, si, transmission):
+    """Of the lobes apart: what a mask lets through takes the place of the refraction."""
+    one, opacity = const(1.0, si.t), rays.opacity[lane]
+    return _select_sample(opacity < one, _straight_on(si, one - opacity), transmission)
+
+
 @cache
 def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
     bsdf = MODELS[kind].lane(features)
     evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
     use_value, use_sample, use_specular, use_albedos = uses
+    masks, tilts = features.masks, features.tilts
 
     @inline
     def scatter(rays, lane, si, draws):
@@ -62,13 +123,31 @@ def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
         if use_value:
             value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
+            if tilts:
+                there, factor = _tilt_at(rays, lane, wi)
+                value = Spectrum(value.color, select(there, value.scale * factor, zero))
+                pdf = select(there, pdf, zero)
+            if masks:
+                value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
         if use_sample:
             sample = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, ALL)
+            if tilts:
+                sample = _tilted_sample(rays, lane, sample)
+            if masks:
+                sample = _masked_sample(rays, lane, si, sample)
         if use_specular:
             reflection = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_REFLECTION)
             transmission = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_TRANSMISSION)
+            if tilts:
+                reflection = _tilted_sample(rays, lane, reflection)
+                transmission = _tilted_sample(rays, lane, transmission)
+            if masks:
+                reflection = _scaled(reflection, rays.opacity[lane])
+                transmission = _beyond_mask(rays, lane, si, transmission)
         if use_albedos:
             diffuse, albedo = albedos(parameters, si)
+            if masks:
+                diffuse = diffuse * rays.opacity[lane]
             diffuse, albedo = select3(si.miss, none, diffuse), select3(si.miss, none, albedo)
         return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo)
 

@@ -64,8 +64,8 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
         return (1 << VERTEX_DRAWS) - 1
     light = 0b011 | (0b100 if features.many_lights or features.mesh_lights else 0)
     if shader.name != "path_tracer":
-        return light
-    several = features.lobes or features.specular_reflection or features.specular_transmission
+        return light | (0b1000 if features.choices else 0)
+    several = features.lobes or features.specular_reflection or features.specular_transmission or features.choices
     lobe = 0b1000 if several else 0
     roulette = 0b1000000 if shader.options["rr_depth"] < shader.options["max_depth"] else 0
     return light | lobe | 0b110000 | roulette
@@ -196,7 +196,7 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
 def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeatures:
     """What the stage of `integrator` is compiled for in a scene of these features."""
     lit = integrator.lit and len(features.lights) > 0
-    both = features.specular_reflection and features.specular_transmission
+    both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
     return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows)
 
