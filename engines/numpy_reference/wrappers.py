@@ -127,8 +127,8 @@ def _share(bsdf: Any) -> Any:
 
 
 def _needs_coordinates(value: Any) -> bool:
-    """Whether a BSDF has textures anywhere in it."""
-    if isinstance(value, _TEXTURES):
+    """Whether a BSDF is a wrapper, or has textures anywhere in it."""
+    if isinstance(value, (*_WRAPPERS, *_TEXTURES)):
         return True
     if isinstance(value, tuple):
         return any(map(_needs_coordinates, value))

@@ -211,7 +211,7 @@ def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
     """`several`: the scene has several models."""
     textures, uvs, tangents = features.textures, features.uvs, features.tangents
     choices, masks, tilts = features.choices, features.masks, features.tilts
-    located, below_one = textures or uvs, 1.0 - float(np.finfo(real).epsneg)
+    located, below_one = textures or uvs or tangents, 1.0 - float(np.finfo(real).epsneg)
     coordinates, walk = _make_coordinates(features), _make_walk(features)
 
     @inline
@@ -241,8 +241,11 @@ def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
             rays.normal[lane] = state.frame.normal
             rays.untilted_normal[lane] = state.before
             rays.outer_normal[lane] = frame.normal
-        if tangents and ((tilts and state.tilts > 0) or (uvs and rays.shape[lane] < SPHERE)):
-            rays.tangent[lane] = state.frame.dp_du
+        if tangents:
+            node = scene.nodes[first]
+            plain = np.int64(node.kind) == LEAF and node.value == 0.0  # here for the coordinates of a mesh alone
+            if not (plain and rays.shape[lane] == PLANE):
+                rays.tangent[lane] = state.frame.dp_du
 
     def material(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
