@@ -7,6 +7,7 @@ Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,7 +30,8 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order)."""
+    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order). `shader`
+    is a choice of a shader that the file suggests, where it does."""
 
     name: str
     camera: Camera
@@ -39,6 +41,7 @@ class Scene:
     content_hash: str
     source: str = ""
     warnings: tuple[str, ...] = field(default=())
+    shader: Mapping[str, Any] | None = None
 
 
 class MaterialsKind:
@@ -59,11 +62,11 @@ def _scene(given: Given, context: SceneReader) -> Scene:
     return Scene(
         name=given["name"] or context.name, camera=camera, materials=tuple(materials), shapes=tuple(shapes),
         lights=tuple(lights), content_hash=content_hash(camera, materials, shapes, lights), source=context.source,
-        warnings=tuple(_warnings(context, shapes, lights)),
+        warnings=tuple(scene_warnings(context, shapes, lights)),
     )  # fmt: skip
 
 
-def _warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
+def scene_warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
     """A sentence each for what is legal but rarely meant."""
     found = list(dict.fromkeys(context.warnings))
     if not shapes:

@@ -58,7 +58,7 @@ class SceneKind:
             path = paths.find("scenes", given, context)
         except ConfigError as error:
             raise node.origin.error(f"{node.where}: {error}") from error
-        bare = "/" not in given and not given.endswith((".yaml", ".yml"))
+        bare = "/" not in given and not given.endswith((".yaml", ".yml", ".xml"))
         return SceneFile(given if bare else path.stem, str(path))
 
     def schema(self) -> Schema:
