@@ -31,6 +31,7 @@ from engines.kernels.compile.records import (
     vector,
     vectors,
 )
+from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
 BSDF_PARAMETERS = 15
 LIGHT_PARAMETERS = 8
@@ -111,8 +112,9 @@ class RayBatch(LaneRecord):
     occluded = integer()  # 1 or 0: loops that join flags cost more than those that select numbers
     direct = vector()  # added to the radiance if the shadow ray is free
 
-    # a second ray that leaves `shadow_origin` later
+    # a second ray that leaves later, on the side where the viewer is
     branch = flag()
+    branch_origin = vector()
     branch_direction = vector()
     branch_throughput = vector()
 
@@ -221,6 +223,12 @@ class MaterialRow(Row):
     bsdf = reals(BSDF_PARAMETERS)  # of the model; of a program, of its first leaf
 
 
+class LeafRow(Row):
+    """The parameters of a model, 0 where they are looked up."""
+
+    bsdf = reals(BSDF_PARAMETERS)
+
+
 class LightRow(Row):
     """Parameters depend on the kind: see `engines.kernels.flatten.lights`."""
 
@@ -240,7 +248,8 @@ class RangeRow(Row):
 
 class CameraRow(Row):
     """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
-    half angles are given."""
+    half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from
+    the left, and at `middle_y / 2` of the height, from the top."""
 
     dtype = np.float64
     eye = vector()
@@ -251,6 +260,13 @@ class CameraRow(Row):
     height = real()
     half_angle_x = real()
     half_angle_y = real()
+    middle_x = real()
+    middle_y = real()
+    near = real()  # distances along the axis of view, of cameras that clip
+    far = real()
+    lens_right = vector()  # as long as the radius of the aperture
+    lens_up = vector()
+    focus_distance = real()
 
 
 class MarginRow(Row):
@@ -295,6 +311,17 @@ class SceneTable(Table):
     environment_rows = array(np.float64)  # cumulative
     environment_columns = array(np.float64)
     environment_radiance = vectors(REAL)  # one, of a constant environment
+
+    bsdf_tables = array(REAL)  # of BSDFs that read some, one behind the other
+
+    # where some material in use has a program
+    programs = array(np.int32)  # a material: its first node, -1 for none
+    nodes = rows(NodeRow)
+    leaves = rows(LeafRow)
+    lookups = rows(LookupRow)
+    textures = rows(TextureRow)
+    texels = array(np.int64)  # addresses of the images, float32
+    vertex_uvs = rows(UVRow)
 
     # set by the renderer
     camera = rows(CameraRow)
@@ -344,7 +371,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow",
-    "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable", "SphereRow", "TriangleRow",
-    "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LeafRow", "LightRow",
+    "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
+    "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
+    "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

@@ -29,8 +29,8 @@ class ColorParameter:
         self.largest = self._constant.copy()
         self.largest[:, self.textured] = self._textures.largest(_largest_color, (3, -1))
         self.mean = self._constant.copy()
-        """(3, m) over the texels of an image as they are, over both colours of a checkerboard."""
-        self.mean[:, self.textured] = self._textures.each(mean_color, (3, -1))
+        """(3, m) over the texels of an image, each held in the range, or over both colours of a checkerboard."""
+        self.mean[:, self.textured] = self._textures.each(lambda texture: _mean_color(texture, high), (3, -1))
 
     def __call__(self, member: Indices, at: SurfaceInteraction) -> Array:
         """(3, n) of the members (n,) at n points."""
@@ -124,11 +124,11 @@ def gradient(texture: ImageTexture, uv: Array) -> tuple[Array, Array]:
     return m[0] * du + m[3] * dv, m[1] * du + m[4] * dv
 
 
-def mean_color(texture: Texture) -> Array:
-    """(3,) over the texels of an image, or over the two colours of a checkerboard."""
+def _mean_color(texture: Texture, high: float) -> Array:
+    """(3,) of the colours held in [0, `high`]."""
     if isinstance(texture, Checkerboard):
-        return 0.5 * (np.array(texture.a) + np.array(texture.b))
-    return np.broadcast_to(texture.pixels.mean(axis=(0, 1), dtype=np.float64), (3,))
+        return 0.5 * (np.clip(texture.a, 0.0, high) + np.clip(texture.b, 0.0, high))
+    return np.broadcast_to(np.clip(texture.pixels, 0.0, high).mean(axis=(0, 1), dtype=np.float64), (3,))
 
 
 def _largest_color(texture: Texture) -> Array:

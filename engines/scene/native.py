@@ -98,7 +98,7 @@ def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Sc
 def _unimported(file: Path, found: Native) -> Scene:
     camera = Perspective((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 40.0, "y", found.size)
     warnings = (f"only engines that take Mitsuba's files as they are render it: {found.refusal}",)
-    return Scene(file.stem, camera, (), (), (), found.digest, str(file), warnings, found)
+    return Scene(file.stem, camera, (), (), (), found.digest, str(file), warnings, native=found)
 
 
 def _walk(element: Element, depth: int = 0) -> Iterator[tuple[int, Element]]:

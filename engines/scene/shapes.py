@@ -15,6 +15,7 @@ from engines.scene.mesh import MESH, Mesh
 from engines.scene.procedural import PROCEDURAL
 from engines.scene.sphere_set import SphereSet
 from engines.scene.triple import Triple
+from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
 from engines.schema.kinds import DIRECTION, POINT, POSITIVE, TEXT
 from engines.schema.yaml_file import Located
@@ -104,6 +105,19 @@ class Cylinder:
         return np.stack([ends.min(axis=0) - extent, ends.max(axis=0) + extent])
 
 
+def _cylinder(given: Given, context: SceneReader) -> Cylinder:
+    fields.towards(given.at("p1"), given["p0"], "p0")
+    assert context.material is not None
+    return Cylinder(**given.values, material=context.material)
+
+
+_END = Key(POINT, "An end of the axis.", unit="metres")
+_CYLINDER = Record(
+    "The side of a cylinder, open at both ends. Its outside is the front.",
+    {"p0": _END, "p1": _END, "radius": _RADIUS}, _cylinder,
+)  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class Triangle:
     """Counter-clockwise seen from the front: the normal is (b - a) x (c - a)."""
@@ -126,6 +140,7 @@ Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
 SHAPES = Variants("shape", {
     "sphere": _SPHERE,
     "disk": _DISK,
+    "cylinder": _CYLINDER,
     "plane": _PLANE,
     "triangle": _TRIANGLE,
     "mesh": MESH,
@@ -143,14 +158,14 @@ class ShapeKind:
         if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)
-        _check_area(node, shape, context)
+        check_area(node, shape, context)
         return shape
 
     def schema(self) -> dict[str, Any]:
         return SHAPES.schema()
 
 
-def _check_area(node: Located, shape: Shape, context: SceneReader) -> None:
+def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     """Counts degenerate triangles, and refuses an emitting material where they are all there is."""
     if isinstance(shape, Triangle):
         vertices, faces = np.array([shape.a, shape.b, shape.c]), np.array([[0, 1, 2]], np.int32)

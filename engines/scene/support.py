@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from engines.scene.bsdf import CustomBSDF
+from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Sides
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.scene import Scene
@@ -19,8 +19,29 @@ def refusal_of(scene: Scene) -> str | None:
 def plugins(scene: Scene) -> list[tuple[str, Any]]:
     """What each plugin of the scene is ("camera", "light" or "BSDF"), and the plugin."""
     parts = [("camera", scene.camera), *(("light", light) for light in scene.lights)]
-    parts += [("BSDF", material.bsdf) for material in scene.materials]
+    parts += [("BSDF", bsdf) for material in scene.materials for bsdf in leaves(material.bsdf)]
     return [(what, part.plugin) for what, part in parts if isinstance(part, CustomCamera | CustomLight | CustomBSDF)]
+
+
+def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
+    """Where wrappers lead, each BSDF once: a BSDF that is no wrapper leads to itself, a side without one to None."""
+    found: dict[int, Bsdf | None] = {}
+    waiting, seen = [bsdf], set[int]()
+    while waiting:
+        bsdf = waiting.pop()
+        if id(bsdf) in seen:
+            continue
+        seen.add(id(bsdf))
+        match bsdf:
+            case Sides(front, back):
+                waiting += [back, front]
+            case Blend(_, a, b):
+                waiting += [b, a]
+            case Mask(of=of) | Bump(of=of) | NormalMap(of=of):
+                waiting.append(of)
+            case _:
+                found[id(bsdf)] = bsdf
+    return list(found.values())
 
 
 def plugin_without(scene: Scene, half: str) -> str | None:
