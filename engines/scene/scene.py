@@ -7,6 +7,8 @@ Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights 
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,7 +31,12 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order)."""
+    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order). `shader`
+    is a choice of a shader that the file suggests, where it does.
+
+    `native` is the Mitsuba file that the scene came from (`engines.scene.native`). Where that says why it cannot be imported,
+    the rest stands for nothing: engines that do not take such files decline it in those words.
+    """
 
     name: str
     camera: Camera
@@ -39,6 +46,15 @@ class Scene:
     content_hash: str
     source: str = ""
     warnings: tuple[str, ...] = field(default=())
+    shader: Mapping[str, Any] | None = None
+    native: Any = None
+
+    @property
+    def identity(self) -> str:
+        """What identifies a request for images of the scene: its content, and that of the file it came from."""
+        if self.native is None:
+            return self.content_hash
+        return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
 
 
 class MaterialsKind:
@@ -59,11 +75,11 @@ def _scene(given: Given, context: SceneReader) -> Scene:
     return Scene(
         name=given["name"] or context.name, camera=camera, materials=tuple(materials), shapes=tuple(shapes),
         lights=tuple(lights), content_hash=content_hash(camera, materials, shapes, lights), source=context.source,
-        warnings=tuple(_warnings(context, shapes, lights)),
+        warnings=tuple(scene_warnings(context, shapes, lights)),
     )  # fmt: skip
 
 
-def _warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
+def scene_warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
     """A sentence each for what is legal but rarely meant."""
     found = list(dict.fromkeys(context.warnings))
     if not shapes:

@@ -158,14 +158,14 @@ class ShapeKind:
         if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)
-        _check_area(node, shape, context)
+        check_area(node, shape, context)
         return shape
 
     def schema(self) -> dict[str, Any]:
         return SHAPES.schema()
 
 
-def _check_area(node: Located, shape: Shape, context: SceneReader) -> None:
+def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     """Counts degenerate triangles, and refuses an emitting material where they are all there is."""
     if isinstance(shape, Triangle):
         vertices, faces = np.array([shape.a, shape.b, shape.c]), np.array([[0, 1, 2]], np.int32)
