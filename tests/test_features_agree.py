@@ -11,6 +11,7 @@ from engines.scene import (
     Bump,
     Checkerboard,
     Conductor,
+    Cylinder,
     Disk,
     EnvironmentLight,
     ImageTexture,
@@ -88,6 +89,8 @@ def test_path_tracer_with_textures_on_every_shape_under_every_wrapper():
         Disk((-0.9, 0.6, 0.7), (0.6, -0.8, 0.0), 0.6, 4),
         quad([(0.9, -0.9, 0.0), (1.5, -0.8, 0.1), (1.4, -0.7, 0.9), (0.8, -0.8, 0.8)], 6, UVS),
         Plane((0.0, 0.0, 4.0), (0.36, 0.48, 0.8), 5),
+        Cylinder((-0.4, 1.0, 1.9), (0.6, 0.6, 1.7), 0.3, 3),
+        Cylinder((-0.2, -1.2, 0.1), (0.2, -1.3, 0.5), 0.2, 1),
         Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, 7),
     ]
     floor = Mixture(kd=Checkerboard((0.8, 0.3, 0.2), (0.2, 0.3, 0.8), TURNED))

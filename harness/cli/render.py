@@ -60,7 +60,7 @@ def render(request: Request) -> Film:
     require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
     settings = _settings(request)
-    scene = load_scene(path, allow_imports=request.allow_imports)
+    scene = load_scene(path, allow_imports=request.allow_imports, natively=True)
     console = consoles()[1]
     for warning in scene.warnings:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
@@ -75,7 +75,7 @@ def render(request: Request) -> Film:
     start = perf_counter()
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
-    provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
+    provenance = _provenance(request, settings, scene.identity, engine, seconds)
     film.save(output, provenance=provenance, tone_mapper=mapper)
     _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
