@@ -184,7 +184,7 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
         m = half_vector(wo, wi * select(reflects, one, of.e)) if transmission else half_vector(wo, wi)
         m = m * select(m.z < zero, -one, one)
         out, into = dot(wo, m), dot(wi, m)
-        f = fresnel_dielectric(abs(out), of.e).reflectance  # a cosine below 0, where nothing is scattered, would be 0/0 at eta 1
+        f = fresnel_dielectric(abs(out), of.e).reflectance  # below 0 nothing is scattered; 0/0 at eta 1
         facets = ggx_density(m, of.ax, of.ay) * ggx_masking(wo, of.ax, of.ay) / wo.z
         shadowing = ggx_masking(wi, of.ax, of.ay)
         through = of.glass * (one - f)
