@@ -231,6 +231,14 @@ def test_principled_glass_and_metal_are_those_of_the_models_of_their_own():
     assert np.allclose(*(evaluated(one, wo, wi) for one in metal), rtol=1e-9)
 
 
+def test_principled_surfaces_without_contrast_reflect_nothing_unless_they_transmit():
+    """As Mitsuba has it: an index of 1 leaves the base alone, and is 1.001 where spec_trans is not 0."""
+    wo, wi = even_directions(500, 28), even_directions(500, 29, sphere=True)
+    assert not evaluated(of(Principled(eta=1.0, metallic=1.0)), wo, wi).any()
+    one, other = (evaluated(of(replace(JELLY, eta=eta)), wo, wi) for eta in (1.0, 1.001))
+    assert np.array_equal(one, other) and (one > 0.0).any()
+
+
 def test_opaque_models_are_the_same_on_both_sides():
     wo, wi, draws = even_directions(500, 18), even_directions(500, 19), np.random.default_rng(20).random((3, 500))
     for model in ("worn", "varnish", "wax", "paint"):
