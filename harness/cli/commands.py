@@ -52,6 +52,13 @@ AllowImports = Annotated[
 AllowCommands = Annotated[
     bool, typer.Option("--allow-commands", help="Run the programs that renderers' files name. Only if you trust them.")
 ]
+AllowOutside = Annotated[
+    bool, typer.Option("--allow-outside", help="Read files outside of the scene's folder where the scene names them.")
+]
+Define = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option("-D", metavar="NAME=VALUE", help="A value of $NAME in a Mitsuba file. May be repeated."),
+]
 
 
 @app.command()
@@ -110,7 +117,10 @@ def reference(
 def render(
     scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
     engine: Annotated[str, typer.Option(help="`raybench list` names them.")] = "numba",
-    shader: Annotated[str, typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'.")] = "path_tracer",
+    shader: Annotated[
+        str,
+        typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'. [default: the scene's, else path_tracer]"),
+    ] = "",
     sampler: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "sobol",
     accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
     threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
@@ -120,17 +130,19 @@ def render(
     precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
     tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard, aces or module:attribute; for .png.")] = "srgb",
     output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
+    define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
 ) -> None:
     """Render one image: .exr (linear, with variance and both halves) or .png."""
-    from harness.cli.render import Request
+    from harness.cli.render import Request, parameters_of
     from harness.cli.render import render as rendered
 
     chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
     rendered(
         Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
-                allow_commands)
+                allow_commands, allow_outside, parameters_of(define or []))
     )  # fmt: skip
 
 
@@ -323,14 +335,17 @@ def export(
     output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
     max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
+    define: Define = None,
     allow_imports: AllowImports = False,
+    allow_outside: AllowOutside = False,
 ) -> None:
     """Write a scene for another renderer, with its camera and a path integrator."""
     from engines.export import export as exported
     from engines.scene import load_scene
+    from harness.cli.render import parameters_of
     from harness.config import paths
 
-    held = load_scene(paths.find("scenes", scene), allow_imports=allow_imports)
+    held = load_scene(paths.find("scenes", scene), allow_imports, allow_outside, parameters_of(define or []))
     typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
 
 
