@@ -60,7 +60,7 @@ def _push(rays, stacks, lane, capacity):
     if waiting >= capacity:
         return False
     top = stacks[waiting]
-    top.origin[lane] = rays.shadow_origin[lane]
+    top.origin[lane] = rays.branch_origin[lane]
     top.direction[lane] = rays.branch_direction[lane]
     top.throughput[lane] = rays.branch_throughput[lane]
     top.depth[lane] = rays.depth[lane]

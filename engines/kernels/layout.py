@@ -112,8 +112,9 @@ class RayBatch(LaneRecord):
     occluded = integer()  # 1 or 0: loops that join flags cost more than those that select numbers
     direct = vector()  # added to the radiance if the shadow ray is free
 
-    # a second ray that leaves `shadow_origin` later
+    # a second ray that leaves later, on the side where the viewer is
     branch = flag()
+    branch_origin = vector()
     branch_direction = vector()
     branch_throughput = vector()
 
@@ -310,6 +311,8 @@ class SceneTable(Table):
     environment_rows = array(np.float64)  # cumulative
     environment_columns = array(np.float64)
     environment_radiance = vectors(REAL)  # one, of a constant environment
+
+    bsdf_tables = array(REAL)  # of BSDFs that read some, one behind the other
 
     # where some material in use has a program
     programs = array(np.int32)  # a material: its first node, -1 for none

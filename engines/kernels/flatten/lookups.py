@@ -1,4 +1,4 @@
-"""Parameters of BSDF models that a texture may give."""
+"""Parameters of BSDF models that are no plain numbers: what a texture gives, and tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,16 @@ class Lookup(NamedTuple):
     high: float
 
 
-def color_parameters(value: Color, high: float = 1.0) -> list[float | Lookup]:
+class Table(NamedTuple):
+    """Numbers that a model reads in `SurfaceInteraction.tables`; its parameter is the place of the first."""
+
+    numbers: tuple[float, ...]
+
+
+Parameter = float | Lookup | Table
+
+
+def color_parameters(value: Color, high: float = 1.0) -> list[Parameter]:
     """Three parameters: the constant colour, or lookups."""
     if isinstance(value, tuple):
         return [float(channel) for channel in value]

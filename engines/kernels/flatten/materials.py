@@ -6,15 +6,37 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from engines.kernels.features import SceneFeatures
-from engines.kernels.flatten.lookups import Lookup, color_parameters, number_parameter
+from engines.kernels.flatten.lookups import Parameter, Table, color_parameters, number_parameter
 from engines.kernels.flatten.plugins import bsdf_functions, kind_of
-from engines.kernels.lane.bsdf import conductor, mixture
+from engines.kernels.flatten.rough_coats import diffuse_reflectance, rough_coat
+from engines.kernels.lane.bsdf import conductor, dielectric, mixture, null, plastic, principled
 from engines.kernels.lane.bsdf.interface import LaneBSDF
-from engines.scene import Color, Conductor, CustomBSDF, Material, Mixture
+from engines.kernels.lane.microfacet import BECKMANN, GGX
+from engines.scene import (
+    Checkerboard,
+    Color,
+    Conductor,
+    CustomBSDF,
+    Dielectric,
+    Diffuse,
+    ImageTexture,
+    Material,
+    Mixture,
+    Null,
+    Number,
+    Plastic,
+    Principled,
+    ThinDielectric,
+)
 from engines.scene.support import option_numbers
 
-MIXTURE, CONDUCTOR = range(2)
+(
+    MIXTURE, CONDUCTOR, BECKMANN_CONDUCTOR, SMOOTH_DIELECTRIC, GGX_DIELECTRIC, BECKMANN_DIELECTRIC, THIN_DIELECTRIC,
+    SMOOTH_PLASTIC, GGX_PLASTIC, BECKMANN_PLASTIC, PRINCIPLED, NULL,
+) = range(12)  # fmt: skip
 SMOOTHEST = 1e-4
 """The least roughness that a texture gives."""
 
@@ -22,7 +44,7 @@ SMOOTHEST = 1e-4
 class BSDFModel(NamedTuple):
     """A BSDF model in kernels. A *leaf* is a dataclass of `engines.scene` that is a model itself, and no wrapper."""
 
-    parameters: Callable[[Any], list[float | Lookup]]
+    parameters: Callable[[Any], list[Parameter]]
     """The numbers of a leaf, at most BSDF_PARAMETERS."""
     features: Callable[[Any], dict[str, bool]]
     """Which features of a scene a leaf of this model brings."""
@@ -32,74 +54,224 @@ class BSDFModel(NamedTuple):
     """Its lane functions (`engines.kernels.lane.bsdf.interface.LaneBSDF`), for a scene of these features."""
 
 
-def _positive(color: Color) -> bool:
-    """Whether a colour may be above 0 in some channel."""
-    return not isinstance(color, tuple) or max(color) > 0
+def _fixed(
+    parameters: Callable[[Any], list[Parameter]],
+    features: Callable[[Any], dict[str, bool]],
+    read: Iterable[int],
+    lane: LaneBSDF | Callable[[SceneFeatures], LaneBSDF],
+) -> BSDFModel:
+    """A model that reads the same numbers in every scene."""
+    columns = tuple(read)
+    of_scene = (lambda features: lane) if isinstance(lane, LaneBSDF) else lane
+    return BSDFModel(parameters, features, lambda features: columns, of_scene)
 
 
-def _mixture_parameters(leaf: Mixture) -> list[float | Lookup]:
-    colors = (parameter for color in (leaf.kd, leaf.ks, leaf.kt) for parameter in color_parameters(color))
-    return [*colors, leaf.ior, float(leaf.fresnel)]
+def _is_constant(value: Color | Number, wanted: float) -> bool:
+    """Whether it is this number, or this in every channel, and no texture."""
+    values = value if isinstance(value, tuple) else (value,)
+    return all(isinstance(x, int | float) and x == wanted for x in values)
 
 
-def _mixture_features(leaf: Mixture) -> dict[str, bool]:
-    return {
-        "diffuse": _positive(leaf.kd),
-        "specular_reflection": _positive(leaf.ks),
-        "specular_transmission": _positive(leaf.kt),
-    }
-
-
-def _conductor_parameters(leaf: Conductor) -> list[float | Lookup]:
-    return [*leaf.eta, *leaf.k, *color_parameters(leaf.reflectance), *_roughnesses(leaf.alpha)]
-
-
-def _conductor_features(leaf: Conductor) -> dict[str, bool]:
-    return {"specular_reflection": _smooth(leaf.alpha), "tangents": _anisotropic(leaf.alpha)}
-
-
-def _smooth(alpha: tuple[Any, Any]) -> bool:
-    return all(isinstance(a, int | float) and a == 0 for a in alpha)
-
-
-def _anisotropic(alpha: tuple[Any, Any]) -> bool:
+def _anisotropic(alpha: tuple[Number, Number]) -> bool:
     along, across = alpha
     return along is not across and along != across
 
 
-def _roughnesses(alpha: tuple[Any, Any]) -> list[float | Lookup]:
+def _roughnesses(alpha: tuple[Number, Number]) -> list[Parameter]:
     return [number_parameter(a, SMOOTHEST, 1.0) for a in alpha]
+
+
+def _colors(*colors: Color) -> list[Parameter]:
+    return [parameter for color in colors for parameter in color_parameters(color)]
+
+
+# ---- kd, ks, kt --------------------------------------------------------------------------------------------------------
+
+
+def _mixture_parameters(leaf: Mixture | Diffuse) -> list[Parameter]:
+    if isinstance(leaf, Diffuse):
+        leaf = Mixture(leaf.reflectance)
+    return [*_colors(leaf.kd, leaf.ks, leaf.kt), leaf.ior, float(leaf.fresnel)]
+
+
+def _mixture_features(leaf: Mixture | Diffuse) -> dict[str, bool]:
+    if isinstance(leaf, Diffuse):
+        leaf = Mixture(leaf.reflectance)
+    ks, kt = not _is_constant(leaf.ks, 0), not _is_constant(leaf.kt, 0)
+    return {
+        "diffuse": not _is_constant(leaf.kd, 0), "mirror": ks, "refraction": kt, "specular_reflection": ks,
+        "specular_transmission": kt,
+    }  # fmt: skip
+
+
+# ---- metal and glass ---------------------------------------------------------------------------------------------------
+
+
+def _conductor_parameters(leaf: Conductor) -> list[Parameter]:
+    return [*leaf.eta, *leaf.k, *_colors(leaf.reflectance), *_roughnesses(leaf.alpha)]
+
+
+def _conductor_features(leaf: Conductor) -> dict[str, bool]:
+    return {"specular_reflection": _is_constant(leaf.alpha, 0), "tangents": _anisotropic(leaf.alpha)}
+
+
+def _dielectric_parameters(leaf: Dielectric | ThinDielectric) -> list[Parameter]:
+    alpha = leaf.alpha if isinstance(leaf, Dielectric) else (0.0, 0.0)
+    return [leaf.ior, *_roughnesses(alpha), *_colors(leaf.reflectance, leaf.transmittance)]
+
+
+def _smooth_dielectric_features(leaf: Dielectric | ThinDielectric) -> dict[str, bool]:
+    return {"specular_reflection": True, "specular_transmission": True}
+
+
+def _rough_dielectric_features(leaf: Dielectric) -> dict[str, bool]:
+    return {"lobes": True, "transmission": True, "tangents": _anisotropic(leaf.alpha)}
+
+
+# ---- plastic -----------------------------------------------------------------------------------------------------------
+
+
+def _mean(color: Color) -> float:
+    """Over the channels; of an image also over its texels."""
+    if isinstance(color, ImageTexture):
+        return float(color.pixels.mean(dtype=np.float64))
+    return float(np.mean([color.a, color.b] if isinstance(color, Checkerboard) else color))
+
+
+def _plastic_parameters(leaf: Plastic) -> list[Parameter]:
+    specular, diffuse = _mean(leaf.reflectance), _mean(leaf.diffuse)
+    share = specular / (specular + diffuse) if specular + diffuse > 0 else 0.0
+    colors = _colors(leaf.diffuse, leaf.reflectance)
+    if leaf.alpha == 0:
+        return [*colors, leaf.ior, 0.0, diffuse_reflectance(leaf.ior), share, float(leaf.nonlinear)]
+    coat = rough_coat(leaf.ior, leaf.alpha, leaf.distribution)
+    table = Table(coat.transmittance)
+    return [*colors, leaf.ior, leaf.alpha, coat.reflected_inside, share, float(leaf.nonlinear), table]
+
+
+def _plastic_features(leaf: Plastic) -> dict[str, bool]:
+    return {"specular_reflection": leaf.alpha == 0, "lobes": True}
+
+
+# ---- principled --------------------------------------------------------------------------------------------------------
+
+
+def _principled_parameters(leaf: Principled) -> list[Parameter]:
+    opaque = _is_constant(leaf.spec_trans, 0)
+    eta = 1.001 if leaf.eta == 1 and not opaque else leaf.eta
+    before = (leaf.roughness, leaf.anisotropic, leaf.metallic)
+    after = (leaf.spec_tint, leaf.sheen, leaf.sheen_tint, leaf.clearcoat, leaf.clearcoat_gloss, leaf.flatness)
+    return [
+        *_colors(leaf.base_color), *map(number_parameter, before), eta, *map(number_parameter, after),
+        -1.0 if opaque else number_parameter(leaf.spec_trans),
+    ]  # fmt: skip
+
+
+def _principled_features(leaf: Principled) -> dict[str, bool]:
+    transmits = not _is_constant(leaf.spec_trans, 0)
+    return {
+        "lobes": True, "transmission": transmits, "spec_trans": transmits, "clearcoat": not _is_constant(leaf.clearcoat, 0),
+        "tangents": not _is_constant(leaf.anisotropic, 0),
+    }  # fmt: skip
+
+
+# ---- the registry ------------------------------------------------------------------------------------------------------
+
+
+def _metal(kind: Any) -> BSDFModel:
+    return _fixed(_conductor_parameters, _conductor_features, range(conductor.PARAMETERS), conductor.maker(kind))
+
+
+def _clear(lane: LaneBSDF) -> BSDFModel:
+    return _fixed(_dielectric_parameters, _smooth_dielectric_features, (0, *range(3, dielectric.PARAMETERS)), lane)
+
+
+def _frosted(kind: Any) -> BSDFModel:
+    read = range(dielectric.PARAMETERS)
+    return _fixed(_dielectric_parameters, _rough_dielectric_features, read, dielectric.maker(kind))
+
+
+def _matt_plastic(kind: Any) -> BSDFModel:
+    return _fixed(_plastic_parameters, _plastic_features, range(plastic.PARAMETERS), plastic.maker(kind))
 
 
 MODELS: dict[int, BSDFModel] = {
     MIXTURE: BSDFModel(_mixture_parameters, _mixture_features, mixture.columns, mixture.make),
-    CONDUCTOR: BSDFModel(_conductor_parameters, _conductor_features, conductor.columns, conductor.make),
+    CONDUCTOR: _metal(GGX),
+    BECKMANN_CONDUCTOR: _metal(BECKMANN),
+    SMOOTH_DIELECTRIC: _clear(dielectric.SMOOTH),
+    GGX_DIELECTRIC: _frosted(GGX),
+    BECKMANN_DIELECTRIC: _frosted(BECKMANN),
+    THIN_DIELECTRIC: _clear(dielectric.THIN),
+    SMOOTH_PLASTIC: _fixed(_plastic_parameters, _plastic_features, range(plastic.PARAMETERS - 1), plastic.SMOOTH),
+    GGX_PLASTIC: _matt_plastic(GGX),
+    BECKMANN_PLASTIC: _matt_plastic(BECKMANN),
+    PRINCIPLED: _fixed(_principled_parameters, _principled_features, range(principled.PARAMETERS), principled.make),
+    NULL: _fixed(lambda leaf: [], lambda leaf: {"specular_transmission": True}, (), null.NULL),
 }
 """By kind; those of plugins are added where a scene has them."""
 
 
 @cache
-def _plugin_model(functions: Any, n: int, reflection: bool, transmission: bool, tangents: bool) -> BSDFModel:
-    lane, columns = bsdf_functions(LaneBSDF(*functions), reflection, transmission), tuple(range(n))
+def _plugin_model(
+    functions: Any, n: int, specular_reflection: bool, specular_transmission: bool, transmission: bool, tangents: bool
+) -> BSDFModel:
+    columns = tuple(range(n))
     features = {
-        "specular_reflection": reflection, "specular_transmission": transmission, "tangents": tangents, "lobes": True,
+        "specular_reflection": specular_reflection, "specular_transmission": specular_transmission,
+        "transmission": transmission, "tangents": tangents, "lobes": True,
     }  # fmt: skip
 
-    def parameters(leaf: CustomBSDF) -> list[float | Lookup]:
+    def parameters(leaf: CustomBSDF) -> list[Parameter]:
         return [*option_numbers(leaf.options)]
 
-    return BSDFModel(parameters, lambda leaf: features, lambda features: columns, lambda features: lane)
+    def lane(features: SceneFeatures) -> LaneBSDF:
+        above = features.transmission and not transmission
+        return bsdf_functions(LaneBSDF(*functions), specular_reflection, specular_transmission, above)
+
+    return BSDFModel(parameters, lambda leaf: features, lambda features: columns, lane)
 
 
-def _plugin_kind(bsdf: CustomBSDF) -> int:
-    plugin, n = bsdf.plugin, len(option_numbers(bsdf.options))
-    flags = (getattr(plugin, name, False) for name in ("specular_reflection", "specular_transmission", "tangents"))
-    return kind_of(MODELS, plugin.name, _plugin_model(plugin.jitted, n, *map(bool, flags)))
+PLUGIN_FLAGS = "specular_reflection", "specular_transmission", "transmission", "tangents"
+
+
+def _plugin_kind(leaf: CustomBSDF) -> int:
+    plugin, n = leaf.plugin, len(option_numbers(leaf.options))
+    flags = (bool(getattr(plugin, name, False)) for name in PLUGIN_FLAGS)
+    return kind_of(MODELS, plugin.name, _plugin_model(plugin.jitted, n, *flags))
+
+
+def _by_distribution(leaf: Any, ggx: int, beckmann: int) -> int:
+    return {"ggx": ggx, "beckmann": beckmann}[leaf.distribution]
+
+
+def _conductor_kind(leaf: Conductor) -> int:
+    if _is_constant(leaf.alpha, 0):
+        return CONDUCTOR
+    return _by_distribution(leaf, CONDUCTOR, BECKMANN_CONDUCTOR)
+
+
+def _dielectric_kind(leaf: Dielectric) -> int:
+    if _is_constant(leaf.alpha, 0):
+        return SMOOTH_DIELECTRIC
+    return _by_distribution(leaf, GGX_DIELECTRIC, BECKMANN_DIELECTRIC)
+
+
+def _plastic_kind(leaf: Plastic) -> int:
+    if leaf.alpha == 0:
+        return SMOOTH_PLASTIC
+    return _by_distribution(leaf, GGX_PLASTIC, BECKMANN_PLASTIC)
 
 
 KINDS: dict[type, Callable[[Any], int]] = {
     Mixture: lambda leaf: MIXTURE,
-    Conductor: lambda leaf: CONDUCTOR,
+    Diffuse: lambda leaf: MIXTURE,
+    Conductor: _conductor_kind,
+    Dielectric: _dielectric_kind,
+    ThinDielectric: lambda leaf: THIN_DIELECTRIC,
+    Plastic: _plastic_kind,
+    Principled: lambda leaf: PRINCIPLED,
+    Null: lambda leaf: NULL,
     CustomBSDF: _plugin_kind,
 }
 """The model of each type of leaf."""
@@ -117,7 +289,7 @@ def model_of(leaf: Any) -> int:
     return KINDS[type(leaf)](leaf)
 
 
-def parameters_of(leaf: Any) -> list[float | Lookup]:
+def parameters_of(leaf: Any) -> list[Parameter]:
     """The numbers of a leaf, as its model reads them."""
     return MODELS[model_of(leaf)].parameters(leaf)
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.kernels.flatten.lookups import Lookup
+from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
@@ -58,10 +58,6 @@ def leaves_in(material: Material) -> list[Any]:
     return [leaf or _BLACK for leaf in leaves(leaf_of(material))]
 
 
-def _constants(leaf: Any) -> list[float]:
-    return [0.0 if isinstance(value, Lookup) else value for value in parameters_of(leaf)]
-
-
 def _is_textured(leaf: Any) -> bool:
     return any(isinstance(value, Lookup) for value in parameters_of(leaf))
 
@@ -79,6 +75,9 @@ class Programs:
         self.textures: list[list[float]] = []
         self.pixels: list[NDArray[np.float32]] = []
         """Of each texture, in the order of `textures`; empty of those that have none."""
+        self.tables: list[float] = []
+        """Those of all BSDFs, one behind the other."""
+        self._places: dict[Table, int] = {}
         self._kept: dict[int, tuple[Any, int]] = {}
         self._images: dict[int, NDArray[np.float32]] = {}
         self.first = np.full(max(len(materials), 1), NONE, np.int32)
@@ -120,9 +119,21 @@ class Programs:
                     parameter=parameter, texture=texture, channel=value.channel, low=value.low, high=value.high
                 )
                 self.lookups.append(row)
-        self.leaves.append(LeafRow.packed(bsdf=_constants(leaf)))
+        self.leaves.append(LeafRow.packed(bsdf=self._constants(leaf)))
         n, kind = len(self.lookups) - first, model_of(leaf)
         return NodeRow.packed(kind=LEAF, first=kind, second=len(self.leaves) - 1, texture=first, value=n)
+
+    def _constants(self, leaf: Any) -> list[float]:
+        """The parameters of a leaf, 0 where they are looked up."""
+        return [self._constant(value) for value in parameters_of(leaf)]
+
+    def _constant(self, value: float | Lookup | Table) -> float:
+        if isinstance(value, Table):
+            if value not in self._places:
+                self._places[value] = len(self.tables)
+                self.tables += value.numbers
+            return self._places[value]
+        return 0.0 if isinstance(value, Lookup) else value
 
     # ---- textures ----------------------------------------------------------------------------------------------------
 
@@ -167,7 +178,7 @@ class Programs:
         for row, material in zip(rows, self.materials, strict=False):
             leaf = leaves_in(material)[0]
             row[:] = MaterialRow.packed(
-                bsdf=_constants(leaf), emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
+                bsdf=self._constants(leaf), emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
             )
         return rows
 

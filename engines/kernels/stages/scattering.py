@@ -31,18 +31,16 @@ from engines.kernels.lane.bsdf.interface import (
     no_sample,
 )
 from engines.kernels.lane.tilt import is_consistent, terminator
-from engines.kernels.lane.vector import Vec3, select3
-from engines.kernels.layout import LANES, ray_batch
-
-_FEATURES = ("diffuse", "specular_reflection", "specular_transmission", "tangents", "masks", "tilts")
+from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.layout import LANES, ray_batch, scene_table
 
 
 @inline
-def load_interaction(rays, lane):
+def load_interaction(rays, scene, lane):
     return SurfaceInteraction(
         rays.miss[lane], rays.t[lane], rays.point[lane], rays.normal[lane], rays.geometric_normal[lane],
         rays.direction[lane], rays.origin[lane], rays.front[lane], rays.tangent[lane], rays.emission[lane],
-        rays.light_pdf[lane],
+        rays.light_pdf[lane], scene.bsdf_tables,
     )  # fmt: skip
 
 
@@ -108,12 +106,11 @@ def _beyond_mask(rays, lane, si, transmission):
 
 
 @cache
-def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
+def _make_scatter(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
-    bsdf = MODELS[kind].lane(features)
+    bsdf, light_through = MODELS[kind].lane(features), features.transmission
     evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
     use_value, use_sample, use_specular, use_albedos = uses
-    masks, tilts = features.masks, features.tilts
 
     @inline
     def scatter(rays, lane, si, draws):
@@ -149,14 +146,26 @@ def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
             if masks:
                 diffuse = diffuse * rays.opacity[lane]
             diffuse, albedo = select3(si.miss, none, diffuse), select3(si.miss, none, albedo)
-        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo)
+        through = light_through & (dot(si.normal, wi) < zero)
+        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through)
 
     return scatter
 
 
+@cache
+def _make_load_scattering(light_through: bool) -> Any:
+    """The function (rays, lane, si, draws) -> Scattering that the stages of the models have stored."""
+
+    @inline
+    def load(rays, lane, si, draws):
+        through = light_through & (dot(si.normal, rays.wi[lane]) < const(0.0, si.t))
+        return _load_scattering(rays, lane, si, through)
+
+    return load
+
+
 @inline
-def _load_scattering(rays, lane, si, draws):
-    """What the stages of the models have stored."""
+def _load_scattering(rays, lane, si, through):
     zero = const(0.0, si.t)
     return Scattering(
         Spectrum(rays.value_color[lane], rays.value_scale[lane]), rays.value_pdf[lane],
@@ -166,31 +175,31 @@ def _load_scattering(rays, lane, si, draws):
                    zero, False, rays.reflection_valid[lane]),
         BSDFSample(rays.transmission_wi[lane], Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
                    zero, rays.transmission_through[lane], rays.transmission_valid[lane]),
-        rays.diffuse_albedo[lane], rays.albedo[lane],
+        rays.diffuse_albedo[lane], rays.albedo[lane], through,
     )  # fmt: skip
 
 
 def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering that the shade stage calls."""
     if len(features.bsdfs) > 1:
-        return _load_scattering
+        return _make_load_scattering(features.transmission)
     kind = features.bsdfs[0] if features.bsdfs else 0
-    return _make_scatter(kind, features.only(*_FEATURES), uses)
+    return _make_scatter(kind, features.of_bsdfs, features.masks, features.tilts, uses)
 
 
-def _make(kind: int, features: SceneFeatures, uses: Uses, real: Any) -> Any:
-    scatter = _make_scatter(kind, features, uses)
+def _make(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses, real: Any) -> Any:
+    scatter = _make_scatter(kind, features, masks, tilts, uses)
     use_value, use_sample, use_specular, use_albedos = uses
 
     def scattering(batch, scene_address):
-        rays, hits = ray_batch(batch, real), np.int64(0)
+        rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
         for lane in range(np.uint64(LANES)):
             hits += np.int64(rays.bsdf_model[lane] == kind) & np.int64(rays.alive[lane])
         if hits == 0:
             return
         for lane in range(np.uint64(LANES)):
             if rays.bsdf_model[lane] == kind:
-                found = scatter(rays, lane, load_interaction(rays, lane), load_draws(rays, lane))
+                found = scatter(rays, lane, load_interaction(rays, scene, lane), load_draws(rays, lane))
                 if use_value:
                     rays.value_color[lane] = found.value.color
                     rays.value_scale[lane] = found.value.scale
@@ -223,9 +232,9 @@ def stages(features: SceneFeatures, uses: Uses, real: Any) -> list[Any]:
     """One stage for each model of a scene that has several; none where it has one."""
     if len(features.bsdfs) < 2 or not any(uses):
         return []
-    return [_stage(kind, features.only(*_FEATURES), uses, real) for kind in features.bsdfs]
+    return [_stage(kind, features.of_bsdfs, features.masks, features.tilts, uses, real) for kind in features.bsdfs]
 
 
 @cache
-def _stage(kind: int, features: SceneFeatures, uses: Uses, real: Any) -> Any:
-    return compile_stage(_make(kind, features, uses, real))
+def _stage(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses, real: Any) -> Any:
+    return compile_stage(_make(kind, features, masks, tilts, uses, real))

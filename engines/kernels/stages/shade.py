@@ -18,7 +18,7 @@ from engines.kernels.integrators import albedo, depth_map, no_shadows, path_trac
 from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
-from engines.kernels.lane.vector import Vec3, length, select3
+from engines.kernels.lane.vector import Vec3, dot, length, select3
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, VERTEX_DRAWS, ray_batch, scene_table
 from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering
 
@@ -81,6 +81,8 @@ class ShadeFeatures(NamedTuple):
     branches: bool
     """Two rays may follow from one hit."""
     shadows: bool
+    through: bool
+    """Light samples may lie on the far side of a surface that transmits their light."""
 
 
 @inline
@@ -94,17 +96,21 @@ def _next_light(rays, lane, working, miss, n_lights):
 
 
 @inline
-def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, shadows):
+def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, shading):
     """What waits for the shadow ray, and the ray: aimed anew from where it starts, since a parallel one would meet a
-    light that is seen from the side too early."""
+    light that is seen from the side too early. It starts on the side of the surface where the light is."""
+    step = offset
+    if shading.through:
+        step = select(dot(si.geometric_normal, light.wi) < const(0.0, offset), -offset, offset)
+    rays.shadow_origin[lane] = si.point + si.geometric_normal * step
     zero, infinite = const(0.0, offset), const(math.inf, offset)
     sent = working & (not ((direct.x <= zero) & (direct.y <= zero) & (direct.z <= zero)))  # NaN is sent, to be counted
     rays.direct[lane] = select3(sent, direct, Vec3(zero, zero, zero))
-    aim = light.wi * light.distance - si.geometric_normal * offset
+    aim = light.wi * light.distance - si.geometric_normal * step
     way, endless = length(aim), light.distance == infinite
     rays.wi[lane] = select3(endless, light.wi, aim * (const(1.0, way) / way))
     way = select(endless, infinite, way * share - offset)
-    rays.shadow_t_max[lane] = select(sent & shadows, way, const(-1.0, way))
+    rays.shadow_t_max[lane] = select(sent & shading.shadows, way, const(-1.0, way))
 
 
 @inline
@@ -134,13 +140,13 @@ class State(NamedTuple):
 
 
 @inline
-def _load(rays, lane, lit, real):
+def _load(rays, scene, lane, lit, real):
     none, depth = Vec3(real(0), real(0), real(0)), rays.depth[lane]
     light = LightSample(none, real(0), none, real(0))
     if lit:
         light = LightSample(rays.wi[lane], rays.light_distance[lane], rays.li[lane], rays.light_sample_pdf[lane])
     path = Path(rays.throughput[lane], real(depth), rays.pdf[lane])
-    return State(rays.alive[lane], depth, load_interaction(rays, lane), light, path)
+    return State(rays.alive[lane], depth, load_interaction(rays, scene, lane), light, path)
 
 
 @inline
@@ -154,9 +160,8 @@ def _store(rays, lane, before, result, n_lights, shading, share, real):
     added = select3(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.offset[lane]
-    rays.shadow_origin[lane] = si.point + si.geometric_normal * offset
     if shading.lit:
-        _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading.shadows)
+        _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading)
     ends = working & (not stays)
     goes = ends & result.alive
     rays.done[lane] = ends & (not result.alive)
@@ -164,6 +169,7 @@ def _store(rays, lane, before, result, n_lights, shading, share, real):
         rays.branch[lane] = goes & result.branch
         rays.branch_direction[lane] = result.branch_direction
         rays.branch_throughput[lane] = result.branch_throughput
+        rays.branch_origin[lane] = si.point + si.geometric_normal * offset
     following = select(stays, light + 1, 0)
     _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth)
 
@@ -185,7 +191,7 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
         options, n_lights = _eight_options(scene, real), scene.n_lights
         share = real(scene.margins[0].shadow_share)
         for lane in range(np.uint64(LANES)):
-            before, draws = _load(rays, lane, lit, real), load_draws(rays, lane)
+            before, draws = _load(rays, scene, lane, lit, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             result = step(before.si, before.light, bsdf, draws, before.path, options)
             _store(rays, lane, before, result, n_lights, shading, share, real)
@@ -198,7 +204,7 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     lit = integrator.lit and len(features.lights) > 0
     both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
-    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows)
+    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, lit and features.transmission)
 
 
 def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:

@@ -29,7 +29,7 @@ OFFSET_ULPS = 256.0
 
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
-    *_SHAPES, "smooth", "bsdfs", "diffuse", "specular_reflection", "specular_transmission", "tangents", "emission", "lights",
+    *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
 )  # fmt: skip
 
 

@@ -14,27 +14,21 @@ from engines.scene import CustomBSDF
 
 
 class PluginBSDF:
-    """All materials of plugins in a scene. A plugin's object has the verbs of `BSDF`, with the options of one material
+    """All leaves of plugins in a scene. A plugin's object has the verbs of `BSDF`, with the options of one material
     in the place of materials, and `albedos(options)`. Nothing leaves below the surface but through delta lobes."""
 
     def __init__(self, leaves: Sequence[CustomBSDF]) -> None:
-        self._models = leaves
+        self._models = list(leaves)
         self.lobes = np.array([_lobes(model.plugin).value for model in self._models])
         albedos = [model.plugin.numpy.albedos(model.options) for model in self._models]
         self._diffuse, self._albedo = np.moveaxis(np.array(albedos, np.float64).reshape(-1, 2, 3), 0, -1).copy()
 
-    def diffuse(self, material: Indices, at: SurfaceInteraction) -> Array:
-        return self._diffuse.take(material, axis=1)
-
-    def albedo(self, material: Indices, at: SurfaceInteraction) -> Array:
-        return self._albedo.take(material, axis=1)
-
     def sample(
-        self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
+        self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
     ) -> BSDFSample:
         """What the plugins answer, in materials that have one of the lobes."""
-        found = BSDFSample.empty(material.size)
-        for model, lanes in self._by_model(material):
+        found = BSDFSample.empty(member.size)
+        for model, lanes in self._by_model(member):
             chosen = _lobes(model.plugin) & lobes
             if chosen:
                 here = at.take(lanes)
@@ -45,23 +39,29 @@ class PluginBSDF:
                 found.put(lanes, wi, np.where(kept, weight, 0.0), pdf)
         return found
 
-    def evaluate(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        return self._ask(material, at, wi, np.zeros(wi.shape), lambda model: model.plugin.numpy.evaluate)
+    def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        return self._ask(member, at, wi, np.zeros(wi.shape), lambda model: model.plugin.numpy.evaluate)
 
-    def pdf(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        return self._ask(material, at, wi, np.zeros(wi.shape[1]), lambda model: model.plugin.numpy.pdf)
+    def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        return self._ask(member, at, wi, np.zeros(wi.shape[1]), lambda model: model.plugin.numpy.pdf)
+
+    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return self._diffuse.take(member, axis=1)
+
+    def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return self._albedo.take(member, axis=1)
 
     def _ask(
-        self, material: Indices, at: SurfaceInteraction, wi: Array, found: Array, verb: Callable[[CustomBSDF], Any]
+        self, member: Indices, at: SurfaceInteraction, wi: Array, found: Array, verb: Callable[[CustomBSDF], Any]
     ) -> Array:
         """Fills `found` with what each point's model answers of `wi`, 0 below the surface."""
-        for model, lanes in self._by_model(material):
+        for model, lanes in self._by_model(member):
             here, towards = at.take(lanes), wi.take(lanes, axis=1)
             found[..., lanes] = np.where(here.reflects(towards), verb(model)(model.options, here, towards), 0.0)
         return found
 
-    def _by_model(self, material: Indices) -> list[tuple[CustomBSDF, Indices]]:
-        return [(self._models[member], np.flatnonzero(material == member)) for member in np.unique(material)]
+    def _by_model(self, member: Indices) -> list[tuple[CustomBSDF, Indices]]:
+        return [(self._models[which], np.flatnonzero(member == which)) for which in np.unique(member)]
 
 
 BSDFS = {CustomBSDF: PluginBSDF}
