@@ -2,6 +2,8 @@
 that combine many of them. The two implementations share no code but the scene.
 """
 
+from functools import partial
+
 import numpy as np
 
 import engines
@@ -11,6 +13,9 @@ from engines.scene import (
     Bump,
     Checkerboard,
     Conductor,
+    Cylinder,
+    Dielectric,
+    Diffuse,
     Disk,
     EnvironmentLight,
     ImageTexture,
@@ -19,12 +24,16 @@ from engines.scene import (
     Mesh,
     Mixture,
     NormalMap,
+    Null,
     Perspective,
     Plane,
+    Plastic,
     PointLight,
+    Principled,
     Scene,
     Sides,
     Sphere,
+    ThinDielectric,
 )
 
 SIDE = 24
@@ -88,12 +97,40 @@ def test_path_tracer_with_textures_on_every_shape_under_every_wrapper():
         Disk((-0.9, 0.6, 0.7), (0.6, -0.8, 0.0), 0.6, 4),
         quad([(0.9, -0.9, 0.0), (1.5, -0.8, 0.1), (1.4, -0.7, 0.9), (0.8, -0.8, 0.8)], 6, UVS),
         Plane((0.0, 0.0, 4.0), (0.36, 0.48, 0.8), 5),
+        Cylinder((-0.4, 1.0, 1.9), (0.6, 0.6, 1.7), 0.3, 3),
+        Cylinder((-0.2, -1.2, 0.1), (0.2, -1.3, 0.5), 0.2, 1),
         Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, 7),
     ]
     floor = Mixture(kd=Checkerboard((0.8, 0.3, 0.2), (0.2, 0.3, 0.8), TURNED))
-    bsdfs = [floor, NormalMap(image(low=0.3, high=0.7), cutout), rough_wall, brushed, both_sides, metal((0.4, 0.1), image()), metal((0.1, 0.5))]
+    metals = [metal((0.4, 0.1), image()), metal((0.1, 0.5))]
+    bsdfs = [floor, NormalMap(image(low=0.3, high=0.7), cutout), rough_wall, brushed, both_sides, *metals]
     sky = EnvironmentLight(radiance=(0.3, 0.35, 0.4))
     equal(shapes, bsdfs, [sky], shader={"name": "path_tracer", "max_depth": 5, "rr_depth": 3})
+
+
+def row_of_spheres(bsdfs):
+    """Shapes on a floor, each with its BSDF; the last of all materials is the lamp's."""
+    places = [(x, y) for y in (0.9, -0.6) for x in (-1.35, -0.45, 0.45, 1.35)]
+    spheres = [Sphere((x, y, 0.42), 0.42, k + 1) for k, (x, y) in enumerate(places[: len(bsdfs)])]
+    lamp = Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, len(bsdfs) + 1)
+    return [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0), *spheres, lamp], [MATT, *bsdfs]
+
+
+def test_path_tracer_with_every_model_of_textured_parameters_wrapped_and_tilted():
+    number = partial(image, 1)
+    rough = Dielectric(1.5, (number(low=0.1, high=0.6), 0.3), image(), image())
+    bsdfs = [
+        Blend(0.5, Diffuse(image()), NormalMap(image(low=0.3, high=0.7), rough)),
+        Dielectric(1.3, (0.4, 0.4), image(), distribution="beckmann"),
+        Mask(0.7, ThinDielectric(1.5, image(), image())),
+        Bump(number(high=0.1), 0.2, Plastic(image(), 1.5, 0.2, True, image(), "beckmann")),
+        Blend(number(), Plastic(image(), 1.6), Null()),
+        Principled(image(), *(number() for _ in range(3)), 1.5, *(number() for _ in range(6)), 0.0),
+        Bump(number(high=0.1), 0.2, Principled(image(), spec_trans=number(), roughness=0.3, anisotropic=number())),
+        Conductor((0.2, 0.9, 1.1), (3.9, 2.4, 2.2), (number(), 0.2), image(), "beckmann"),
+    ]
+    sky = EnvironmentLight(radiance=(0.3, 0.35, 0.4))
+    equal(*row_of_spheres(bsdfs), [sky], shader={"name": "path_tracer", "max_depth": 5, "rr_depth": 3})
 
 
 def test_whitted_with_masks_blends_and_tilted_mirrors_under_two_lights():

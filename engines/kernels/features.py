@@ -38,6 +38,8 @@ class SceneFeatures(NamedTuple):
     lights: tuple[int, ...] = ()
     """Kinds of listed lights."""
     many_lights: bool = False
+    turned_environment: bool = False
+    """The environment's image is rotated."""
     mesh_lights: bool = False
     """Some light is a mesh, of which a face is chosen."""
 

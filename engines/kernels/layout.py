@@ -238,6 +238,18 @@ class LightRow(Row):
     parameters = reals(LIGHT_PARAMETERS)
 
 
+class EnvironmentRow(Row):
+    """How directions become places in an environment's image: y = v `rows` - `first_row` counts its rows; the local axes are
+    those of the image in the scene."""
+
+    dtype = np.float64
+    rows = real()
+    first_row = real()
+    x = vector()
+    y = vector()
+    z = vector()
+
+
 class RangeRow(Row):
     """The faces of a mesh that is a light."""
 
@@ -310,6 +322,7 @@ class SceneTable(Table):
     environment_pdf = array(np.float64)  # in (u, v)
     environment_rows = array(np.float64)  # cumulative
     environment_columns = array(np.float64)
+    environment_map = rows(EnvironmentRow)
     environment_radiance = vectors(REAL)  # one, of a constant environment
 
     bsdf_tables = array(REAL)  # of BSDFs that read some, one behind the other
@@ -371,7 +384,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LeafRow", "LightRow",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow",
+    "EnvironmentRow", "LeafRow", "LightRow",
     "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
     "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
     "scene_table", "stack_bytes", "waiting_rays",

@@ -159,7 +159,7 @@ class Renderer:
     def _compiled_stages(self) -> NDArray[np.int64]:
         features, real = self._flat.features, self._real
         closest, occluded = self._accelerator.stages(features, real)
-        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, isinstance(self._scene.camera, ThinLens), real)
+        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, isinstance(self._scene.camera, ThinLens))
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
         uses = shade.uses(integrator, shading)

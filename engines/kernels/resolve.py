@@ -14,7 +14,7 @@ from engines.kernels.flatten.lights import plugin_parameters
 from engines.kernels.flatten.programs import leaves_in
 from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
 from engines.scene import CustomBSDF, CustomLight, EnvironmentLight, Scene
-from engines.scene.support import option_numbers, plugin_without
+from engines.scene.support import option_numbers, plugin_without, refusal_of
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
@@ -36,6 +36,8 @@ def _plugins(settings: Settings) -> dict[str, Any]:
 
 def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
+    if refusal := refusal_of(scene):
+        return refusal
     for part, function in _plugins(settings).items():
         if function is None:
             return (

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.interface import Settings
+from engines.mitsuba import native
 from engines.mitsuba.albedo import painted
 from engines.mitsuba.cameras import sensor
 from engines.mitsuba.description import Description, described
@@ -40,13 +41,17 @@ class Stage(NamedTuple):
 
 
 def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
-    """Loads `scene` into Mitsuba, by way of mesh files in a folder that is gone when this returns.
+    """Loads `scene` into Mitsuba, by way of mesh files in a folder that is gone when this returns, or the file it came from.
 
     Meshes stay apart, so that a hit can be told from another; uniting them, as Mitsuba does by default, gains nothing
     measurable on cornell_box.
     """
     mi, dr = activate(variant, settings.threads)
     width, height = settings.size(scene)
+    if scene.native is not None:
+        robust = settings.accelerator.options["robust"]
+        loaded = native.load(mi, scene, (width, height), sampler_node(settings), robust)
+        return Stage(mi, dr, loaded, scene, settings, (width, height), (), np.zeros(0, np.int64))
     scale = 1.0
     if settings.shader.name == "albedo":
         scene, scale = painted(scene)

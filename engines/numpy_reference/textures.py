@@ -169,8 +169,8 @@ def _image(texture: ImageTexture, place: Array) -> Array:
     """(channels, n) of an image."""
     if texture.filter == "nearest":
         height, width = texture.pixels.shape[:2]
-        x, y = _finite(np.floor(place[0] * width), np.floor(place[1] * height))
-        return _texel(texture, x, y)
+        x, y = _scaled(place, width, height)
+        return _texel(texture, np.floor(x), np.floor(y))
     (h00, h10, h01, h11), fx, fy = _patch(texture, place)
     return (h00 * (1.0 - fx) + h10 * fx) * (1.0 - fy) + (h01 * (1.0 - fx) + h11 * fx) * fy
 
@@ -178,14 +178,16 @@ def _image(texture: ImageTexture, place: Array) -> Array:
 def _patch(texture: ImageTexture, place: Array) -> tuple[tuple[Array, Array, Array, Array], Array, Array]:
     """The four texels (channels, n) around points, x first, and where between them the points lie (n,), in [0, 1)."""
     height, width = texture.pixels.shape[:2]
-    x, y = _finite(place[0] * width - 0.5, place[1] * height - 0.5)
+    x, y = _scaled(place, width, height, 0.5)
     left, top = np.floor(x), np.floor(y)
     corners = tuple(_texel(texture, left + i, top + j) for j in (0.0, 1.0) for i in (0.0, 1.0))
     return (corners[0], corners[1], corners[2], corners[3]), x - left, y - top
 
 
-def _finite(x: Array, y: Array) -> tuple[Array, Array]:
-    """(x, y), and (0, 0) where one of them is not finite."""
+def _scaled(place: Array, width: int, height: int, less: float = 0.0) -> tuple[Array, Array]:
+    """(u' w, v' h), both `less` something; (0, 0) where one of them is not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        x, y = place[0] * width - less, place[1] * height - less
     good = np.isfinite(x) & np.isfinite(y)
     return np.where(good, x, 0.0), np.where(good, y, 0.0)
 

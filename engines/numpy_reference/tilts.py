@@ -42,8 +42,10 @@ def _bumped(bump: Bump, at: SurfaceInteraction, uv: Array, given: Tilt) -> Tilt:
 
 
 def _mapped(wrapper: NormalMap, at: SurfaceInteraction, uv: Array, given: Tilt) -> Tilt:
-    """The normal 2 c - 1 of the texel c, in the given frame."""
-    normal = unit(Frame.along(given.normal, given.dp_du).to_world(2.0 * color(wrapper.map, uv) - 1.0))
+    """The normal 2 c - 1 of the texel c, in the given frame, whose y axis points the same way on both sides of the surface."""
+    x, y, z = 2.0 * color(wrapper.map, uv) - 1.0
+    local = np.stack([x, np.where(at.front, y, -y), z])
+    normal = unit(Frame.along(given.normal, given.dp_du).to_world(local))
     return given._replace(normal=np.where(np.isfinite(normal).all(axis=0), normal, given.normal))
 
 

@@ -7,6 +7,7 @@ Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,7 +32,11 @@ FORMAT = 1
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order). `shader`
-    is a choice of a shader that the file suggests, where it does."""
+    is a choice of a shader that the file suggests, where it does.
+
+    `native` is the Mitsuba file that the scene came from (`engines.scene.native`). Where that says why it cannot be imported,
+    the rest stands for nothing: engines that do not take such files decline it in those words.
+    """
 
     name: str
     camera: Camera
@@ -42,6 +47,14 @@ class Scene:
     source: str = ""
     warnings: tuple[str, ...] = field(default=())
     shader: Mapping[str, Any] | None = None
+    native: Any = None
+
+    @property
+    def identity(self) -> str:
+        """What identifies a request for images of the scene: its content, and that of the file it came from."""
+        if self.native is None:
+            return self.content_hash
+        return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
 
 
 class MaterialsKind:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.bsdf import is_textured
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area
 from engines.scene.mesh import MESH, Mesh
@@ -24,6 +25,9 @@ __all__ = ["Cylinder", "Disk", "Plane", "Shape", "Sphere", "Triangle"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
+
+
+PART = "the texture from (0, 0) to (1, 0) and (0, 1)"
 
 
 def _of(shape: Callable[..., Shape]) -> Callable[[Given, SceneReader], Shape]:
@@ -159,6 +163,8 @@ class ShapeKind:
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)
         check_area(node, shape, context)
+        if isinstance(shape, Mesh) and shape.uvs is None and _shows_texture(shape, context):
+            context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
         return shape
 
     def schema(self) -> dict[str, Any]:
@@ -180,3 +186,7 @@ def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     if emits.any() and not (emits & area).any():
         name = context.table.materials[int(materials[emits][0])].name
         raise node.refuse(f"material {name!r} emits, but the shape has no area")
+
+
+def _shows_texture(mesh: Mesh, context: SceneReader) -> bool:
+    return any(is_textured(context.table.materials[index].bsdf) for index in np.unique(mesh.materials))

@@ -1,4 +1,4 @@
-"""The plugins of a scene: its camera, lights and BSDFs that users have written."""
+"""What engines ask of a scene: the plugins that users have written, its camera, lights and BSDFs; and whether it is one."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, NormalMap, S
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.scene import Scene
+
+
+def refusal_of(scene: Scene) -> str | None:
+    """Why there is nothing of a scene but a file of Mitsuba's, in the importer's words, or None."""
+    return None if scene.native is None else scene.native.refusal
 
 
 def plugins(scene: Scene) -> list[tuple[str, Any]]:

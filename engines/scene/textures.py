@@ -239,16 +239,21 @@ class Images:
     def file(self, node: Located, place: Place) -> Path:
         """The file that is named at `node`, which has been read. Raises `SceneError`."""
         file = place.find(node, fields.text(node))
-        if file not in self.texels:
-            try:
-                self.texels[file] = read_texels(file)
-            except SceneError as problem:
-                raise SceneError(f"{node.where}: {problem}") from problem
+        try:
+            self.read(file)
+        except SceneError as problem:
+            raise SceneError(f"{node.where}: {problem}") from problem
         return file
 
-    def linear(self, file: Path, srgb: bool, channel: str) -> NDArray[np.float32]:
-        """Its values as `linear` gives them, read-only. Raises KeyError for a channel that is not there."""
-        key = (file, srgb, channel)
+    def read(self, file: Path) -> NDArray[Any]:
+        """(h, w, c) values of a file as `read_texels` gives them. Raises `SceneError`."""
+        if file not in self.texels:
+            self.texels[file] = read_texels(file)
+        return self.texels[file]
+
+    def linear(self, file: Path, srgb: bool | None, channel: str) -> NDArray[np.float32]:
+        """Values of a file that has been read as `linear` gives them, read-only. Raises KeyError as `linear`."""
+        key = (file, self.texels[file].dtype.kind == "u" if srgb is None else srgb, channel)
         if key not in self.decoded:
             self.decoded[key] = _read_only(linear(self.texels[file], srgb, channel))
         return self.decoded[key]

@@ -64,7 +64,9 @@ def render(request: Request) -> Film:
     require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
     settings = _settings(request)
-    scene = load_scene(path, request.allow_imports, request.allow_outside, request.parameters)
+    scene = load_scene(
+        path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters
+    )  # fmt: skip
     if scene.shader is not None and not request.chosen["shader"]:
         settings["shader"] = resolve("shader", scene.shader, SHADERS).describe()
     console = consoles()[1]
@@ -81,7 +83,7 @@ def render(request: Request) -> Film:
     start = perf_counter()
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
-    provenance = _provenance(request, settings, scene.content_hash, engine, seconds, scene.warnings)
+    provenance = _provenance(request, settings, scene.identity, engine, seconds, scene.warnings)
     film.save(output, provenance=provenance, tone_mapper=mapper)
     _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film

@@ -167,6 +167,7 @@ class Measurement(Record):
     division: Literal["closed", "open"] = "closed"
     engine: str
     shader: Choice
+    raced: Choice | None = None
     sampler: Choice
     accelerator: Choice
     precision: str | None = None

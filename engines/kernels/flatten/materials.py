@@ -132,10 +132,10 @@ def _rough_dielectric_features(leaf: Dielectric) -> dict[str, bool]:
 
 
 def _mean(color: Color) -> float:
-    """Over the channels; of an image also over its texels."""
+    """Over the channels; of an image also over its texels, as they are read."""
     if isinstance(color, ImageTexture):
-        return float(color.pixels.mean(dtype=np.float64))
-    return float(np.mean([color.a, color.b] if isinstance(color, Checkerboard) else color))
+        return float(np.clip(color.pixels, 0.0, 1.0).mean(dtype=np.float64))
+    return float(np.clip([color.a, color.b], 0.0, 1.0).mean() if isinstance(color, Checkerboard) else np.mean(color))
 
 
 def _plastic_parameters(leaf: Plastic) -> list[Parameter]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from engines.kernels.lane.bsdf.plastic import NODES
 
 POINTS = 64
-"""Random numbers a dimension, by the midpoint rule."""
+"""Random numbers a dimension, by Gauss and Legendre's rule."""
 _erf = np.vectorize(math.erf, otypes=[float])
 
 Array = NDArray[np.float64]
@@ -34,7 +34,8 @@ def diffuse_reflectance(ior: float) -> float:
 def rough_coat(ior: float, alpha: float, distribution: str) -> Coat:
     """Averages over visible normals m: of (1 - F) G1 of the refracted directions, and of F G1 of those reflected inside."""
     mu = np.maximum(np.linspace(0.0, 1.0, NODES), 1e-6)[:, None, None]
-    u = (np.arange(POINTS) + 0.5) / POINTS
+    node, weight = np.polynomial.legendre.leggauss(POINTS)
+    u, weights = (node + 1.0) / 2.0, np.outer(weight, weight) / 4.0
     sine = np.sqrt(1.0 - mu * mu)
     normals = {"ggx": _ggx_normals, "beckmann": _beckmann_normals}[distribution]
     masking = {"ggx": _ggx_masking, "beckmann": _beckmann_masking}[distribution]
@@ -43,10 +44,10 @@ def rough_coat(ior: float, alpha: float, distribution: str) -> Coat:
     # refracted into the coat: only z is needed, for G1 of an isotropic distribution
     reflected, cos_in = _fresnel(cos, ior)
     z = (cos / ior - cos_in) * mz - mu / ior
-    passes = np.where(z < 0.0, (1.0 - reflected) * masking(np.abs(z), alpha), 0.0).mean(axis=(1, 2))
+    passes = (np.where(z < 0.0, (1.0 - reflected) * masking(np.abs(z), alpha), 0.0) * weights).sum(axis=(1, 2))
     reflected, _ = _fresnel(cos, 1.0 / ior)
     z = 2.0 * cos * mz - mu
-    returns = np.where(z > 0.0, reflected * masking(np.abs(z), alpha), 0.0).mean(axis=(1, 2))
+    returns = (np.where(z > 0.0, reflected * masking(np.abs(z), alpha), 0.0) * weights).sum(axis=(1, 2))
     return Coat(tuple(passes), float(2.0 / NODES * (mu[:, 0, 0] * returns).sum()))
 
 

@@ -87,6 +87,7 @@ def _features(scene: Scene, geometry: Geometry, lights: LightList, programs: Pro
         lights=lights.kinds(),
         many_lights=len(lights.rows) > 1,
         mesh_lights=MESH in lights.kinds(),
+        turned_environment=environment.is_turned(lights.environment),
         **programs.features(),
     )
 
@@ -155,6 +156,7 @@ def _bind_lights(flat: FlatScene, lights: LightList) -> None:
     if light is not None and light.image is not None:
         image, pdf, rows, columns = environment.tables(light)
         flat.bind(table.environment, image)
+        flat.bind(table.environment_map, environment.place_row(light))
         flat.bind(table.environment_pdf, pdf)
         flat.bind(table.environment_rows, rows)
         flat.bind(table.environment_columns, columns)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import kernel
-from engines.kernels.lane.shapes import disk
+from engines.kernels.lane.shapes import cylinder, disk
 from engines.kernels.layout import SHAPE_PARAMETERS, UVRow
-from engines.scene import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.scene import Cylinder, Disk, Mesh, Plane, Sphere, SphereSet, Triangle
 
-TRIANGLE, SPHERE, PLANE, DISK = range(4)
+TRIANGLE, SPHERE, PLANE, DISK, CYLINDER = range(5)
 
 Reals = NDArray[np.float64]
 
@@ -32,14 +32,21 @@ class AnalyticShape(NamedTuple):
     """Parameters (n, SHAPE_PARAMETERS) -> lowest and highest coordinates (n, 3)."""
     lane: Any
     """Its module of `engines.kernels.lane.shapes`: `distance`, `intersection`, and `coordinates` of a point of it."""
+    curved: bool = False
+    """Whether a ray that leaves one may meet it again."""
 
 
 def _disk(shape: Disk, center: Reals) -> list[float]:
     return [*np.subtract(shape.center, center), *shape.normal, shape.radius]
 
 
+def _cylinder(shape: Cylinder, center: Reals) -> list[float]:
+    return [*np.subtract(shape.p0, center), *np.subtract(shape.p1, shape.p0), shape.radius]
+
+
 ANALYTIC: dict[type, AnalyticShape] = {
     Disk: AnalyticShape(DISK, _disk, disk.bounds, disk),
+    Cylinder: AnalyticShape(CYLINDER, _cylinder, cylinder.bounds, cylinder, curved=True),
 }
 
 

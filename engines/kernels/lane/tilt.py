@@ -47,9 +47,10 @@ def bump(frame, ng, wo, h_u, h_v):
 
 
 @inline
-def normal_map(frame, wo, color):
-    """Along the vector 2 color - 1 in the frame of the surface; float64."""
-    x = Vec3(2.0 * color.x - 1.0, 2.0 * color.y - 1.0, 2.0 * color.z - 1.0)
+def normal_map(frame, front, wo, color):
+    """Along the vector 2 color - 1 in the frame of the surface, mirrored where it is met from behind; float64."""
+    y = 2.0 * color.y - 1.0
+    x = Vec3(2.0 * color.x - 1.0, y if front else -y, 2.0 * color.z - 1.0)
     square = dot(x, x)
     if not square > 0.0:
         return frame

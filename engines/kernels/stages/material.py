@@ -155,13 +155,13 @@ def _make_walk(features: SceneFeatures) -> Any:
     textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
 
     @inline
-    def tilted(scene, state, node, kind, at, ng, wo):
+    def tilted(scene, state, node, kind, at, front, ng, wo):
         frame, texture = state.frame, np.int64(node.texture)
         if kind == BUMP:
             slope = gradient_at(scene, texture, at.u, at.v)
             found = tilt.bump(frame, ng, wo, slope.x * node.value, slope.y * node.value)
         else:
-            found = tilt.normal_map(frame, wo, color_at(scene, texture, at.u, at.v))
+            found = tilt.normal_map(frame, front, wo, color_at(scene, texture, at.u, at.v))
         return State(np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, frame.normal, found)
 
     @inline
@@ -179,7 +179,7 @@ def _make_walk(features: SceneFeatures) -> Any:
                 elif kind == BLEND:
                     state = _after_blend(state, node, _share(scene, node, at, textures))
             if tilts and kind >= BUMP:
-                state = tilted(scene, state, node, kind, at, ng, wo)
+                state = tilted(scene, state, node, kind, at, front, ng, wo)
             node = scene.nodes[state.node]
             kind = np.int64(node.kind)
         return state

@@ -156,8 +156,8 @@ def _make_for_lens(value: Any, tabulated: bool, real: Any) -> Any:
     return draw
 
 
-def stages(sampler: Choice, lens: bool, real: Any) -> tuple[Any, Any]:
-    """(draws for the camera, which may be a lens, draws for a vertex) of a sampler."""
+def stages(sampler: Choice, real: Any, lens: bool = False) -> tuple[Any, Any]:
+    """(draws for the camera, draws for a vertex) of a sampler; `lens`: the camera is one."""
     if sampler.plugin is not None:
         value = _of_plugin(sampler.plugin.jitted, real)
     elif sampler.name == "constant":

@@ -14,6 +14,7 @@ from engines.choices import Choice
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.integrators import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
@@ -83,6 +84,8 @@ class ShadeFeatures(NamedTuple):
     shadows: bool
     through: bool
     """Light samples may lie on the far side of a surface that transmits their light."""
+    curved: tuple[int, ...]
+    """Kinds of shapes, besides spheres, that a ray which leaves one may meet again."""
 
 
 @inline
@@ -113,8 +116,28 @@ def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, sha
     rays.shadow_t_max[lane] = select(sent & shading.shadows, way, const(-1.0, way))
 
 
+@cache
+def _make_left(curved: tuple[int, ...]) -> Any:
+    """The function (rays, lane) -> id of the flat primitive that the lane's ray leaves, -1 for none. (Of a sphere the id does
+    no harm: nobody asks.)"""
+
+    @inline
+    def primitive(rays, lane):
+        return rays.primitive[lane]
+
+    if not curved:
+        return primitive
+    kind, flat = curved[0], _make_left(curved[1:])
+
+    @inline
+    def left(rays, lane):
+        return select(rays.shape[lane] == kind, np.int64(-1), np.int64(flat(rays, lane)))
+
+    return left
+
+
 @inline
-def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth):
+def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth, left):
     """The ray that goes on, from the side of the surface on which it leaves."""
     step = select(result.transmitted, -offset, offset)
     rays.origin[lane] = select3(goes, si.point + si.geometric_normal * step, si.origin)
@@ -122,7 +145,7 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
     rays.throughput[lane] = select3(goes, result.throughput, path.throughput)
     rays.pdf[lane] = select(goes, result.pdf, path.pdf)
     rays.cosine_pdf[lane] = cosine_pdf(si.normal, result.direction)
-    rays.origin_primitive[lane] = rays.primitive[lane]
+    rays.origin_primitive[lane] = left(rays, lane)
     depth = select(goes, depth + 1, depth)
     rays.depth[lane] = depth
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * ((depth - 1) * per_vertex + following)
@@ -150,7 +173,7 @@ def _load(rays, scene, lane, lit, real):
 
 
 @inline
-def _store(rays, lane, before, result, n_lights, shading, share, real):
+def _store(rays, lane, before, result, n_lights, shading, left, share, real):
     """What the lane does next."""
     working, depth, si = before.working, before.depth, before.si
     light, per_vertex, stays = np.int64(0), np.int64(1), False
@@ -171,7 +194,7 @@ def _store(rays, lane, before, result, n_lights, shading, share, real):
         rays.branch_throughput[lane] = result.branch_throughput
         rays.branch_origin[lane] = si.point + si.geometric_normal * offset
     following = select(stays, light + 1, 0)
-    _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth)
+    _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth, left)
 
 
 @inline
@@ -184,7 +207,7 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    lit = shading.lit
+    lit, left = shading.lit, _make_left(shading.curved)
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -194,7 +217,7 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
             before, draws = _load(rays, scene, lane, lit, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             result = step(before.si, before.light, bsdf, draws, before.path, options)
-            _store(rays, lane, before, result, n_lights, shading, share, real)
+            _store(rays, lane, before, result, n_lights, shading, left, share, real)
 
     return shade
 
@@ -204,7 +227,9 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     lit = integrator.lit and len(features.lights) > 0
     both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
-    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, lit and features.transmission)
+    through = lit and features.transmission
+    curved = tuple(kind for kind in features.analytic if analytic_shape(kind).curved)
+    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, through, curved)
 
 
 def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:

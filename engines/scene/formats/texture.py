@@ -98,11 +98,11 @@ def _deep_png(file: Path, raw: str) -> NDArray[np.uint16]:
     return unpacked(raw) * np.uint16(256) + unpacked(raw.replace("B", "L"))
 
 
-def linear(texels: NDArray[Any], srgb: bool, channel: str = "") -> NDArray[np.float32]:
+def linear(texels: NDArray[Any], srgb: bool | None, channel: str = "") -> NDArray[np.float32]:
     """(h, w, 3) or (h, w, 1) linear values of (h, w, c): without alpha, or one `channel` of "rgba" alone.
 
-    Whole numbers mean shares of their largest. `srgb` says whether the values are sRGB-encoded, which alpha never is. Raises
-    KeyError for a channel that is not there.
+    Whole numbers mean shares of their largest. `srgb` says whether the values are sRGB-encoded, which alpha never is; with
+    None whole numbers are. Raises KeyError for a channel that is not there.
     """
     letters = _LETTERS[texels.shape[2]]
     if channel:
@@ -113,8 +113,9 @@ def linear(texels: NDArray[Any], srgb: bool, channel: str = "") -> NDArray[np.fl
         texels = texels[:, :, index : index + 1]
     else:
         texels = texels[:, :, : len(letters.rstrip("a"))]
-    encoded = srgb and channel != "a"
-    if texels.dtype.kind == "u":
+    whole = texels.dtype.kind == "u"
+    encoded = (whole if srgb is None else srgb) and channel != "a"
+    if whole:
         return _table(texels.dtype.itemsize, encoded)[texels]
     values = np.ascontiguousarray(texels, np.float32)
     return _decoded(values).astype(np.float32) if encoded else values

@@ -7,33 +7,27 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from engines.errors import suggestion
-from engines.scene.bsdf import (
-    INDICES,
-    IORS,
-    LEAST_CONTRAST,
-    MAX_PARTS,
-    PLASTIC_IORS,
-    SMOOTHEST,
-    Blend,
-    Bsdf,
-    Bump,
-    Conductor,
-    Dielectric,
-    Diffuse,
-    Mask,
-    NormalMap,
-    Null,
-    Plastic,
-    Principled,
-    Sides,
-    ThinDielectric,
-    principled_eta,
-)
+from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides
 from engines.scene.metals import METALS
 from engines.scene.mitsuba_xml.colors import INDEX, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.textures import color_or_texture, image_texture, number_or_texture
+from engines.scene.models import (
+    INDICES,
+    IORS,
+    LEAST_CONTRAST,
+    PLASTIC_IORS,
+    SMOOTHEST,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Null,
+    Plastic,
+    Principled,
+    ThinDielectric,
+    principled_eta,
+)
 from engines.scene.textures import Color, Number
 from engines.scene.triple import BLACK, WHITE, Triple
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.formats.mesh import MeshData, read_mesh
+from engines.scene.formats.mesh import MeshData, read_mesh_file
 from engines.scene.geometry import unit_rows
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
@@ -14,7 +16,14 @@ from engines.scene.mitsuba_xml.properties import Plugin
 
 def read_file(importer: Importer, plugin: Plugin, named: Element, flat: bool) -> MeshData:
     """Vertices, faces, texture coordinates and (unless `flat`) normals of the file that is named."""
-    return read_mesh(named.located(named.attributes["value"]), importer.place, not flat, with_materials=False)
+    node, suffix = named.located(named.attributes["value"]), f".{plugin.type}"
+    shape_index = plugin.integer("shape_index", default=0, low=0, high=2**31 - 1) if suffix == ".serialized" else 0
+    flip = plugin.boolean("flip_tex_coords", default=suffix == ".obj") if suffix != ".serialized" else False
+    file = importer.place.find(node, node.value)
+    data = read_mesh_file(node, file, not flat, True, shape_index, flip_v=flip, suffix=suffix)
+    if flip and suffix != ".obj" and data.uvs is not None:
+        data = replace(data, uvs=data.uvs * [1.0, -1.0] + [0.0, 1.0])
+    return data
 
 
 def angle_weighted_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -243,7 +243,7 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
         normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
         normals = -normals if turn else normals
         faces = _swapped(faces, against(vertices, faces, normals))
-    return finished(importer, plugin, look, vertices, faces, normals, getattr(data, "uvs", None))
+    return finished(importer, plugin, look, vertices, faces, normals, data.uvs)
 
 
 def tangents(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

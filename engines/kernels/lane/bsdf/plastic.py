@@ -158,8 +158,8 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         near = _transmittance(si.tables, parameters[11], wo.z)
         m = visible_normal(wo, alpha, alpha, u0, u1)
         mirrored = m * (two * dot(wo, m)) - wo
-        up = Vec3(zero, zero, one)
-        wi = select3(u_lobe < _share(one - near, parameters[9]), mirrored, cosine_direction(up, u0, u1))
+        base = to_local(frame, cosine_direction(si.normal, u0, u1))
+        wi = select3(u_lobe < _share(one - near, parameters[9]), mirrored, base)
         value, density = value_and_pdf(parameters, si, wo, wi, near)
         positive = density > zero
         weight = Spectrum(value.color, value.scale / select(positive, density, one))

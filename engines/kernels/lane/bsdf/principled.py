@@ -263,7 +263,7 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
             along = select(transmits, out / of.e - fresnel.cos_transmitted, along)
             back = select(transmits, one / of.e, one)
         wi = m * along - wo * back
-        wi = select3(u < one + of.coat, wi, cosine_direction(Vec3(zero, zero, one), u0, u1))
+        wi = select3(u < one + of.coat, wi, to_local(frame, cosine_direction(si.normal, u0, u1)))
         value, density = value_and_pdf(of, wo, wi)
         positive = density > zero
         weight = Spectrum(value.color, value.scale / select(positive, density, one))

@@ -32,7 +32,7 @@ def intersection(o, d, p, real):
     found = found + normal * dot(normal, center - found)
     out, zero = to_real(normal, real), real(0)
     tangent = to_real(found - center, real)
-    return ShapeIntersection(real(t), zero, zero, zero, to_real(found, real), out, out, tangent)
+    return ShapeIntersection(real(t), real(p[6]), zero, zero, to_real(found, real), out, out, tangent)
 
 
 @inline
