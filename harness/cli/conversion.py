@@ -37,10 +37,8 @@ def import_(
     allow_outside: AllowOutside = False,
 ) -> None:
     """Write a Mitsuba scene as a raybench scene: YAML, with its meshes and images beside it."""
-    from engines.scene.write import save_scene
-
     from engines.errors import ConfigError
-    from engines.scene import load_scene
+    from engines.scene import load_scene, save_scene
     from harness.cli.render import parameters_of
     from harness.config import paths
     from harness.console import consoles
