@@ -65,7 +65,7 @@ class FilmLayers(NamedTuple):
 def write_film_layers(path: FilePath, layers: FilmLayers, provenance: Mapping[str, Any] | None = None) -> None:
     """Writes a film to an `.exr` file. Raises `ConfigError`."""
     images = {"RGB": layers.mean, **{name: getattr(layers, name) for name in LAYERS}}
-    _write_exr(path, images, provenance or {})
+    write_channels(path, images, provenance or {})
 
 
 def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] | None = None) -> None:
@@ -76,7 +76,7 @@ def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] 
     if image.ndim != 3 or image.shape[2] not in channels or 0 in image.shape:
         raise ConfigError(f"{os.fspath(path)}: an image of shape (height, width, 3) is wanted, not {image.shape}")
     if _suffix(path) == ".exr":
-        _write_exr(path, {"RGB": image}, provenance or {})
+        write_channels(path, {"RGB": image}, provenance or {})
     else:
         _write_bitmap(path, image if image.dtype == np.uint8 else to_bitmap(image), provenance or {})
 
@@ -91,7 +91,8 @@ def png_bytes(bitmap: NDArray[np.uint8], provenance: Mapping[str, Any] | None = 
     return _encoded(bitmap, "PNG", pnginfo=text)
 
 
-def _write_exr(path: FilePath, layers: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> None:
+def write_channels(path: FilePath, layers: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any] | None = None) -> None:
+    """Writes an EXR of float32 channels (h, w), or of groups of channels (h, w, 3) such as "RGB". Raises `ConfigError`."""
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -160,7 +161,7 @@ def read_image(path: FilePath) -> Image:
     file = readable(path)
     if file.suffix.lower() == ".exr":
         return _rgb(file, exr_channels(file), "")
-    return _decoded_srgb(_bitmap(file))
+    return decoded_srgb(_bitmap(file))
 
 
 def read_bitmap(path: FilePath) -> NDArray[np.uint8]:
@@ -297,7 +298,8 @@ def check_bitmap(file: Path, image: Any) -> None:
         check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)
 
 
-def _decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
+def decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
+    """Linear values of sRGB-encoded ones."""
     x = np.arange(256) / 255.0
     linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
     return linear[bitmap]

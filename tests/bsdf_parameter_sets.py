@@ -78,6 +78,7 @@ PRINCIPLED = [
     Principled(ROSE, 0.9, eta=1.1, spec_tint=0.3, sheen=0.5, sheen_tint=1.0, flatness=1.0),
     Principled(WHITE, 0.15, eta=1.33, spec_trans=0.9, spec_tint=0.4, flatness=0.3),
     Principled(BLACK, 0.6, sheen=1.0, sheen_tint=1.0, spec_tint=1.0, clearcoat=0.7, clearcoat_gloss=0.1),
+    Principled(AMBER, 0.3, metallic=0.5, eta=1.0, spec_tint=0.5, clearcoat=0.5),
 ]
 MIXTURES = [
     Mixture((0.6, 0.5, 0.4)),

@@ -121,7 +121,7 @@ def test_numba_in_float64_equals_the_reference_through_a_lens_with_every_sampler
 
 
 def test_accelerators_that_know_the_eye_see_through_a_lens_and_behind_a_near_plane():
-    for camera in (LENS, replace(PINHOLE, clip=(4.6, math.inf))):
+    for camera in (LENS, replace(PINHOLE, clip=(4.6, math.inf)), replace(PINHOLE, mirror=True, principal_point=(0.1, 0.0))):
         _assert_equal(_room(camera), ["area_hierarchy", "bvh"], shader="depth_map", spp=2, width=24, height=24)
 
 

@@ -34,13 +34,14 @@ class Wrappers:
         wraps = np.array([isinstance(node, _WRAPPERS) for node in self._nodes], bool)
         self.any = bool(wraps.any())
         self._leaf = np.where(wraps, -1, np.cumsum(~wraps) - 1)
+        self._of_material = self._leaf[self._root]
         self._parts = np.array([self._numbers(node) for node in self._nodes], np.int64).reshape(-1, 2).T
         self._share = NumberParameter([_share(node) for node in self._nodes])
         self.placed: Mask = np.array([_needs_coordinates(bsdf) for bsdf in bsdfs], bool)
 
     def leaf(self, material: Indices) -> Indices:
         """(n,) numbers of the leaves that materials without wrappers are; -1 for the others."""
-        return self._leaf[self._root[material]]
+        return self._of_material[material]
 
     def walk(self, at: SurfaceInteraction, u: Array) -> tuple[SurfaceInteraction, Array]:
         """The points, seen as their leaves see them, and what the choices have left of the numbers `u` (n,) in [0, 1)."""

@@ -15,8 +15,9 @@ from engines.scene.shapes import *
 from engines.scene.sphere_set import *
 from engines.scene.textures import *
 from engines.scene.triple import *
+from engines.scene.write import save_scene
 
-__all__ = ["load_scene", "scene_from"]
+__all__ = ["load_scene", "save_scene", "scene_from"]
 __all__ += bsdf.__all__
 __all__ += cameras.__all__
 __all__ += lights.__all__

@@ -74,7 +74,8 @@ class MaterialTable:
 class SceneReader:
     """The state of reading one scene: `name` is that of a scene without a title, `source` its file, `textures` by name.
 
-    `material` is the index of the material of the shape being read, None where a mesh file brings its own. `degenerate`
+    `material` is the index of the material of the shape being read, None where a mesh file brings its own
+    or its faces have one of `face_materials` each. `degenerate`
     counts triangles without area.
     """
 
@@ -86,5 +87,6 @@ class SceneReader:
     images: Images = field(default_factory=Images)
     table: MaterialTable = field(default_factory=MaterialTable)
     material: int | None = None
+    face_materials: list[int] = field(default_factory=list)
     degenerate: int = 0
     warnings: list[str] = field(default_factory=list)

@@ -58,8 +58,9 @@ def read_only_mesh(
 
 
 def _mesh(given: Given, context: SceneReader) -> Mesh:
-    smooth, material = given["smooth"], context.material
-    uvs = material is not None and uses_uvs(context.table.materials[material].bsdf)
+    smooth, several = given["smooth"], context.face_materials
+    material = several[0] if several else context.material
+    uvs = material is not None and any(uses_uvs(context.table.materials[each].bsdf) for each in several or [material])
     if given.has("file"):
         if given.has("uvs"):
             raise given.node.refuse_key("uvs", "belongs to vertices that are listed: a file has its own")
@@ -67,7 +68,7 @@ def _mesh(given: Given, context: SceneReader) -> Mesh:
         context.warnings += data.warnings
     else:
         data = _inline(given, uvs)
-    materials = _file_materials(context, data) if material is None else np.full(len(data.faces), material, np.int32)
+    materials = _face_materials(given, context, data)
     data = _placed(given, data)
     normals = data.normals
     if smooth and normals is None:
@@ -106,10 +107,20 @@ def _inline(given: Given, with_uvs: bool) -> MeshData:
     return MeshData(vertices, faces, uvs=uvs if with_uvs else None)
 
 
-def _file_materials(context: SceneReader, data: MeshData) -> NDArray[np.int32]:
-    indices = np.array([context.table.add(material) for material in data.materials], np.int32)
-    assert data.face_materials is not None
-    return indices[data.face_materials]
+def _face_materials(given: Given, context: SceneReader, data: MeshData) -> NDArray[np.int32]:
+    """(m,) indices into the table: of one material, of those of an MTL, or of the list by the numbers that a PLY has."""
+    if context.material is not None:
+        return np.full(len(data.faces), context.material, np.int32)
+    if not context.face_materials:
+        indices = np.array([context.table.add(material) for material in data.materials], np.int32)
+        assert data.face_materials is not None
+        return indices[data.face_materials]
+    numbers, count = data.face_materials, len(context.face_materials)
+    if not given.has("file") or numbers is None:
+        raise given.node.refuse("several materials belong to a .ply file of triangles with a column 'material'")
+    if ((numbers < 0) | (numbers >= count)).any():
+        raise given.node.refuse(f"its file has a face with a material outside [0, {count - 1}]")
+    return np.array(context.face_materials, np.int32)[numbers]
 
 
 def _scale(node: Located) -> NDArray[np.float64]:

@@ -254,16 +254,17 @@ class Principled:
     spec_trans: Number = 0.0
 
 
-def principled_eta(specular: float) -> float:
-    """The index of refraction of which Disney's `specular` is the reflectance at normal incidence / 0.08; as in Mitsuba, 0
-    stands for 0.001."""
-    return 2.0 / (1.0 - math.sqrt(0.08 * (specular or 1e-3))) - 1.0
+def principled_eta(specular: float, spec_trans: Number) -> float:
+    """The index of refraction of which Disney's `specular` is the reflectance at normal incidence / 0.08. As in Mitsuba, 0
+    stands for 0.001 where light is transmitted, and is no reflection elsewhere."""
+    least = 1e-3 if spec_trans != 0.0 else 0.0
+    return 2.0 / (1.0 - math.sqrt(0.08 * (specular or least))) - 1.0
 
 
 def _principled(given: Given, context: Any) -> Principled:
     values = {key: value for key, value in given.values.items() if key != "specular"}
     if values["eta"] is None:
-        values["eta"] = principled_eta(given["specular"])
+        values["eta"] = principled_eta(given["specular"], values["spec_trans"])
     elif given.has("specular"):
         raise given.node.refuse_key("specular", "either specular or eta")
     return Principled(**values)

@@ -18,8 +18,8 @@ from engines.scene.sphere_set import SphereSet
 from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
-from engines.schema.kinds import DIRECTION, POINT, POSITIVE, TEXT
-from engines.schema.yaml_file import Located
+from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, Kind
+from engines.schema.yaml_file import Located, locate
 
 __all__ = ["Cylinder", "Disk", "Plane", "Shape", "Sphere", "Triangle"]
 
@@ -140,16 +140,39 @@ class Triangle:
 _CORNER = Key(POINT, "A corner; a, b, c run counter-clockwise seen from the front.", unit="metres")
 _TRIANGLE = Record("A triangle.", dict.fromkeys("abc", _CORNER), _of(Triangle))
 
+
+def _spheres(given: Given, context: SceneReader) -> SphereSet:
+    centers, written = fields.rows(given["centers"], np.float64), given["radii"]
+    radii = locate(written.value.tolist()).value if isinstance(written.value, np.ndarray) else written.value
+    if not isinstance(radii, list) or len(radii) != len(centers) or len(centers) == 0:
+        raise written.refuse("must be a list of radii, one for each center")
+    assert context.material is not None
+    found = SphereSet(centers, np.array([fields.positive(each) for each in radii]), context.material)
+    for array in (found.centers, found.radii):
+        array.flags.writeable = False
+    return found
+
+
+_RADII = Kind(lambda node: node, {"type": "array", "items": POSITIVE.json, "minItems": 1})
+_SPHERES = Record("Many spheres that make one shape.", {
+    "centers": Key(ROWS, "Centers of the spheres.", unit="metres"), "radii": Key(_RADII, "Radius of each.", unit="metres"),
+}, _spheres)  # fmt: skip
+
 Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
 SHAPES = Variants("shape", {
     "sphere": _SPHERE,
+    "spheres": _SPHERES,
     "disk": _DISK,
     "cylinder": _CYLINDER,
     "plane": _PLANE,
     "triangle": _TRIANGLE,
     "mesh": MESH,
     "procedural": PROCEDURAL,
-}, {"material": Key(TEXT, "Name of one of the materials; a mesh from an OBJ file may leave it to the file.")})  # fmt: skip
+}, {"material": Key(
+    Kind(fields.text, {"anyOf": [TEXT.json, {"type": "array", "items": TEXT.json, "minItems": 1}]}),
+    "Name of one of the materials; a mesh from an OBJ file may leave it to the file, and one from a PLY file may have a list, "
+    "to which a column 'material' of its faces points.",
+)})  # fmt: skip
 
 
 class ShapeKind:
@@ -158,7 +181,9 @@ class ShapeKind:
     def read(self, node: Located, context: Any = None) -> Shape:
         kind = SHAPES.choose(node)
         body, named = node.value[kind], node.value.get("material")
-        context.material = None if named is None else context.table.index(named)
+        several = named.value if named is not None and kind == "mesh" and isinstance(named.value, list) else []
+        context.material = None if named is None or several else context.table.index(named)
+        context.face_materials = [context.table.index(each) for each in several]
         if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)

@@ -38,7 +38,7 @@ def assembly(names, unrolls_early=False):
     features = flatten(engines.load_scene("cornell_box"), np.float32, np.float32).features
     integrator = shade.integrator_of(resolve("shader", "path_tracer", SHADERS))
     make = {
-        "draw": lambda: sampler.stages(resolve("sampler", "sobol", SAMPLERS), False, np.float32)[1],
+        "draw": lambda: sampler.stages(resolve("sampler", "sobol", SAMPLERS), np.float32)[1],
         "surface": lambda: surface.stage(features, np.float32),
         "shade": lambda: shade.stage(integrator, shade.shade_features(integrator, features), features, np.float32),
     }

@@ -9,7 +9,7 @@ import pytest
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import dot
-from engines.scene import Bump, Conductor, ImageTexture, Material, Mixture, NormalMap
+from engines.scene import Bump, Conductor, Dielectric, ImageTexture, Material, Mixture, NormalMap
 
 mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
 
@@ -17,6 +17,7 @@ PAIRS = 400
 DP_DU, DP_DV = (2.0, 0.0, 0.0), (0.4, 1.5, 0.0)
 METAL = Conductor((0.2, 0.9, 1.1), (3.9, 2.4, 2.2), (0.3, 0.3))
 MIRROR = Conductor(METAL.eta, METAL.k)
+GLASS = Dielectric(1.5, (0.4, 0.4))
 GREY = Mixture((0.5, 0.6, 0.7))
 
 
@@ -34,6 +35,9 @@ def steep(rng):
 def theirs(bsdf):
     if isinstance(bsdf, Mixture):
         return {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(bsdf.kd)}}
+    if isinstance(bsdf, Dielectric):
+        indices = {"int_ior": bsdf.ior, "ext_ior": 1.0}
+        return {"type": "roughdielectric", "distribution": "ggx", "alpha": bsdf.alpha[0], **indices}
     if isinstance(bsdf, Conductor):
         eta, k = ({"type": "rgb", "value": list(index)} for index in (bsdf.eta, bsdf.k))
         rough = {"type": "roughconductor", "distribution": "ggx", "alpha": bsdf.alpha[0]}
@@ -108,6 +112,26 @@ def test_value_and_density_are_those_of_mitsuba(name, leaf, side):
     assert np.allclose(value, expected[:3], rtol=2e-4, atol=1e-6)
     assert np.allclose(pdf, expected[3], rtol=2e-4, atol=1e-6)
     assert 0.02 < (expected[3] == 0.0).mean() < 0.6  # some directions are none
+
+
+@each_map
+def test_light_that_passes_a_tilted_rough_interface_is_mitsubas(name):
+    """Reflection and refraction; directions that only one of the two normals has on the far side are none."""
+    mi.set_variant("scalar_rgb")
+    wrapper, rng = made(name, GLASS), np.random.default_rng(5)
+    ours, bsdf = Materials([Material("m", bsdf=wrapper)]), mi.load_dict(theirs(wrapper))
+    uv, wo, wi = rng.random((2, PAIRS)), hemisphere(rng, PAIRS), hemisphere(rng, PAIRS)
+    wi[2] *= np.where(np.arange(PAIRS) % 3 == 0, 1.0, -1.0)
+    at, _ = ours.walk(points(uv, wo), rng.random(PAIRS))
+    value, pdf = ours.evaluate(at, wi) * np.abs(dot(at.normal, wi)), ours.pdf(at, wi)
+    expected = np.empty((4, PAIRS))
+    for pair in range(PAIRS):
+        si = point(uv[:, pair], wo[:, pair])
+        colour, density = bsdf.eval_pdf(mi.BSDFContext(), si, [float(c) for c in wi[:, pair]])
+        expected[:, pair] = *colour, density
+    assert np.allclose(value, expected[:3], rtol=1e-3, atol=1e-5)
+    assert np.allclose(pdf, expected[3], rtol=1e-3, atol=1e-5)
+    assert (expected[3][wi[2] < 0.0] > 0.0).mean() > 0.1
 
 
 @each_map

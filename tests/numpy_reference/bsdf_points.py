@@ -58,6 +58,23 @@ class LommelSeeliger:
         return options["albedo"], options["albedo"]
 
 
+class Paper(LommelSeeliger):
+    """A sheet that light passes as well as it is reflected: a plugin that transmits, half of its samples below."""
+
+    name = "paper"
+    transmission = True
+
+    def evaluate(self, options, at, wi):
+        return np.reshape(options["albedo"], (3, 1)) / (2.0 * np.pi) * np.ones(wi.shape[1])
+
+    def pdf(self, options, at, wi):
+        return np.abs(dot(at.normal, wi)) / (2.0 * np.pi)
+
+    def sample(self, options, at, uc, u0, u1, lobes):
+        wi = cosine_hemisphere(np.where(uc < 0.5, at.normal, -at.normal), u0, u1)
+        return wi, np.reshape(options["albedo"], (3, 1)) * np.ones(uc.size), self.pdf(options, at, wi)
+
+
 def of(leaf):
     """A material with this BSDF."""
     return Material(type(leaf).__name__, bsdf=leaf)
@@ -76,9 +93,9 @@ MODELS = {
     "rough": conductor(0.5),
     "shiny": conductor(0.08, GOLD),
     "brushed": conductor((0.1, 0.45), GOLD, (0.9, 0.8, 0.7)),
-    "worn": of(Conductor(*GOLD, (0.35, 0.2), distribution="beckmann")),
+    "worn": of(Conductor(*GOLD, (0.6, 0.4), distribution="beckmann")),
     "frosted": of(FROSTED),
-    "frosted from inside": of(replace(FROSTED, distribution="beckmann")),
+    "frosted from inside": of(replace(FROSTED, alpha=(0.4, 0.6), distribution="beckmann")),
     "varnish": of(Plastic((0.9, 0.6, 0.3), 1.5, 0.0, True, (0.8, 0.9, 1.0))),
     "lacquer": of(Plastic((1.0, 1.0, 1.0), 1.7, 0.3)),
     "wax": of(Plastic((0.3, 0.6, 0.9), 1.4, 0.4, True, (0.9, 0.8, 0.7), "beckmann")),
@@ -86,6 +103,7 @@ MODELS = {
     "jelly": of(JELLY),
     "jelly from inside": of(JELLY),
     "plugin": Material("dust", bsdf=CustomBSDF(LommelSeeliger(), {"albedo": (0.9, 0.6, 0.3)})),
+    "transmitting plugin": Material("paper", bsdf=CustomBSDF(Paper(), {"albedo": (0.9, 0.6, 0.3)})),
 }
 """Materials with a lobe that is no delta, by name."""
 DELTAS = {
@@ -100,7 +118,8 @@ DELTAS = {
 def transmits(model):
     """Whether light may be refracted through a lobe that is no delta."""
     bsdf = MODELS[model].bsdf
-    return isinstance(bsdf, Dielectric) or (isinstance(bsdf, Principled) and bsdf.spec_trans > 0.0)
+    plugin = isinstance(bsdf, CustomBSDF) and getattr(bsdf.plugin, "transmission", False)
+    return plugin or isinstance(bsdf, Dielectric) or (isinstance(bsdf, Principled) and bsdf.spec_trans > 0.0)
 
 
 def side(model):
@@ -111,7 +130,7 @@ def side(model):
 def index_ratio(model):
     """The index of refraction behind the surface over the one before it; 1 for what transmits nothing."""
     bsdf = MODELS[model].bsdf
-    index = 1.0 if not transmits(model) else bsdf.ior if isinstance(bsdf, Dielectric) else bsdf.eta
+    index = bsdf.ior if isinstance(bsdf, Dielectric) else bsdf.eta if isinstance(bsdf, Principled) else 1.0
     return index if side(model)["front"] else 1.0 / index
 
 

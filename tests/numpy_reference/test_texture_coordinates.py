@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engines.numpy_reference.vectors import frame, unit
-from engines.scene import Bump, Disk, ImageTexture, Material, Mixture, Plane, Sphere, Triangle
+from engines.scene import Bump, Cylinder, Disk, ImageTexture, Material, Mixture, Plane, Sphere, Triangle
 from tests.numpy_reference.small_scenes import mesh, renderer, scene
 
 RAMP = ImageTexture(np.linspace(0.0, 1.0, 12, dtype=np.float32).reshape(3, 4, 1))
@@ -15,6 +15,7 @@ SHAPES = {
     "plane": Plane((0.1, -0.2, 0.3), (0.6, 0.0, 0.8), 0),
     "disk": Disk((0.1, -0.2, 0.3), (0.36, 0.48, 0.8), 1.7, 0),
     "sphere": Sphere((0.3, 0.2, -0.1), 1.3, 0),
+    "cylinder": Cylinder((-1.5, 0.3, 0.1), (2.5, 0.6, 0.3), 0.5, 0),
     "triangle": Triangle(*QUAD[:3], 0),
     "mesh": mesh(QUAD, [(0, 1, 2), (2, 1, 3)], uvs=UVS),
     "smooth mesh": mesh(QUAD, [(0, 1, 2), (2, 1, 3)], uvs=UVS, normals=np.tile([0.0, 0.6, 0.8], (4, 1))),

@@ -11,6 +11,7 @@ from engines.scene import (
     Bump,
     Checkerboard,
     Conductor,
+    Dielectric,
     DirectionalLight,
     EnvironmentLight,
     ImageTexture,
@@ -19,6 +20,7 @@ from engines.scene import (
     Mixture,
     NormalMap,
     Plane,
+    PointLight,
     Sides,
     Sphere,
 )  # fmt: skip
@@ -174,9 +176,9 @@ def test_whitted_and_the_path_tracer_agree_on_blends_of_textures():
     board = Checkerboard((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (0.3, 0.0, 0.05, 0.0, 0.4, 0.1))
     red, other = Mixture(kd=Checkerboard((0.9, 0.1, 0.2), (0.2, 0.3, 0.4), board.to_uv)), Mixture(kd=(0.3, 0.3, 0.3))
     light = DirectionalLight(tuple(unit(np.array([[0.3], [0.2], [-1.0]]))[:, 0]), (2.0, 2.0, 2.0))
-    view = point_view((1.0, 1.0, 5.0), (0.4, 0.8, 0.0), 4)
+    view = point_view((1.0, 1.0, 5.0), (0.4, 0.8, 0.0), 24)
     made = scene([FLOOR], [of(Blend(0.5, red, Blend(board, red, other)))], [light], view)
-    one, other = (image(made, chosen, spp=400, seed=seed) for chosen, seed in ((whitted(), 1), (path_tracer(2), 2)))
+    one, other = (image(made, chosen, spp=12, seed=seed) for chosen, seed in ((whitted(), 1), (path_tracer(2), 2)))
     assert one.std() > 0.0 and abs(one.mean() - other.mean()) < 0.02 * one.mean()
 
 
@@ -257,6 +259,38 @@ def test_a_tilted_mirror_shows_another_wall_in_both_shaders():
     dimmed = 2.0 / (1.0 + np.sqrt(1.0 + np.tan(np.radians(30.0)) ** 2 / 8.0 * np.tan(np.radians(60.0)) ** 2))
     for shader in (whitted(), path_tracer(3)):
         assert np.allclose(image(made, shader), 3.0 * dimmed, rtol=1e-3)
+
+
+STRATEGIES = {
+    "rough glass": Dielectric(1.5, (0.4, 0.4)),
+    "masked metal": Mask(0.6, Conductor((0.2, 0.9, 1.1), (3.9, 2.4, 2.2), (0.4, 0.4))),
+    "bumped metal": Bump(ramp(0.4, 0.3), 1.0, Conductor((0.2, 0.9, 1.1), (3.9, 2.4, 2.2), (0.4, 0.4))),
+    "bumped rough glass": Bump(ramp(0.4, 0.3), 1.0, Dielectric(1.5, (0.4, 0.4))),
+    "blend": Blend(0.4, Mixture(kd=(0.6, 0.6, 0.6)), Mask(0.5, Dielectric(1.5, (0.5, 0.3)))),
+}
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_all_strategies_have_the_same_mean(name):
+    """A surface with a lamp above and one below, which all three ways to weight samples must find alike."""
+    lamps = [Sphere((0.5, 1.5, 1.6), 0.6, 1), Sphere((0.4, 1.0, -1.7), 0.8, 1)]
+    view = point_view((0.4, -1.0, 1.5), (0.5, 0.5, 0.0), 32, (0.0, 0.0, 1.0))
+    made = scene([FLOOR, *lamps], [of(STRATEGIES[name]), material(emission=3.0)], (), view)
+    found = [image(made, path_tracer(2, direct), spp=32, seed=seed) for seed, direct in enumerate(("light", "bsdf", "mis"))]
+    assert found[2].mean() > 0.02
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        error = np.hypot(found[one].std(), found[other].std()) / 32.0
+        assert abs(found[one].mean() - found[other].mean()) < 4.5 * error, (one, other)
+        assert error < 0.05 * found[2].mean()
+
+
+@pytest.mark.parametrize("shader", [whitted(), path_tracer(2)], ids=["whitted", "path_tracer"])
+def test_a_light_behind_a_rough_interface_is_found_from_there(shader):
+    """A point light in the middle of a frosted ball: the shadow ray starts inside, or the ball would be in its way."""
+    frosted = of(Dielectric(1.5, (0.3, 0.3)))
+    ball = scene([Sphere((0.0, 0.0, 0.0), 1.0, 0)], [frosted], [PointLight((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))], LENS)
+    value = Materials([frosted]).evaluate(points(polar(0.0)), polar(180.0))[0, 0]
+    assert np.allclose(image(ball, shader), 2.0 * value, rtol=1e-4) and value > 0.1
 
 
 def test_walks_are_asked_for_where_there_are_wrappers():

@@ -13,6 +13,8 @@ from engines.numpy_reference.vectors import Array, dot, unit
 
 SMALLEST_DRAW = 2.0**-25
 """Draws are held this far from 0 and 1, where slopes are infinite."""
+LOWEST = -87.0
+"""Exponent of the least number that the distribution may be, as float32 would have it."""
 STEEPEST = 6.0
 """Slopes of roughness 1 beyond this one have a probability below 1e-16."""
 STEPS = 60
@@ -20,12 +22,12 @@ STEPS = 60
 
 
 def distribution(m: Array, alpha: Array) -> Array:
-    """D(m) (n,), for m.z > 0."""
+    """D(m) (n,), for m.z > 0; 0 where its exponential is below e^`LOWEST`."""
     ax, ay = alpha
     cosine2 = m[2] ** 2
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        found = np.exp(-((m[0] / ax) ** 2 + (m[1] / ay) ** 2) / cosine2) / (np.pi * ax * ay * cosine2**2)
-    return np.where(cosine2**2 > 0.0, found, 0.0)
+        exponent = -((m[0] / ax) ** 2 + (m[1] / ay) ** 2) / cosine2
+        return np.where(exponent > LOWEST, np.exp(exponent) / (np.pi * ax * ay * cosine2**2), 0.0)
 
 
 def masking(v: Array, alpha: Array) -> Array:

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, transmits
 from engines.numpy_reference.interaction import SurfaceInteraction
-from engines.numpy_reference.vectors import Array, Indices
+from engines.numpy_reference.vectors import Array, Indices, Mask
 from engines.scene import CustomBSDF
 
 
 class PluginBSDF:
     """All leaves of plugins in a scene. A plugin's object has the verbs of `BSDF`, with the options of one material
-    in the place of materials, and `albedos(options)`. Nothing leaves below the surface but through delta lobes."""
+    in the place of members, and `albedos(options)`. What is no delta leaves below the surface only where the plugin has the
+    flag `transmission`."""
 
     def __init__(self, leaves: Sequence[CustomBSDF]) -> None:
         self._models = list(leaves)
@@ -35,7 +36,7 @@ class PluginBSDF:
                 wi, weight, pdf = model.plugin.numpy.sample(
                     model.options, here, uc[lanes], u0[lanes], u1[lanes], chosen
                 )
-                kept = np.isinf(pdf) | here.reflects(wi)
+                kept = np.isinf(pdf) | _leaves(model, here, wi)
                 found.put(lanes, wi, np.where(kept, weight, 0.0), pdf)
         return found
 
@@ -54,10 +55,10 @@ class PluginBSDF:
     def _ask(
         self, member: Indices, at: SurfaceInteraction, wi: Array, found: Array, verb: Callable[[CustomBSDF], Any]
     ) -> Array:
-        """Fills `found` with what each point's model answers of `wi`, 0 below the surface."""
+        """Fills `found` with what each point's model answers of `wi`, 0 where nothing leaves."""
         for model, lanes in self._by_model(member):
             here, towards = at.take(lanes), wi.take(lanes, axis=1)
-            found[..., lanes] = np.where(here.reflects(towards), verb(model)(model.options, here, towards), 0.0)
+            found[..., lanes] = np.where(_leaves(model, here, towards), verb(model)(model.options, here, towards), 0.0)
         return found
 
     def _by_model(self, member: Indices) -> list[tuple[CustomBSDF, Indices]]:
@@ -67,7 +68,22 @@ class PluginBSDF:
 BSDFS = {CustomBSDF: PluginBSDF}
 
 
+FLAGS = {
+    "specular_reflection": Lobes.SPECULAR_REFLECTION,
+    "specular_transmission": Lobes.SPECULAR_TRANSMISSION,
+    "transmission": Lobes.GLOSSY_TRANSMISSION,
+}
+"""Lobes that a plugin says it has."""
+
+
 def _lobes(plugin: Any) -> Lobes:
-    reflection = Lobes.SPECULAR_REFLECTION if getattr(plugin, "specular_reflection", False) else Lobes(0)
-    transmission = Lobes.SPECULAR_TRANSMISSION if getattr(plugin, "specular_transmission", False) else Lobes(0)
-    return Lobes.NON_SPECULAR | reflection | transmission
+    found = Lobes.DIFFUSE_REFLECTION | Lobes.GLOSSY_REFLECTION
+    for name, lobe in FLAGS.items():
+        found |= lobe if getattr(plugin, name, False) else Lobes(0)
+    return found
+
+
+def _leaves(model: CustomBSDF, at: SurfaceInteraction, wi: Array) -> Mask:
+    """(n,) whether what is no delta may leave the surface along `wi`."""
+    above = at.reflects(wi)
+    return above | transmits(at, wi) if _lobes(model.plugin) & Lobes.GLOSSY_TRANSMISSION else above

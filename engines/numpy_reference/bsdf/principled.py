@@ -177,7 +177,7 @@ class _Surface(NamedTuple):
 
     def reflected(self, pair: _Pair) -> Array:
         """(3, n) the lobes above the surface."""
-        value = np.where(pair.fresnel > 0.0, self.facets.reflected(self._reflectance(pair), pair.wi, pair.m), 0.0)
+        value = np.where(self.outer != 1.0, self.facets.reflected(self._reflectance(pair), pair.wi, pair.m), 0.0)
         in_front = self._coat(pair) + self.opaque * self.color / np.pi * self._base(pair) + self._sheen(pair)
         return value + np.where(self.front, in_front, 0.0)
 

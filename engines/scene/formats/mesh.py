@@ -24,6 +24,7 @@ from engines.memory import lacking_memory
 from engines.scene.bsdf import uses_uvs
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
+from engines.scene.formats.ply import UNIT_NORMALS
 from engines.scene.formats.serialized import parse_serialized
 from engines.scene.geometry import fans, unit_rows
 from engines.scene.materials import Material
@@ -49,7 +50,8 @@ class At(Protocol):
 @dataclass(frozen=True, slots=True)
 class MeshData:
     """`vertices` (n, 3) float64, `faces` (m, 3) int32, unit vertex `normals` (n, 3) and texture coordinates `uvs` (n, 2) where
-    asked for and there, and for files with materials `face_materials` (m,) indices into `materials`.
+    asked for and there, and for files with materials `face_materials` (m,) indices into `materials`, or, of a PLY, as they
+    stand there.
 
     Where vertices of the file have been split for normals or texture coordinates, `origins` (n,) are their indices there.
     `flat` says that a file asks for flat shading.
@@ -258,8 +260,14 @@ def _read_with_trimesh(at: At, suffix: str, data: bytes, with_normals: bool, wit
         _triangles(at, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)
     ])  # fmt: skip
     alone = parts[0] if len(parts) == 1 else None
-    normals, uvs = (alone.normals, alone.uvs) if alone else (None, None)
-    return _mesh_data(at, vertices, faces, normals if with_normals else None, uvs if with_uvs else None)
+    if alone is None:
+        return _mesh_data(at, vertices, faces, None, None)
+    normals = alone.normals if with_normals else None
+    made = _mesh_data(at, vertices, faces, normals, alone.uvs if with_uvs else None)
+    if alone.exact and normals is not None and np.allclose(np.linalg.norm(normals, axis=1), 1.0, 0.0, 1e-9):
+        made = replace(made, normals=normals)
+    numbers = alone.face_materials
+    return made if numbers is None or len(numbers) != len(made.faces) else replace(made, face_materials=numbers)
 
 
 class _Part(NamedTuple):
@@ -267,6 +275,8 @@ class _Part(NamedTuple):
     faces: NDArray[Any]
     normals: NDArray[np.float64] | None
     uvs: NDArray[np.float64] | None
+    face_materials: NDArray[np.int32] | None
+    exact: bool
 
 
 def _arrays(part: dict[str, Any]) -> _Part:
@@ -277,7 +287,9 @@ def _arrays(part: dict[str, Any]) -> _Part:
     uvs = part.get("uvs")
     if uvs is not None and uvs.shape != (len(vertices), 2):
         raise ValueError(f"texture coordinates of shape {uvs.shape}")
-    return _Part(vertices, np.asarray(part["faces"]), None if normals is None else np.asarray(normals, np.float64), uvs)
+    if normals is not None:
+        normals = np.asarray(normals, np.float64)
+    return _Part(vertices, np.asarray(part["faces"]), normals, uvs, part.get("face_materials"), part.get("exact", False))
 
 
 def _ply_parts(data: bytes) -> list[dict[str, Any]]:
@@ -295,7 +307,14 @@ def _ply_parts(data: bytes) -> list[dict[str, Any]]:
             # polygons of several lengths: trimesh would put the triangles before the others
             counts = np.array([len(polygon) for polygon in content[name]], np.int64)
             found["faces"] = np.concatenate(content[name])[fans(counts)[0]]
-    return [found | {"uvs": _ply_uvs(elements["vertex"]["data"])}]
+    exact = UNIT_NORMALS in data[:1000]
+    return [found | {"uvs": _ply_uvs(elements["vertex"]["data"]), "face_materials": _face_materials(content), "exact": exact}]
+
+
+def _face_materials(content: Any) -> NDArray[np.int32] | None:
+    """(m,) the column `material` of the faces, where they have one."""
+    names = content.dtype.names or () if isinstance(content, np.ndarray) else content
+    return np.asarray(content["material"]).reshape(-1).astype(np.int32) if "material" in names else None
 
 
 PLY_UVS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))

@@ -262,10 +262,11 @@ def _principled(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
     if plugin.has("eta"):
         eta = plugin.positive("eta", default=1.5)
     else:
-        eta = principled_eta(plugin.number("specular", default=0.5, low=0.0, high=1.0))
+        eta = principled_eta(plugin.number("specular", default=0.5, low=0.0, high=1.0), shares["spec_trans"])
     if not 1.0 <= eta <= IORS[1]:
         raise plugin.refuse_property("eta", f"must lie in [1, {IORS[1]:g}]")
-    eta = max(eta, 1.0 + LEAST_CONTRAST)
+    if shares["spec_trans"] != 0.0:
+        eta = max(eta, 1.0 + LEAST_CONTRAST)
     model = Principled(base, eta=eta, **shares)
     if shares["spec_trans"] != 0.0:
         return Built(model, 1, True)

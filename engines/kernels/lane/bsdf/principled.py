@@ -184,7 +184,7 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
         m = half_vector(wo, wi * select(reflects, one, of.e)) if transmission else half_vector(wo, wi)
         m = m * select(m.z < zero, -one, one)
         out, into = dot(wo, m), dot(wi, m)
-        f = fresnel_dielectric(out, of.e).reflectance
+        f = fresnel_dielectric(abs(out), of.e).reflectance  # below 0 nothing is scattered; 0/0 at eta 1
         facets = ggx_density(m, of.ax, of.ay) * ggx_masking(wo, of.ax, of.ay) / wo.z
         shadowing = ggx_masking(wi, of.ax, of.ay)
         through = of.glass * (one - f)
@@ -194,7 +194,7 @@ def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
         if transmission:
             back = of.glass * f
             color = select3(of.front, color, Vec3(back, back, back))
-        value = color * (select(f > zero, facets, zero) * shadowing / four)
+        value = color * (select(of.eta == one, zero, facets) * shadowing / four)
         lambert = _diffuse_and_sheen(of, wo, wi, out) * wi.z
         if clearcoat:
             quarter = const(0.25, one)
