@@ -10,6 +10,7 @@ import random
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 from engines import choices, memory
@@ -21,6 +22,7 @@ from engines.registry import is_file, lineage_of, load_attribute
 from engines.scene import Scene, load_scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
+from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC
 from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 from harness.hashing import digest
@@ -57,7 +59,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
-    warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
+    warned = [f"{shown(Path(path))}: {warning}" for path, messages in scenes.items() for warning in messages]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     _pairs_exist(experiment, configurations)
     compared = {str(combination["engine"]): None for combination in experiment.combinations}

@@ -367,6 +367,7 @@ class Manifest(Record):
     config: Config | None = None
     cell_ids: list[Id] = []
     verify_job_ids: list[Id] | None = None
+    warnings: list[str] = []
     command: list[str] = []
     machine: dict[str, Any] = {}
     merged: list[dict[str, Any]] = []

@@ -20,7 +20,7 @@ from engines.schema.yaml_file import MAX_SHOWN, Located, Origin
 
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 64
-MAX_ELEMENTS = 400_000
+MAX_ELEMENTS = 200_000
 MAX_INCLUDES = 1000
 MAX_NESTED_INCLUDES = 16
 NEWEST_OLD = (2, 0)
@@ -57,9 +57,7 @@ class Element:
     @property
     def where(self) -> str:
         """`scene.xml:12 <bsdf type="phong">`."""
-        named = next(
-            (f" {key}={_short(self.attributes[key])}" for key in ("name", "type", "id") if key in self.attributes), ""
-        )
+        named = "".join(f" {key}={_short(self.attributes[key])}" for key in ("type", "name", "id") if key in self.attributes)
         return f"{self.source.name}:{self.line} <{self.tag[:MAX_SHOWN]}{named}>"
 
     def refuse(self, wanted: str) -> SceneError:

@@ -26,22 +26,8 @@ SUGGESTED = {
     "direct_projective": "the same light by another way",
     "prb_projective": "the same light by another way",
 }
-"""Integrators that a path tracer stands for, and why it is another one."""
-OTHER = (
-    "aov",
-    "depth",
-    "moment",
-    "stokes",
-    "ao",
-    "field",
-    "ppm",
-    "sppm",
-    "photonmapper",
-    "vpl",
-    "irrcache",
-    "adaptive",
-)
-"""Integrators that estimate something else, or that hold another one: a path tracer is suggested, with a note."""
+"""Integrators that a path tracer stands for, and why it is another one. Any other one estimates something else, or holds
+another integrator."""
 
 
 def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:

@@ -290,7 +290,6 @@ REFUSED = {
     "hair": "curves have no counterpart",
     "bsplinecurve": "curves have no counterpart",
     "linearcurve": "curves have no counterpart",
-    "catmullrom": "curves have no counterpart",
     "sdfgrid": "distance fields have no counterpart: use a mesh",
     "ellipsoids": "Gaussians have no counterpart",
     "ellipsoidsmesh": "Gaussians have no counterpart",

@@ -58,14 +58,14 @@ def sphere() -> Triangles:
     u, v = _grid(SEGMENTS, RINGS)
     phi, theta = 2.0 * np.pi * u, np.pi * v
     points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
-    return Triangles(points, _grid_faces(SEGMENTS, RINGS)[:, ::-1].copy(), np.stack([u, v], axis=1), points.copy())
+    return Triangles(points, _grid_faces(SEGMENTS, RINGS, True, True)[:, ::-1].copy(), np.stack([u, v], axis=1), points.copy())
 
 
 def disk() -> Triangles:
     """The unit disk in the plane z = 0, towards +z: u from its center, v around it."""
     v, u = _grid(SEGMENTS, DISK_RINGS)
     points = np.stack([u * np.cos(2.0 * np.pi * v), u * np.sin(2.0 * np.pi * v), np.zeros_like(u)], axis=1)
-    return Triangles(points, _grid_faces(SEGMENTS, DISK_RINGS)[:, ::-1].copy(), np.stack([u, v], axis=1), None)
+    return Triangles(points, _grid_faces(SEGMENTS, DISK_RINGS, True)[:, ::-1].copy(), np.stack([u, v], axis=1), None)
 
 
 def cylinder() -> Triangles:
@@ -82,10 +82,11 @@ def _grid(columns: int, rows: int) -> tuple[NDArray[np.float64], NDArray[np.floa
     return along.ravel(), across.ravel()
 
 
-def _grid_faces(columns: int, rows: int) -> NDArray[np.int32]:
-    """(m, 3) both triangles of each cell, along x across."""
+def _grid_faces(columns: int, rows: int, first_is_point: bool = False, last_is_point: bool = False) -> NDArray[np.int32]:
+    """(m, 3) both triangles of each cell, along x across; one of a cell at a row that is a point."""
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     start = (row * (columns + 1) + column).ravel()
     right, below = start + 1, start + columns + 1
-    halves = [np.stack(corners, axis=1) for corners in ((start, right, below + 1), (start, below + 1, below))]
+    upper, lower = np.stack([start, right, below + 1], axis=1), np.stack([start, below + 1, below], axis=1)
+    halves = [upper[columns if first_is_point else 0 :], lower[: -columns if last_is_point else None]]
     return np.concatenate(halves).astype(np.int32)
