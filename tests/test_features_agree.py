@@ -5,6 +5,7 @@ that combine many of them. The two implementations share no code but the scene.
 from functools import partial
 
 import numpy as np
+import pytest
 
 import engines
 from engines import Settings
@@ -38,8 +39,14 @@ from engines.scene import (
 
 SIDE = 24
 CAMERA = Perspective((0.3, -4.0, 1.9), (0.0, 0.0, 0.7), (0.0, 0.0, 1.0), 48.0, "y", (SIDE, SIDE))
-RNG = np.random.default_rng(2)
 TURNED = (0.8, -0.6, 0.17, 0.6, 0.8, -0.31)
+
+
+@pytest.fixture(autouse=True)
+def texels():
+    """The same images in every test, whichever ran before."""
+    global RNG
+    RNG = np.random.default_rng(2)
 
 
 def image(channels=3, low=0.0, high=1.0, size=(5, 7), **keys):
@@ -133,7 +140,7 @@ def test_path_tracer_with_every_model_of_textured_parameters_wrapped_and_tilted(
     equal(*row_of_spheres(bsdfs), [sky], shader={"name": "path_tracer", "max_depth": 5, "rr_depth": 3})
 
 
-def test_whitted_with_masks_blends_and_tilted_mirrors_under_two_lights():
+def test_shaders_of_every_light_with_masks_blends_and_tilted_mirrors():
     glass = Mixture(ks=(0.9,) * 3, kt=(0.9,) * 3, ior=1.5, fresnel=True)
     waves = Bump(image(1, high=0.2), 0.3, Mixture(kd=(0.2, 0.3, 0.3), ks=image()))
     shapes = [
@@ -144,6 +151,6 @@ def test_whitted_with_masks_blends_and_tilted_mirrors_under_two_lights():
     ]
     veil = Mask(image(1, to_uv=TURNED), Blend(0.3, Mixture(kd=image(), ks=(0.4,) * 3), MATT))
     lights = [PointLight((1.5, -2.0, 2.5), (9.0, 9.0, 9.0))]
-    equal(
-        shapes, [waves, Blend(0.5, glass, Sides(MATT, glass)), veil], lights, shader={"name": "whitted", "max_depth": 4}
-    )
+    bsdfs = [waves, Blend(0.5, glass, Sides(MATT, glass)), veil]
+    for shader in ({"name": "whitted", "max_depth": 4}, {"name": "no_shadows", "ambient": 0.2}, {"name": "albedo"}):
+        equal(shapes, bsdfs, lights, shader=shader)

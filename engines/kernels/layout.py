@@ -325,7 +325,7 @@ class SceneTable(Table):
     environment_map = rows(EnvironmentRow)
     environment_radiance = vectors(REAL)  # one, of a constant environment
 
-    bsdf_tables = array(REAL)  # of BSDFs that read some, one behind the other
+    bsdf_tables = array(REAL)  # of BSDFs that read some: how many numbers there are in all, then one behind the other
 
     # where some material in use has a program
     programs = array(np.int32)  # a material: its first node, -1 for none

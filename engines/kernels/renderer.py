@@ -179,7 +179,7 @@ class Renderer:
             shaded,
             occluded,
         ]
-        self._kept = [*order, programs, *bsdfs]  # machine code lives as long as its stage
+        self._kept = [*order, *([programs] if programs else []), *bsdfs]  # machine code lives as long as its stage
         last = [programs.address if programs else 0, *(stage.address for stage in bsdfs)]
         return np.array([*(stage.address for stage in order), 0, *last], np.int64)
 

@@ -13,6 +13,8 @@ from engines.scene import Scene
 
 MOST_SHOWN = 300
 """Characters of a message of Mitsuba's."""
+LOADING_THREADS = 2
+"""At least: with one, Mitsuba 3.9 waits for ever where it decodes large EXR files."""
 _NOISE = re.compile(r"\[\w+(\.\w+:\d+)?\] |(At|While loading) dictionary node \"root\": ")
 _FILM = (
     ("string", "pixel_format", "rgb"), ("string", "component_format", "float32"), ("boolean", "sample_border", "false"),
@@ -55,8 +57,8 @@ def file_lacks(scene: Scene) -> str | None:
     """Why Mitsuba does not load the file that a scene came from, in its own words, or None. Asked once of each content."""
     digest = scene.native.digest
     if digest not in _answers:
-        with active(SCALAR, 1):
-            mi, _ = activate(SCALAR, 1)
+        with active(SCALAR, LOADING_THREADS):
+            mi, _ = activate(SCALAR, LOADING_THREADS)
             try:
                 load(mi, scene, (16, 16), {"type": "independent", "sample_count": 1}, robust=True)
                 _answers[digest] = None

@@ -50,7 +50,9 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
     width, height = settings.size(scene)
     if scene.native is not None:
         robust = settings.accelerator.options["robust"]
+        activate(variant, max(native.LOADING_THREADS, settings.threads))
         loaded = native.load(mi, scene, (width, height), sampler_node(settings), robust)
+        activate(variant, settings.threads)
         return Stage(mi, dr, loaded, scene, settings, (width, height), (), np.zeros(0, np.int64))
     scale = 1.0
     if settings.shader.name == "albedo":

@@ -23,8 +23,8 @@ class Tilt(NamedTuple):
 def tilted(wrapper: Bump | NormalMap, at: SurfaceInteraction) -> Tilt:
     """The frame at points of a textured surface, turned so that the viewer sees its front."""
     assert at.uv is not None and at.dp_dv is not None, "a material that tilts frames has texture coordinates"
-    make = _bumped if isinstance(wrapper, Bump) else _mapped
-    tilt = make(wrapper, at, at.uv, Tilt(at.normal, at.dp_du, at.dp_dv))  # pyright: ignore[reportArgumentType]
+    given = Tilt(at.normal, at.dp_du, at.dp_dv)
+    tilt = _bumped(wrapper, at, at.uv, given) if isinstance(wrapper, Bump) else _mapped(wrapper, at, at.uv, given)
     return tilt._replace(normal=_towards_viewer(tilt.normal, at))
 
 

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from engines.kernels.compile.jit import kernel
+from engines.kernels.compile.memory import array_at
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lookups import Table
 from engines.kernels.flatten.materials import MODELS, leaf_features, model_of, parameters_of
@@ -19,14 +20,15 @@ LOBES = {"all": ALL, "reflection": SPECULAR_REFLECTION, "transmission": SPECULAR
 
 
 @cache
-def _compiled(kind, features):
+def _compiled(kind, features, real):
     lane = MODELS[kind].lane(features)
     evaluate, pdf_of, sample_of = lane.evaluate, lane.pdf, lane.sample
 
-    def run(numbers, tables, front, which, wo, wi, draws, value, pdf, found, weight, found_pdf, through):
+    def run(numbers, table_address, front, which, wo, wi, draws, value, pdf, found, weight, found_pdf, through):
         p = numbers
         parameters = (p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14])
-        zero, one = p.dtype.type(0), p.dtype.type(1)
+        tables = array_at(table_address, real)
+        zero, one = real(0), real(1)
         up, east, none = Vec3(zero, zero, one), Vec3(one, zero, zero), Vec3(zero, zero, zero)
         for i in range(wo.shape[1]):
             d = Vec3(-wo[0, i], -wo[1, i], -wo[2, i])
@@ -55,10 +57,11 @@ class Lanes:
             if isinstance(value, Table):
                 numbers.append(len(tables))
                 tables += value.numbers
+                tables[0] = len(tables)
             else:
                 numbers.append(value)
         features = features or SceneFeatures(**{**leaf_features([leaf]), "tangents": True})
-        self._run = _compiled(model_of(leaf), features.of_bsdfs)
+        self._run = _compiled(model_of(leaf), features.of_bsdfs, real)
         self._numbers = np.array(numbers + [0.0] * (BSDF_PARAMETERS - len(numbers)), real)
         self._tables, self._front, self._real = np.array(tables, real), front, real
 
@@ -67,7 +70,7 @@ class Lanes:
         wo, wi, draws = (np.ascontiguousarray(x, self._real) for x in (wo, wi, draws))
         n = wo.shape[1]
         out = [np.zeros(shape, self._real) for shape in ((3, n), n, (3, n), (3, n), n)] + [np.zeros(n, np.bool_)]
-        self._run(self._numbers, self._tables, self._front, which, wo, wi, draws, *out)
+        self._run(self._numbers, self._tables.ctypes.data, self._front, which, wo, wi, draws, *out)
         return out
 
     def evaluate(self, wo, wi):

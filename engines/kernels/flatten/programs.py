@@ -75,8 +75,8 @@ class Programs:
         self.textures: list[list[float]] = []
         self.pixels: list[NDArray[np.float32]] = []
         """Of each texture, in the order of `textures`; empty of those that have none."""
-        self.tables: list[float] = []
-        """Those of all BSDFs, one behind the other."""
+        self.tables: list[float] = [1]
+        """Those of all BSDFs, one behind the other, after how many numbers they are."""
         self._places: dict[Table, int] = {}
         self._kept: dict[int, tuple[Any, int]] = {}
         self._images: dict[int, NDArray[np.float32]] = {}
@@ -132,6 +132,7 @@ class Programs:
             if value not in self._places:
                 self._places[value] = len(self.tables)
                 self.tables += value.numbers
+                self.tables[0] = len(self.tables)
             return self._places[value]
         return 0.0 if isinstance(value, Lookup) else value
 

@@ -118,7 +118,7 @@ def _bind_surfaces(flat: FlatScene, geometry: Geometry, lights: LightList, progr
     """The arrays that lead from a primitive's id to its geometry, material and light."""
     join = geometry.joined
     flat.bind(SceneTable.materials, programs.material_rows().astype(flat.real))
-    if programs.tables:
+    if len(programs.tables) > 1:
         flat.bind(SceneTable.bsdf_tables, np.array(programs.tables, flat.real))
     primitives = np.zeros((max(geometry.n, 1), PrimitiveRow.size), np.int32)  # a row to read where every ray misses
     columns = (join(geometry.kind), join(geometry.index), join(geometry.material), lights.of_primitive)

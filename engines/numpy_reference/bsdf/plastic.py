@@ -38,7 +38,7 @@ class PlasticBSDF:
         coats = [_smooth_coat(leaf.ior) if leaf.alpha == 0.0 else _rough_coat(leaf) for leaf in leaves]
         self._inside = np.array([coat.inside for coat in coats], np.float64)
         self._passes = np.array([coat.passes for coat in coats], np.float64).reshape(-1, NODES)
-        specular, base = (np.clip(colour.mean, 0.0, 1.0).mean(axis=0) for colour in (self._reflectance, self._diffuse))
+        specular, base = (colour.mean.mean(axis=0) for colour in (self._reflectance, self._diffuse))
         with np.errstate(invalid="ignore"):
             self._share = np.where(specular + base > 0.0, specular / (specular + base), 0.0)
 

@@ -95,7 +95,7 @@ def _deep_png(file: Path, raw: str) -> NDArray[np.uint16]:
     if raw == "LA;16B":
         four = unpacked("RGBA")
         return four[:, :, ::2] * np.uint16(256) + four[:, :, 1::2]
-    return unpacked(raw) * np.uint16(256) + unpacked(raw.replace("B", "L"))
+    return unpacked(raw) * np.uint16(256) + unpacked(f"{raw[:-1]}L")
 
 
 def linear(texels: NDArray[Any], srgb: bool | None, channel: str = "") -> NDArray[np.float32]:

@@ -105,9 +105,12 @@ SMOOTH = LaneBSDF(_evaluate_smooth, _pdf_smooth, _sample_smooth, _albedos)
 
 @inline
 def _transmittance(tables, first, cos):
-    """The coat's, between the nodes of its table."""
-    zero, most, last = const(0.0, cos), const(1.0, cos), const(NODES - 2, cos)
-    x = select(cos < most, cos, most) * const(NODES - 1, cos)
+    """The coat's, between the nodes of its table. Lanes of other models, that run along, read within the tables, too."""
+    zero, one, last = const(0.0, cos), const(1.0, cos), const(NODES - 2, cos)
+    most = tables[0] - const(NODES, cos)
+    first = select(first < most, first, most)
+    first = select(first > one, first, one)
+    x = select(cos < one, cos, one) * const(NODES - 1, cos)
     x = select(x > zero, x, zero)
     node = np.floor(x)
     node = select(node < last, node, last)
