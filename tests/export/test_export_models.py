@@ -1,4 +1,4 @@
-"""Every BSDF, texture, camera and shape of ours in one exported file: Mitsuba renders it to the image of what it is described."""
+"""Every BSDF in one exported file, with textures, a lens and a cylinder: Mitsuba renders it as it renders the description."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ from engines.mitsuba import ScalarEngine
 from engines.scene import Cylinder, EnvironmentLight, Material, Mesh, Scene, Sphere, ThinLens
 
 pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
-from tests.mitsuba.test_description import MODELS  # noqa: E402
+from tests.mitsuba.test_description import MODELS
 
 SIDE, SPP, SECONDS = 16, 16, 60
 RENDER = """
