@@ -116,10 +116,10 @@ def _face_materials(given: Given, context: SceneReader, data: MeshData) -> NDArr
         assert data.face_materials is not None
         return indices[data.face_materials]
     numbers, count = data.face_materials, len(context.face_materials)
-    if not given.has("file") or numbers is None:
-        raise given.node.refuse("several materials belong to a .ply file of triangles with a column 'material'")
+    if numbers is None:
+        raise given.at("file").refuse("has no column 'material' for its triangles: one material is wanted, not a list")
     if ((numbers < 0) | (numbers >= count)).any():
-        raise given.node.refuse(f"its file has a face with a material outside [0, {count - 1}]")
+        raise given.at("file").refuse(f"has a face with a material outside [0, {count - 1}]")
     return np.array(context.face_materials, np.int32)[numbers]
 
 

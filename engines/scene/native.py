@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from engines.errors import SceneError
@@ -18,6 +19,7 @@ from engines.input_files import open_regular, unreadable
 from engines.scene.cameras import Perspective
 from engines.scene.files import Place
 from engines.scene.mitsuba_xml.document import Element
+from engines.scene.mitsuba_xml.properties import snake_case
 from engines.scene.scene import Scene
 
 DEFAULT_SIZE = (768, 576)
@@ -98,7 +100,20 @@ def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Sc
 def _unimported(file: Path, found: Native) -> Scene:
     camera = Perspective((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 40.0, "y", found.size)
     warnings = (f"only engines that take Mitsuba's files as they are render it: {found.refusal}",)
-    return Scene(file.stem, camera, (), (), (), found.digest, str(file), warnings, native=found)
+    return Scene(file.stem, camera, (), (), (), found.digest, str(file), warnings, _integrator(found.root), found)
+
+
+def _integrator(root: Element) -> dict[str, Any] | None:
+    """The file's integrator as a shader of Mitsuba's; None where it is not a plain one."""
+    element = next((child for child in root.children if child.tag == "integrator"), None)
+    if element is None or not {child.tag for child in element.children} <= {"integer", "float", "boolean"}:
+        return None
+    kinds = {"integer": int, "float": float, "boolean": lambda text: text.strip().lower() == "true"}
+    try:
+        options = {child.required("name"): kinds[child.tag](child.required("value")) for child in element.children}
+    except ValueError:
+        return None
+    return {"name": "mitsuba", "type": element.required("type"), **{snake_case(name): value for name, value in options.items()}}
 
 
 def _walk(element: Element, depth: int = 0) -> Iterator[tuple[int, Element]]:

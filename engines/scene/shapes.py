@@ -181,7 +181,10 @@ class ShapeKind:
     def read(self, node: Located, context: Any = None) -> Shape:
         kind = SHAPES.choose(node)
         body, named = node.value[kind], node.value.get("material")
-        several = named.value if named is not None and kind == "mesh" and isinstance(named.value, list) else []
+        several = named.value if named is not None and isinstance(named.value, list) else []
+        file = body.value.get("file") if kind == "mesh" and isinstance(body.value, dict) else None
+        if named is not None and several and not (file and str(file.value).lower().endswith(".ply")):
+            raise named.refuse("unknown material: must be one name, a list belongs to a .ply file")
         context.material = None if named is None or several else context.table.index(named)
         context.face_materials = [context.table.index(each) for each in several]
         if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):

@@ -39,6 +39,8 @@ from engines.scene.textures import IDENTITY, ImageTexture, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema.fields import unit
 
+__all__ = ["save_scene"]
+
 FILE = "scene.yaml"
 MESHES, TEXTURES = "meshes", "textures"
 LONGEST = 60

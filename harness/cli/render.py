@@ -67,8 +67,10 @@ def render(request: Request) -> Film:
     scene = load_scene(
         path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters
     )  # fmt: skip
+    if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
+        raise Unsupported(scene.native.refusal)
     if scene.shader is not None and not request.chosen["shader"]:
-        settings["shader"] = resolve("shader", scene.shader, SHADERS).describe()
+        settings["shader"] = resolve("shader", scene.shader, known("shader", scene.shader["name"], SHADERS)).describe()
     console = consoles()[1]
     for warning in scene.warnings:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)

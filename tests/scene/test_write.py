@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import engines
-from engines.errors import ConfigError
+from engines.errors import ConfigError, SceneError
 from engines.scene.content import content_hash
 from engines.scene.geometry import unit_rows
 from engines.scene.mesh import Mesh
@@ -108,3 +108,21 @@ def test_what_cannot_be_written_is_refused_in_one_line(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigError, match="file: cannot be written: "):
         engines.save_scene(engines.scene_from(SCENE), tmp_path / "file")
+
+
+def test_a_list_of_materials_wants_a_ply_with_numbers_of_them(tmp_path):
+    mesh = Mesh(np.eye(3), np.array([[0, 1, 2]] * 2, np.int32), np.array([0, 1], np.int32), name="m")
+    scene = engines.scene_from(SCENE)
+    held = engines.Scene("one", scene.camera, scene.materials, (mesh,), (), "")
+    file = engines.save_scene(held, tmp_path)
+    text = file.read_text()
+    assert "material: [plain, glass]" in text
+    for new, message in (("[plain]", r"has a face with a material outside \[0, 0\]$"), ("[plain, gone]", "unknown material")):
+        file.write_text(text.replace("[plain, glass]", new))
+        with pytest.raises(SceneError, match=message):
+            engines.load_scene(file)
+    ply = file.parent / "meshes" / "m.ply"
+    ply.write_bytes(ply.read_bytes().replace(b"int material", b"int somethin"))
+    file.write_text(text)
+    with pytest.raises(SceneError, match="has no column 'material'"):
+        engines.load_scene(file)

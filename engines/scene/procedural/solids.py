@@ -87,7 +87,7 @@ def _four_points(node: Located) -> NDArray[np.float64]:
     return found
 
 
-_POSITIVE_TRIPLE = Kind(_positive_triple, POINT.json)
+POSITIVE_TRIPLE = Kind(_positive_triple, POINT.json)
 _FOUR_POINTS = Kind(_four_points, {**ROWS.json, "minItems": 4, "maxItems": 4})
 
 
@@ -104,7 +104,7 @@ GENERATORS = {
     "box": generator(
         box,
         {
-            "half_size": Key(_POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"),
+            "half_size": Key(POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"),
             "center": CENTER,
             "rotate_y": ROTATE_Y,
         },
