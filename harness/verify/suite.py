@@ -33,8 +33,8 @@ from harness.verify.subject import Skipped, Subject, accelerator_names, precisio
 from harness.verify.tolerances import ENGINE_TOLERANCES, TOLERANCES, Tolerance
 
 SECTIONS = (spheres.SECTION, cylinders.SECTION, triangles.SECTION, accelerators.SECTION, rays.SECTION, spawned_rays.SECTION,
-            cameras.SECTION, glass.SECTION, materials.SECTION, models.SECTION, textures.SECTION, furnaces.SECTION, lights.SECTION,
-            skies.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
+            cameras.SECTION, glass.SECTION, materials.SECTION, models.SECTION, textures.SECTION, furnaces.SECTION,
+            lights.SECTION, skies.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 

@@ -45,7 +45,8 @@ def seen(subject: Subject) -> Iterator[Measurement]:
                 truth = looked_up(TEXELS, rotation.T @ d / np.linalg.norm(d, axis=0), rows == "poles")
                 camera = Perspective(ORIGIN, forward, up, 90.0, "y", (17, 17))
                 sky = _sky(TEXELS, rotation, rows)
-                errors.append(subject.image([], [material()], [sky], camera, path_tracer(1), sampler="constant").ravel() - truth)
+                image = subject.image([], [material()], [sky], camera, path_tracer(1), sampler="constant")
+                errors.append(image.ravel() - truth)
             yield measurement(np.concatenate(errors), f"{name}, {rows}")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.scene import (
     Checkerboard,
@@ -76,7 +77,8 @@ def looked_up(texture: ImageTexture, u: float, v: float) -> float:
     return sum(w * at(left + k % 2, top + k // 2) for k, w in enumerate(weights))
 
 
-@SECTION.case("tex", "An image shows its texels by filter, wrap and transform; a checkerboard its squares.", "docs/transport.md")
+@SECTION.case("tex", "An image shows its texels by filter, wrap and transform; a checkerboard its squares.",
+              "docs/transport.md")  # fmt: skip
 def textured(subject: Subject) -> Iterator[Measurement]:
     """A panel with (u, v) from 0 to 1; v = 0 is its lower edge in the picture, and the upper row of the texture."""
     x, up = _window(0.5)
@@ -102,11 +104,11 @@ def _squares(m: tuple[float, ...], u: Array, v: Array) -> Array:
     return np.where(first[0] == first[1], 0.7, 0.1)
 
 
-def _truth(shown: Callable[[Array, Array], Array], u: Array, v: Array) -> tuple[Array, Array]:
+def _truth(shown: Callable[[Array, Array], Array], u: Array, v: Array) -> tuple[Array, NDArray[np.bool_]]:
     """A texture at (u, v), and where it is clear: no edge lies so near that rounding decides."""
     truth, near = shown(u, v), 1e-5
     around = [shown(u + i * near, v + j * near) for i in (-1, 1) for j in (-1, 1)]
-    return truth, np.all([np.abs(each - truth) < 1e-2 for each in around], axis=0)
+    return truth, np.logical_and.reduce([np.abs(each - truth) < 1e-2 for each in around], axis=0)
 
 
 CYLINDER = Cylinder((-0.6, 0.0, 0.1), (0.8, 0.0, -0.3), 0.5, 0)
@@ -173,9 +175,9 @@ def _sheet(uvs: Any) -> Mesh:
     return Mesh(CORNERS.copy(), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32), uvs=uvs)
 
 
-a, b, c = ((float(x), float(y), float(z)) for x, y, z in CORNERS)
+_A, _B, _C = ((float(x), float(y), float(z)) for x, y, z in CORNERS)
 SHAPES: dict[str, tuple[Shape, float, Callable[[Array, Array], tuple[Array, Array]]]] = {
-    "triangle": (Triangle(a, b, c, 0), 0.25, _triangle),
+    "triangle": (Triangle(_A, _B, _C, 0), 0.25, _triangle),
     "mesh": (_sheet(None), 0.25, _triangle),
     "mesh with uvs": (_sheet(VERTEX_UVS), 0.25, _mesh),
     "sphere": (Sphere((0.0, 0.0, 0.0), 1.0, 0), 0.45, _sphere),
