@@ -83,12 +83,12 @@ class Narrow:
 
 
 class Matt(Narrow):
-    """It has no model but `Diffuse`."""
+    """Besides kd, ks and kt it has no model but `Diffuse`."""
 
     name = "matt"
 
     def why_not(self, scene, settings):
-        others = [m for m in scene.materials if not isinstance(m.bsdf, Diffuse)]
+        others = [m for m in scene.materials if not isinstance(m.bsdf, Diffuse | None)]
         return "it is matt" if others else super().why_not(scene, settings)
 
 
