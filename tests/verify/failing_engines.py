@@ -85,7 +85,7 @@ class Narrow:
 class Matt(Narrow):
     """Besides kd, ks and kt it has no model but `Diffuse`."""
 
-    name = "matt"
+    name, known = "matt", ("random", "constant")
 
     def why_not(self, scene, settings):
         others = [m for m in scene.materials if not isinstance(m.bsdf, Diffuse | None)]
