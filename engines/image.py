@@ -277,6 +277,8 @@ def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iter
         with decoding(file), open_regular(file) as stream, Pillow.open(stream, formats=formats) as image:
             yield image
     except SceneError as problem:
+        if isinstance(problem.__cause__, Pillow.DecompressionBombError):
+            raise SceneError(f"{file}: has more pixels than the {MAX_PIXELS} that are read of any file") from problem
         if isinstance(problem.__cause__, UnidentifiedImageError):
             wanted = ", ".join(formats)
             raise SceneError(f"{file}: is not a usable image: the content of one of {wanted} is wanted") from problem

@@ -134,7 +134,7 @@ class Engine:
         if shader.name == "path_tracer" and shader.options["direct"] != "mis":
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
-            return f"Mitsuba has no sampler {sampler.name}"
+            return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:
             return _scalar_lacks(shader.name, sampler.name)
         return None

@@ -56,7 +56,7 @@ def _material(given: Given, context: Any) -> Material:
     model = next((name for name in MODELS if given.has(name)), None)
     for key in (*LOBES, *MODELS):
         if model is not None and key != model and given.has(key):
-            raise given.node.refuse_key(key, f"either {model}, or {', '.join(LOBES)}")
+            raise given.node.refuse_key(key, f"either {model}, or {key if key in MODELS else ', '.join(LOBES)}")
     lobes, emission = {key: given[key] for key in LOBES}, {key: given[key] for key in EMISSION}
     constant: dict[str, Any] = {key: BLACK if isinstance(value, Texture) else value for key, value in lobes.items()}
     name = str(given.node.path[-1])

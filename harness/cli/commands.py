@@ -79,13 +79,15 @@ def reference(
 
 @app.command()
 def render(
-    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    scene: Annotated[str, typer.Argument(help="A scene: a path (.yaml, or Mitsuba's .xml), or a bare name from scenes/.")],
     engine: Annotated[str, typer.Option(help="`raybench list` names them.")] = "numba",
     shader: Annotated[
         str,
         typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'. [default: the scene's, else path_tracer]"),
     ] = "",
-    sampler: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "sobol",
+    sampler: Annotated[
+        str, typer.Option(help="A name, or a mapping with options. [default: sobol, or random where the engine lacks it]")
+    ] = "",
     accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
     threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,

@@ -28,12 +28,12 @@ from harness.measure import clock, machine
 from harness.run.progress import duration
 
 MAX_SPP = 2**31
-DEFAULT_SHADER = "path_tracer"
+DEFAULTS = {"shader": "path_tracer", "sampler": "sobol", "accelerator": "auto"}
 
 
 class Request(NamedTuple):
-    """The command line. `chosen` has shader (empty: the one that the scene suggests), sampler and accelerator as YAML text;
-    `parameters` are those of a Mitsuba file."""
+    """The command line. `chosen` has shader, sampler and accelerator as YAML text. An empty shader is the one that the scene
+    suggests, an empty sampler sobol, or random where the engine lacks that. `parameters` are those of a Mitsuba file."""
 
     scene: str
     engine: str
@@ -68,13 +68,17 @@ def render(request: Request) -> Film:
         path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters
     )  # fmt: skip
     if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
-        raise Unsupported(scene.native.refusal)
+        raise Unsupported(f"{scene.native.refusal}. The engine mitsuba is given the file as it is")
     if scene.shader is not None and not request.chosen["shader"]:
         settings["shader"] = resolve("shader", scene.shader, known("shader", scene.shader["name"], SHADERS)).describe()
     console = consoles()[1]
     for warning in scene.warnings:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
     plain = engine_settings(settings, request.seed, request.allow_imports)
+    if not request.chosen["sampler"] and engine.why_not(scene, plain):
+        other = settings | {"sampler": resolve("sampler", "random", SAMPLERS).describe()}
+        if not engine.why_not(scene, engine_settings(other, request.seed, request.allow_imports)):
+            settings, plain = other, engine_settings(other, request.seed, request.allow_imports)
     width, height = plain.size(scene)
     memory.require(BYTES_A_PIXEL_WRITTEN * width * height, f"an image of {width}x{height} pixels")
     why_not = engine.why_not(scene, plain)
@@ -146,7 +150,7 @@ def _settings(request: Request) -> dict[str, Any]:
         "threads": request.threads if request.threads is not None else len(machine.usable_cores()),
     }  # fmt: skip
     for kind, written in request.chosen.items():
-        text = written or DEFAULT_SHADER
+        text = written or DEFAULTS[kind]
         given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
         if not isinstance(given, dict) or not isinstance(given.get("name"), str):
             raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is wanted")

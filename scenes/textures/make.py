@@ -188,6 +188,30 @@ def tile_color():
     return color
 
 
+def holes():
+    """Opacity of a sheet with 8 x 8 round holes in staggered rows."""
+    v, u = places(256, 256)
+    row = (8 * v).astype(int)
+    away = np.hypot((8 * u + 0.5 * (row % 2)) % 1 - 0.5, (8 * v) % 1 - 0.5)
+    return np.clip((away - 0.25) * 16 + 0.5, 0, 1)
+
+
+def page():
+    """Lines of print on paper, two columns of an open book."""
+    h, w = 256, 384
+    color = np.full((h, w), 0.93)
+    random = np.random.default_rng(111)
+    for row in range(22, 236, 7):
+        for left in (22, 214):
+            x, end = left, left + (148 if random.random() < 0.85 else 70)
+            while x < end - 6:
+                word = min(int(random.integers(4, 20)), end - x)
+                color[row : row + 3, x : x + word] = 0.35 + 0.1 * random.random((3, word))
+                x += word + 4
+    v, u = places(h, w)
+    return color * (1 - 0.3 * np.exp(-((u - 0.5) ** 2) * 2500))
+
+
 def dents():
     """Normals of hammered metal or thick glass: 2 c - 1, z up."""
     height = noise(256, 256, 12, 12, 71, 1)
@@ -228,7 +252,8 @@ def sky():
 
 TEXTURES = {
     make.__name__: make
-    for make in (wood, walnut, planks, weave, marble, rug, stripes, spines, leaf, tiles, tile_color, dents, peel, painting, sky)
+    for make in (wood, walnut, planks, weave, marble, rug, stripes, spines, leaf, tiles, tile_color, holes, page, dents,
+                 peel, painting, sky)
 }
 LINEAR = {"sky"}
 

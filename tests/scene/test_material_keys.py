@@ -64,7 +64,8 @@ def test_every_model_has_its_keys():
     assert bsdf(plastic={"diffuse": "tiles", "alpha": 0.1, "nonlinear": True}) == Plastic(TILES, 1.49, 0.1, True, white, "ggx")
     assert bsdf(principled={"roughness": "tiles", "specular": 0.5}) == Principled(roughness=TILES, eta=1.5)
     assert math.isclose(bsdf(principled={"specular": 1}).eta, 2 / (1 - math.sqrt(0.08)) - 1)
-    assert bsdf(principled={"specular": 0}).eta > 1.0
+    assert bsdf(principled={"specular": 0}).eta == 1.0
+    assert bsdf(principled={"specular": 0, "spec_trans": 0.5}).eta > 1.0
     assert bsdf(null={}) == Null()
     assert bsdf(conductor={"reflectance": "tiles"}).reflectance == TILES
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import Bsdf, Conductor, Dielectric, Diffuse, Principled, Sides
+from engines.scene.bsdf import Bsdf, Conductor, Dielectric, Diffuse, Principled, Sides, is_textured
 from engines.scene.geometry import unit_rows
 from engines.scene.mesh import Mesh
 from engines.scene.mitsuba_xml import tessellate
@@ -20,7 +20,7 @@ from engines.scene.mitsuba_xml.meshes import angle_weighted_normals, read_file
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.tessellate import Triangles
 from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
-from engines.scene.shapes import Cylinder, Disk, Shape, Sphere
+from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
 from engines.scene.textures import Checkerboard, ImageTexture
 from engines.scene.triple import BLACK, Triple
 
@@ -243,6 +243,8 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
         normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
         normals = -normals if turn else normals
         faces = _swapped(faces, against(vertices, faces, normals))
+    if data.uvs is None and is_textured(look.bsdf):
+        importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
     return finished(importer, plugin, look, vertices, faces, normals, data.uvs)
 
 

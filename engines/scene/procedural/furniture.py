@@ -120,7 +120,9 @@ def books(
     return placed(joined(patches, "books")._replace(normals=None), tilt, rotate_y, center)
 
 
-def _block(low: Triple, high: Triple, plain: tuple[float, float] | None, shown: tuple[float, float] | None = None) -> list[Patch]:
+def _block(
+    low: Triple, high: Triple, plain: tuple[float, float] | None, shown: tuple[float, float] | None = None
+) -> list[Patch]:
     """The six sides of a box; that towards +z shows the columns `shown` of a texture, the others are `plain`."""
     ends = np.array([low, high])
     found = []

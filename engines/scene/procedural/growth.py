@@ -59,7 +59,8 @@ def _blade(points: Array, side: Array, width: float, crease: float, segments: in
     across = np.linspace(-1.0, 1.0, 5)
     lifted = crease * np.abs(across)[None, :, None] * half[:, None, None] * up[:, None]
     vertices = path[:, None] + across[None, :, None] * half[:, None, None] * side + lifted
-    uvs = np.stack([0.5 + 0.5 * across[None, :] * (half / half.max())[:, None], np.broadcast_to(1.0 - t[:, None], (len(t), 5))], axis=2)
+    u = 0.5 + 0.5 * across[None, :] * (half / half.max())[:, None]
+    uvs = np.stack(np.broadcast_arrays(u, 1.0 - t[:, None]), axis=2)
     faces = grid_faces(segments, 4)[:, [0, 2, 1]]
     flat = vertices.reshape(-1, 3)
     return Patch(flat, seamless_normals(flat, faces), uvs.reshape(-1, 2), faces)

@@ -74,10 +74,7 @@ def curve(points: Array, spans: int, closed: bool = False) -> Array:
 
 def tangents_of(path: Array, closed: bool = False) -> Array:
     """(n, k) unit tangents by differences of neighbours."""
-    if closed:
-        found = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
-    else:
-        found = np.gradient(path, axis=0)
+    found = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0) if closed else np.gradient(path, axis=0)
     return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
