@@ -74,7 +74,7 @@ def _described(mi: Any, scene: Scene, settings: Settings, folder: Path) -> Descr
         return str(file)
 
     def place_image(name: str, image: Array) -> Node:
-        return {"bitmap": mi.Bitmap(np.ascontiguousarray(image, np.float32))}
+        return {"bitmap": mi.Bitmap(np.require(image, np.float32, ["C", "W"]))}
 
     return described(scene, Placing(place_mesh, place_image), settings.accelerator.options["robust"])
 
