@@ -322,6 +322,8 @@ class SceneTable(Table):
     environment_pdf = array(np.float64)  # in (u, v)
     environment_rows = array(np.float64)  # cumulative
     environment_columns = array(np.float64)
+    environment_row_guide = array(np.int32)  # where searches in the cumulative tables begin
+    environment_column_guide = array(np.int32)
     environment_map = rows(EnvironmentRow)
     environment_radiance = vectors(REAL)  # one, of a constant environment
 

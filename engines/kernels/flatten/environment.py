@@ -26,6 +26,17 @@ def place_row(light: EnvironmentLight) -> NDArray[np.float64]:
     return np.array([EnvironmentRow.packed(rows=rows, first_row=first, x=axes[0], y=axes[1], z=axes[2])])
 
 
+def guides(values: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Where searches in cumulative rows (m, n) begin, (m, n): of each row, for each k the first value above k/n.
+
+    What lies a rounding error below k/n counts, too, as the entry of a number u is the integer part of u n, rounded.
+    """
+    n = values.shape[1]
+    marks = np.arange(n) / n * (1 - 1e-12)
+    found = [np.searchsorted(row, marks, side="right") for row in values]
+    return np.minimum(np.array(found, np.int32), n - 1)
+
+
 def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Of an image (h, w, 3): the image times `radiance`; pdf in (u, v) (h, w); cumulative rows (h,) and columns (h, w),
     each as a share of its total."""

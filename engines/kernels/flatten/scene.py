@@ -160,5 +160,7 @@ def _bind_lights(flat: FlatScene, lights: LightList) -> None:
         flat.bind(table.environment_pdf, pdf)
         flat.bind(table.environment_rows, rows)
         flat.bind(table.environment_columns, columns)
+        flat.bind(table.environment_row_guide, environment.guides(rows[None]))
+        flat.bind(table.environment_column_guide, environment.guides(columns))
         flat.bind(table.environment_width, image.shape[1])
         flat.bind(table.environment_height, image.shape[0])

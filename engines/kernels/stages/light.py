@@ -113,16 +113,18 @@ def _make(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: A
 
 @inline
 def _image_environment(rays, scene, share, turned, real):
-    """Samples of the environment's image replace what the vector loop left in the lanes that chose it."""
+    """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are on a
+    surface."""
     rows, columns = scene.environment_rows, scene.environment_columns
+    row_guide, column_guide = scene.environment_row_guide, scene.environment_column_guide
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
     for lane in range(np.uint64(LANES)):
-        if rays.light_kind[lane] == IMAGE_ENVIRONMENT:
+        if rays.light_kind[lane] == IMAGE_ENVIRONMENT and rays.alive[lane] and not rays.miss[lane]:
             u0, u1 = np.float64(rays.draw[0, lane]), np.float64(rays.draw[1, lane])
-            row = environment.first_above(rows, 0, height, u1)
+            row = environment.first_above_guided(rows, 0, row_guide, height, u1)
             below = rows[row - 1] if row > 0 else 0.0
             v = (row + (u1 - below) / (rows[row] - below)) / height
-            column = environment.first_above(columns, row * width, width, u0)
+            column = environment.first_above_guided(columns, row * width, column_guide, width, u0)
             below = columns[row * width + column - 1] if column > 0 else 0.0
             u = (column + (u0 - below) / (columns[row * width + column] - below)) / width
             radiance = environment.radiance(scene.environment, width, height, axes, u, v)
