@@ -64,6 +64,8 @@ def marked(name: str) -> str:
     """What the fence of a scene's command says to the tests: one of them is run, small."""
     if name == "cornell_box":
         return "with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png"
+    if name in FURNISHED:
+        return "no-run: a picture of this size takes from minutes to an hour"
     return "no-run: tests/mitsuba/test_agreement.py renders every shipped scene with the engine embree"
 
 
