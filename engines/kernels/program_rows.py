@@ -13,7 +13,7 @@ class NodeRow(Row):
     dtype = np.float64
     kind = real()
     first = real()  # node to go on with, the first of two; of a leaf, the kind of its model
-    second = real()  # node; of a leaf, its row of parameters
+    second = real()  # node; of a leaf, its row of parameters; of a tilt, whether light passes what it leads to
     texture = real()  # -1 for none; of a leaf, its first lookup
     value = real()  # where there is no texture; scale of a bump map; of a leaf, how many lookups
 

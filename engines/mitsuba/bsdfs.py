@@ -1,8 +1,8 @@
 """BSDFs in Mitsuba's terms. What differs is the order of wrappers.
 
 Opaque models are one-sided there, and `twosided` makes them ours; but it holds nothing that transmits. So masks and blends
-come first, then the two sides, then bumps and normal maps, then the models: wrappers commute, as they do here, but for
-bumps of what transmits, whose back Mitsuba tilts otherwise.
+come first, then the two sides, then bumps and normal maps, then the models: wrappers commute, as they do here. Bumps and
+normal maps of what transmits tilt the front, there and here; opaque models beside it are inside of them, with both sides.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from engines.scene import (
     Sides,
     ThinDielectric,
 )
+from engines.scene.bsdf import leaves
 
 TILTS = (Bump, NormalMap)
 DARK = Diffuse(BLACK)
@@ -95,8 +96,11 @@ def _lacks(part: Bsdf) -> str | None:
 
 
 def _tilt_lacks(part: Bump | NormalMap) -> str | None:
-    if any(_transmits(inner) and not isinstance(inner, (Mask, Null)) for inner in members(part.of)):
-        return "bumps and normal maps of what transmits: it tilts their backs otherwise"
+    if any(isinstance(inner, TILTS) for inner in members(part.of)):
+        return "a bump or normal map inside of another"
+    blends = (inner for inner in members(part.of) if isinstance(inner, Blend) and _is_mixed(inner))
+    if any(isinstance(inner, Mask) for blend in blends for inner in members(blend)):
+        return "masks beside what transmits inside of a bump or normal map"
     if isinstance(part, Bump) and part.height.to_uv[1] != part.height.to_uv[3]:
         return "bumps whose texture coordinates are turned"
     if isinstance(part, NormalMap) and isinstance(part.map, Checkerboard):
@@ -170,18 +174,25 @@ def bsdf_node(bsdf: Bsdf, textures: Textures) -> Node:
         return {"type": "mask", "opacity": textures.number(bsdf.opacity), "bsdf": bsdf_node(bsdf.of, textures)}
     if isinstance(bsdf, Blend):
         return _blend(bsdf, textures, bsdf_node)
-    outer = _outwards(bsdf) if isinstance(bsdf, TILTS) else bsdf
-    return _one_sided(bsdf, textures) if outer is bsdf else bsdf_node(outer, textures)
+    if isinstance(bsdf, TILTS):
+        outer = _outwards(bsdf)
+        return _tilt(bsdf, textures, bsdf_node) if outer is bsdf else bsdf_node(outer, textures)
+    return _one_sided(bsdf, textures)
 
 
 def _outwards(bsdf: Any) -> Any:
-    """A bump or normal map of a mask or blend as a mask or blend of bumps or normal maps."""
-    of = _outwards(bsdf.of) if isinstance(bsdf.of, TILTS) else bsdf.of
+    """A bump or normal map of a mask or blend as a mask or blend of bumps or normal maps; of a mixed blend as it is."""
+    of = bsdf.of
     if isinstance(of, Mask):
         return Mask(of.opacity, _tilted(bsdf, of.of))
-    if isinstance(of, Blend):
+    if isinstance(of, Blend) and not _is_mixed(of):
         return Blend(of.weight, _tilted(bsdf, of.a), _tilted(bsdf, of.b))
     return bsdf
+
+
+def _is_mixed(blend: Blend) -> bool:
+    """Whether light passes one of its models and another one is opaque."""
+    return len({transmits(leaf) for leaf in leaves(blend)}) == 2
 
 
 def _tilted(like: Any, of: Bsdf) -> Bsdf:
@@ -215,13 +226,16 @@ def _one_sided(bsdf: Bsdf, textures: Textures) -> Node:
     """As Mitsuba has it without `twosided`; what transmits has both sides anyway."""
     if isinstance(bsdf, Blend):
         return _blend(bsdf, textures, _one_sided)
-    if isinstance(bsdf, Bump):
-        height = textures.number(bsdf.height)
-        return {"type": "bumpmap", "texture": height, "scale": float(bsdf.scale), "bsdf": _one_sided(bsdf.of, textures)}
-    if isinstance(bsdf, NormalMap):
-        normals = textures.vector(bsdf.map)  # type: ignore[arg-type]
-        return {"type": "normalmap", "normalmap": normals, "bsdf": _one_sided(bsdf.of, textures)}
+    if isinstance(bsdf, TILTS):
+        return _tilt(bsdf, textures, _one_sided)
     return MODELS[type(bsdf)](bsdf, textures)
+
+
+def _tilt(bsdf: Bump | NormalMap, textures: Textures, inner: Callable[[Bsdf, Textures], Node]) -> Node:
+    of = inner(bsdf.of, textures)
+    if isinstance(bsdf, Bump):
+        return {"type": "bumpmap", "texture": textures.number(bsdf.height), "scale": float(bsdf.scale), "bsdf": of}
+    return {"type": "normalmap", "normalmap": textures.vector(bsdf.map), "bsdf": of}  # type: ignore[arg-type]
 
 
 # ---- models ----------------------------------------------------------------------------------------------------------

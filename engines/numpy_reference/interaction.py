@@ -24,7 +24,7 @@ class Wrapped(NamedTuple):
     outermost: Array
     """(3, n) normal before the first tilt."""
     innermost: Array
-    """(3, n) normal before the last tilt."""
+    """(3, n) normal before the last tilt; 0 where nothing is scattered."""
 
     def take(self, lanes: Indices) -> Wrapped:
         """What belongs to some of the points."""

@@ -18,42 +18,56 @@ class Tilt(NamedTuple):
     normal: Array
     dp_du: Array
     dp_dv: Array
+    scatters: Mask
+    """(n,) whether any light is scattered."""
 
 
-def tilted(wrapper: Bump | NormalMap, at: SurfaceInteraction) -> Tilt:
-    """The frame at points of a textured surface, turned so that the viewer sees its front."""
+def tilted(wrapper: Bump | NormalMap, at: SurfaceInteraction, transmits: bool) -> Tilt:
+    """The frame at points of a textured surface, turned so that the viewer sees its front.
+
+    What transmits light has one surface, whose front is tilted; of what is opaque the side that is met is tilted, and that is
+    black where its front cannot be seen.
+    """
     assert at.uv is not None and at.dp_dv is not None, "a material that tilts frames has texture coordinates"
-    given = Tilt(at.normal, at.dp_du, at.dp_dv)
-    tilt = _bumped(wrapper, at, at.uv, given) if isinstance(wrapper, Bump) else _mapped(wrapper, at, at.uv, given)
-    return tilt._replace(normal=_towards_viewer(tilt.normal, at))
+    given = Tilt(at.normal, at.dp_du, at.dp_dv, np.ones(at.front.shape, bool))
+    side = np.where(at.front, 1.0, -1.0)
+    along = side if transmits else np.ones_like(side)
+    if isinstance(wrapper, Bump):
+        tilt = _bumped(wrapper, at, at.uv, given, along)
+    else:
+        tilt = _mapped(wrapper, at.uv, given, np.stack([along, side * along, np.ones_like(side)]))
+    found = _towards_viewer(tilt, at)
+    return found._replace(scatters=found.scatters | transmits)
 
 
-def _bumped(bump: Bump, at: SurfaceInteraction, uv: Array, given: Tilt) -> Tilt:
-    """The normal of the surface that is `scale` times `height` higher along the given one."""
+def _bumped(bump: Bump, at: SurfaceInteraction, uv: Array, given: Tilt, along: Array) -> Tilt:
+    """The normal of the surface that is `scale` times `height` higher along the given one where `along` (n,) is 1; lower
+    where it is -1."""
     n = given.normal
-    h_u, h_v = (bump.scale * slope for slope in gradient(bump.height, uv))
+    h_u, h_v = (along * bump.scale * slope for slope in gradient(bump.height, uv))
     with np.errstate(over="ignore", invalid="ignore"):
         dp_du = given.dp_du + n * (h_u - dot(n, given.dp_du))
         dp_dv = given.dp_dv + n * (h_v - dot(n, given.dp_dv))
         normal = unit(cross(dp_du, dp_dv))
     normal = np.where(dot(normal, at.geometric) < 0.0, -normal, normal)
     good = np.isfinite(normal).all(axis=0)
-    return Tilt(*(np.where(good, new, old) for new, old in zip((normal, dp_du, dp_dv), given, strict=True)))
+    normal, dp_du, dp_dv = (np.where(good, *pair) for pair in zip((normal, dp_du, dp_dv), given[:3], strict=True))
+    return Tilt(normal, dp_du, dp_dv, given.scatters)
 
 
-def _mapped(wrapper: NormalMap, at: SurfaceInteraction, uv: Array, given: Tilt) -> Tilt:
-    """The normal 2 c - 1 of the texel c, in the given frame, whose y axis points the same way on both sides of the surface."""
-    x, y, z = 2.0 * color(wrapper.map, uv) - 1.0
-    local = np.stack([x, np.where(at.front, y, -y), z])
+def _mapped(wrapper: NormalMap, uv: Array, given: Tilt, signs: Array) -> Tilt:
+    """The normal 2 c - 1 of the texel c, times `signs` (3, n), in the given frame."""
+    local = signs * (2.0 * color(wrapper.map, uv) - 1.0)
     normal = unit(Frame.along(given.normal, given.dp_du).to_world(local))
     return given._replace(normal=np.where(np.isfinite(normal).all(axis=0), normal, given.normal))
 
 
-def _towards_viewer(normal: Array, at: SurfaceInteraction) -> Array:
+def _towards_viewer(tilt: Tilt, at: SurfaceInteraction) -> Tilt:
     """A normal that the viewer does not see is turned half around the one before it; that one, where this does not help."""
-    before = at.normal
+    before, normal = at.normal, tilt.normal
     turned = np.where(dot(normal, at.wo) > 0.0, normal, 2.0 * dot(before, normal) * before - normal)
-    return np.where(dot(turned, at.wo) > 0.0, turned, before)
+    seen = dot(turned, at.wo) > 0.0
+    return tilt._replace(normal=np.where(seen, turned, before), scatters=seen)
 
 
 def kept(at: SurfaceInteraction, wrapped: Wrapped, wi: Array) -> Mask:

@@ -14,6 +14,7 @@ from engines.numpy_reference.tilts import tilted
 from engines.numpy_reference.vectors import Array, Indices, Mask
 from engines.scene import Blend, Bsdf, Bump, Mixture, NormalMap, Sides, Texture, Wrapper
 from engines.scene import Mask as MaskWrapper
+from engines.scene.bsdf import transmits
 
 _WRAPPERS: tuple[type, ...] = get_args(Wrapper)
 _TEXTURES: tuple[type, ...] = get_args(Texture)
@@ -37,6 +38,7 @@ class Wrappers:
         self._of_material = self._leaf[self._root]
         self._parts = np.array([self._numbers(node) for node in self._nodes], np.int64).reshape(-1, 2).T
         self._share = NumberParameter([_share(node) for node in self._nodes])
+        self._transmits = [transmits(node) for node in self._nodes]
         self.placed: Mask = np.array([_needs_coordinates(bsdf) for bsdf in bsdfs], bool)
 
     def leaf(self, material: Indices) -> Indices:
@@ -61,7 +63,7 @@ class Wrappers:
                     if isinstance(wrapper, MaskWrapper):
                         walk.mask(lanes, self._share(here[lanes], at.take(lanes)))
                     else:
-                        walk.tilt(lanes, wrapper)
+                        walk.tilt(lanes, wrapper, self._transmits[number])
         return walk.ended(self._leaf[node])
 
     def _enter(self, bsdf: Any) -> int:
@@ -84,7 +86,7 @@ class _Walk:
 
     def __init__(self, at: SurfaceInteraction, u: Array) -> None:
         self._at, self._u = at, u.copy()
-        self._opacity, self._passing = np.ones(u.size), np.zeros(u.size, bool)
+        self._opacity, self._passing, self._black = np.ones(u.size), np.zeros(u.size, bool), np.zeros(u.size, bool)
         self._normal, self._dp_du, self._innermost = at.normal.copy(), at.dp_du.copy(), at.normal.copy()
         self._dp_dv = np.zeros_like(at.normal) if at.dp_dv is None else at.dp_dv.copy()
 
@@ -102,14 +104,16 @@ class _Walk:
         lanes = lanes[undecided]
         self._passing[lanes] = ~self.chosen(lanes, opacity[undecided])
 
-    def tilt(self, lanes: Indices, wrapper: Bump | NormalMap) -> None:
+    def tilt(self, lanes: Indices, wrapper: Bump | NormalMap, transmits: bool) -> None:
         before = self._at._replace(normal=self._normal, dp_du=self._dp_du, dp_dv=self._dp_dv).take(lanes)
-        after = tilted(wrapper, before)
+        after = tilted(wrapper, before, transmits)
+        self._black[lanes] |= ~after.scatters
         self._innermost[:, lanes] = before.normal
-        self._normal[:, lanes], self._dp_du[:, lanes], self._dp_dv[:, lanes] = after
+        self._normal[:, lanes], self._dp_du[:, lanes], self._dp_dv[:, lanes] = after[:3]
 
     def ended(self, leaf: Indices) -> tuple[SurfaceInteraction, Array]:
-        state = Wrapped(leaf, self._opacity, self._passing, self._at.normal, self._innermost)
+        innermost = np.where(self._black, 0.0, self._innermost)
+        state = Wrapped(leaf, self._opacity, self._passing, self._at.normal, innermost)
         return self._at._replace(normal=self._normal, dp_du=self._dp_du, wrapped=state), self._u
 
 

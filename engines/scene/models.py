@@ -267,6 +267,8 @@ def _principled(given: Given, context: Any) -> Principled:
         values["eta"] = principled_eta(given["specular"], values["spec_trans"])
     elif given.has("specular"):
         raise given.node.refuse_key("specular", "either specular or eta")
+    elif values["spec_trans"] != 0.0:
+        values["eta"] = max(values["eta"], 1.001)
     return Principled(**values)
 
 
@@ -276,7 +278,7 @@ PRINCIPLED = Record("Disney's BSDF (Burley 2012, 2015), as Mitsuba parameterises
     "anisotropic": Key(ROUGHNESS, "How much longer highlights are along the first tangent.", 0),
     "metallic": Key(ROUGHNESS, "Share of a metal.", 0),
     "specular": Key(within(0, 1), "Strength of reflection at normal incidence; 1 is 0.08.", 0.5),
-    "eta": Key(within(1.001, 100), "Index of refraction, instead of specular.", None),
+    "eta": Key(within(1, 100), "Index of refraction, instead of specular; at least 1.001 where light is transmitted.", None),
     "spec_tint": Key(ROUGHNESS, "How much base_color tints the reflection.", 0),
     "sheen": Key(ROUGHNESS, "Strength of the sheen of cloth at grazing angles.", 0),
     "sheen_tint": Key(ROUGHNESS, "How much base_color tints the sheen.", 0),

@@ -208,7 +208,7 @@ def page():
                 word = min(int(random.integers(4, 20)), end - x)
                 color[row : row + 3, x : x + word] = 0.35 + 0.1 * random.random((3, word))
                 x += word + 4
-    v, u = places(h, w)
+    _, u = places(h, w)
     return color * (1 - 0.3 * np.exp(-((u - 0.5) ** 2) * 2500))
 
 

@@ -12,11 +12,14 @@ from engines.kernels.flatten.shapes import PLANE
 from engines.kernels.integrators.interface import Uses
 from engines.kernels.layout import LANES, RayBatch, SceneTable
 from engines.kernels.stages import material as stage_module
+from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.materials import Materials
 from engines.scene import (
     Blend,
     Bump,
     Checkerboard,
     Conductor,
+    Dielectric,
     ImageTexture,
     Mask,
     Material,
@@ -224,12 +227,31 @@ def test_normal_maps_tilt_in_the_frame_of_the_surface_and_no_tilt_hides_the_surf
     raw, n, wo = unit(2 * texels_of(inner, u, v) - 1), np.array([[0.0], [0.0], [1.0]]), np.array([-0.6, 0.0, 0.8])
     hidden = wo @ raw <= 0
     expected = np.where(hidden, raw * [[-1], [-1], [1]], raw)  # reflected at n
-    expected = np.where(hidden & (wo @ expected <= 0), n, expected)
-    assert hidden.any() and not hidden.all()
+    black = hidden & (wo @ expected <= 0)
+    expected = np.where(black, n, expected)
+    assert hidden.any() and not hidden.all() and black.any()
     assert np.allclose(once["normal"], expected, atol=1e-12)
+    assert np.array_equal(once["untilted_normal"], np.where(black, 0.0, n))
     twice, alone = shaded(NormalMap(outer, NormalMap(inner, GREYS[2])), u, v), shaded(NormalMap(outer, GREYS[2]), u, v)
     assert np.array_equal(twice["outer_normal"], np.tile(n, LANES))
-    assert np.array_equal(twice["untilted_normal"], alone["normal"])
+    lit = twice["untilted_normal"].any(axis=0)
+    assert lit.any() and np.array_equal(twice["untilted_normal"][:, lit], alone["normal"][:, lit])
+
+
+@pytest.mark.parametrize("leaf", [GREYS[2], Dielectric(1.5, (0.3, 0.3))], ids=["opaque", "glass"])
+def test_tilts_met_from_behind_turn_the_front_of_what_transmits_as_in_the_engine_numpy(leaf):
+    rng = np.random.default_rng(14)
+    u, v = rng.uniform(-2, 2, (2, LANES))
+    n, wo = np.tile([[0.0], [0.0], [1.0]], LANES), np.tile([[-0.6], [0.0], [0.8]], LANES)
+    front, none = np.arange(LANES) % 2 == 0, np.zeros(LANES, np.int64)
+    height, texels = ImageTexture(rng.random((5, 6, 1), np.float32)), ImageTexture(rng.random((4, 4, 3), np.float32))
+    for wrapper in (Bump(height, 0.05, leaf), NormalMap(texels, leaf)):
+        lanes = shaded(wrapper, u, v, front=front)
+        du, dv = np.tile([[1.0], [0.0], [0.0]], LANES), np.tile([[0.0], [1.0], [0.0]], LANES)
+        at = SurfaceInteraction(0 * n, wo, n, n, du, front, none, none, np.zeros(LANES), np.stack([u, v]), dv)
+        found, _ = Materials([Material("m", bsdf=wrapper)]).walk(at, np.full(LANES, 0.5))
+        assert np.allclose(lanes["normal"], found.normal, atol=1e-12)
+        assert np.allclose(lanes["untilted_normal"], found.wrapped.innermost, atol=1e-12)
 
 
 def test_meshes_have_the_coordinates_of_their_vertices_and_brush_strokes_follow_them():

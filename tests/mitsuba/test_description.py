@@ -52,8 +52,8 @@ MODELS = [
     Dielectric(0.7), ThinDielectric(1.5, IMAGE), Plastic(IMAGE, nonlinear=True), Plastic(CHECKS, 1.9, 0.2, reflectance=IMAGE),
     Principled(IMAGE, GREY, 0.5, metallic=GREY, clearcoat=0.5), Principled(spec_trans=0.5), Null(), Mask(GREY, METAL),
     Blend(IMAGE, METAL, Mask(0.5, Diffuse())), Bump(IMAGE, 0.1, Mask(0.5, Blend(0.2, METAL, Diffuse()))),
-    NormalMap(GREY, Bump(IMAGE, 0.1, METAL)), Sides(METAL, None), Sides(None, Diffuse()),
-    Bump(IMAGE, 0.1, Sides(METAL, Diffuse())),
+    NormalMap(GREY, METAL), Bump(IMAGE, 0.1, Blend(0.3, METAL, Principled(spec_trans=0.5))), Sides(METAL, None),
+    Sides(None, Diffuse()), Bump(IMAGE, 0.1, Sides(METAL, Diffuse())),
     Mask(0.3, Sides(Diffuse(), None)), Blend(0.5, Dielectric(1.5), Diffuse()),
 ]  # fmt: skip
 
@@ -141,7 +141,7 @@ def test_opaque_models_are_alike_on_both_sides_and_sides_are_not():
 
 def test_masks_come_out_of_bumps_and_let_through_from_both_sides():
     inner = Mask(0.5, Blend(0.2, METAL, Diffuse()))
-    for model in (inner, Bump(IMAGE, 0.1, inner), NormalMap(GREY, Bump(IMAGE, 0.1, inner))):
+    for model in (inner, Bump(IMAGE, 0.1, inner), NormalMap(GREY, inner)):
         bsdf = loaded(model)
         for side in (1.0, -1.0):
             si = hit(wi=(0.3, 0.2, 0.9 * side))
@@ -155,7 +155,8 @@ def test_masks_come_out_of_bumps_and_let_through_from_both_sides():
     [
         (Dielectric(1.0, (0.1, 0.1)), "index 1"),
         (Sides(Dielectric(), None), "sides that transmit"),
-        (Bump(IMAGE, 1.0, Dielectric()), "tilts their backs"),
+        (Bump(IMAGE, 1.0, Blend(0.5, Mask(0.5, Diffuse()), Dielectric())), "masks beside"),
+        (Bump(IMAGE, 1.0, NormalMap(IMAGE, Diffuse())), "inside of another"),
         (NormalMap(CHECKS, Diffuse()), "checkerboard"),
         (Diffuse(ImageTexture(np.full((2, 2, 3), 1.5, np.float32))), "leave the range"),
         (Bump(replace(IMAGE, to_uv=(0.0, 1.0, 0.0, -1.0, 0.0, 0.0)), 1.0, Diffuse()), "turned"),

@@ -1,15 +1,19 @@
 """Mitsuba's own files as they are: what Mitsuba is given of them, who declines them, and integrators that race on one."""
 
+import os
+
 import numpy as np
 import pytest
 
 import engines
 from engines import SceneError, Settings
+from engines.image import read_provenance
 from engines.mitsuba import ScalarEngine
 from engines.mitsuba.seeds import seed_of
 from harness.analysis import analyse
 from harness.analysis.model import ranked_together
 from harness.store.results import load_results
+from tests import forked
 from tests.harness import sweeping
 
 mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
@@ -77,6 +81,15 @@ def test_a_file_that_cannot_be_imported_is_for_mitsuba_alone(tmp_path):
     assert "not with the shader albedo" in str(ScalarEngine().why_not(scene, Settings(sampler="random", shader="albedo")))
     with pytest.raises(engines.ConfigError, match="nosuch"):
         ScalarEngine().why_not(scene, Settings(sampler="random", shader={"name": "mitsuba", "type": "nosuch"}))
+
+
+def test_render_takes_a_sampler_that_the_engine_has_and_names_the_engine_for_the_file(tmp_path):
+    words = ["render", str(fog(tmp_path)), "--spp", "1", "-o", str(tmp_path / "fog.exr")]
+    assert forked.raybench([*words, "--engine", "mitsuba_scalar"], None, os.environ).returncode == 0
+    assert read_provenance(tmp_path / "fog.exr")["settings"]["sampler"] == {"name": "random"}
+    refused = forked.raybench([*words, "--engine", "numpy"], None, os.environ)
+    assert refused.returncode == 2
+    assert "The engine mitsuba is given the file as it is" in refused.stderr.replace("\n", " ")
 
 
 def test_the_image_is_the_one_that_mitsuba_renders_of_the_file(tmp_path):

@@ -6,10 +6,14 @@ Mitsuba computes in float32; its `wi` is our `wo`, and its values have the cosin
 import numpy as np
 import pytest
 
+from engines.mitsuba.bsdfs import bsdf_node
+from engines.mitsuba.nodes import Placing
+from engines.mitsuba.stage import _with_transforms
+from engines.mitsuba.textures import Textures
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import dot
-from engines.scene import Bump, Conductor, Dielectric, ImageTexture, Material, Mixture, NormalMap
+from engines.scene import Blend, Bump, Conductor, Dielectric, ImageTexture, Material, Mixture, NormalMap
 
 mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
 
@@ -49,6 +53,15 @@ def theirs(bsdf):
     return {"type": "normalmap", "normalmap": data, "of": theirs(bsdf.of)}
 
 
+def described(bsdf):
+    """As the engine mitsuba writes it."""
+    images = Placing(lambda *mesh: "", lambda name, image: {"bitmap": mi.Bitmap(np.ascontiguousarray(image, np.float32))})
+    textures = Textures(images)
+    node = bsdf_node(bsdf, textures)
+    scene = {"type": "scene", **textures.nodes, "it": {"type": "sphere", "bsdf": node}}
+    return mi.load_dict(_with_transforms(mi, scene)).shapes()[0].bsdf()
+
+
 def point(uv, wo):
     si = mi.SurfaceInteraction3f()
     si.uv, si.n, si.wi = [float(x) for x in uv], [0.0, 0.0, 1.0], [float(x) for x in wo]
@@ -85,15 +98,16 @@ def made(name, leaf):
         "bump of a colour image": lambda: Bump(image(rng, 3), 3.0, leaf),
         "steep normal map": lambda: NormalMap(steep(rng), leaf),
         "smooth normal map": lambda: NormalMap(above(rng), leaf),
+        "normals of all directions": lambda: NormalMap(image(rng, 3), leaf),
     }[name]()
 
 
-def each_map(test):
-    names = ["bump", "bump of a colour image", "steep normal map", "smooth normal map"]
-    return pytest.mark.parametrize("name", names)(test)
+MAPS = ["bump", "bump of a colour image", "steep normal map", "smooth normal map"]
+"""Their normals point outwards."""
+each_map = pytest.mark.parametrize("name", MAPS)
 
 
-@each_map
+@pytest.mark.parametrize("name", [*MAPS, "normals of all directions"])
 @pytest.mark.parametrize("leaf", [GREY, METAL], ids=["diffuse", "metal"])
 @pytest.mark.parametrize("side", [1.0, -1.0], ids=["front", "back"])
 def test_value_and_density_are_those_of_mitsuba(name, leaf, side):
@@ -115,13 +129,16 @@ def test_value_and_density_are_those_of_mitsuba(name, leaf, side):
 
 
 @each_map
-def test_light_that_passes_a_tilted_rough_interface_is_mitsubas(name):
-    """Reflection and refraction; directions that only one of the two normals has on the far side are none."""
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["front", "back"])
+def test_light_that_passes_a_tilted_rough_interface_is_mitsubas(name, side):
+    """Reflection and refraction; directions that only one of the two normals has on the far side are none. From behind, the
+    front is tilted: there is no `twosided` around what transmits."""
     mi.set_variant("scalar_rgb")
     wrapper, rng = made(name, GLASS), np.random.default_rng(5)
     ours, bsdf = Materials([Material("m", bsdf=wrapper)]), mi.load_dict(theirs(wrapper))
     uv, wo, wi = rng.random((2, PAIRS)), hemisphere(rng, PAIRS), hemisphere(rng, PAIRS)
-    wi[2] *= np.where(np.arange(PAIRS) % 3 == 0, 1.0, -1.0)
+    wi[2] *= np.where(np.arange(PAIRS) % 3 == 0, side, -side)
+    wo[2] *= side
     at, _ = ours.walk(points(uv, wo), rng.random(PAIRS))
     value, pdf = ours.evaluate(at, wi) * np.abs(dot(at.normal, wi)), ours.pdf(at, wi)
     expected = np.empty((4, PAIRS))
@@ -131,7 +148,28 @@ def test_light_that_passes_a_tilted_rough_interface_is_mitsubas(name):
         expected[:, pair] = *colour, density
     assert np.allclose(value, expected[:3], rtol=1e-3, atol=1e-5)
     assert np.allclose(pdf, expected[3], rtol=1e-3, atol=1e-5)
-    assert (expected[3][wi[2] < 0.0] > 0.0).mean() > 0.1
+    assert (expected[3][side * wi[2] < 0.0] > 0.0).mean() > 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["front", "back"])
+def test_what_is_opaque_beside_tilted_glass_has_the_tilt_of_the_glass(side):
+    """As the engine mitsuba describes it: the opaque model is two-sided inside of the map."""
+    mi.set_variant("scalar_rgb")
+    rng, share = np.random.default_rng(11), 0.3
+    wrapper = NormalMap(steep(rng), Blend(share, GLASS, METAL))
+    bsdf = described(wrapper)
+    ours = Materials([Material("m", bsdf=wrapper)])
+    uv, wo, wi = rng.random((2, PAIRS)), hemisphere(rng, PAIRS), hemisphere(rng, PAIRS)
+    wo[2], wi[2] = side * wo[2], np.where(np.arange(PAIRS) % 3 == 0, -side, side) * wi[2]
+    value = 0.0
+    for weight, u in ((share, 0.0), (1.0 - share, 1.0)):
+        at, _ = ours.walk(points(uv, wo), np.full(PAIRS, u))
+        value = value + weight * ours.evaluate(at, wi) * np.abs(dot(at.normal, wi))
+    expected = np.empty((3, PAIRS))
+    for pair in range(PAIRS):
+        si = point(uv[:, pair], wo[:, pair])
+        expected[:, pair] = bsdf.eval(mi.BSDFContext(), si, [float(c) for c in wi[:, pair]])
+    assert np.allclose(value, expected, rtol=1e-3, atol=1e-5)
 
 
 @each_map

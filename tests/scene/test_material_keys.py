@@ -66,6 +66,7 @@ def test_every_model_has_its_keys():
     assert math.isclose(bsdf(principled={"specular": 1}).eta, 2 / (1 - math.sqrt(0.08)) - 1)
     assert bsdf(principled={"specular": 0}).eta == 1.0
     assert bsdf(principled={"specular": 0, "spec_trans": 0.5}).eta > 1.0
+    assert [bsdf(principled={"eta": 1, "spec_trans": share}).eta for share in (0, 0.5)] == [1.0, 1.001]
     assert bsdf(null={}) == Null()
     assert bsdf(conductor={"reflectance": "tiles"}).reflectance == TILES
 

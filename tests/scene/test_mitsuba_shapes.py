@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from engines.scene import Cylinder, Dielectric, Diffuse, Disk, Mesh, Sides, Sphere
+from engines.scene import Bump, Cylinder, Dielectric, Diffuse, Disk, ImageTexture, Mesh, Sides, Sphere
+from engines.scene.mitsuba_xml.bsdfs import turned
 from tests.scene.mitsuba_files import LAMP, scene, shape
 
 MIRROR = '<transform name="to_world"><scale x="-1"/></transform>'
@@ -58,6 +59,9 @@ def test_spheres_that_are_inside_out_exchange_the_sides_of_their_material(tmp_pa
     assert found.materials[0].bsdf == Dielectric(0.5)
     found = scene(tmp_path, f'<shape type="sphere">{MIRROR}{FLIP}{glass}</shape>{LAMP}')
     assert found.materials[0].bsdf == Dielectric(2.0)
+    height = ImageTexture(np.ones((2, 2, 1), np.float32))
+    assert turned(Bump(height, 2.0, Dielectric(2.0))) == Bump(height, -2.0, Dielectric(0.5))  # it has one front
+    assert turned(Bump(height, 2.0, Diffuse())).scale == 2.0  # each side has its own
     found = scene(tmp_path, f'<shape type="sphere">{FLIP}<emitter type="area"/></shape>')
     assert isinstance(found.shapes[0], Mesh) and any("emits inwards" in warning for warning in found.warnings)
 

@@ -16,6 +16,7 @@ from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
+from engines.scene.bsdf import transmits
 from engines.scene.support import leaves
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
@@ -26,6 +27,8 @@ IMAGE, CHECKERBOARD = range(2)
 REPEAT, CLAMP, MIRROR = range(3)
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 NONE = -1
+THROUGH = 1
+"""Stands for the second part of a bump or normal map whose models let light through."""
 _BLACK = Mixture()
 
 
@@ -103,6 +106,8 @@ class Programs:
             texture = NONE if isinstance(found.value, int | float) else self._texture(found.value)
             value = found.scale if texture >= 0 else float(found.value)
             first, second = [*map(self._node, found.of), NONE][:2]
+            if isinstance(bsdf, Bump | NormalMap) and transmits(bsdf):
+                second = THROUGH
             row = NodeRow.packed(kind=WRAPPERS[type(bsdf)], first=first, second=second, texture=texture, value=value)
         else:
             row = self._leaf(bsdf)

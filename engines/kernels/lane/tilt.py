@@ -19,15 +19,19 @@ class Tilted(NamedTuple):
     normal: Vec3
     dp_du: Vec3
     dp_dv: Vec3
+    seen: bool
+    """Whether the viewer sees its front. Where not, the normal is the one before."""
 
 
 @inline
 def towards_viewer(tilted, n, wo):
-    """`tilted`, reflected at `n` where the viewer would see its back, and `n` where that is no help."""
+    """(`tilted`, reflected at `n` where the viewer would see its back, and `n` where that is no help; whether it is seen)."""
     if dot(n, wo) * dot(tilted, wo) > 0.0:
-        return tilted
+        return tilted, True
     turned = n * (2.0 * dot(n, tilted)) - tilted
-    return turned if dot(turned, wo) > 0.0 else n
+    if dot(turned, wo) > 0.0:
+        return turned, True
+    return n, False
 
 
 @inline
@@ -39,24 +43,29 @@ def bump(frame, ng, wo, h_u, h_v):
     across = cross(dp_du, dp_dv)
     square = dot(across, across)
     if not square > 0.0:
-        return frame
+        return Tilted(n, frame.dp_du, frame.dp_dv, True)
     tilted = across * (1.0 / math.sqrt(square))
     if dot(tilted, ng) < 0.0:
         tilted = -tilted
-    return Tilted(towards_viewer(tilted, n, wo), dp_du, dp_dv)
+    normal, seen = towards_viewer(tilted, n, wo)
+    return Tilted(normal, dp_du, dp_dv, seen)
 
 
 @inline
-def normal_map(frame, front, wo, color):
-    """Along the vector 2 color - 1 in the frame of the surface, mirrored where it is met from behind; float64."""
-    y = 2.0 * color.y - 1.0
-    x = Vec3(2.0 * color.x - 1.0, y if front else -y, 2.0 * color.z - 1.0)
+def normal_map(frame, front, through, wo, color):
+    """Along the vector 2 color - 1 in the frame of the surface; float64. Met from behind, the vector is mirrored where the
+    surface is opaque, and turned half around the normal and mirrored where light passes `through` it."""
+    a, b = 2.0 * color.x - 1.0, 2.0 * color.y - 1.0
+    if not front:
+        a, b = (-a, b) if through else (a, -b)
+    x = Vec3(a, b, 2.0 * color.z - 1.0)
     square = dot(x, x)
-    if not square > 0.0:
-        return frame
     n = frame.normal
+    if not square > 0.0:
+        return Tilted(n, frame.dp_du, frame.dp_dv, True)
     tilted = to_world(frame_of_tangent(n, frame.dp_du), x * (1.0 / math.sqrt(square)))
-    return Tilted(towards_viewer(tilted, n, wo), frame.dp_du, frame.dp_dv)
+    normal, seen = towards_viewer(tilted, n, wo)
+    return Tilted(normal, frame.dp_du, frame.dp_dv, seen)
 
 
 @inline

@@ -16,14 +16,14 @@ from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lookups import LUMINANCE
-from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES
+from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
 from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
 from engines.kernels.integrators.interface import Uses
 from engines.kernels.lane import tilt
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
-from engines.kernels.lane.vector import Vec3, to_float64
+from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
 from engines.kernels.stages.textures import color_at, gradient_at, luminance
 
@@ -111,7 +111,7 @@ class State(NamedTuple):
     passing: bool
     tilts: int
     before: Vec3
-    """The shading normal before the last tilt."""
+    """The shading normal before the last tilt; 0 where nothing is scattered."""
     frame: tilt.Tilted
 
 
@@ -156,13 +156,18 @@ def _make_walk(features: SceneFeatures) -> Any:
 
     @inline
     def tilted(scene, state, node, kind, at, front, ng, wo):
-        frame, texture = state.frame, np.int64(node.texture)
+        frame, texture, through = state.frame, np.int64(node.texture), node.second == THROUGH
         if kind == BUMP:
-            slope = gradient_at(scene, texture, at.u, at.v)
-            found = tilt.bump(frame, ng, wo, slope.x * node.value, slope.y * node.value)
+            slope, scale = gradient_at(scene, texture, at.u, at.v), node.value
+            if through and not front:
+                scale = -scale
+            found = tilt.bump(frame, ng, wo, slope.x * scale, slope.y * scale)
         else:
-            found = tilt.normal_map(frame, front, wo, color_at(scene, texture, at.u, at.v))
-        return State(np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, frame.normal, found)
+            found = tilt.normal_map(frame, front, through, wo, color_at(scene, texture, at.u, at.v))
+        before = frame.normal
+        if dot(state.before, state.before) == 0.0 or not (found.seen or through):
+            before = Vec3(0.0, 0.0, 0.0)
+        return State(np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, before, found)
 
     @inline
     def walk(scene, first, u, at, front, ng, wo, frame):
@@ -221,7 +226,7 @@ def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
         if located:
             at = coordinates(rays, lane, scene)
         ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
-        frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv)
+        frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv, True)
         u = np.float64(rays.draw[3, lane])
         state = walk(scene, first, u, at, rays.front[lane], ng, wo, frame)
         leaf = scene.nodes[state.node]

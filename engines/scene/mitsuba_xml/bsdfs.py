@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from engines.errors import suggestion
-from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides, transmits
 from engines.scene.metals import METALS
 from engines.scene.mitsuba_xml.colors import INDEX, color
 from engines.scene.mitsuba_xml.context import Importer
@@ -84,6 +84,8 @@ def turned(found: Bsdf) -> Bsdf:
         return replace(found, ior=1.0 / found.ior)
     if isinstance(found, Principled) and found.spec_trans != 0.0:
         return replace(found, eta=1.0 / found.eta)
+    if isinstance(found, Bump) and transmits(found):
+        return replace(found, of=turned(found.of), scale=-found.scale)
     if isinstance(found, Mask | Bump | NormalMap):
         return replace(found, of=turned(found.of))
     if isinstance(found, Blend):

@@ -160,6 +160,8 @@ class Reader:
         file = self.place.find(element.located(name), name)
         if file in within:
             raise element.refuse(f"{name[:MAX_SHOWN]!r} includes itself")
+        if not file.is_file():
+            raise element.refuse(f"{name[:MAX_SHOWN]!r} is not a regular file")
         return self._file(file, name, (*within, file)).children
 
 

@@ -80,7 +80,7 @@ def tube(
     if closed:
         first = _untwisted(first, along)
         path, along, first = (np.concatenate([each, each[:1]]) for each in (path, along, first))
-    other = np.cross(along, first)
+    other = np.cross(first, along)
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     cos, sin = np.cos(angle)[None, :, None], np.sin(angle)[None, :, None]
     cos[:, -1], sin[:, -1] = cos[:, 0], sin[:, 0]
