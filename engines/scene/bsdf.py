@@ -198,17 +198,6 @@ def is_opaque(bsdf: Bsdf) -> bool:
     return not isinstance(bsdf, Dielectric | ThinDielectric | Null)
 
 
-def transmits(bsdf: Bsdf | None) -> bool:
-    """Whether a model below its wrappers lets light through, whatever its textures say; masks are no models."""
-    return any(map(_transmits, leaves(bsdf)))
-
-
-def _transmits(leaf: Any) -> bool:
-    if isinstance(leaf, CustomBSDF):
-        return leaf.plugin.transmission or leaf.plugin.specular_transmission
-    return not is_opaque(leaf)
-
-
 def textures(bsdf: Any) -> Iterator[Texture]:
     """The textures of a BSDF and of its wrappers, each as often as it stands there."""
     if isinstance(bsdf, Texture):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Sides
+from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Sides, is_opaque
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.scene import Scene
@@ -21,6 +21,17 @@ def plugins(scene: Scene) -> list[tuple[str, Any]]:
     parts = [("camera", scene.camera), *(("light", light) for light in scene.lights)]
     parts += [("BSDF", bsdf) for material in scene.materials for bsdf in leaves(material.bsdf)]
     return [(what, part.plugin) for what, part in parts if isinstance(part, CustomCamera | CustomLight | CustomBSDF)]
+
+
+def transmits(bsdf: Bsdf) -> bool:
+    """Whether a model to which wrappers lead lets light through, whatever its textures say; masks are no models."""
+    return any(leaf is not None and _transmits(leaf) for leaf in leaves(bsdf))
+
+
+def _transmits(leaf: Bsdf) -> bool:
+    if isinstance(leaf, CustomBSDF):
+        return leaf.plugin.transmission or leaf.plugin.specular_transmission
+    return not is_opaque(leaf)
 
 
 def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
