@@ -30,7 +30,7 @@ def transmits(bsdf: Bsdf) -> bool:
 
 def _transmits(leaf: Bsdf) -> bool:
     if isinstance(leaf, CustomBSDF):
-        return leaf.plugin.transmission or leaf.plugin.specular_transmission
+        return any(getattr(leaf.plugin, name, False) for name in ("transmission", "specular_transmission"))
     return not is_opaque(leaf)
 
 
