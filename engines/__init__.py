@@ -5,10 +5,11 @@ from engines.errors import ConfigError, RaybenchError, SceneError, UnknownName, 
 from engines.film import Film
 from engines.interface import Engine, Hits, Renderer, Settings
 from engines.registry import engine, engine_names
-from engines.scene import Scene, load_scene, scene_from
+from engines.scene import Scene, load_scene, save_scene, scene_from
 from engines.tonemap import register as register_tone_mapper
 
 __all__ = [
     "Choice", "ConfigError", "Engine", "Film", "Hits", "RaybenchError", "Renderer", "Scene", "SceneError", "Settings",
-    "UnknownName", "Unsupported", "engine", "engine_names", "load_scene", "register_tone_mapper", "scene_from",
+    "UnknownName", "Unsupported", "engine", "engine_names", "load_scene", "register_tone_mapper", "save_scene",
+    "scene_from",
 ]  # fmt: skip

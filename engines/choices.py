@@ -36,6 +36,21 @@ class Choice:
         return {"name": self.name, **self.options}
 
 
+class OpenOptions(dict[str, Option]):
+    """Options of which some are listed, with defaults; all other names take a number, true, false, a line of text or null."""
+
+    def __contains__(self, key: object) -> bool:
+        return isinstance(key, str)
+
+    def __missing__(self, key: str) -> Option:
+        return Option(None, "passed on as it is", _plain_value)
+
+
+def _plain_value(value: Any) -> str | None:
+    good = value is None or isinstance(value, (bool, int, float)) or (isinstance(value, str) and value.isprintable())
+    return None if good else "a number, true, false, a line of text, or null"
+
+
 def integer(low: int, high: int) -> Callable[[Any], str | None]:
     """A check for whole numbers in [low, high]."""
 
@@ -135,4 +150,4 @@ def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) ->
         wanted = known[key].check(value)
         if wanted:
             raise ConfigError(f"{kind} {name}.{key} = {value!r}: must be {wanted}")
-    return Choice(name, {key: options.get(key, option.default) for key, option in known.items()})
+    return Choice(name, {**{key: option.default for key, option in known.items()}, **options})

@@ -12,7 +12,7 @@ import json
 import os
 import uuid
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -65,7 +65,7 @@ class FilmLayers(NamedTuple):
 def write_film_layers(path: FilePath, layers: FilmLayers, provenance: Mapping[str, Any] | None = None) -> None:
     """Writes a film to an `.exr` file. Raises `ConfigError`."""
     images = {"RGB": layers.mean, **{name: getattr(layers, name) for name in LAYERS}}
-    _write_exr(path, images, provenance or {})
+    write_channels(path, images, provenance or {})
 
 
 def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] | None = None) -> None:
@@ -76,7 +76,7 @@ def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] 
     if image.ndim != 3 or image.shape[2] not in channels or 0 in image.shape:
         raise ConfigError(f"{os.fspath(path)}: an image of shape (height, width, 3) is wanted, not {image.shape}")
     if _suffix(path) == ".exr":
-        _write_exr(path, {"RGB": image}, provenance or {})
+        write_channels(path, {"RGB": image}, provenance or {})
     else:
         _write_bitmap(path, image if image.dtype == np.uint8 else to_bitmap(image), provenance or {})
 
@@ -91,7 +91,8 @@ def png_bytes(bitmap: NDArray[np.uint8], provenance: Mapping[str, Any] | None = 
     return _encoded(bitmap, "PNG", pnginfo=text)
 
 
-def _write_exr(path: FilePath, layers: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any]) -> None:
+def write_channels(path: FilePath, layers: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any] | None = None) -> None:
+    """Writes an EXR of float32 channels (h, w), or of groups of channels (h, w, 3) such as "RGB". Raises `ConfigError`."""
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -157,15 +158,15 @@ def read_image(path: FilePath) -> Image:
     Raises `SceneError` naming the file when it is missing, no regular file, unreadable, corrupt, too large (known from
     its header, before anything is decoded) or of an unknown format.
     """
-    file = _readable(path)
+    file = readable(path)
     if file.suffix.lower() == ".exr":
-        return _rgb(file, _exr_channels(file), "")
-    return _decoded_srgb(_bitmap(file))
+        return _rgb(file, exr_channels(file), "")
+    return decoded_srgb(_bitmap(file))
 
 
 def read_bitmap(path: FilePath) -> NDArray[np.uint8]:
     """(h, w, 3) uint8 of an 8-bit file, as they are. Raises `SceneError` like `read_image`."""
-    file = _readable(path)
+    file = readable(path)
     if file.suffix.lower() == ".exr":
         raise SceneError(f"{file}: an 8-bit image is wanted: one of {', '.join(BITMAPS)}")
     return _bitmap(file)
@@ -173,20 +174,20 @@ def read_bitmap(path: FilePath) -> NDArray[np.uint8]:
 
 def read_film_layers(path: FilePath) -> FilmLayers:
     """The layers of an EXR that `write_film_layers` wrote. Raises `SceneError` where one is missing."""
-    file = _readable(path)
+    file = readable(path)
     if file.suffix.lower() != ".exr":
         raise SceneError(f"{file}: only .exr files have layers")
-    channels = _exr_channels(file)
+    channels = exr_channels(file)
     return FilmLayers(_rgb(file, channels, ""), *(_rgb(file, channels, f"{layer}.") for layer in LAYERS))
 
 
 def read_provenance(path: FilePath) -> dict[str, Any]:
     """The provenance of an EXR or PNG file of ours; empty where there is none."""
-    file = _readable(path)
+    file = readable(path)
     if file.suffix.lower() == ".exr":
         text = _opened_exr(file, header_only=True).header().get(ATTRIBUTE)
     else:
-        with _opened_bitmap(file) as image:
+        with opened_bitmap(file) as image:
             text = image.info.get(ATTRIBUTE)  # `text` would decode the pixels
     try:
         found = json.loads(text) if isinstance(text, str) else {}
@@ -195,10 +196,11 @@ def read_provenance(path: FilePath) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _readable(path: FilePath) -> Path:
+def readable(path: FilePath, suffixes: Sequence[str] = SUFFIXES) -> Path:
+    """The path of a regular file that is not empty and has one of these suffixes. Raises `SceneError`."""
     file = Path(path)
-    if file.suffix.lower() not in SUFFIXES:
-        raise SceneError(f"{file}: unknown image format {file.suffix!r}: {suggestion(file.suffix, SUFFIXES)}")
+    if file.suffix.lower() not in suffixes:
+        raise SceneError(f"{file}: unknown image format {file.suffix!r}: {suggestion(file.suffix, suffixes)}")
     try:
         with open_regular(file) as stream:
             empty = not stream.read(1)
@@ -210,7 +212,7 @@ def _readable(path: FilePath) -> Path:
 
 
 @contextmanager
-def _decoding(file: Path) -> Iterator[None]:
+def decoding(file: Path) -> Iterator[None]:
     """Turns whatever a decoder raises inside the block into a `SceneError` naming the file."""
     try:
         with warnings.catch_warnings():
@@ -227,22 +229,23 @@ def _decoding(file: Path) -> Iterator[None]:
 def _opened_exr(file: Path, header_only: bool) -> Any:
     import OpenEXR
 
-    with _decoding(file):
+    with decoding(file):
         return OpenEXR.File(str(file), separate_channels=True, header_only=header_only)
 
 
-def _exr_channels(file: Path) -> dict[str, NDArray[Any]]:
+def exr_channels(file: Path) -> dict[str, NDArray[Any]]:
+    """The channels of an EXR by name, each (h, w). Raises `SceneError`."""
     import OpenEXR
 
-    limit, samples = _most_pixels(file), 0
-    with _decoding(file):
+    limit, samples = most_pixels(file), 0
+    with decoding(file):
         parts = _opened_exr(file, header_only=True).parts
         for part in parts:
             if part.type() not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
                 raise SceneError(f"{file}: holds deep data: an EXR of one value for each pixel and channel is wanted")
             (left, top), (right, bottom) = part.header["dataWindow"]
             width, height = int(right) - int(left) + 1, int(bottom) - int(top) + 1
-            _check_size(file, width, height, limit)
+            check_size(file, width, height, limit)
             samples += width * height * len(part.header["channels"])
         if samples > MAX_CHANNELS * limit:
             raise SceneError(f"{file}: has {samples} values: at most {MAX_CHANNELS * limit} are read from a file of its size")
@@ -260,47 +263,57 @@ def _rgb(file: Path, channels: Mapping[str, NDArray[Any]], prefix: str) -> Image
     missing = [name for name in names if name not in channels]
     if missing:
         raise SceneError(f"{file}: channel {missing[0]!r} is missing: it has {', '.join(sorted(channels))}"[:500])
-    with _decoding(file):
+    with decoding(file):
         return np.stack([channels[name] for name in names], axis=2, dtype=np.float64, casting="safe")
 
 
 @contextmanager
-def _opened_bitmap(file: Path) -> Iterator[Any]:
-    """Pillow's image of a file of `PILLOW_FORMATS`; its header is read, its pixels are not."""
+def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iterator[Any]:
+    """Pillow's image of a file of one of these formats; its header is read, its pixels are not."""
     from PIL import Image as Pillow
     from PIL import UnidentifiedImageError
 
     try:
-        with _decoding(file), open_regular(file) as stream, Pillow.open(stream, formats=PILLOW_FORMATS) as image:
+        with decoding(file), open_regular(file) as stream, Pillow.open(stream, formats=formats) as image:
             yield image
     except SceneError as problem:
+        if isinstance(problem.__cause__, Pillow.DecompressionBombError):
+            raise SceneError(f"{file}: has more pixels than the {MAX_PIXELS} that are read of any file") from problem
         if isinstance(problem.__cause__, UnidentifiedImageError):
-            wanted = ", ".join(PILLOW_FORMATS)
+            wanted = ", ".join(formats)
             raise SceneError(f"{file}: is not a usable image: the content of one of {wanted} is wanted") from problem
         raise
 
 
 def _bitmap(file: Path) -> NDArray[np.uint8]:
-    with _opened_bitmap(file) as image:
-        width, height = image.size
-        _check_size(file, width, height, _most_pixels(file))
-        tags = getattr(image, "tag_v2", {})
-        if TILE_WIDTH in tags and TILE_HEIGHT in tags:  # a TIFF's tiles may be larger than the image, and are decoded whole
-            _check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)
+    with opened_bitmap(file) as image:
+        check_bitmap(file, image)
         return np.asarray(image.convert("RGB"))
 
 
-def _decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
+def check_bitmap(file: Path, image: Any) -> None:
+    """Refuses an image of Pillow's by its header. Raises `SceneError`."""
+    width, height = image.size
+    check_size(file, width, height, most_pixels(file))
+    tags = getattr(image, "tag_v2", {})
+    if TILE_WIDTH in tags and TILE_HEIGHT in tags:  # a TIFF's tiles may be larger than the image, and are decoded whole
+        check_size(file, tags[TILE_WIDTH], tags[TILE_HEIGHT], SMALL_PIXELS)
+
+
+def decoded_srgb(bitmap: NDArray[np.uint8]) -> Image:
+    """Linear values of sRGB-encoded ones."""
     x = np.arange(256) / 255.0
     linear = np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
     return linear[bitmap]
 
 
-def _most_pixels(file: Path) -> int:
+def most_pixels(file: Path) -> int:
+    """How many pixels a file of this size may have."""
     return min(MAX_PIXELS, max(SMALL_PIXELS, file.stat().st_size))
 
 
-def _check_size(file: Path, width: int, height: int, most: int) -> None:
+def check_size(file: Path, width: int, height: int, most: int) -> None:
+    """Refuses an image of more than `most` pixels, or of more than memory holds. Raises `SceneError`."""
     if not 0 < width * height <= most:
         raise SceneError(f"{file}: has {width} x {height} pixels: at most {most} are read from a file of its size")
     _check_memory(file, float(width) * height * BYTES_PER_PIXEL)

@@ -106,7 +106,9 @@ class BSDF:
         albedos(options) -> (diffuse, albedo)   three numbers each
 
     of a mapping `options` and an `engines.numpy_reference.interaction.SurfaceInteraction` of n points. The flags say
-    which specular lobes it has, and whether it reads `si.tangent`. What is not specular is reflection.
+    which specular lobes it has, whether it reads `si.tangent`, and with `transmission` that light passes through by a lobe
+    that is not specular, too: `evaluate` and `pdf` are then asked for directions on the far side. Without, what is not
+    specular is reflection.
     """
 
     name: str
@@ -116,6 +118,7 @@ class BSDF:
     specular_reflection: bool = False
     specular_transmission: bool = False
     tangents: bool = False
+    transmission: bool = False
 
 
 __all__ = [

@@ -88,7 +88,7 @@ def test_other_renderers_have_no_plugins(part, what, tmp_path):
             export(scene, form, tmp_path)
 
 
-@pytest.mark.parametrize(("part", "most"), [(_light, 8), (_bsdf, 11)])
+@pytest.mark.parametrize(("part", "most"), [(_light, 8), (_bsdf, 15)])
 def test_more_options_than_lanes_have_room_for_are_declined(part, most):
     reason = _reason(engines.engine("numba"), _scene(part(_plugin(most + 1, jitted=_function))))
     assert reason == f"the options of 'own' are {most + 1} numbers, of which the engine numba takes {most}"

@@ -70,6 +70,7 @@ ALLOWED: dict[str, set[str]] = {
         *("engines.errors", "engines.image", "engines.input_files", "engines.memory", "engines.schema"),
         "engines.source_files",
     },
+    "engines.scene.mitsuba_xml.bake_sky": set(),
     "engines.interface": {"engines.errors", "engines.choices", "engines.film", "engines.scene"},
     "engines.registry": {"engines.errors", "engines.interface"},
     "engines.conformance": _BASE,
@@ -96,7 +97,7 @@ ONLY_IN = {
     "embreex": {"engines.embree", "engines.embreex_batch"},
     "llvmlite": {"engines.kernels.compile"},
     "numba": {"engines.kernels.compile"},
-    "mitsuba": {"engines.mitsuba"},
+    "mitsuba": {"engines.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
     "drjit": {"engines.mitsuba"},
 }
 

@@ -13,7 +13,8 @@ COMPILED = {"compile.jit", "compile.values"}
 FLOORS: dict[str, set[str]] = {
     "compile": set(),
     "features": set(),
-    "layout": {"compile.jit", "compile.records"},
+    "program_rows": {"compile.records"},
+    "layout": {"compile.jit", "compile.records", "program_rows"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
@@ -28,6 +29,7 @@ FLOORS: dict[str, set[str]] = {
 OUTSIDE: dict[str, set[str]] = {
     "compile": {"engines.errors", "llvmlite", "numba", "numpy"},
     "features": set(),
+    "program_rows": {"numpy"},
     "layout": {"numpy"},
     "lane": {"numpy"},
     "integrators": {"numpy"},

@@ -1,19 +1,19 @@
 """Every type that a scene may hold is known to both implementations of light transport, and how NumPy finds its own."""
 
 import sys
-from types import NoneType
 from typing import get_args
 
 import pytest
 
 from engines.kernels.flatten import lights as lights_of_kernels
 from engines.kernels.flatten.materials import KINDS
+from engines.kernels.flatten.programs import WRAPPERS
 from engines.kernels.flatten.shapes import ANALYTIC
 from engines.numpy_reference.bsdf import BSDFS
 from engines.numpy_reference.lights import LIGHTS
 from engines.numpy_reference.registry import collect
 from engines.numpy_reference.shapes import SHAPES
-from engines.scene import Bsdf, Light, Mesh, Plane, Shape, Sphere, SphereSet, Triangle
+from engines.scene import Bsdf, Light, Mesh, Plane, Shape, Sphere, SphereSet, Triangle, Wrapper
 
 
 def test_both_implementations_have_every_light():
@@ -21,7 +21,9 @@ def test_both_implementations_have_every_light():
 
 
 def test_both_implementations_have_every_bsdf():
-    assert set(BSDFS) == set(KINDS) == {NoneType, *get_args(Bsdf)}
+    leaves = set(get_args(Bsdf)) - set(get_args(Wrapper))
+    assert set(BSDFS) == set(KINDS) == leaves
+    assert set(WRAPPERS) == set(get_args(Wrapper))
 
 
 def test_both_implementations_have_every_shape():

@@ -8,6 +8,7 @@ from engines.scene import scene_schema
 from harness.config import experiment_schema
 from harness.config.settings import SETTINGS
 
+INSTEAD = "Instead of the keys above. "
 LARGE = 2**31
 """Upper bounds from here on are left out."""
 
@@ -35,11 +36,16 @@ def scene() -> str:
     for camera in keys["camera"]["anyOf"]:
         kind = camera["properties"]["type"].get("const", "module:attribute")
         parts += [f"### {kind}", plain(camera["description"]), _keys(camera, leave="type")]
+    parts += ["## Textures", "Each is `NAME: {...}`, with the keys of one of these kinds."]
+    for body in keys["textures"]["additionalProperties"]["anyOf"]:
+        parts += [f"### {next(iter(body['properties']))}", plain(body["description"]), _keys(body)]
+        inner = [each for each in body["properties"].values() if _inside(each)]
+        parts += [_keys(each) for each in inner]
     material = keys["materials"]["additionalProperties"]
     parts += ["## Materials", _keys(material)]
     for kind, body in material["properties"].items():
-        if "properties" in body:
-            parts += [f"### {kind}", plain(body["description"]), _keys(body)]
+        if "properties" in body and kind != "plugin":
+            parts += [f"### {kind}", plain(body["description"].removeprefix(INSTEAD)), _keys(body)]
     parts += ["## Shapes", "Each is `{KIND: {...}, material: NAME}`, with one of these kinds."]
     procedural = []
     for kind, body in _kinds(keys["shapes"]):
@@ -88,13 +94,16 @@ def _other_ways(schema, key: str) -> str:
 
 def _values(schema) -> str:
     """What may be written, in words."""
+    if "title" in schema:
+        return schema["title"]
     if "const" in schema:
         return json.dumps(schema["const"])
     if "enum" in schema:
         return ", ".join("null" if each is None else str(each) for each in schema["enum"])
     choices = [] if "properties" in schema else [_values(each) for each in schema.get("anyOf") or schema.get("oneOf") or ()]
-    if len(choices) == 2 and choices[1] == f"three of: {choices[0]}":
-        return f"{choices[0]}, or three"
+    for count in ("two", "three"):
+        if len(choices) > 1 and choices[1] == f"{count} of: {choices[0]}":
+            choices[:2] = [f"{choices[0]}, or {count}"]
     if choices:
         return " or ".join(dict.fromkeys(choices))
     kind = schema.get("type", "")
@@ -113,9 +122,9 @@ def _values(schema) -> str:
 
 def _list(schema) -> str:
     item = schema.get("items", {})
-    if "object" in item.get("type", "") or "anyOf" in item or not item:
-        return "a list of mappings"
     count = {2: "two", 3: "three"}.get(schema.get("maxItems", 0))
+    if "object" in item.get("type", "") or ("anyOf" in item and not count) or not item:
+        return "a list of mappings"
     return f"{count} of: {_values(item)}" if count else f"a list of {_values(item)}"
 
 

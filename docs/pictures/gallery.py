@@ -22,6 +22,9 @@ SAMPLES = {
     "cornell_spheres": 1024, "glassware": 384, "many_lights": 1024, "metals": 1024, "mobilert_cornell": 16,
     "mobilert_cornell2": 2048,
 }  # fmt: skip
+FURNISHED = ("bathroom", "cabinet", "cafe", "desk_lamp", "living_room", "still_life", "workshop")
+"""Drawn in full size, 1280 x 720."""
+FURNISHED_SAMPLES = 1024
 SHADERS = {"mobilert_cornell": "whitted"}
 """Whose picture is by another shader: its light hangs a centimetre below the ceiling, and no path finds that spot in time."""
 
@@ -42,12 +45,12 @@ PORT_COMMAND = f"raybench dahlquist --size 160x160 --calls 11 --probe smooth --e
 
 def command(name: str) -> list[str]:
     width, height = map(int, re.findall(r"resolution: \[(\d+), (\d+)\]", (SCENES / f"{name}.yaml").read_text())[0])
-    size = f"{160 * width // height}x160"
+    size = f"{width}x{height}" if name in FURNISHED else f"{160 * width // height}x160"
     target = f"docs/pictures/gallery/{name}.png"
     how = ["--engine", "embree", "--precision", "float32"]
     if name in SHADERS:
         how = ["--engine", "numpy", "--shader", SHADERS[name]]
-    spp = str(SAMPLES.get(name, 256))
+    spp = str(FURNISHED_SAMPLES if name in FURNISHED else SAMPLES.get(name, 256))
     return ["raybench", "render", name, *how, "--spp", spp, "--size", size, "-o", target]
 
 
@@ -61,6 +64,8 @@ def marked(name: str) -> str:
     """What the fence of a scene's command says to the tests: one of them is run, small."""
     if name == "cornell_box":
         return "with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png"
+    if name in FURNISHED:
+        return "no-run: a picture of this size takes from minutes to an hour"
     return "no-run: tests/mitsuba/test_agreement.py renders every shipped scene with the engine embree"
 
 

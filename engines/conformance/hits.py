@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.conformance.stage import TRIANGLES, mesh, plane, rectangle, scene, sphere, triangle
+from engines.conformance.stage import TRIANGLES, cylinder, mesh, plane, rectangle, scene, sphere, triangle
 from engines.conformance.subject import Subject, expect
 from engines.interface import Hits, Renderer
 
@@ -101,6 +101,26 @@ def spheres_are_hit_where_they_are(subject: Subject) -> None:
         ],
     )
     _hold(subject, [sphere((3, -4, 2), 0.5)], [Ray((3, -4, 12), (0, 0, -1), 9.5, (0, 0, 1))])
+
+
+def cylinders_are_open_and_hit_on_both_sides(subject: Subject) -> None:
+    """A cylinder is hit on its side alone, from outside and from inside, and rays pass through its ends."""
+    _hold(
+        subject,
+        [cylinder((1, 0, 0), (1, 2, 0), 0.5)],
+        [
+            Ray((1, 1, 4), (0, 0, -1), 3.5, (0, 0, 1)),
+            Ray((1.3, 1, 4), (0, 0, -1), 3.6, (0.6, 0, 0.8)),
+            Ray((1, 1, 0), (1, 0, 0), 0.5, (-1, 0, 0)),
+            Ray((1, 4, 0), (0.25, -1.25, 0), 2, (-1, 0, 0)),
+            Ray((1, -0.75, 4), (0, 0.25, -1), 3.5, (0, 0, 1)),
+            Ray((1, -1, 4), (0, 0.25, -1), 4.5, (0, 0, 1)),
+            Ray((1.2, 4, 0.1), (0, -1, 0), MISS),
+            Ray((1, 2.1, 4), (0, 0, -1), MISS),
+            Ray((1, 1, 4), (0, 0, 1), MISS),
+            Ray((1.6, 1, 4), (0, 0, -1), MISS),
+        ],
+    )
 
 
 def planes_are_hit_on_both_sides(subject: Subject) -> None:
@@ -261,6 +281,7 @@ def normals_are_unit_and_face_the_ray(subject: Subject) -> None:
 CLAIMS = (
     hits_have_their_shapes,
     spheres_are_hit_where_they_are,
+    cylinders_are_open_and_hit_on_both_sides,
     planes_are_hit_on_both_sides,
     triangles_are_hit_on_both_sides,
     meshes_say_which_face,

@@ -62,6 +62,10 @@ def sphere(center: Sequence[float] = (0, 0, 0), radius: float = 1, material: str
     return {"sphere": {"center": list(center), "radius": radius}, "material": material}
 
 
+def cylinder(p0: Sequence[float], p1: Sequence[float], radius: float, material: str = "white") -> dict[str, Any]:
+    return {"cylinder": {"p0": list(p0), "p1": list(p1), "radius": radius}, "material": material}
+
+
 def plane(point: Sequence[float], normal: Sequence[float], material: str = "white") -> dict[str, Any]:
     return {"plane": {"point": list(point), "normal": list(normal)}, "material": material}
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from engines.errors import ConfigError, UnknownName
+from engines.errors import ConfigError, UnknownName, Unsupported
 from engines.export.mitsuba import write_mitsuba
 from engines.export.pbrt import write_pbrt
 from engines.scene import Scene
+from engines.scene.support import refusal_of
 
 WRITERS: dict[str, tuple[str, Callable[[Scene, Path, int, int], None]]] = {
     "mitsuba": (".xml", write_mitsuba),
@@ -24,6 +25,8 @@ def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: i
     """
     if form not in WRITERS:
         raise UnknownName("renderer to export to", form, WRITERS)
+    if refusal := refusal_of(scene):
+        raise Unsupported(refusal)
     suffix, write = WRITERS[form]
     file = Path(path)
     if file.suffix != suffix:

@@ -10,15 +10,22 @@ import numpy as np
 
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
-from engines.mitsuba.description import described, extent, scene_lacks, sensor
+from engines.mitsuba.cameras import sensor
+from engines.mitsuba.description import described, scene_lacks
+from engines.mitsuba.nodes import Placing
+from engines.mitsuba.shapes import extent
 from engines.scene import Scene
 
 VERSION = "3.0.0"
 """The version of the file format."""
 _TAGS = {
-    "sensor": ("perspective", "orthographic"), "film": ("hdrfilm",), "rfilter": ("box",), "integrator": ("path",),
-    "sampler": ("independent",), "bsdf": ("diffuse", "conductor", "roughconductor", "dielectric", "twosided", "blendbsdf"),
-    "shape": ("disk", "sphere", "ply"),
+    "sensor": ("perspective", "orthographic", "thinlens"), "film": ("hdrfilm",), "rfilter": ("box",), "integrator": ("path",),
+    "sampler": ("independent",), "texture": ("bitmap", "checkerboard"),
+    "bsdf": (
+        "diffuse", "conductor", "roughconductor", "dielectric", "roughdielectric", "thindielectric", "plastic", "roughplastic",
+        "principled", "null", "twosided", "mask", "blendbsdf", "bumpmap", "normalmap",
+    ),
+    "shape": ("disk", "sphere", "cylinder", "ply"),
     "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
 }  # fmt: skip
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
@@ -32,7 +39,7 @@ def write_mitsuba(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -
     if reason := scene_lacks(scene):
         raise Unsupported(reason)
     beside = Beside(path)
-    nodes = described(scene, beside.mesh, beside.image).nodes
+    nodes = described(scene, Placing(beside.mesh, beside.image)).nodes
     nodes["integrator"] = {"type": "path", "max_depth": max_depth, "rr_depth": 1000}
     width, height = scene.camera.resolution
     nodes["sensor"] = sensor(scene.camera, width, height, {"type": "independent", "sample_count": spp}, extent(scene))

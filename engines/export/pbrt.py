@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,11 @@ import numpy as np
 import engines.scene as model
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
-from engines.mitsuba.description import camera_lacks, extent, facing, material_lacks
+from engines.mitsuba.bsdfs import material_lacks, model_of, rough
+from engines.mitsuba.cameras import camera_lacks
+from engines.mitsuba.nodes import facing
+from engines.mitsuba.shapes import extent
+from engines.mitsuba.textures import is_texture, largest
 
 PLANE_EXTENTS = 1e3
 
@@ -40,44 +45,61 @@ def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64
 
 def _lacks(scene: model.Scene) -> str | None:
     """One sentence on what pbrt has no counterpart for, or None."""
-    if lacks := camera_lacks(scene.camera):
+    if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
         return f"pbrt has no counterpart of {lacks}"
     for material in scene.materials:
-        lacks = material_lacks(material) or _conductor_lacks(material.bsdf)
-        if lacks is None and max(material.kt) > 0.0 and (*material.ks, *material.kt) != (1.0,) * 6:
-            lacks = "tinted glass"
-        if lacks:
+        if lacks := material_lacks(material) or _bsdf_lacks(model_of(material)):
             return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
-    for light in scene.lights:
-        if isinstance(light, model.CustomLight):
-            return "pbrt has no counterpart of light plugins"
-        if isinstance(light, model.EnvironmentLight) and light.image is not None:
-            return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
-        if isinstance(light, model.PointLight) and not light.falloff:
-            return "pbrt's point lights fall off with the square of the distance"
-        if isinstance(light, model.SpotLight) and light.beam_width < light.cutoff:
-            return "pbrt's spot lights fall off smoothly in the cosine, and ours linearly in the angle"
+    return next(filter(None, map(_light_lacks, scene.lights)), None)
+
+
+def _view_lacks(camera: Any) -> str | None:
+    if camera.mirror or camera.principal_point != (0.0, 0.0) or camera.clip != (0.0, math.inf):
+        return "mirrored, shifted and clipped cameras"
     return None
 
 
-def _conductor_lacks(metal: model.Bsdf | None) -> str | None:
-    if not isinstance(metal, model.Conductor):
-        return None
-    if metal.reflectance != model.WHITE:
+def _light_lacks(light: model.Light) -> str | None:
+    if isinstance(light, model.CustomLight):
+        return "pbrt has no counterpart of light plugins"
+    if isinstance(light, model.EnvironmentLight) and light.image is not None:
+        return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
+    if isinstance(light, model.PointLight) and not light.falloff:
+        return "pbrt's point lights fall off with the square of the distance"
+    if isinstance(light, model.SpotLight) and light.beam_width < light.cutoff:
+        return "pbrt's spot lights fall off smoothly in the cosine, and ours linearly in the angle"
+    return None
+
+
+def _bsdf_lacks(bsdf: model.Bsdf) -> str | None:
+    values = [getattr(bsdf, field.name) for field in fields(bsdf)]
+    if any(is_texture(part) for value in values for part in (value if isinstance(value, tuple) else (value,))):
+        return "textures of this format"
+    if isinstance(bsdf, model.Conductor) and bsdf.reflectance != model.WHITE:
         return "a conductor whose reflectance is scaled"
-    if metal.alpha[0] != metal.alpha[1]:
-        return "the tangents of an anisotropic conductor"
-    return None
+    if isinstance(bsdf, (model.Conductor, model.Dielectric)) and rough(bsdf.alpha):
+        if bsdf.alpha[0] != bsdf.alpha[1]:
+            return f"the tangents of an anisotropic {type(bsdf).__name__.lower()}"
+        if bsdf.distribution != "ggx":
+            return "microfacets but GGX"
+    colors = {
+        model.Mixture: ("ks", "kt") if isinstance(bsdf, model.Mixture) and largest(bsdf.kt) > 0.0 else (),
+        model.Dielectric: ("reflectance", "transmittance"), model.ThinDielectric: ("reflectance", "transmittance"),
+        model.Conductor: (), model.Diffuse: (),
+    }.get(type(bsdf))  # fmt: skip
+    if colors is None:
+        return f"the BSDF {type(bsdf).__name__}"
+    return "tinted glass" if any(getattr(bsdf, name) != model.WHITE for name in colors) else None
 
 
 def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     camera = scene.camera
-    assert isinstance(camera, (model.Perspective, model.Orthographic))
+    assert isinstance(camera, (model.Perspective, model.Orthographic, model.ThinLens))
     width, height = camera.resolution
     yield "Scale -1 1 1"  # pbrt's camera space is left-handed
     yield f"LookAt {numbers((*camera.eye, *camera.target, *camera.up))}"
-    if isinstance(camera, model.Perspective):
-        yield f'Camera "perspective" "float fov" [ {_shorter_fov(camera)!r} ]'
+    if isinstance(camera, (model.Perspective, model.ThinLens)):
+        yield f'Camera "perspective" "float fov" [ {_shorter_fov(camera)!r} ]{_lens(camera)}'
     else:
         y = camera.height / 2.0
         x = y * width / height
@@ -89,7 +111,13 @@ def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     yield f'Integrator "path" "integer maxdepth" [ {max_depth - 1} ]'
 
 
-def _shorter_fov(camera: model.Perspective) -> float:
+def _lens(camera: model.Perspective | model.ThinLens) -> str:
+    if isinstance(camera, model.Perspective):
+        return ""
+    return f' "float lensradius" [ {camera.aperture_radius!r} ] "float focaldistance" [ {camera.focus_distance!r} ]'
+
+
+def _shorter_fov(camera: model.Perspective | model.ThinLens) -> float:
     """pbrt measures the angle along the shorter side."""
     sides = dict(zip("xy", camera.resolution, strict=True))
     ratio = min(sides.values()) / sides[camera.fov_axis]
@@ -111,21 +139,36 @@ def _light(light: model.Light) -> Iterator[str]:
 
 
 def _material(name: str, material: model.Material) -> Iterator[str]:
-    diffuse, mirror = max(material.kd), max(material.ks)
-    if isinstance(material.bsdf, model.Conductor):
-        index = f"{_rgb('eta', material.bsdf.eta)} {_rgb('k', material.bsdf.k)}"
-        rough = f'"float roughness" [ {material.bsdf.alpha[0]!r} ] "bool remaproughness" [ false ]'
-        yield _named(name, "conductor", f"{index} {rough}")
-    elif max(material.kt) > 0.0:
-        yield _named(name, "dielectric", f'"float eta" [ {material.ior!r} ]')
+    bsdf = model_of(material)
+    if isinstance(bsdf, model.Conductor):
+        yield _named(name, "conductor", f"{_rgb('eta', bsdf.eta)} {_rgb('k', bsdf.k)} {_roughness(bsdf.alpha)}")
+    elif isinstance(bsdf, model.Dielectric):
+        yield _named(name, "dielectric", f'"float eta" [ {bsdf.ior!r} ] {_roughness(bsdf.alpha)}')
+    elif isinstance(bsdf, model.ThinDielectric):
+        yield _named(name, "thindielectric", f'"float eta" [ {bsdf.ior!r} ]')
+    elif isinstance(bsdf, model.Diffuse):
+        yield _named(name, "diffuse", _rgb("reflectance", bsdf.reflectance))
+    else:
+        assert isinstance(bsdf, model.Mixture)
+        yield from _mixture(name, bsdf)
+
+
+def _roughness(alpha: Any) -> str:
+    return f'"float roughness" [ {alpha[0]!r} ] "bool remaproughness" [ false ]'
+
+
+def _mixture(name: str, lobes: Any) -> Iterator[str]:
+    diffuse, mirror = max(lobes.kd), max(lobes.ks)
+    if max(lobes.kt) > 0.0:
+        yield _named(name, "dielectric", f'"float eta" [ {lobes.ior!r} ]')
     elif mirror == 0.0:
-        yield _named(name, "diffuse", _rgb("reflectance", material.kd))
+        yield _named(name, "diffuse", _rgb("reflectance", lobes.kd))
     elif diffuse == 0.0:
-        yield _named(name, "conductor", _rgb("reflectance", material.ks))
+        yield _named(name, "conductor", _rgb("reflectance", lobes.ks))
     else:
         weight = mirror / (diffuse + mirror)
-        yield _named(f"{name}_kd", "diffuse", _rgb("reflectance", np.divide(material.kd, 1.0 - weight)))
-        yield _named(f"{name}_ks", "conductor", _rgb("reflectance", np.divide(material.ks, weight)))
+        yield _named(f"{name}_kd", "diffuse", _rgb("reflectance", np.divide(lobes.kd, 1.0 - weight)))
+        yield _named(f"{name}_ks", "conductor", _rgb("reflectance", np.divide(lobes.ks, weight)))
         yield _named(name, "mix", f'"string materials" [ "{name}_kd" "{name}_ks" ] "float amount" [ {weight!r} ]')
 
 
@@ -141,6 +184,13 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
     elif isinstance(shape, model.Disk):
         columns = numbers(facing(shape.center, shape.normal, 1.0).T.ravel())
         body = [f"ConcatTransform [ {columns} ]", f'Shape "disk" "float radius" [ {shape.radius!r} ]']
+        yield from _dressed(scene, shape.material, body)
+    elif isinstance(shape, model.Cylinder):
+        axis = np.subtract(shape.p1, shape.p0)
+        length = float(np.linalg.norm(axis))
+        columns = numbers(facing(shape.p0, axis / length, 1.0).T.ravel())
+        ends = f'"float zmin" [ 0 ] "float zmax" [ {length!r} ]'
+        body = [f"ConcatTransform [ {columns} ]", f'Shape "cylinder" "float radius" [ {shape.radius!r} ] {ends}']
         yield from _dressed(scene, shape.material, body)
     elif isinstance(shape, model.Triangle):
         corners = numbers((*shape.a, *shape.b, *shape.c))

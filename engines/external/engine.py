@@ -25,6 +25,7 @@ from engines.external.template import filled
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.scene import Camera, Scene, Shape
+from engines.scene.support import refusal_of
 from engines.temporary import TemporaryFolder
 
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -90,6 +91,8 @@ class Engine:
         shader = resolve("shader", settings.shader, SHADERS)
         sampler = resolve("sampler", settings.sampler, SAMPLERS)
         resolve("accelerator", settings.accelerator, self.accelerators())
+        if refusal := refusal_of(scene):
+            raise Unsupported(refusal)
         program(said)
         self._require("shader", shader, said.shaders, SHADERS)
         self._require("sampler", sampler, said.samplers, SAMPLERS)

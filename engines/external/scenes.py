@@ -23,6 +23,8 @@ def own_file(scene: Scene, settings: Settings, folder: Path) -> Path:
     """The file that the scene was read from."""
     if not scene.source:
         raise Unsupported(f"the scene {scene.name!r} is not in a file as it is: a program cannot be given it")
+    if scene.native is not None:
+        raise Unsupported(f"the scene {scene.name!r} is in a file of Mitsuba's: raybench import writes one of raybench's")
     for what, _ in plugins(scene):
         raise Unsupported(f"the scene {scene.name!r} has a {what} plugin, which a program cannot be given")
     return Path(scene.source).absolute()

@@ -1,6 +1,6 @@
 """The loop that drives ray batches through the stages, tile by tile (`queries` does so for single rays).
 
-    regenerate -> closest -> surface -> draw -> light -> BSDFs -> shade -> occluded -> add direct light -> finish
+    regenerate -> closest -> surface -> draw -> material -> light -> BSDFs -> shade -> occluded -> add direct light -> finish
 
 A lane that finishes its sample takes the next of the tile at once, from a second batch in which the camera has begun
 sixteen samples together. A tile is rendered in passes of a few samples a pixel. A pass fills a buffer, which then goes to
@@ -21,7 +21,7 @@ from engines.kernels.lane.vector import Vec3, select3
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, copy_path, ray_batch, waiting_rays
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
-DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, FIRST_BSDF = range(10)
+DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, MATERIAL, FIRST_BSDF = range(11)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 EVERY_LANE = (1 << LANES) - 1
@@ -60,7 +60,7 @@ def _push(rays, stacks, lane, capacity):
     if waiting >= capacity:
         return False
     top = stacks[waiting]
-    top.origin[lane] = rays.shadow_origin[lane]
+    top.origin[lane] = rays.branch_origin[lane]
     top.direction[lane] = rays.branch_direction[lane]
     top.throughput[lane] = rays.branch_throughput[lane]
     top.depth[lane] = rays.depth[lane]
@@ -109,6 +109,8 @@ class Plan(NamedTuple):
     """Light samples at a vertex."""
     bsdfs: int
     """Stages of BSDF models, where the scene has several."""
+    programs: bool
+    """Some material has wrappers or textures."""
 
 
 class Issued(NamedTuple):
@@ -193,6 +195,8 @@ def _advance(rays, stages, batch, scene, plan, zero):
     call_stage(stages[CLOSEST], batch, scene)
     call_stage(stages[SURFACE], batch, scene)
     call_stage(stages[DRAW_VERTEX], batch, scene)
+    if plan.programs:
+        call_stage(stages[MATERIAL], batch, scene)
     if plan.lit:
         call_stage(stages[LIGHT], batch, scene)
     for k in range(plan.bsdfs):

@@ -21,8 +21,16 @@ class SceneFeatures(NamedTuple):
     lobes: bool = False
     """Some BSDF is a plugin's, which may choose among lobes."""
     diffuse: bool = False
+    """Some kd is above 0; mirror and refraction the same of ks and kt."""
+    mirror: bool = False
+    refraction: bool = False
     specular_reflection: bool = False
     specular_transmission: bool = False
+    transmission: bool = False
+    """Some BSDF sends light through the surface by a lobe that is no delta: light samples may lie on the far side."""
+    clearcoat: bool = False
+    """Some principled BSDF has a clearcoat; spec_trans: one transmits."""
+    spec_trans: bool = False
     tangents: bool = False
     """Some material is anisotropic."""
     emission: bool = False
@@ -30,8 +38,29 @@ class SceneFeatures(NamedTuple):
     lights: tuple[int, ...] = ()
     """Kinds of listed lights."""
     many_lights: bool = False
+    turned_environment: bool = False
+    """The environment's image is rotated."""
     mesh_lights: bool = False
     """Some light is a mesh, of which a face is chosen."""
+
+    programs: bool = False
+    """Some material has a program: textures, or models wrapped by others."""
+    textures: bool = False
+    uvs: bool = False
+    """Some mesh that a program meets has texture coordinates."""
+    choices: bool = False
+    """Some program takes one way or the other by chance."""
+    masks: bool = False
+    tilts: bool = False
+    """Some program tilts the shading normal."""
+
+    @property
+    def of_bsdfs(self) -> SceneFeatures:
+        """Those that the lane functions of BSDF models depend on."""
+        return self.only(
+            "diffuse", "mirror", "refraction", "specular_reflection", "specular_transmission", "transmission", "clearcoat",
+            "spec_trans", "tangents",
+        )  # fmt: skip
 
     def only(self, *names: str) -> SceneFeatures:
         """The named features, and none of the others."""

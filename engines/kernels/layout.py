@@ -31,8 +31,9 @@ from engines.kernels.compile.records import (
     vector,
     vectors,
 )
+from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
-BSDF_PARAMETERS = 11
+BSDF_PARAMETERS = 15
 LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
@@ -111,8 +112,9 @@ class RayBatch(LaneRecord):
     occluded = integer()  # 1 or 0: loops that join flags cost more than those that select numbers
     direct = vector()  # added to the radiance if the shadow ray is free
 
-    # a second ray that leaves `shadow_origin` later
+    # a second ray that leaves later, on the side where the viewer is
     branch = flag()
+    branch_origin = vector()
     branch_direction = vector()
     branch_throughput = vector()
 
@@ -145,6 +147,13 @@ class RayBatch(LaneRecord):
     transmission_valid = flag()
     diffuse_albedo = vector()
     albedo = vector()
+
+    # where the scene has masks: the share of the surface that is there, and whether the sample goes straight through
+    opacity = real()
+    passing = flag()
+    # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
+    untilted_normal = vector()
+    outer_normal = vector()
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
@@ -206,12 +215,18 @@ class PrimitiveRow(Row):
 
 
 class MaterialRow(Row):
-    """Sixteen numbers, one cache line in float32."""
+    """What every scene reads comes first, and the first parameters of the model in the same cache line."""
 
-    bsdf = reals(BSDF_PARAMETERS)  # of the model
     emission = vector()
     two_sided = real()
     model = real()
+    bsdf = reals(BSDF_PARAMETERS)  # of the model; of a program, of its first leaf
+
+
+class LeafRow(Row):
+    """The parameters of a model, 0 where they are looked up."""
+
+    bsdf = reals(BSDF_PARAMETERS)
 
 
 class LightRow(Row):
@@ -221,6 +236,18 @@ class LightRow(Row):
     color = vector()
     two_sided = real()
     parameters = reals(LIGHT_PARAMETERS)
+
+
+class EnvironmentRow(Row):
+    """How directions become places in an environment's image: y = v `rows` - `first_row` counts its rows; the local axes are
+    those of the image in the scene."""
+
+    dtype = np.float64
+    rows = real()
+    first_row = real()
+    x = vector()
+    y = vector()
+    z = vector()
 
 
 class RangeRow(Row):
@@ -233,7 +260,8 @@ class RangeRow(Row):
 
 class CameraRow(Row):
     """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
-    half angles are given."""
+    half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from
+    the left, and at `middle_y / 2` of the height, from the top."""
 
     dtype = np.float64
     eye = vector()
@@ -244,6 +272,13 @@ class CameraRow(Row):
     height = real()
     half_angle_x = real()
     half_angle_y = real()
+    middle_x = real()
+    middle_y = real()
+    near = real()  # distances along the axis of view, of cameras that clip
+    far = real()
+    lens_right = vector()  # as long as the radius of the aperture
+    lens_up = vector()
+    focus_distance = real()
 
 
 class MarginRow(Row):
@@ -287,7 +322,21 @@ class SceneTable(Table):
     environment_pdf = array(np.float64)  # in (u, v)
     environment_rows = array(np.float64)  # cumulative
     environment_columns = array(np.float64)
+    environment_row_guide = array(np.int32)  # where searches in the cumulative tables begin
+    environment_column_guide = array(np.int32)
+    environment_map = rows(EnvironmentRow)
     environment_radiance = vectors(REAL)  # one, of a constant environment
+
+    bsdf_tables = array(REAL)  # of BSDFs that read some: how many numbers there are in all, then one behind the other
+
+    # where some material in use has a program
+    programs = array(np.int32)  # a material: its first node, -1 for none
+    nodes = rows(NodeRow)
+    leaves = rows(LeafRow)
+    lookups = rows(LookupRow)
+    textures = rows(TextureRow)
+    texels = array(np.int64)  # addresses of the images, float32
+    vertex_uvs = rows(UVRow)
 
     # set by the renderer
     camera = rows(CameraRow)
@@ -337,7 +386,9 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "LightRow", "MarginRow",
-    "MaterialRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable", "SphereRow", "TriangleRow",
-    "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow",
+    "EnvironmentRow", "LeafRow", "LightRow",
+    "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
+    "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
+    "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

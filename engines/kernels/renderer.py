@@ -23,8 +23,8 @@ from engines.kernels.compile import jit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
-from engines.kernels.stages import camera, light, sampler, scattering, shade, surface
-from engines.scene import Camera, Perspective, PerspectiveArctan, Scene, Shape
+from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface
+from engines.scene import Camera, Scene, Shape, ThinLens
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
@@ -138,7 +138,7 @@ class Renderer:
         view = self._scene.camera
         self._flat.bind(SceneTable.camera, camera.parameters(view, width, height, self._flat.center))
         if hasattr(self._accelerator, "look"):  # one that knows where camera rays start
-            self._accelerator.look(self._flat, isinstance(view, (Perspective, PerspectiveArctan)))
+            self._accelerator.look(self._flat, camera.has_eye(view))
 
     def _bind_points(self, first: int, last: int) -> None:
         points = sampler.points(self.settings.sampler, first, last)
@@ -159,13 +159,16 @@ class Renderer:
     def _compiled_stages(self) -> NDArray[np.int64]:
         features, real = self._flat.features, self._real
         closest, occluded = self._accelerator.stages(features, real)
-        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real)
+        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, isinstance(self._scene.camera, ThinLens))
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
-        bsdfs = scattering.stages(features, shade.uses(integrator, shading), real)
+        uses = shade.uses(integrator, shading)
+        programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
         shaded = shade.stage(integrator, shading, features, real)
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
-        self._plan = driver.Plan(shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs))
+        self._plan = driver.Plan(
+            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None
+        )
         order = [
             draw_pixel,
             camera.stage(self._scene.camera, real),
@@ -176,8 +179,9 @@ class Renderer:
             shaded,
             occluded,
         ]
-        self._kept = [*order, *bsdfs]  # machine code lives as long as its stage
-        return np.array([*(stage.address for stage in order), 0, *(stage.address for stage in bsdfs)], np.int64)
+        self._kept = [*order, *([programs] if programs else []), *bsdfs]  # machine code lives as long as its stage
+        last = [programs.address if programs else 0, *(stage.address for stage in bsdfs)]
+        return np.array([*(stage.address for stage in order), 0, *last], np.int64)
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 

@@ -11,9 +11,10 @@ import numpy as np
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
 from engines.kernels.flatten.lights import plugin_parameters
+from engines.kernels.flatten.programs import leaves_in
 from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
 from engines.scene import CustomBSDF, CustomLight, EnvironmentLight, Scene
-from engines.scene.support import option_numbers, plugin_without
+from engines.scene.support import option_numbers, plugin_without, refusal_of
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
@@ -35,6 +36,8 @@ def _plugins(settings: Settings) -> dict[str, Any]:
 
 def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
+    if refusal := refusal_of(scene):
+        return refusal
     for part, function in _plugins(settings).items():
         if function is None:
             return (
@@ -56,5 +59,6 @@ def _numbers_of_plugins(scene: Scene) -> Iterator[tuple[Any, int, int]]:
         if isinstance(light, CustomLight):
             yield light.plugin, len(plugin_parameters(light, np.zeros(3))), LIGHT_PARAMETERS
     for material in scene.materials:
-        if isinstance(material.bsdf, CustomBSDF):
-            yield material.bsdf.plugin, len(option_numbers(material.bsdf.options)), BSDF_PARAMETERS
+        for leaf in leaves_in(material):
+            if isinstance(leaf, CustomBSDF):
+                yield leaf.plugin, len(option_numbers(leaf.options)), BSDF_PARAMETERS

@@ -7,13 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 from engines.choices import SAMPLERS as KNOWN_SAMPLERS
-from engines.choices import SHADERS, Option, integer, one_of, resolve
+from engines.choices import SHADERS, OpenOptions, Option, integer, one_of, resolve
 from engines.errors import Unsupported
 from engines.interface import FullPattern, Renderer, Settings
 from engines.mitsuba import library
+from engines.mitsuba.albedo import albedo_lacks
+from engines.mitsuba.bsdfs import members, model_of
 from engines.mitsuba.description import scene_lacks
+from engines.mitsuba.native import file_lacks, require_integrator
 from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
-from engines.scene import Scene
+from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
@@ -26,6 +29,10 @@ def _count_or_none(value: Any) -> str | None:
     return None if value is None or wrong is None else f"{wrong}, or null"
 
 
+def _is_word(value: Any) -> bool:
+    return isinstance(value, str) and value.isascii() and value.isidentifier()
+
+
 _MEANING = f"samples a pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
 _PATTERN = {"sample_count": Option(None, _MEANING, _count_or_none)}
 SAMPLERS: dict[str, dict[str, Option]] = {
@@ -33,6 +40,9 @@ SAMPLERS: dict[str, dict[str, Option]] = {
 }  # fmt: skip
 """Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`."""
 ANY = "of surfaces at the same distance Embree returns any"
+_INTEGRATOR = Option("path", "name of the integrator's plugin", lambda value: None if _is_word(value) else "a plugin's name")
+OWN_SHADERS: dict[str, dict[str, Option]] = {"mitsuba": OpenOptions({"type": _INTEGRATOR})}
+"""Mitsuba's integrators: `type` and their own properties, such as max_depth."""
 NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lower_shape": ANY}
 
 
@@ -50,6 +60,7 @@ class Engine:
     variant = library.LLVM
     tracing_precision = "float32"
     not_promised: Mapping[str, str] = NOT_PROMISED
+    takes_native = True
     smooth_samplers = ("random", "independent")
 
     @property
@@ -62,6 +73,10 @@ class Engine:
     def samplers(self) -> Mapping[str, Mapping[str, Option]]:
         """Samplers of Mitsuba's own."""
         return SAMPLERS if self.variant == library.LLVM else {"independent": {}}
+
+    def shaders(self) -> Mapping[str, Mapping[str, Option]]:
+        """Shaders of Mitsuba's own: its integrators."""
+        return OWN_SHADERS
 
     def full_pattern(self, sampler: Mapping[str, Any], spp: int) -> FullPattern | None:
         """See `engines.interface.HasPatterns` and `engines.mitsuba.patterns.full_pattern`."""
@@ -84,15 +99,31 @@ class Engine:
         """The settings with every choice resolved; raises `Unsupported` for what is lacking."""
         chosen = replace(
             settings,
-            shader=resolve("shader", settings.shader, SHADERS),
+            shader=resolve("shader", settings.shader, {**SHADERS, **OWN_SHADERS}),
             sampler=resolve("sampler", settings.sampler, {**KNOWN_SAMPLERS, **SAMPLERS}),
             accelerator=resolve("accelerator", settings.accelerator, ACCELERATORS),
             precision=settings.precision or "float32",
         )
-        reason = self._settings_lack(chosen) or scene_lacks(scene) or library.lacking(self.variant)
+        reason = self._settings_lack(chosen) or self._scene_lacks(scene, chosen.shader.name) or library.lacking(self.variant)
+        if reason is None and chosen.shader.name == "mitsuba":
+            reason = self._integrator_lacks(chosen.shader.options)
+        if reason is None and scene.native is not None:
+            reason = file_lacks(scene)
         if reason is not None:
             raise Unsupported(reason)
         return chosen
+
+    def _scene_lacks(self, scene: Scene, shader: str) -> str | None:
+        if scene.native is not None:
+            ours = shader not in ("path_tracer", "mitsuba")
+            return f"Mitsuba takes its own files with path_tracer and mitsuba, not with the shader {shader}" if ours else None
+        lacks = scene_lacks(scene) or shader_lacks(scene, shader)
+        return lacks or (_depth_lacks(scene.camera) if (self.variant, shader) == (library.SCALAR, "depth_map") else None)
+
+    def _integrator_lacks(self, options: Mapping[str, Any]) -> str | None:
+        if require_integrator(options) or self.variant == library.SCALAR:
+            return None
+        return f"Mitsuba's {options['type']} traces no single paths from the camera: the engine mitsuba_scalar has it"
 
     def _settings_lack(self, chosen: Settings) -> str | None:
         shader, sampler = chosen.shader, chosen.sampler
@@ -103,7 +134,7 @@ class Engine:
         if shader.name == "path_tracer" and shader.options["direct"] != "mis":
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
-            return f"Mitsuba has no sampler {sampler.name}"
+            return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:
             return _scalar_lacks(shader.name, sampler.name)
         return None
@@ -123,6 +154,24 @@ def _scalar_lacks(shader: str, sampler: str) -> str | None:
         return (
             "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"
         )
+    return None
+
+
+def shader_lacks(scene: Scene, shader: str) -> str | None:
+    """What of a scene this shader lacks, which is ours and not Mitsuba's, or None."""
+    if shader == "albedo":
+        return albedo_lacks(scene)
+    if shader not in ("whitted", "no_shadows"):
+        return None
+    for material in scene.materials:
+        if any(isinstance(part, (Mask, Null, Principled)) for part in members(model_of(material))):
+            return f"material {material.name!r}: in Mitsuba {shader} has no masks, no null and no principled BSDFs"
+    return None
+
+
+def _depth_lacks(camera: Camera) -> str | None:
+    if isinstance(camera, ThinLens) or getattr(camera, "clip", (0.0,))[0] > 0.0:
+        return "Mitsuba's scalar variant measures depth_map from the eye, and not from where rays begin"
     return None
 
 

@@ -16,7 +16,7 @@ from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.mitsuba import rays
-from engines.mitsuba.description import camera_lacks
+from engines.mitsuba.cameras import camera_lacks
 from engines.mitsuba.library import LLVM, active
 from engines.mitsuba.scalar import Passes
 from engines.mitsuba.stage import staged
@@ -79,6 +79,7 @@ class Renderer:
 
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         """Takes another camera or other shapes: loads the scene anew, and restarts the film."""
+        self._require_described("its camera and shapes are those of the file")
         if camera is not None and (lacks := camera_lacks(camera)):
             raise Unsupported(f"Mitsuba has no counterpart of {lacks}")
         with self._guard.updating():
@@ -91,15 +92,21 @@ class Renderer:
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         """Closest hits; see `engines.interface.Renderer`."""
+        self._require_described("single rays are not traced")
         asked = rays.rays_of(origins, directions, t_max)
         with self._guard.tracing(), self._active():
             return rays.trace(self._stage, asked)
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
         """Whether anything lies in (0, t_max); see `engines.interface.Renderer`."""
+        self._require_described("single rays are not traced")
         asked = rays.rays_of(origins, directions, t_max)
         with self._guard.tracing(), self._active():
             return rays.occluded(self._stage, asked)
+
+    def _require_described(self, otherwise: str) -> None:
+        if self._scene.native is not None:
+            raise Unsupported(f"Mitsuba takes {self._scene.source} as it is: {otherwise}")
 
     def counters(self) -> Mapping[str, float]:
         """No `rays`, since Mitsuba counts none; nor does it tell the size of its trees."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.film import Film
+from engines.mitsuba.native import integrator_node
 from engines.mitsuba.seeds import seed_of
 from engines.mitsuba.shaders import path_node
 from engines.mitsuba.stage import Stage, far_corner
@@ -22,13 +23,17 @@ class Passes:
     def __init__(self, stage: Stage) -> None:
         self._stage = stage
         self._kind = stage.settings.shader.name
-        self._integrator = stage.mi.load_dict({**self._node(), "block_size": BLOCK})
+        self._integrator = stage.mi.load_dict(self._node())
+        if isinstance(self._integrator, stage.mi.SamplingIntegrator):
+            self._integrator = stage.mi.load_dict({**self._node(), "block_size": BLOCK})
         self.restart()
 
     def _node(self) -> dict[str, Any]:
         options = self._stage.settings.shader.options
         if self._kind == "path_tracer":
             return path_node(options)
+        if self._kind == "mitsuba":
+            return integrator_node(options)
         return {"type": "aov", "aovs": "a:albedo" if self._kind == "albedo" else "t:depth,p:position"}
 
     def restart(self) -> None:
@@ -69,8 +74,8 @@ class Passes:
 
     def _colours(self, developed: NDArray[np.float64]) -> NDArray[np.float64]:
         """(h, w, 3) of what Mitsuba's film shows: colours, reflectances, or depth and position."""
-        if self._kind == "path_tracer":
-            return developed
+        if self._kind in ("path_tracer", "mitsuba"):
+            return np.repeat(developed, 3, axis=2) if developed.shape[2] == 1 else developed[..., :3]
         if self._kind == "albedo":
             return self._stage.scale * developed[..., -3:]
         depth, position = developed[..., -4], developed[..., -3:]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from engines.mitsuba.native import integrator_node
 from engines.mitsuba.stage import Stage, far_corner, listed_emitters
 
 Radiance = Callable[[Any, Any, Any], Any]
@@ -20,10 +21,19 @@ def path_node(options: Any) -> dict[str, Any]:
 
 
 def path_tracer(stage: Stage) -> Radiance:
-    integrator = stage.mi.load_dict(path_node(stage.settings.shader.options))
+    return _integrated(stage, path_node(stage.settings.shader.options))
+
+
+def mitsuba(stage: Stage) -> Radiance:
+    """An integrator of Mitsuba's, by the name of its plugin."""
+    return _integrated(stage, integrator_node(stage.settings.shader.options))
+
+
+def _integrated(stage: Stage, node: Any) -> Radiance:
+    integrator, medium = stage.mi.load_dict(node), stage.camera.get_medium()
 
     def radiance(sampler: Any, ray: Any, active: Any) -> Any:
-        return integrator.sample(stage.loaded, sampler, ray, active=active)[0]
+        return integrator.sample(stage.loaded, sampler, ray, medium, active)[0]
 
     return radiance
 
@@ -105,5 +115,6 @@ def albedo(stage: Stage) -> Radiance:
 
 
 SHADERS: dict[str, Callable[[Stage], Radiance]] = {
-    "path_tracer": path_tracer, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map, "albedo": albedo,
+    "path_tracer": path_tracer, "mitsuba": mitsuba, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map,
+    "albedo": albedo,
 }  # fmt: skip

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.mitsuba.description import Description, Part, described, extent, sensor
+from engines.mitsuba import native
+from engines.mitsuba.albedo import painted
+from engines.mitsuba.cameras import sensor
+from engines.mitsuba.description import Description, described
 from engines.mitsuba.library import activate
+from engines.mitsuba.nodes import Array, Node, Placing
 from engines.mitsuba.patterns import USUAL
 from engines.mitsuba.ply import write_ply
-from engines.scene import BLACK, Conductor, Material, Plane, Scene, Triple
+from engines.mitsuba.shapes import Part, extent
+from engines.scene import Plane, Scene
 from engines.temporary import TemporaryFolder
-
-Array = NDArray[Any]
 
 
 class Stage(NamedTuple):
@@ -40,16 +41,22 @@ class Stage(NamedTuple):
 
 
 def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
-    """Loads `scene` into Mitsuba, by way of mesh files in a folder that is gone when this returns.
+    """Loads `scene` into Mitsuba, by way of mesh files in a folder that is gone when this returns, or the file it came from.
 
     Meshes stay apart, so that a hit can be told from another; uniting them, as Mitsuba does by default, gains nothing
     measurable on cornell_box.
     """
     mi, dr = activate(variant, settings.threads)
     width, height = settings.size(scene)
+    if scene.native is not None:
+        robust = settings.accelerator.options["robust"]
+        activate(variant, max(native.LOADING_THREADS, settings.threads))
+        loaded = native.load(mi, scene, (width, height), sampler_node(settings), robust)
+        activate(variant, settings.threads)
+        return Stage(mi, dr, loaded, scene, settings, (width, height), (), np.zeros(0, np.int64))
     scale = 1.0
     if settings.shader.name == "albedo":
-        scene, scale = _painted(scene)
+        scene, scale = painted(scene)
     with TemporaryFolder() as folder:
         description = _described(mi, scene, settings, Path(folder))
         nodes = dict(description.nodes)
@@ -60,46 +67,25 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
     return Stage(mi, dr, loaded, scene, settings, (width, height), description.parts, places, scale)
 
 
-def _painted(scene: Scene) -> tuple[Scene, float]:
-    """The scene in the dark with all surfaces diffuse, of the colours that the shader albedo shows, and what to multiply by.
-
-    The scalar variant's `shape_index`, by which shapes could be told apart instead, was once off for a whole scene.
-    """
-    colours = [_first_colour(material) for material in scene.materials]
-    scale = max([1.0, *map(max, colours)])
-    materials = tuple(
-        Material(material.name, kd=(red / scale, green / scale, blue / scale))
-        for material, (red, green, blue) in zip(scene.materials, colours, strict=True)
-    )
-    return replace(scene, materials=materials, lights=()), scale
-
-
-def _first_colour(material: Material) -> Triple:
-    """What the shader albedo shows: the first of kd, ks, kt, the conductor's albedo and emission that is not black."""
-    metal = material.bsdf.albedo if isinstance(material.bsdf, Conductor) else BLACK
-    weights = (material.kd, material.ks, material.kt, metal, material.emission)
-    return next((weight for weight in weights if max(weight) > 0.0), weights[0])
-
-
 def _described(mi: Any, scene: Scene, settings: Settings, folder: Path) -> Description:
-    def place_mesh(name: str, vertices: Array, faces: Array, normals: Array | None) -> str:
+    def place_mesh(name: str, *columns: Any) -> str:
         file = folder / f"{len(list(folder.iterdir()))}.ply"
-        write_ply(file, vertices, faces, normals)
+        write_ply(file, *columns)
         return str(file)
 
-    def place_image(name: str, image: Array) -> str:
-        file = folder / f"{name}.exr"
-        mi.Bitmap(image.astype(np.float32)).write(str(file))
-        return str(file)
+    def place_image(name: str, image: Array) -> Node:
+        return {"bitmap": mi.Bitmap(np.require(image, np.float32, ["C", "W"]))}
 
-    return described(scene, place_mesh, place_image, settings.accelerator.options["robust"])
+    return described(scene, Placing(place_mesh, place_image), settings.accelerator.options["robust"])
 
 
 def _with_transforms(mi: Any, node: Any) -> Any:
-    """Arrays of 4 x 4 as Mitsuba's transforms."""
+    """Arrays of 4 x 4 and 3 x 3 as Mitsuba's transforms."""
     if isinstance(node, dict):
         return {key: _with_transforms(mi, value) for key, value in node.items()}
-    return mi.ScalarTransform4f(node) if isinstance(node, np.ndarray) else node
+    if isinstance(node, np.ndarray):
+        return mi.ScalarTransform4f(node) if len(node) == 4 else mi.ScalarTransform3f(node)
+    return node
 
 
 def sampler_node(settings: Settings) -> dict[str, Any]:

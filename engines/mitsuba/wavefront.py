@@ -155,7 +155,9 @@ class Wavefront:
         if self._pattern:
             active = (sample >= dr.opaque(mi.UInt32, place)) & (sample < dr.opaque(mi.UInt32, place + count))
         position = (mi.Vector2f(x, y) + sampler.next_2d(active)) / mi.Vector2f(width, height)
-        ray, weight = self._stage.camera.sample_ray_differential(0.0, 0.5, position, mi.Point2f(0.5), active)
+        camera = self._stage.camera
+        aperture = sampler.next_2d(active) if camera.needs_aperture_sample() else mi.Point2f(0.5)
+        ray, weight = camera.sample_ray_differential(0.0, 0.5, position, aperture, active)
         return mi.Color3f(weight * self._radiance(sampler, ray, active)), lanes, place
 
     def _from_strips(self, index: Any) -> tuple[Any, Any]:

@@ -16,7 +16,7 @@ from engines.numpy_reference.interaction import SurfaceInteraction, surface_inte
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.scene_lights import Lights
-from engines.numpy_reference.vectors import Array, Indices, Mask, norm
+from engines.numpy_reference.vectors import Array, Indices, Mask, dot, norm
 from engines.scene import Scene
 
 
@@ -38,6 +38,8 @@ class Context:
         self.options: Mapping[str, Any] = shader.options
         self.rays = 0
         self.check: Callable[[], None] = _go_on
+        self.camera_rays: tuple[Array, Array, Array] | None = None
+        """Origins and directions (3, n) of the camera's rays, and the distances (n,) at which it clips them, where it does."""
         self._sampler = sampler
 
     def draw(self, pixels: NDArray[np.integer], sample: int, dimension: int) -> Array:
@@ -45,29 +47,37 @@ class Context:
         return self._sampler.draw(pixels, sample, dimension)
 
     def closest(self, origin: Array, direction: Array, origin_primitive: Indices | None = None) -> Nearest:
-        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and primitive id (-1 for a
-        miss). `origin_primitive` (n,) are the ids of the primitives that the rays start from, -1 for none."""
+        """Closest hits of rays (3, n) with unit directions: t (inf for a miss) and primitive id (-1 for a miss). The camera's
+        own rays end where it clips. `origin_primitive` (n,) are the ids of the primitives that the rays start from, -1 for
+        none."""
         self.rays += origin.shape[1]
-        return self.tracer.closest(origin, direction, np.full(origin.shape[1], np.inf), self.check, origin_primitive)
+        t_max = np.full(origin.shape[1], np.inf)
+        if self.camera_rays is not None:
+            starts, directions, ends = self.camera_rays
+            if np.array_equal(origin, starts) and np.array_equal(direction, directions):
+                t_max = ends
+        return self.tracer.closest(origin, direction, t_max, self.check, origin_primitive)
 
     def surface(self, origin: Array, direction: Array, hits: Nearest) -> SurfaceInteraction:
         """What lies where rays (3, n), all of which hit, have hit."""
-        return surface_interaction(self.geometry, origin, direction, hits, self.tracer.offset)
+        return surface_interaction(self.geometry, origin, direction, hits, self.tracer.offset, self.materials.placed)
 
     def unoccluded(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> Mask:
         """(n,) whether nothing lies between points of a surface and of lights, `distance` (inf too) away from them.
 
-        The ray starts off the surface and is aimed anew from there: parallel to the old direction it would meet a light
-        that is seen from the side much earlier than it ends.
+        The ray starts off the surface, on the side of the light, and is aimed anew from there: parallel to the old
+        direction it would meet a light that is seen from the side much earlier than it ends.
         """
         self.rays += direction.shape[1]
+        origin = surface.spawn(direction)
+        side = np.where(dot(surface.geometric, direction) < 0.0, -surface.offset, surface.offset)
         with np.errstate(invalid="ignore"):
-            aim = distance * direction - surface.offset * surface.geometric
+            aim = distance * direction - side * surface.geometric
             length = norm(aim)
             aim = np.where(np.isinf(distance), direction, aim / length)
         t_max = length * (1.0 - self.tracer.offset) - surface.offset
         t_max = np.where(np.isinf(distance), np.inf, t_max)
-        return ~self.tracer.occluded(surface.leave(), aim, t_max, self.check, surface.primitive_id)
+        return ~self.tracer.occluded(origin, aim, t_max, self.check, surface.primitive_id)
 
     def environment(self, direction: Array) -> Array:
         """(3, n) radiance of all lights at infinity together from unit directions."""

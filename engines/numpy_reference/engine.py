@@ -10,6 +10,7 @@ from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.numpy_reference.renderer import Renderer, require_numpy
 from engines.scene import Scene
+from engines.scene.support import refusal_of
 
 
 def _leaf_size(value: object) -> str | None:
@@ -60,6 +61,8 @@ def supported(
         "sampler": resolve("sampler", settings.sampler, SAMPLERS),
         "accelerator": resolve("accelerator", settings.accelerator, accelerators),
     }
+    if refusal := refusal_of(scene):
+        raise Unsupported(refusal)
     if settings.precision == "float32":
         raise Unsupported(f"the engine {name} computes in float64 only")
     if chosen["accelerator"].plugin is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,26 @@ from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.shapes import Triangles
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
+
+
+class Wrapped(NamedTuple):
+    """Where the wrappers of materials have led at n points (docs/transport.md, "Wrappers")."""
+
+    leaf: Indices
+    """(n,) number of the BSDF, among those of the scene that are no wrappers."""
+    opacity: Array
+    """(n,) the product of the masks' opacities."""
+    passing: Mask
+    """(n,) whether a scattered ray goes straight on."""
+    outermost: Array
+    """(3, n) normal before the first tilt."""
+    innermost: Array
+    """(3, n) normal before the last tilt; 0 where nothing is scattered."""
+
+    def take(self, lanes: Indices) -> Wrapped:
+        """What belongs to some of the points."""
+        taken: list[Any] = [field.take(lanes, axis=-1) for field in self]
+        return Wrapped(*taken)
 
 
 class SurfaceInteraction(NamedTuple):
@@ -21,7 +41,7 @@ class SurfaceInteraction(NamedTuple):
     geometric: Array
     """(3, n) normal of the shape itself."""
     normal: Array
-    """(3, n) shading normal: interpolated on smooth meshes, else the geometric one."""
+    """(3, n) shading normal: interpolated on smooth meshes, else the geometric one; or a tilted one."""
     dp_du: Array
     """(3, n) derivative of the point by the shape's first coordinate, of any length; 0 where there is none."""
     front: Mask
@@ -30,10 +50,18 @@ class SurfaceInteraction(NamedTuple):
     primitive_id: Indices
     offset: Array
     """(n,) metres between the surface and the origins of rays that leave it."""
+    uv: Array | None = None
+    """(2, n) texture coordinates; None in scenes that need none."""
+    dp_dv: Array | None = None
+    """(3, n) derivative of the point by the shape's second coordinate; None in scenes that need none."""
+    wrapped: Wrapped | None = None
+    """None in scenes without wrappers, and before they have been walked. Afterwards `normal` and `dp_du` are the leaf's."""
 
     def take(self, lanes: Indices) -> SurfaceInteraction:
         """The interactions at some of the points."""
-        return SurfaceInteraction(*(field.take(lanes, axis=-1) for field in self))
+        taken: list[Any] = [None if field is None else field.take(lanes, axis=-1) for field in self[:-1]]
+        found = SurfaceInteraction(*taken)
+        return found if self.wrapped is None else found._replace(wrapped=self.wrapped.take(lanes))
 
     def leave(self, inwards: bool = False) -> Array:
         """(3, n) origins of rays that leave on the side where the ray came from, or on the other one."""
@@ -49,9 +77,10 @@ class SurfaceInteraction(NamedTuple):
 
 
 def surface_interaction(
-    geometry: Geometry, origin: Array, direction: Array, hits: Nearest, offset: float
+    geometry: Geometry, origin: Array, direction: Array, hits: Nearest, offset: float, placed: Mask | None = None
 ) -> SurfaceInteraction:
-    """Where rays (3, n) hit; every one of them must have hit something. `offset` is the tracer's."""
+    """Where rays (3, n) hit; every one of them must have hit something. `offset` is the tracer's; `placed` says of each
+    material whether it needs texture coordinates, None that none does."""
     point = origin + hits.t * direction
     outward, shading, dp_du = np.empty_like(point), np.empty_like(point), np.empty_like(point)
     scale = np.maximum(np.maximum(np.abs(point).max(axis=0), np.abs(origin).max(axis=0)), hits.t)
@@ -65,9 +94,23 @@ def surface_interaction(
     normal = np.where(dot(shading, geometric) < 0.0, -shading, shading)
     normal = np.where(dot(direction, normal) < 0.0, normal, geometric)  # one that the viewer cannot see will not do
     material = geometry.material[hits.primitive_id]
-    return SurfaceInteraction(
+    found = SurfaceInteraction(
         point, -direction, geometric, normal, dp_du, front, material, hits.primitive_id, offset * scale
     )  # fmt: skip
+    return found if placed is None else _with_coordinates(found, geometry, origin, direction, placed)
+
+
+def _with_coordinates(
+    at: SurfaceInteraction, geometry: Geometry, origin: Array, direction: Array, placed: Mask
+) -> SurfaceInteraction:
+    """With (u, v) and their derivatives where the material needs them, 0 elsewhere."""
+    uv, dp_du, dp_dv = np.zeros((2, at.material.size)), at.dp_du.copy(), np.zeros_like(at.dp_du)
+    some = np.flatnonzero(placed[at.material])
+    for primitives, chosen, index in geometry.by_kind(at.primitive_id[some]):
+        lanes = some[chosen]
+        rays = (vectors.take(lanes, axis=1) for vectors in (origin, direction, at.point))
+        uv[:, lanes], dp_du[:, lanes], dp_dv[:, lanes] = primitives.coordinates(index, *rays)
+    return at._replace(uv=uv, dp_du=dp_du, dp_dv=dp_dv)
 
 
 def barycentric(geometry: Geometry, origin: Array, direction: Array, primitive_id: Indices) -> tuple[Array, Array]:

@@ -58,8 +58,9 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
             break
         # what it does with light
         base = 2 + 8 * (depth - 1)
+        at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
         total[:, paths.lane] += _direct(context, paths, at, sample, base)
-        paths = _scattered(context, paths, at, sample, base)
+        paths = _scattered(context, paths, at, uc, sample, base)
         if depth >= context.options["rr_depth"]:
             paths = _roulette(context, paths, sample, base)
     return total
@@ -131,7 +132,7 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int,
             ratio = context.materials.pdf(at, light.wi) / (light.pdf / count)
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
-        cosine = dot(at.normal, light.wi)
+        cosine = np.abs(dot(at.normal, light.wi))
         added = paths.throughput.take(lanes, axis=1) * value * light.weight * (cosine * count * weight)
     # unless something stands in between
     reaches = (value != 0.0).any(axis=0) & (light.weight > 0.0).any(axis=0)
@@ -144,9 +145,9 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int,
     return found
 
 
-def _scattered(context: Context, paths: Paths, at: SurfaceInteraction, sample: int, base: int) -> Paths:
-    """The paths that go on, each in a direction that its BSDF has sampled."""
-    uc, u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (LOBE, DIRECTION_U0, DIRECTION_U1))
+def _scattered(context: Context, paths: Paths, at: SurfaceInteraction, uc: Array, sample: int, base: int) -> Paths:
+    """The paths that go on, each in a direction that its BSDF has sampled; `uc` (n,) chooses lobes."""
+    u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
     found = context.materials.sample(at, uc, u0, u1)
     paths = paths._replace(
         origin=at.spawn(found.wi), direction=found.wi, throughput=paths.throughput * found.weight, pdf=found.pdf,

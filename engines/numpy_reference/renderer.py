@@ -16,14 +16,14 @@ from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.numpy_reference.accelerators.tracer import Tracer
-from engines.numpy_reference.camera import camera_rays
+from engines.numpy_reference.camera import camera_rays, clipped
 from engines.numpy_reference.context import Context, Stopped
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import barycentric
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
 from engines.numpy_reference.vectors import Array, Indices, norm
-from engines.scene import Camera, Scene, Shape
+from engines.scene import Camera, Scene, Shape, ThinLens
 from engines.scene.support import plugin_without
 
 CHUNK = 32_768
@@ -171,10 +171,18 @@ class Renderer:
         return samples
 
     def _camera_rays(self, pixel: Indices, sample: int) -> tuple[Array, Array]:
-        width, height = self._film.width, self._film.height
+        width, height, camera = self._film.width, self._film.height, self._scene.camera
         px = pixel % width + self._context.draw(pixel, sample, 0)
         py = pixel // width + self._context.draw(pixel, sample, 1)
-        return camera_rays(self._scene.camera, px, py, width, height)
+        lens = None
+        if isinstance(camera, ThinLens):
+            lens = self._context.draw(pixel, sample, 9), self._context.draw(pixel, sample, 17)
+        origin, direction = camera_rays(camera, px, py, width, height, lens)
+        span = clipped(camera, origin, direction)
+        if span is not None:
+            origin = span[0]
+        self._context.camera_rays = None if span is None else (origin, direction, span[1])
+        return origin, direction
 
     def _check(self) -> None:
         if self._stop.is_set():

@@ -8,6 +8,7 @@ from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.bsdf import Lobes
 from engines.numpy_reference.context import Context
 from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.path_tracer import LOBE
 from engines.numpy_reference.vectors import Array, Indices, dot
 
 
@@ -24,6 +25,18 @@ def Li_without_shadows(context: Context, origin: Array, direction: Array, pixel:
     at = _surface(context, origin, direction, hits, arrived)
     total[:, arrived] = _local(context, at, pixel[arrived], sample, depth=1, shadows=False)
     return total
+
+
+def _base(context: Context, depth: int, light: int) -> int:
+    """The first dimension of a light's sample at a vertex, which also has the draw that walks wrappers."""
+    return 2 + 8 * ((depth - 1) * max(context.lights.count, 1) + light)
+
+
+def _walked(
+    context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, light: int
+) -> SurfaceInteraction:  # fmt: skip
+    """The points as their BSDFs see them, by the draw of a light."""
+    return context.materials.walk(at, context.draw(pixel, sample, _base(context, depth, light) + LOBE))[0]
 
 
 def _traced(
@@ -45,6 +58,7 @@ def _traced(
     pixel = pixel[arrived]
     light = _local(context, at, pixel, sample, depth, shadows=True)
     if depth < context.options["max_depth"]:
+        at = _walked(context, at, pixel, sample, depth, max(context.lights.count - 1, 0))
         for lobe in (Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION):
             light += _through(context, at, pixel, sample, depth, lobe)
     total[:, arrived] = light
@@ -54,12 +68,10 @@ def _traced(
 def _through(context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, lobe: Lobes) -> Array:
     """(3, n) what a mirror shows, or what lies behind glass."""
     light = np.zeros(at.point.shape)
-    lanes = np.flatnonzero(context.materials.has(at, lobe))
-    if not lanes.size:
-        return light
-    undrawn = np.zeros(lanes.size)
-    found = context.materials.sample(at.take(lanes), undrawn, undrawn, undrawn, lobe)
+    lanes, found = context.materials.follow(at, lobe)
     kept = np.flatnonzero((found.weight != 0.0).any(axis=0))
+    if not kept.size:
+        return light
     lanes, wi, weight = lanes[kept], found.wi.take(kept, axis=1), found.weight.take(kept, axis=1)
     there = at.take(lanes)
     seen = _traced(context, there.spawn(wi), wi, pixel[lanes], sample, depth + 1, there.primitive_id)
@@ -81,19 +93,28 @@ def _local(
     context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, shadows: bool
 ) -> Array:  # fmt: skip
     """(3, n) emission, the ambient term, and one sample of every light through the lobes that are no deltas."""
-    ambient = context.options["ambient"] * context.materials.diffuse.take(at.material, axis=1)
-    total = context.materials.emitted(at) + ambient
-    lanes = np.flatnonzero(context.materials.has(at, Lobes.NON_SPECULAR))
-    at, pixel = at.take(lanes), pixel[lanes]
-    for j in range(context.lights.count if lanes.size else 0):
-        base = 2 + 8 * ((depth - 1) * context.lights.count + j)
-        u0, u1, uc = (context.draw(pixel, sample, base + k) for k in range(3))
-        light = context.lights.sample(np.full(pixel.size, j), at.point, at.normal, u0, u1, uc)
-        value = context.materials.evaluate(at, light.wi)
-        lit = np.flatnonzero((value != 0.0).any(axis=0) & (light.weight > 0.0).any(axis=0))
-        if shadows:
-            towards = light.wi.take(lit, axis=1)
-            lit = lit[context.unoccluded(at.take(lit), towards, light.distance[lit])]
-        cosine = dot(at.normal, light.wi)[lit]
-        total[:, lanes[lit]] += value.take(lit, axis=1) * light.weight.take(lit, axis=1) * cosine
+    emitted, first = context.materials.emitted(at), _walked(context, at, pixel, sample, depth, 0)
+    total = emitted + context.options["ambient"] * context.materials.diffuse(first)
+    for j in range(context.lights.count):
+        there = first if j == 0 else _walked(context, at, pixel, sample, depth, j)
+        lanes = np.flatnonzero(context.materials.has(there, Lobes.NON_SPECULAR))
+        if lanes.size:
+            total[:, lanes] += _lit(context, there.take(lanes), pixel[lanes], sample, _base(context, depth, j), j, shadows)
     return total
+
+
+def _lit(
+    context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, base: int, light: int, shadows: bool
+) -> Array:
+    """(3, n) what one sample of a light adds."""
+    u0, u1, uc = (context.draw(pixel, sample, base + k) for k in range(3))
+    found = context.lights.sample(np.full(pixel.size, light), at.point, at.normal, u0, u1, uc)
+    value = context.materials.evaluate(at, found.wi)
+    lit = np.flatnonzero((value != 0.0).any(axis=0) & (found.weight > 0.0).any(axis=0))
+    if shadows:
+        towards = found.wi.take(lit, axis=1)
+        lit = lit[context.unoccluded(at.take(lit), towards, found.distance[lit])]
+    cosine = np.abs(dot(at.normal, found.wi))[lit]
+    added = np.zeros(value.shape)
+    added[:, lit] = value.take(lit, axis=1) * found.weight.take(lit, axis=1) * cosine
+    return added

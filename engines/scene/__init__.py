@@ -3,7 +3,7 @@
 What a module of this folder has in its `__all__` is public here.
 """
 
-from engines.scene import bsdf, cameras, lights, materials, mesh, scene, shapes, sphere_set, triple
+from engines.scene import bsdf, cameras, lights, materials, mesh, scene, shapes, sphere_set, textures, triple
 from engines.scene.bsdf import *
 from engines.scene.cameras import *
 from engines.scene.lights import *
@@ -13,9 +13,11 @@ from engines.scene.mesh import *
 from engines.scene.scene import *
 from engines.scene.shapes import *
 from engines.scene.sphere_set import *
+from engines.scene.textures import *
 from engines.scene.triple import *
+from engines.scene.write import save_scene
 
-__all__ = ["load_scene", "scene_from"]
+__all__ = ["load_scene", "save_scene", "scene_from"]
 __all__ += bsdf.__all__
 __all__ += cameras.__all__
 __all__ += lights.__all__
@@ -24,4 +26,5 @@ __all__ += mesh.__all__
 __all__ += scene.__all__
 __all__ += shapes.__all__
 __all__ += sphere_set.__all__
+__all__ += textures.__all__
 __all__ += triple.__all__

@@ -1,113 +1,236 @@
-"""BSDF models of materials: what engines get of each, and beside it the keys of a scene file. One is an entry of `MODELS`."""
+"""BSDFs of materials: the models of `engines.scene.models`, and wrappers around them. One is an entry of `MODELS`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, is_dataclass
+from dataclasses import fields as fields_of
 from typing import Any
 
-from engines.scene.metals import METALS
-from engines.scene.plugins import PluginKind, all_options
-from engines.scene.triple import BLACK, WHITE, Triple
-from engines.schema import fields
+from engines.scene.models import (
+    LEAVES,
+    ROUGHNESS,
+    Conductor,
+    CustomBSDF,
+    Dielectric,
+    Diffuse,
+    Leaf,
+    Mixture,
+    Null,
+    Plastic,
+    Principled,
+    ThinDielectric,
+)
+from engines.scene.textures import NAMED, ImageTexture, Number, Texture, named_texture
+from engines.scene.triple import BLACK
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import Kind, color, one_of, within
+from engines.schema.kinds import NUMBER
 from engines.schema.yaml_file import Located
 
-__all__ = ["Bsdf", "Conductor", "CustomBSDF"]
+__all__ = [
+    "Blend", "Bsdf", "Bump", "Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mask", "Mixture", "NormalMap", "Null",
+    "Plastic", "Principled", "Sides", "ThinDielectric", "Wrapper",
+]  # fmt: skip
 
-SMOOTHEST = 1e-4
-"""The least roughness above 0, as in Mitsuba."""
-INDICES = (1e-6, 1e6)
-"""Between which the larger of eta and k lies. At normal incidence Fresnel's equations have their fourth powers as terms, which
-leave float32 beyond these limits; where both are 0, they are 0/0."""
-
-
-def _alpha(node: Located) -> tuple[float, float]:
-    """A number, or [along the first tangent, along the second]: both 0, or both in [SMOOTHEST, 1]."""
-    items = node.value if isinstance(node.value, list) else [node]
-    if isinstance(node.value, list) and len(items) != 2:
-        raise node.refuse("must be a number, or two")
-    found = [fields.number(item) for item in items]
-    for item in items if any(found) else ():
-        if not SMOOTHEST <= item.value <= 1.0:
-            raise item.refuse(f"must lie in [{SMOOTHEST:g}, 1], or be 0 for a smooth surface")
-    return found[0], found[-1]
+MAX_PARTS = 256
+"""Wrappers and models of a material, one that is named twice counted twice."""
+MAX_DEPTH = 32
+"""Wrappers around each other."""
 
 
-_ROUGHNESS = within(0, 1).json
-ALPHA = Key(
-    Kind(_alpha, {"anyOf": [_ROUGHNESS, {"type": "array", "items": _ROUGHNESS, "minItems": 2, "maxItems": 2}]}),
-    f"GGX roughness, or two along the tangents; 0 is smooth, else at least {SMOOTHEST:g}.", 0,
-)  # fmt: skip
-DISTRIBUTION = Key(one_of(("ggx",), "distribution"), "Distribution of the microfacets' normals.", "ggx")
+class InnerKind:
+    """The BSDF of a material that is named or written here."""
+
+    def read(self, node: Located, context: Any = None) -> Bsdf:
+        return context.table.bsdf(node, context)
+
+    def schema(self) -> dict[str, Any]:
+        named = {"type": "string", "title": "name of a material"}
+        return {"anyOf": [named, {"$ref": "#/properties/materials/additionalProperties", "title": "a material"}]}
 
 
-@dataclass(frozen=True, slots=True)
-class Conductor:
-    """A metal: reflection alone, weighted by the unpolarised Fresnel reflectance of the complex index `eta` + i `k`.
-
-    `alpha` are the GGX (Trowbridge-Reitz) roughnesses along the two tangents of the surface: both 0 for a smooth surface,
-    a mirror, else both in [1e-4, 1]. `reflectance` in [0, 1] scales the reflection. Both sides of the surface reflect.
-
-    The first tangent is dp/du, made perpendicular to the shading normal: of a sphere along phi, counter-clockwise about +z;
-    of a disk away from its center; of a triangle from its first corner to its second; of a plane t1 of the local frame of its
-    normal, turned to the viewer (docs/transport.md). The second is normal x first.
-    """
-
-    eta: Triple
-    k: Triple
-    alpha: tuple[float, float] = (0.0, 0.0)
-    reflectance: Triple = WHITE
-
-    @property
-    def albedo(self) -> Triple:
-        """The share of light that a smooth surface reflects at normal incidence; the shader `albedo` shows it."""
-        r, g, b = (
-            scale * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
-            for eta, k, scale in zip(self.eta, self.k, self.reflectance, strict=True)
-        )
-        return r, g, b
+_OF = Key(InnerKind(), "The material that is wrapped: its name, or its keys. It does not emit.")
 
 
-def _conductor(given: Given, context: Any) -> Conductor:
-    if given["reflectance"] is not None:
-        if given.has("specular_reflectance"):
-            raise given.node.refuse_key("specular_reflectance", "a factor of metal, or eta and k: reflectance is all there is")
-        return Conductor(BLACK, WHITE, given["alpha"], given["reflectance"])  # Fresnel's equations give 1
-    eta, k = METALS[given["metal"]] if given["metal"] else (given["eta"], given["k"])
-    for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
-        if not INDICES[0] <= larger <= INDICES[1]:
-            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
-            raise given.node.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
-    return Conductor(eta, k, given["alpha"], given["specular_reflectance"])
+def _wrapper(make: Callable[..., Wrapper]) -> Callable[[Given, Any], Wrapper]:
+    def wrap(given: Given, context: Any) -> Wrapper:
+        made = make(**given.values)
+        parts, depth = _extent(made)
+        if parts > MAX_PARTS or depth > MAX_DEPTH:
+            limits = f"at most {MAX_PARTS}, and {MAX_DEPTH} around each other"
+            raise given.node.refuse(f"holds {parts} wrappers and models, {depth} around each other: {limits} are possible")
+        return made
+
+    return wrap
 
 
-_CONDUCTOR = Record("A metal with GGX microfacets: its name, or eta and k, or its reflectance alone.", {
-    "metal": Key(one_of(METALS, "metal"), "Chemical symbol of the metal, for its eta and k.", None),
-    "eta": Key(color(), "Real part of the complex index of refraction.", None),
-    "k": Key(color(), "Imaginary part of the complex index of refraction.", None),
-    "reflectance": Key(color(1), "Reflectance at every angle, instead of Fresnel's equations.", None),
-    "alpha": ALPHA,
-    "distribution": DISTRIBUTION,
-    "specular_reflectance": Key(color(1), "Factor of the reflectance that follows from metal, or from eta and k.", 1),
-}, _conductor, either=(("metal",), ("eta", "k"), ("reflectance",)))  # fmt: skip
+def _extent(bsdf: Bsdf | None) -> tuple[int, int]:
+    """How many wrappers and models a BSDF holds, and how many are around each other."""
+    inner = [_extent(each) for each in _inside(bsdf)]
+    return 1 + sum(parts for parts, _ in inner), 1 + max((depth for _, depth in inner), default=-1)
+
+
+def _inside(bsdf: Bsdf | None) -> tuple[Bsdf | None, ...]:
+    if isinstance(bsdf, Blend):
+        return bsdf.a, bsdf.b
+    if isinstance(bsdf, Sides):
+        return bsdf.front, bsdf.back
+    return (bsdf.of,) if isinstance(bsdf, Mask | Bump | NormalMap) else ()
 
 
 @dataclass(frozen=True, slots=True)
-class CustomBSDF:
-    """A BSDF plugin (see `engines.plugin.BSDF`). `options` has a number, or three, for every option of the plugin, in
-    the plugin's order: those that are not given have their defaults. Raises `UnknownName`."""
+class Mask:
+    """`of`, where a share `opacity` of it is there; the rest lets rays pass straight on. Emission is not scaled."""
 
-    plugin: Any
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "options", all_options("BSDF", self.plugin, self.options))
+    opacity: Number
+    of: Bsdf
 
 
-Bsdf = Conductor | CustomBSDF
+_MASK = Record("A material with holes.", {
+    "opacity": Key(ROUGHNESS, "Share of the material that is there; the rest lets rays pass straight on."), "of": _OF,
+}, _wrapper(Mask))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """A share `weight` of `b` and the rest of `a`."""
+
+    weight: Number
+    a: Bsdf
+    b: Bsdf
+
+
+_BLEND = Record("A mixture of two materials.", {
+    "weight": Key(ROUGHNESS, "Share of b; the rest is a."), "a": _OF, "b": _OF,
+}, _wrapper(Blend))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Bump:
+    """`of` with the normal of the surface displaced by `scale` times `height`, in scene units."""
+
+    height: ImageTexture
+    scale: float
+    of: Bsdf
+
+
+class HeightKind:
+    """The name of an image texture."""
+
+    def read(self, node: Located, context: Any = None) -> ImageTexture:
+        texture = named_texture(node, context)
+        if not isinstance(texture, ImageTexture):
+            raise node.refuse("must be an image: a checkerboard has no slope")
+        return texture
+
+    def schema(self) -> dict[str, Any]:
+        return NAMED
+
+
+_BUMP = Record("A material whose normal is that of a displaced surface.", {
+    "height": Key(HeightKind(), "Height of the surface, an image."),
+    "scale": Key(NUMBER, "Factor of the height.", 1, unit="metres"),
+    "of": _OF,
+}, _wrapper(Bump))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class NormalMap:
+    """`of` with the normal 2 c - 1, c a raw texel of `map`, in the frame of the surface."""
+
+    map: Texture
+    of: Bsdf
+
+
+class MapKind:
+    """The name of a texture of which the texels are normals."""
+
+    def read(self, node: Located, context: Any = None) -> Texture:
+        texture = named_texture(node, context)
+        if node.value in context.images.srgb:
+            raise node.refuse("its texels are sRGB-encoded, and those of a normal map are not: give it color_space: raw")
+        return texture
+
+    def schema(self) -> dict[str, Any]:
+        return NAMED
+
+
+_NORMAL_MAP = Record("A material whose normal an image gives.", {
+    "map": Key(MapKind(), "Texture, of color_space raw, with texels c of the normals 2 c - 1, z along the surface's."),
+    "of": _OF,
+}, _wrapper(NormalMap))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Sides:
+    """`front` where the surface is met from the side of its normal, else `back`; None is black."""
+
+    front: Bsdf | None
+    back: Bsdf | None
+
+
+_SIDED = Key(InnerKind(), "A material, as in of, or nothing for a black side.", None)
+_BY_SIDE = Record("One material on each side.", {"front": _SIDED, "back": _SIDED}, _wrapper(Sides))
+
+
+Wrapper = Mask | Blend | Bump | NormalMap | Sides
+Bsdf = Leaf | Mask | Blend | Bump | NormalMap | Sides
+
+
+def leaves(bsdf: Bsdf | None) -> Iterator[Bsdf]:
+    """The models of a BSDF below its wrappers, from left to right."""
+    if bsdf is not None and not isinstance(bsdf, Wrapper):
+        yield bsdf
+    for inner in _inside(bsdf):
+        yield from leaves(inner)
+
+
+def is_opaque(bsdf: Bsdf) -> bool:
+    """Whether no light passes a BSDF; of a plugin that is not known."""
+    if isinstance(bsdf, Mask):
+        return False
+    if isinstance(bsdf, Wrapper):
+        return all(inner is None or is_opaque(inner) for inner in _inside(bsdf))
+    if isinstance(bsdf, Mixture):
+        return bsdf.kt == BLACK
+    if isinstance(bsdf, Principled):
+        return bsdf.spec_trans == 0.0
+    return not isinstance(bsdf, Dielectric | ThinDielectric | Null)
+
+
+def textures(bsdf: Any) -> Iterator[Texture]:
+    """The textures of a BSDF and of its wrappers, each as often as it stands there."""
+    if isinstance(bsdf, Texture):
+        yield bsdf
+    elif isinstance(bsdf, tuple):
+        for part in bsdf:
+            yield from textures(part)
+    elif is_dataclass(bsdf) and not isinstance(bsdf, CustomBSDF):
+        for item in fields_of(bsdf):
+            yield from textures(getattr(bsdf, item.name))
+
+
+def is_textured(bsdf: Bsdf | None) -> bool:
+    """Whether any texture is in it."""
+    return next(textures(bsdf), None) is not None
+
+
+def uses_uvs(bsdf: Bsdf | None) -> bool:
+    """Whether light depends on texture coordinates: by a texture, or by an anisotropic model, whose tangent follows them."""
+    return is_textured(bsdf) or any(map(_anisotropic, leaves(bsdf)))
+
+
+def _anisotropic(leaf: Bsdf) -> bool:
+    if isinstance(leaf, Conductor | Dielectric):
+        return leaf.alpha[0] != leaf.alpha[1]
+    return isinstance(leaf, Principled) and leaf.anisotropic != 0.0
+
+
 MODELS = {
-    "conductor": _CONDUCTOR,
-    "plugin": PluginKind("BSDF", "A BSDF of one's own; loaded with --allow-imports alone.", CustomBSDF),
+    **LEAVES,
+    "mask": _MASK,
+    "blend": _BLEND,
+    "bump": _BUMP,
+    "normal_map": _NORMAL_MAP,
+    "by_side": _BY_SIDE,
 }

@@ -11,22 +11,29 @@ from engines.scene.plugins import all_options, load_plugin, read_options
 from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Tagged
-from engines.schema.kinds import ANGLE, POINT, POSITIVE, Kind, integer, one_of
+from engines.schema.kinds import ANGLE, BOOLEAN, POINT, POSITIVE, Kind, integer, one_of, within
 from engines.schema.yaml_file import Located
 
-__all__ = ["Camera", "CustomCamera", "Orthographic", "Perspective", "PerspectiveArctan"]
+__all__ = ["Camera", "CustomCamera", "Orthographic", "Perspective", "PerspectiveArctan", "ThinLens"]
 
 DEFAULT_RESOLUTION = (256, 256)
 LARGEST_SIDE = 65_536
 PARALLEL = 1e-9
 """Sine of the angle between `up` and the view below which they count as parallel."""
+MOST_SHIFT = 1000.0
+"""Image widths by which the axis of view may miss the middle of the image."""
 BYTES_PER_PIXEL = 200
 """Sums, squares, halves and counts of a film, and a mean and a bitmap made from it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Perspective:
-    """Pinhole: `fov` in degrees is the full angle along `fov_axis` ("x" or "y")."""
+    """Pinhole: `fov` in degrees is the full angle along `fov_axis` ("x" or "y").
+
+    Of any camera but MobileRT's and plugins: the axis of view meets the film at 1/2 + `principal_point`, in shares of its
+    width and height, y downwards; with `mirror` left and right are exchanged; nothing is seen that lies outside `clip`, two
+    distances along the axis.
+    """
 
     eye: Triple
     target: Triple
@@ -34,6 +41,26 @@ class Perspective:
     fov: float
     fov_axis: str
     resolution: tuple[int, int]
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirror: bool = False
+    clip: tuple[float, float] = (0.0, math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class ThinLens:
+    """A perspective camera with a round aperture: points at `focus_distance` along the axis of view are sharp."""
+
+    eye: Triple
+    target: Triple
+    up: Triple
+    fov: float
+    fov_axis: str
+    resolution: tuple[int, int]
+    aperture_radius: float
+    focus_distance: float
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirror: bool = False
+    clip: tuple[float, float] = (0.0, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +90,9 @@ class Orthographic:
     up: Triple
     height: float
     resolution: tuple[int, int]
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    mirror: bool = False
+    clip: tuple[float, float] = (0.0, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +108,7 @@ class CustomCamera:
             object.__setattr__(self, "options", all_options("camera", self.plugin, self.options))
 
 
-Camera = Perspective | PerspectiveArctan | Orthographic | CustomCamera
+Camera = Perspective | ThinLens | PerspectiveArctan | Orthographic | CustomCamera
 
 
 def _resolution(node: Located) -> tuple[int, int]:
@@ -103,7 +133,7 @@ def _cross(a: Triple, b: Triple) -> Triple:
 def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
     def make(given: Given, context: Any) -> Camera:
         _check_frame(given)
-        return kind(**given.values)
+        return kind(**{key: value for key, value in given.values.items() if value is not None})
 
     return Record(meaning, {**_FRAME, **keys}, make)
 
@@ -119,19 +149,58 @@ _FRAME = {
     "up": Key(POINT, "Direction that is up in the image.", [0, 1, 0]),
     "resolution": _RESOLUTION,
 }
+
+
+def _clip(node: Located) -> tuple[float, float]:
+    """[near, far] with 0 <= near < far; far may be infinite."""
+    if not isinstance(node.value, list) or len(node.value) != 2:
+        raise node.refuse("must be [near, far]")
+    near, far = node.value
+    found = fields.number(near), math.inf if far.value == math.inf else fields.number(far)
+    if not 0.0 <= found[0] < found[1]:
+        raise node.refuse("must be two distances with 0 <= near < far")
+    return found
+
+
+def _shift(node: Located) -> tuple[float, float]:
+    if not isinstance(node.value, list) or len(node.value) != 2:
+        raise node.refuse("must be two numbers")
+    x, y = (fields.within(item, -MOST_SHIFT, MOST_SHIFT) for item in node.value)
+    return x, y
+
+
+_FILM = {
+    "principal_point": Key(
+        Kind(_shift, {"type": "array", "items": within(-MOST_SHIFT, MOST_SHIFT).json, "minItems": 2, "maxItems": 2}),
+        "Where the axis of view meets the image, from its middle, in shares of its width (to the right) and height (down).",
+        [0, 0],
+    ),
+    "mirror": Key(BOOLEAN, "Whether left and right are exchanged.", False),
+    "clip": Key(
+        Kind(_clip, {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 2, "maxItems": 2}),
+        "Distances along the axis of view between which things are seen, by default all; the second may be .inf.", None,
+        unit="metres",
+    ),
+}  # fmt: skip
 _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
     "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
 }
 CAMERAS = {
-    "perspective": _camera(Perspective, "A pinhole camera.", **_LENS),
+    "perspective": _camera(Perspective, "A pinhole camera.", **_LENS, **_FILM),
+    "thin_lens": _camera(
+        ThinLens, "A perspective camera with a round aperture, and so with depth of field.", **_LENS,
+        aperture_radius=Key(POSITIVE, "Radius of the aperture.", unit="metres"),
+        focus_distance=Key(POSITIVE, "Distance along the axis of view at which things are sharp.", unit="metres"),
+        **_FILM,
+    ),
     "perspective_arctan": _camera(
         PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
     ),
     "orthographic": _camera(
-        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres")
+        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres"), **_FILM
     ),
-}
+}  # fmt: skip
 
 
 def _custom(node: Located, named: Located, context: Any) -> CustomCamera:

@@ -13,30 +13,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import CustomBSDF
-from engines.scene.cameras import Camera, CustomCamera
-from engines.scene.lights import CustomLight, Light
+from engines.scene.bsdf import Conductor, CustomBSDF, uses_uvs
+from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective
+from engines.scene.lights import CustomLight, EnvironmentLight, Light
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh
 from engines.scene.shapes import Shape
+from engines.scene.textures import ImageTexture
 from engines.source_files import OWN, code_files, digest
 
 VERSION = b"raybench scene 1"
 CHUNK = 1 << 20
 """Numbers of an array that are copied at a time."""
+_FILM = {"principal_point", "mirror", "clip"}
+LATER = {
+    Perspective: _FILM, Orthographic: _FILM, EnvironmentLight: {"rotation", "rows"}, Conductor: {"distribution"},
+}  # fmt: skip
+"""Fields that came later: they count where they differ from their defaults, so that older scenes keep their hashes."""
 
 
 def content_hash(
     camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]
 ) -> str:  # fmt: skip
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
-    value, and the lights in order. Materials that no shape uses do not count."""
+    value, and the lights in order. Materials that no shape uses do not count, and neither do a mesh's texture coordinates
+    where none of its materials looks at them."""
     digest = hashlib.sha256(VERSION)
     _feed(digest, _camera(camera))
     values = [_material(material) for material in materials]
     for shape in shapes:
         if isinstance(shape, Mesh):
             _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
+            if shape.uvs is not None and any(uses_uvs(materials[index].bsdf) for index in np.unique(shape.materials)):
+                _feed(digest, ["uvs", shape.uvs])
         else:
             _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])
     for light in lights:
@@ -81,15 +90,35 @@ def _material(material: Material) -> list[Any]:
 
 
 def _part(part: Any) -> list[Any]:
-    """A light or a BSDF by value."""
+    """A light, a BSDF or a texture by value, with the parts inside it. What is in a material can be a key of a dict."""
     if isinstance(part, CustomLight | CustomBSDF):
         return [type(part).__name__, *_plugin(part.plugin), *(tuple(option) for option in part.options.items())]
+    if isinstance(part, ImageTexture):
+        return ["ImageTexture", _pixels(part.pixels), part.filter, part.wrap, part.to_uv]
     return _fields(part, set())
 
 
+def _pixels(pixels: NDArray[np.float32]) -> str:
+    found = hashlib.sha256()
+    _feed(found, pixels)
+    return found.hexdigest()
+
+
 def _fields(thing: Any, without: set[str]) -> list[Any]:
-    names = [item.name for item in dataclasses.fields(thing) if item.name not in without]
-    return [type(thing).__name__, *(getattr(thing, name) for name in names)]
+    later, found = LATER.get(type(thing), set()), [type(thing).__name__]
+    for item in dataclasses.fields(thing):
+        value = getattr(thing, item.name)
+        if item.name in later:
+            found += [] if value == item.default else [(item.name, value)]
+        elif item.name not in without:
+            found.append(_value(value))
+    return found
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return tuple(map(_value, value))
+    return tuple(_part(value)) if dataclasses.is_dataclass(value) else value
 
 
 def _mesh_materials(mesh: Mesh, values: Sequence[list[Any]]) -> tuple[list[Any], NDArray[np.int32]]:

@@ -24,11 +24,16 @@ def scene_names() -> list[str]:
     return sorted({file.stem for folder in scene_folders() for file in folder.glob("*.yaml")})
 
 
+def is_xml(path: str | PathLike[str]) -> bool:
+    """Whether a name is that of a Mitsuba XML file."""
+    return Path(path).suffix.lower() == ".xml"
+
+
 def find_scene(path: str | PathLike[str]) -> Path:
     """The file of a path, or of a bare name (no folder, no suffix). Raises `SceneError` where there is none."""
     name = fspath(path)
     direct = Path(name)
-    bare = direct.name == name and direct.suffix not in (".yaml", ".yml")
+    bare = direct.name == name and direct.suffix.lower() not in (".yaml", ".yml", ".xml")
     if not bare or isfile(direct):
         return direct
     for folder in scene_folders():
@@ -66,5 +71,6 @@ class Place:
             except (OSError, ValueError, RuntimeError) as problem:
                 raise node.refuse(f"{what}not a usable path: {getattr(problem, 'strerror', None) or problem}") from problem
         if outside:
-            raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: move it there, or allow_outside=True")
+            wanted = "move it there, or --allow-outside of render, import and export"
+            raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: {wanted}")
         raise node.refuse(f"{what}no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")

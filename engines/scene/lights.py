@@ -5,6 +5,7 @@ Area lights are not among them: they are shapes whose material emits.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,11 +15,14 @@ from numpy.typing import NDArray
 
 from engines.errors import SceneError
 from engines.scene.context import SceneReader
+from engines.scene.formats.texture import read_texels
 from engines.scene.plugins import PluginKind, all_options
+from engines.scene.textures import ImageKind, image_array
 from engines.scene.triple import Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
-from engines.schema.kinds import ANGLE, DIRECTION, POINT, TEXT, color, one_of
+from engines.schema.kinds import ANGLE, DIRECTION, POINT, Kind, color, one_of, within
+from engines.schema.yaml_file import Located
 
 __all__ = ["CustomLight", "DirectionalLight", "EnvironmentLight", "Light", "PointLight", "SpotLight"]
 
@@ -103,37 +107,79 @@ class EnvironmentLight:
     """Radiance from infinity: constant `radiance`, or `image` (h, w, 3) latitude-longitude times `radiance`.
 
     Image convention: +y up, row 0 at the top (theta = 0); a direction d has v = acos(d.y)/pi and
-    u = atan2(d.x, -d.z)/(2 pi) modulo 1, so -z is at the left edge and +z in the middle. Looked up bilinearly.
+    u = atan2(d.x, -d.z)/(2 pi) modulo 1, so -z is at the left edge and +z in the middle. Looked up bilinearly. `rotation`
+    are the rows of an orthogonal matrix that takes such directions to the scene's. The rows of an image are cells of equal
+    height ("cells"), or their first and last lie on the poles ("poles", as in Mitsuba).
     """
 
     radiance: Triple
     image: NDArray[np.float64] | None = None
+    rotation: tuple[Triple, Triple, Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    rows: str = "cells"
 
 
 def _environment(given: Given, context: SceneReader) -> EnvironmentLight:
-    if not given.node.value:
+    if not (given.has("radiance") or given.has("image")):
         raise given.node.refuse("needs radiance, image, or both")
-    return EnvironmentLight(given["radiance"], _image(given, context) if given.has("image") else None)
+    for key in ("rotation", "rows"):
+        if given.has(key) and not given.has("image"):
+            raise given.node.refuse_key(key, "belongs to an image: a constant environment is the same all around")
+    r, g, b = (given["scale"] * channel for channel in given["radiance"])
+    if not math.isfinite(max(r, g, b)):
+        raise given.at("scale").refuse("must leave radiance finite")
+    image = _image(given, context) if given.has("image") else None
+    return EnvironmentLight((r, g, b), image, given["rotation"], given["rows"])
 
 
 def _image(given: Given, context: SceneReader) -> Any:
+    """(h, w, 3) of a file or an array, as a texture's."""
     from engines.image import read_image
 
     node = given.at("image")
-    file = context.place.find(node, given["image"])
-    try:
-        image = read_image(file)
-    except SceneError as problem:
-        raise SceneError(f"{node.where}: {problem}") from problem
+    if isinstance(node.value, np.ndarray):
+        image = image_array(node, 3).astype(np.float64)
+    else:
+        file = context.place.find(node, given["image"])
+        try:
+            image = read_texels(file).astype(np.float64) if file.suffix.lower() == ".hdr" else read_image(file)
+        except SceneError as problem:
+            raise SceneError(f"{node.where}: {problem}") from problem
     if not (image >= 0.0).all() or image.max() == float("inf"):
         raise node.refuse("holds radiance that is negative, infinite or not a number")
     image.flags.writeable = False
     return image
 
 
-_ENVIRONMENT = Record("Light from infinity, all around. At least one of the keys is required.", {
+ORTHOGONAL = 1e-5
+"""By how much the scalar products of the rows of a rotation may miss 0 and 1."""
+
+
+def _rotation(node: Located) -> tuple[Triple, Triple, Triple]:
+    """Three rows."""
+    if not isinstance(node.value, list) or len(node.value) != 3:
+        raise node.refuse("must be three rows of three numbers")
+    rows = np.array([fields.triple(row) for row in node.value])
+    if not (np.abs(rows) < 2.0).all() or np.abs(rows @ rows.T - np.eye(3)).max() > ORTHOGONAL:
+        raise node.refuse("must be a rotation: rows of length 1, at right angles")
+    a, b, c = ((float(x), float(y), float(z)) for x, y, z in rows)
+    return a, b, c
+
+
+_ENVIRONMENT = Record("Light from infinity, all around. At least one of radiance and image is required.", {
     "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
-    "image": Key(TEXT, "File of a latitude-longitude image, +y up, .exr or 8-bit, relative to the scene's folder.", None),
+    "image": Key(
+        ImageKind(), "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
+    ),
+    "scale": Key(within(0, 1e30), "Factor of the light.", 1),
+    "rotation": Key(
+        Kind(_rotation, {"type": "array", "items": POINT.json, "minItems": 3, "maxItems": 3}),
+        "Rows of the rotation of an image, which may mirror: it takes its directions to the scene's.",
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    ),
+    "rows": Key(
+        one_of(("cells", "poles"), "kind of rows"),
+        "Whether rows of an image are cells of equal height, or the first and last lie on the poles, as in Mitsuba.", "cells",
+    ),
 }, _environment)  # fmt: skip
 
 

@@ -9,19 +9,33 @@ from typing import Any
 
 from engines.errors import SceneError
 from engines.scene.context import SceneReader
-from engines.scene.files import Place, find_scene
+from engines.scene.files import Place, find_scene, is_xml
 from engines.scene.scene import SCENE, Scene
 from engines.schema.yaml_file import locate, read_yaml
 
 
-def load_scene(path: str | PathLike[str], allow_imports: bool = False, allow_outside: bool = False) -> Scene:
-    """The scene of a YAML file: a path, or the bare name of one in `scenes/`.
+def load_scene(
+    path: str | PathLike[str], allow_imports: bool = False, allow_outside: bool = False,
+    parameters: Mapping[str, str] | None = None, natively: bool = False,
+) -> Scene:  # fmt: skip
+    """The scene of a YAML file (a path, or the bare name of one in `scenes/`), or of a Mitsuba XML file.
 
     Files that it names must lie in its folder, below it, or in the shipped scenes, unless `allow_outside`; a plugin
-    `module:attribute` is imported only with `allow_imports`. Raises `SceneError` for whatever is wrong, with file,
-    line, key path, value and what is wanted.
+    `module:attribute` is imported only with `allow_imports`. `parameters` are values of `$name` in an XML file.
+    With `natively` an XML file that cannot be imported is a scene for engines that take such files as they are: `Scene.native`.
+
+    Raises `SceneError` for whatever is wrong, with file, line, key path, value and what is wanted.
     """
     file = find_scene(path)
+    if is_xml(file):
+        from engines.scene.mitsuba_xml import import_scene, read_root
+        from engines.scene.native import with_file
+
+        place = Place(file.parent, allow_outside)
+        root = read_root(file, place, parameters)
+        return with_file(file, root, place, lambda: import_scene(file, root, place), natively)
+    if parameters:
+        raise SceneError(f"{file}: parameters are for Mitsuba's XML files")
     root = read_yaml(file)
     return SCENE.read(root, SceneReader(Place(file.parent, allow_outside), file.stem, str(file), allow_imports))
 

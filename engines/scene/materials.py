@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engines.scene.bsdf import MODELS, Bsdf
+from engines.scene.bsdf import MODELS, Bsdf, Mixture, Sides, is_opaque
+from engines.scene.textures import Texture, largest, textured_color
 from engines.scene.triple import BLACK, Triple
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import BOOLEAN, POSITIVE, color
+from engines.schema.kinds import BOOLEAN, POSITIVE, color, one_of
 
 __all__ = ["Material"]
 
@@ -54,17 +56,34 @@ def _material(given: Given, context: Any) -> Material:
     model = next((name for name in MODELS if given.has(name)), None)
     for key in (*LOBES, *MODELS):
         if model is not None and key != model and given.has(key):
-            raise given.node.refuse_key(key, f"either {model}, or {', '.join(LOBES)}")
-    shared = {key: given[key] for key in (*LOBES, *EMISSION)}
-    material = Material(str(given.node.path[-1]), **shared, bsdf=given[model] if model else None)
-    for channel, total in zip(("red", "green", "blue"), material.energy, strict=True):
+            raise given.node.refuse_key(key, f"either {model}, or {key if key in MODELS else ', '.join(LOBES)}")
+    lobes, emission = {key: given[key] for key in LOBES}, {key: given[key] for key in EMISSION}
+    constant: dict[str, Any] = {key: BLACK if isinstance(value, Texture) else value for key, value in lobes.items()}
+    name = str(given.node.path[-1])
+    plain = Material(name, **constant)
+    for channel, total in zip(("red", "green", "blue"), plain.energy, strict=True):
         if total > 1.0 + ENERGY_TOLERANCE:
-            sum_of = "kd + max(ks, kt)" if material.fresnel else "kd + ks + kt"
+            sum_of = "kd + max(ks, kt)" if plain.fresnel else "kd + ks + kt"
             raise given.node.refuse(f"{sum_of} = {total:g} in {channel}: must not exceed 1")
-    return material
+    bsdf = given[model] if model else Mixture(**lobes) if lobes != constant else None
+    if lobes != constant:
+        context.warnings += _too_bright(name, lobes)
+    if given["sides"] == "front" and (bsdf or max(plain.energy) > 0.0):
+        bsdf = bsdf or Mixture(**lobes)
+        if not is_opaque(bsdf):
+            raise given.at("sides").refuse("light passes this material: sides belongs to opaque ones, mask included")
+        bsdf = Sides(bsdf, None)
+    return Material(name, **emission, bsdf=bsdf) if bsdf else Material(name, **lobes, **emission)
 
 
-_SHARE = color(1)
+def _too_bright(name: str, lobes: Mapping[str, Any]) -> list[str]:
+    most: dict[str, Any] = {key: largest(value) if isinstance(value, Texture) else value for key, value in lobes.items()}
+    if max(Material(name, **most).energy) <= 1.0 + ENERGY_TOLERANCE:
+        return []
+    return [f"material {name!r}: where the textures of kd, ks and kt are brightest their sum passes 1"]
+
+
+_SHARE = textured_color(1)
 LOBES = {
     "kd": Key(_SHARE, "Diffuse (Lambertian) albedo.", 0),
     "ks": Key(_SHARE, "Weight of perfect mirror reflection.", 0),
@@ -77,4 +96,7 @@ EMISSION = {
     "two_sided": Key(BOOLEAN, "Whether the back side emits, too.", False),
 }
 _CHOICE = {name: Key(model, f"Instead of the keys above. {model.meaning}", None) for name, model in MODELS.items()}
-MATERIAL = Record("A surface.", {**LOBES, **_CHOICE, **EMISSION}, _material)
+_SIDES = Key(
+    one_of(("both", "front"), "sides"), "With front the back of the material, which is opaque, reflects nothing.", "both"
+)
+MATERIAL = Record("A surface.", {**LOBES, **_CHOICE, **EMISSION, "sides": _SIDES}, _material)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.bsdf import uses_uvs
 from engines.scene.context import SceneReader
 from engines.scene.formats.mesh import MeshData, read_mesh
 from engines.scene.geometry import unit_rows, vertex_normals
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import BOOLEAN, POINT, POSITIVE, ROWS, TEXT, Kind
-from engines.schema.yaml_file import Located
+from engines.schema.kinds import BOOLEAN, POINT, POSITIVE, ROWS, TEXT, Kind, integer
+from engines.schema.yaml_file import Located, locate
 
 __all__ = ["Mesh"]
+
+SINGULAR = 1e-12
+"""Least determinant of a transform whose largest number is 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +28,7 @@ class Mesh:
     """Indexed triangles: `vertices` (n, 3) float64, `faces` (m, 3) int32, `materials` (m,) int32, one per face.
 
     `normals` (n, 3) unit vertex normals, or None where the mesh is flat-shaded. Faces of zero area may occur: they are
-    never hit and never sampled.
+    never hit and never sampled. `uvs` (n, 2) float64 are texture coordinates of the vertices, or None.
     """
 
     vertices: NDArray[np.float64]
@@ -32,6 +36,7 @@ class Mesh:
     materials: NDArray[np.int32]
     normals: NDArray[np.float64] | None = None
     name: str = "mesh"
+    uvs: NDArray[np.float64] | None = None
 
     def bounds(self) -> NDArray[np.float64] | None:
         """(2, 3) lowest and highest coordinates of the faces; None where there are none."""
@@ -39,43 +44,83 @@ class Mesh:
         return np.stack([corners.min(axis=0), corners.max(axis=0)]) if len(corners) else None
 
 
-def read_only_mesh(vertices: Any, faces: Any, materials: Any, normals: NDArray[np.float64] | None, name: str) -> Mesh:
+def read_only_mesh(
+    vertices: Any, faces: Any, materials: Any, normals: NDArray[np.float64] | None, name: str,
+    uvs: NDArray[np.float64] | None = None,
+) -> Mesh:  # fmt: skip
     """The mesh of these arrays, or of copies in the types of `Mesh`; nobody may write to them any more."""
     vertices = np.ascontiguousarray(vertices, np.float64)
     faces, materials = np.ascontiguousarray(faces, np.int32), np.ascontiguousarray(materials, np.int32)
-    for array in (vertices, faces, materials, *([] if normals is None else [normals])):
-        array.flags.writeable = False
-    return Mesh(vertices, faces, materials, normals, name)
+    for array in (vertices, faces, materials, normals, uvs):
+        if array is not None:
+            array.flags.writeable = False
+    return Mesh(vertices, faces, materials, normals, name, uvs)
 
 
 def _mesh(given: Given, context: SceneReader) -> Mesh:
-    smooth, material = given["smooth"], context.material
+    smooth, several = given["smooth"], context.face_materials
+    material = several[0] if several else context.material
+    uvs = material is not None and any(uses_uvs(context.table.materials[each].bsdf) for each in several or [material])
     if given.has("file"):
-        data = read_mesh(given.at("file"), context.place, smooth, with_materials=material is None)
+        if given.has("uvs"):
+            raise given.node.refuse_key("uvs", "belongs to vertices that are listed: a file has its own")
+        data = read_mesh(given.at("file"), context, smooth, uvs, material is None, _shape_index(given))
         context.warnings += data.warnings
     else:
-        data = _inline(given)
-    materials = _file_materials(context, data) if material is None else np.full(len(data.faces), material, np.int32)
-    vertices, normals = _placed(given, data)
+        data = _inline(given, uvs)
+    materials = _face_materials(given, context, data)
+    data = _placed(given, data)
+    normals = data.normals
     if smooth and normals is None:
-        normals = vertex_normals(vertices, data.faces)
-    return read_only_mesh(vertices, data.faces, materials, normals if smooth else None, given["file"] or "inline mesh")
+        normals = smooth_normals(data)
+    name = given["file"] or "inline mesh"
+    return read_only_mesh(data.vertices, data.faces, materials, normals if smooth else None, name, data.uvs)
 
 
-def _inline(given: Given) -> MeshData:
+def _shape_index(given: Given) -> int:
+    if given.has("shape_index") and not given["file"].lower().endswith(".serialized"):
+        raise given.node.refuse_key("shape_index", "belongs to .serialized files: others hold one mesh")
+    return given["shape_index"]
+
+
+def smooth_normals(data: MeshData) -> NDArray[np.float64]:
+    """(n, 3) area-weighted means of adjacent faces; vertices that texture coordinates have split count as one."""
+    if data.origins is None:
+        return vertex_normals(data.vertices, data.faces)
+    whole = np.zeros((int(data.origins.max()) + 1, 3))
+    whole[data.origins] = data.vertices
+    return vertex_normals(whole, data.origins[data.faces].astype(np.int32))[data.origins]
+
+
+def _inline(given: Given, with_uvs: bool) -> MeshData:
     vertices = fields.rows(given["vertices"], np.float64)
     if len(vertices) == 0:
         raise given["vertices"].refuse("must not be empty")
     faces = fields.rows(given["faces"], np.int32, 0, len(vertices) - 1)
     if len(faces) == 0:
         raise given["faces"].refuse("must not be empty")
-    return MeshData(vertices, faces)
+    uvs = None
+    if given.has("uvs"):
+        uvs = fields.rows(given["uvs"], np.float64, width=2)
+        if len(uvs) != len(vertices):
+            raise given["uvs"].refuse(f"{len(uvs)} pairs for {len(vertices)} vertices: one for each is wanted")
+    return MeshData(vertices, faces, uvs=uvs if with_uvs else None)
 
 
-def _file_materials(context: SceneReader, data: MeshData) -> NDArray[np.int32]:
-    indices = np.array([context.table.add(material) for material in data.materials], np.int32)
-    assert data.face_materials is not None
-    return indices[data.face_materials]
+def _face_materials(given: Given, context: SceneReader, data: MeshData) -> NDArray[np.int32]:
+    """(m,) indices into the table: of one material, of those of an MTL, or of the list by the numbers that a PLY has."""
+    if context.material is not None:
+        return np.full(len(data.faces), context.material, np.int32)
+    if not context.face_materials:
+        indices = np.array([context.table.add(material) for material in data.materials], np.int32)
+        assert data.face_materials is not None
+        return indices[data.face_materials]
+    numbers, count = data.face_materials, len(context.face_materials)
+    if numbers is None:
+        raise given.at("file").refuse("has no column 'material' for its triangles: one material is wanted, not a list")
+    if ((numbers < 0) | (numbers >= count)).any():
+        raise given.at("file").refuse(f"has a face with a material outside [0, {count - 1}]")
+    return np.array(context.face_materials, np.int32)[numbers]
 
 
 def _scale(node: Located) -> NDArray[np.float64]:
@@ -87,10 +132,38 @@ def _scale(node: Located) -> NDArray[np.float64]:
     return scale
 
 
-def _placed(given: Given, data: MeshData) -> tuple[NDArray[Any], NDArray[Any] | None]:
-    """Vertices times `scale` plus `translate`, and normals to match."""
-    scale, vertices, normals = given["scale"], data.vertices, data.normals
-    with np.errstate(over="ignore"):
+def _transform(node: Located) -> NDArray[np.float64]:
+    """(3, 4) of a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers."""
+    rows = locate(node.value.tolist()).value if isinstance(node.value, np.ndarray) else node.value
+    sizes = {len(row.value) if isinstance(row.value, list) else 0 for row in rows} if isinstance(rows, list) else set()
+    if not sizes <= {3, 4} or len(sizes) != 1 or len(rows) not in (3, 4) or (len(rows), *sizes) == (4, 3):
+        raise node.refuse("must be a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers")
+    found = np.array([[fields.number(item) for item in row.value] for row in rows])
+    if len(found) == 4 and found[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        raise node.refuse("must be affine: its last row must be [0, 0, 0, 1]")
+    matrix = np.zeros((3, 4))
+    matrix[:, : found.shape[1]] = found[:3]
+    largest = np.abs(matrix[:, :3]).max()
+    if largest == 0.0 or not abs(np.linalg.det(matrix[:, :3] / largest)) > SINGULAR:
+        raise node.refuse("must not be singular")
+    return matrix
+
+
+def _placed(given: Given, data: MeshData) -> MeshData:
+    """Vertices times `scale` plus `translate`, or by `transform`, with normals to match; a matrix that mirrors exchanges two
+    corners of each face, so that its front stays where it was."""
+    scale, vertices, normals, faces = given["scale"], data.vertices, data.normals, data.faces
+    with np.errstate(over="ignore", invalid="ignore"):
+        if given.has("transform"):
+            for key in ("scale", "translate"):
+                if given.has(key):
+                    raise given.node.refuse_key(key, "either transform, or scale and translate")
+            matrix = given["transform"]
+            vertices = vertices @ matrix[:, :3].T + matrix[:, 3]
+            if normals is not None:
+                normals = unit_rows(normals @ np.linalg.inv(matrix[:, :3]))
+            if np.linalg.det(matrix[:, :3]) < 0.0:
+                faces = np.ascontiguousarray(faces[:, [0, 2, 1]])
         if given.has("scale"):
             vertices = vertices * scale
         if given.has("translate"):
@@ -98,15 +171,28 @@ def _placed(given: Given, data: MeshData) -> tuple[NDArray[Any], NDArray[Any] | 
     if normals is not None and given.has("scale"):
         normals = unit_rows(normals * (scale.min() / scale))
     if not np.isfinite(vertices).all():
-        raise given.node.refuse("scaled and translated vertices must be finite")
-    return vertices, normals
+        placing = "transformed" if given.has("transform") else "scaled and translated"
+        raise given.node.refuse(f"{placing} vertices must be finite")
+    return replace(data, vertices=vertices, normals=normals, faces=faces)
 
 
+_LINE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
+_PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+_PAIRS = {"type": "array", "items": _PAIR}
 MESH = Record("Triangles from a file, or listed.", {
-    "file": Key(TEXT, "An .obj, .ply or .stl file, relative to the scene's folder.", None),
+    "file": Key(TEXT, "An .obj, .ply, .stl or .serialized file, relative to the scene's folder.", None),
+    "shape_index": Key(integer(0, 2**31 - 1), "Which mesh of a .serialized file, counted from 0.", 0),
     "vertices": Key(ROWS, "Vertices of the triangles.", None, unit="metres"),
     "faces": Key(ROWS, "Three indices of vertices for each triangle, counter-clockwise seen from the front.", None),
+    "uvs": Key(
+        Kind(lambda node: node, _PAIRS), "Texture coordinates [u, v], one pair for each vertex; v = 0 is the top of an image.",
+        None,
+    ),
     "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),
     "translate": Key(POINT, "Vector that is added after scaling.", [0, 0, 0], unit="metres"),
+    "transform": Key(
+        Kind(_transform, {"type": "array", "items": _LINE, "minItems": 3, "maxItems": 4}),
+        "Instead of scale and translate, a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers, by rows.", None,
+    ),
     "smooth": Key(BOOLEAN, "Whether normals are interpolated: those of the file, else means of adjacent faces.", False),
 }, _mesh, either=(("file",), ("vertices", "faces")))  # fmt: skip

@@ -7,6 +7,8 @@ Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights 
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +19,7 @@ from engines.scene.lights import LIGHTS, Light
 from engines.scene.materials import MATERIAL, Material
 from engines.scene.mesh import Mesh
 from engines.scene.shapes import Shape, ShapeKind
+from engines.scene.textures import TexturesKind
 from engines.schema.keys import Given, Key, Record, by_name, list_of
 from engines.schema.kinds import TEXT, integer
 from engines.schema.yaml_file import Located
@@ -28,7 +31,12 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order)."""
+    """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order). `shader`
+    is a choice of a shader that the file suggests, where it does.
+
+    `native` is the Mitsuba file that the scene came from (`engines.scene.native`). Where that says why it cannot be imported,
+    the rest stands for nothing: engines that do not take such files decline it in those words.
+    """
 
     name: str
     camera: Camera
@@ -38,14 +46,24 @@ class Scene:
     content_hash: str
     source: str = ""
     warnings: tuple[str, ...] = field(default=())
+    shader: Mapping[str, Any] | None = None
+    native: Any = None
+
+    @property
+    def identity(self) -> str:
+        """What identifies a request for images of the scene: its content, and that of the file it came from."""
+        if self.native is None:
+            return self.content_hash
+        return hashlib.sha256(f"{self.content_hash} {self.native.digest}".encode()).hexdigest()
 
 
 class MaterialsKind:
     """Materials by names of the user's own, which the context's table learns before the shapes are read."""
 
     def read(self, node: Located, context: Any = None) -> None:
-        for name, material in MATERIALS.read(node, context).items():
-            context.table.names[name] = context.table.add(material)
+        if node.value is not None and not isinstance(node.value, dict):
+            raise node.refuse("must be a mapping from names to materials")
+        context.table.declare(node.value or {}, context)
 
     def schema(self) -> dict[str, Any]:
         return MATERIALS.schema()
@@ -57,11 +75,11 @@ def _scene(given: Given, context: SceneReader) -> Scene:
     return Scene(
         name=given["name"] or context.name, camera=camera, materials=tuple(materials), shapes=tuple(shapes),
         lights=tuple(lights), content_hash=content_hash(camera, materials, shapes, lights), source=context.source,
-        warnings=tuple(_warnings(context, shapes, lights)),
+        warnings=tuple(scene_warnings(context, shapes, lights)),
     )  # fmt: skip
 
 
-def _warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
+def scene_warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
     """A sentence each for what is legal but rarely meant."""
     found = list(dict.fromkeys(context.warnings))
     if not shapes:
@@ -85,6 +103,7 @@ SCENE = Record("A scene.", {
     "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
     "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
     "camera": Key(CAMERA, "The camera."),
+    "textures": Key(TexturesKind(), "Textures by names of your own.", None),
     "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
     "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
     "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),

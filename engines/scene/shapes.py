@@ -9,20 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.bsdf import is_textured
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area
 from engines.scene.mesh import MESH, Mesh
 from engines.scene.procedural import PROCEDURAL
 from engines.scene.sphere_set import SphereSet
 from engines.scene.triple import Triple
+from engines.schema import fields
 from engines.schema.keys import Given, Key, Record, Variants
-from engines.schema.kinds import DIRECTION, POINT, POSITIVE, TEXT
-from engines.schema.yaml_file import Located
+from engines.schema.kinds import DIRECTION, POINT, POSITIVE, ROWS, TEXT, Kind
+from engines.schema.yaml_file import Located, locate
 
-__all__ = ["Disk", "Plane", "Shape", "Sphere", "Triangle"]
+__all__ = ["Cylinder", "Disk", "Plane", "Shape", "Sphere", "Triangle"]
 
 Box = NDArray[np.float64]
 """(2, 3) lowest and highest coordinates."""
+
+
+PART = "the texture from (0, 0) to (1, 0) and (0, 1)"
 
 
 def _of(shape: Callable[..., Shape]) -> Callable[[Given, SceneReader], Shape]:
@@ -87,6 +92,37 @@ _DISK = Record("A flat disk.", {"center": _CENTER, "normal": _NORMAL, "radius": 
 
 
 @dataclass(frozen=True, slots=True)
+class Cylinder:
+    """The side of a cylinder about the axis from `p0` to `p1`, open at both ends. Its outside is the front. One that emits
+    is sampled."""
+
+    p0: Triple
+    p1: Triple
+    radius: float
+    material: int
+
+    def bounds(self) -> Box:
+        """The corners of its bounding box."""
+        axis = np.subtract(self.p1, self.p0) / np.linalg.norm(np.subtract(self.p1, self.p0))
+        extent = self.radius * np.sqrt(np.maximum(0.0, 1.0 - np.square(axis)))
+        ends = np.array([self.p0, self.p1])
+        return np.stack([ends.min(axis=0) - extent, ends.max(axis=0) + extent])
+
+
+def _cylinder(given: Given, context: SceneReader) -> Cylinder:
+    fields.towards(given.at("p1"), given["p0"], "p0")
+    assert context.material is not None
+    return Cylinder(**given.values, material=context.material)
+
+
+_END = Key(POINT, "An end of the axis.", unit="metres")
+_CYLINDER = Record(
+    "The side of a cylinder, open at both ends. Its outside is the front.",
+    {"p0": _END, "p1": _END, "radius": _RADIUS}, _cylinder,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class Triangle:
     """Counter-clockwise seen from the front: the normal is (b - a) x (c - a)."""
 
@@ -104,15 +140,39 @@ class Triangle:
 _CORNER = Key(POINT, "A corner; a, b, c run counter-clockwise seen from the front.", unit="metres")
 _TRIANGLE = Record("A triangle.", dict.fromkeys("abc", _CORNER), _of(Triangle))
 
-Shape = Plane | Sphere | Disk | Triangle | Mesh | SphereSet
+
+def _spheres(given: Given, context: SceneReader) -> SphereSet:
+    centers, written = fields.rows(given["centers"], np.float64), given["radii"]
+    radii = locate(written.value.tolist()).value if isinstance(written.value, np.ndarray) else written.value
+    if not isinstance(radii, list) or len(radii) != len(centers) or len(centers) == 0:
+        raise written.refuse("must be a list of radii, one for each center")
+    assert context.material is not None
+    found = SphereSet(centers, np.array([fields.positive(each) for each in radii]), context.material)
+    for array in (found.centers, found.radii):
+        array.flags.writeable = False
+    return found
+
+
+_RADII = Kind(lambda node: node, {"type": "array", "items": POSITIVE.json, "minItems": 1})
+_SPHERES = Record("Many spheres that make one shape.", {
+    "centers": Key(ROWS, "Centers of the spheres.", unit="metres"), "radii": Key(_RADII, "Radius of each.", unit="metres"),
+}, _spheres)  # fmt: skip
+
+Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
 SHAPES = Variants("shape", {
     "sphere": _SPHERE,
+    "spheres": _SPHERES,
     "disk": _DISK,
+    "cylinder": _CYLINDER,
     "plane": _PLANE,
     "triangle": _TRIANGLE,
     "mesh": MESH,
     "procedural": PROCEDURAL,
-}, {"material": Key(TEXT, "Name of one of the materials; a mesh from an OBJ file may leave it to the file.")})  # fmt: skip
+}, {"material": Key(
+    Kind(fields.text, {"anyOf": [TEXT.json, {"type": "array", "items": TEXT.json, "minItems": 1}]}),
+    "Name of one of the materials; a mesh from an OBJ file may leave it to the file, and one from a PLY file may have a list, "
+    "to which a column 'material' of its faces points.",
+)})  # fmt: skip
 
 
 class ShapeKind:
@@ -121,18 +181,25 @@ class ShapeKind:
     def read(self, node: Located, context: Any = None) -> Shape:
         kind = SHAPES.choose(node)
         body, named = node.value[kind], node.value.get("material")
-        context.material = None if named is None else context.table.index(named)
+        several = named.value if named is not None and isinstance(named.value, list) else []
+        file = body.value.get("file") if kind == "mesh" and isinstance(body.value, dict) else None
+        if named is not None and several and not (file and str(file.value).lower().endswith(".ply")):
+            raise named.refuse("unknown material: must be one name, a list belongs to a .ply file")
+        context.material = None if named is None or several else context.table.index(named)
+        context.face_materials = [context.table.index(each) for each in several]
         if named is None and not (kind == "mesh" and isinstance(body.value, dict) and "file" in body.value):
             raise node.refuse_key("material", "is missing")
         shape = SHAPES.records[kind].read(body, context)
-        _check_area(node, shape, context)
+        check_area(node, shape, context)
+        if isinstance(shape, Mesh) and shape.uvs is None and _shows_texture(shape, context):
+            context.warnings.append(f"{shape.name} has no texture coordinates: each of its triangles shows {PART}")
         return shape
 
     def schema(self) -> dict[str, Any]:
         return SHAPES.schema()
 
 
-def _check_area(node: Located, shape: Shape, context: SceneReader) -> None:
+def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     """Counts degenerate triangles, and refuses an emitting material where they are all there is."""
     if isinstance(shape, Triangle):
         vertices, faces = np.array([shape.a, shape.b, shape.c]), np.array([[0, 1, 2]], np.int32)
@@ -147,3 +214,7 @@ def _check_area(node: Located, shape: Shape, context: SceneReader) -> None:
     if emits.any() and not (emits & area).any():
         name = context.table.materials[int(materials[emits][0])].name
         raise node.refuse(f"material {name!r} emits, but the shape has no area")
+
+
+def _shows_texture(mesh: Mesh, context: SceneReader) -> bool:
+    return any(is_textured(context.table.materials[index].bsdf) for index in np.unique(mesh.materials))

@@ -1,21 +1,58 @@
-"""The plugins of a scene: its camera, lights and BSDFs that users have written."""
+"""What engines ask of a scene: the plugins that users have written, its camera, lights and BSDFs; and whether it is one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from engines.scene.bsdf import CustomBSDF
+from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Sides, is_opaque
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.scene import Scene
 
 
+def refusal_of(scene: Scene) -> str | None:
+    """Why there is nothing of a scene but a file of Mitsuba's, in the importer's words, or None."""
+    return None if scene.native is None else scene.native.refusal
+
+
 def plugins(scene: Scene) -> list[tuple[str, Any]]:
     """What each plugin of the scene is ("camera", "light" or "BSDF"), and the plugin."""
     parts = [("camera", scene.camera), *(("light", light) for light in scene.lights)]
-    parts += [("BSDF", material.bsdf) for material in scene.materials]
+    parts += [("BSDF", bsdf) for material in scene.materials for bsdf in leaves(material.bsdf)]
     return [(what, part.plugin) for what, part in parts if isinstance(part, CustomCamera | CustomLight | CustomBSDF)]
+
+
+def transmits(bsdf: Bsdf) -> bool:
+    """Whether a model to which wrappers lead lets light through, whatever its textures say; masks are no models."""
+    return any(leaf is not None and _transmits(leaf) for leaf in leaves(bsdf))
+
+
+def _transmits(leaf: Bsdf) -> bool:
+    if isinstance(leaf, CustomBSDF):
+        return any(getattr(leaf.plugin, name, False) for name in ("transmission", "specular_transmission"))
+    return not is_opaque(leaf)
+
+
+def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
+    """Where wrappers lead, each BSDF once: a BSDF that is no wrapper leads to itself, a side without one to None."""
+    found: dict[int, Bsdf | None] = {}
+    waiting, seen = [bsdf], set[int]()
+    while waiting:
+        bsdf = waiting.pop()
+        if id(bsdf) in seen:
+            continue
+        seen.add(id(bsdf))
+        match bsdf:
+            case Sides(front, back):
+                waiting += [back, front]
+            case Blend(_, a, b):
+                waiting += [b, a]
+            case Mask(of=of) | Bump(of=of) | NormalMap(of=of):
+                waiting.append(of)
+            case _:
+                found[id(bsdf)] = bsdf
+    return list(found.values())
 
 
 def plugin_without(scene: Scene, half: str) -> str | None:

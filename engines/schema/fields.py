@@ -145,22 +145,29 @@ def unit(vector: Triple) -> Triple | None:
     return scaled[0] / length, scaled[1] / length, scaled[2] / length
 
 
-def rows(node: Located, dtype: type, low: float = -math.inf, high: float = math.inf) -> NDArray[Any]:
-    """A list of three numbers each, or an array (n, 3), as an array of `dtype` with every number in [low, high].
+def rows(
+    node: Located, dtype: type, low: float = -math.inf, high: float = math.inf, width: int = 3
+) -> NDArray[Any]:  # fmt: skip
+    """A list of `width` numbers each, three or two, or an array (n, width), as an array of `dtype` with every number in
+    [low, high].
 
     For integers, numbers with a fraction are refused.
     """
     if isinstance(node.value, np.ndarray):
-        return _array_rows(node, node.value, dtype, low, high)
+        return _array_rows(node, node.value, dtype, low, high, width)
     read = (lambda item: integer(item, int(low), int(high))) if issubclass(dtype, np.integer) else number
-    found = [[read(item) for item in _three(row)] for row in items(node, "[a, b, c]")]
-    return np.array(found, dtype).reshape(-1, 3)
+    wanted = "must be three numbers" if width == 3 else "must be two numbers"
+    shown = "[a, b, c]" if width == 3 else "[a, b]"
+    found = [[read(item) for item in _several(row, width, wanted)] for row in items(node, shown)]
+    return np.array(found, dtype).reshape(-1, width)
 
 
-def _array_rows(node: Located, value: NDArray[Any], dtype: type, low: float, high: float) -> NDArray[Any]:
+def _array_rows(
+    node: Located, value: NDArray[Any], dtype: type, low: float, high: float, width: int
+) -> NDArray[Any]:  # fmt: skip
     kinds = "iu" if issubclass(dtype, np.integer) else "iuf"
-    if value.ndim != 2 or value.shape[1] != 3 or value.dtype.kind not in kinds:
-        wanted = f"must have the shape (n, 3) and numbers of kind {kinds}"
+    if value.ndim != 2 or value.shape[1] != width or value.dtype.kind not in kinds:
+        wanted = f"must have the shape (n, {width}) and numbers of kind {kinds}"
         raise node.refuse(f"array {value.shape} of {value.dtype}: {wanted}")
     good = np.isfinite(value) & (value >= low) & (value <= high)
     if not good.all():
@@ -177,11 +184,15 @@ def refuse_above_memory(node: Located, needed: float, what: str) -> None:
 
 
 def _three(node: Located, wanted: str = "must be three numbers") -> list[Located]:
+    return _several(node, 3, wanted)
+
+
+def _several(node: Located, count: int, wanted: str) -> list[Located]:
     value = node.value
     if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "iuf":
         path = node.path
         value = [Located(x.item(), node.origin, (*path, i), node.line, node.line) for i, x in enumerate(value)]
-    if not isinstance(value, list) or len(value) != 3:
+    if not isinstance(value, list) or len(value) != count:
         raise node.refuse(wanted)
     return value
 

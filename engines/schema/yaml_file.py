@@ -249,13 +249,14 @@ class _Composer:
             raise self._error(line, "a number with too many digits") from problem
         node = _Node(value, line)
         if self.open and isinstance(self.open[-1][0].value, dict) and self.open[-1][0].pending_key is None:
-            self._key(self.open[-1][0], value, line)
+            self._key(self.open[-1][0], value, event.value, line)
             return
         if event.anchor is not None:
             self.anchors[event.anchor] = node
         self._add(node, line)
 
-    def _key(self, parent: _Node, key: Any, line: int) -> None:
+    def _key(self, parent: _Node, key: Any, text: str, line: int) -> None:
+        key = text if text == "null" else key
         if not isinstance(key, str):
             raise self._error(line, f"key {key!r}: keys are text, write it in quotes")
         if key in parent.key_lines:

@@ -127,7 +127,7 @@ class Analysis:
 
 
 Group = tuple[str, str, str, str, str]
-"""Scene, shader, size, division and machine."""
+"""Scene, shader of the reference, size, division and machine."""
 
 
 def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
@@ -135,7 +135,7 @@ def raced_together(verdicts: Iterable[Verdict]) -> dict[Group, list[Verdict]]:
     groups: dict[Group, list[Verdict]] = {}
     for verdict in verdicts:
         s = verdict.contestant.settings
-        groups.setdefault((s.scene, s.shader, s.size, s.division, s.machine), []).append(verdict)
+        groups.setdefault((s.scene, verdict.contestant.race, s.size, s.division, s.machine), []).append(verdict)
     return groups
 
 

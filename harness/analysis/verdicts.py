@@ -51,7 +51,7 @@ def analyse(results: Results) -> Analysis:
 def _closed_beside(verdict: Verdict, groups: Mapping[Group, list[Contestant]]) -> list[Contestant]:
     """Contestants of the closed division, whose images those of both are compared with."""
     s = verdict.contestant.settings
-    return groups.get((s.scene, s.shader, s.size, "closed", s.machine), [])
+    return groups.get((s.scene, verdict.contestant.race, s.size, "closed", s.machine), [])
 
 
 def baseline_engine_of(results: Results) -> str:

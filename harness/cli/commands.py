@@ -14,7 +14,9 @@ from typing import Annotated, Optional
 
 import typer
 
+from harness.cli import conversion
 from harness.cli.comparing import SeveralFolders, compare
+from harness.cli.options import AllowCommands, AllowImports, AllowOutside, Config, Define, Folder, Out, References, Set
 
 app = typer.Typer(
     name="raybench", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
@@ -22,37 +24,6 @@ app = typer.Typer(
     epilog="Exit codes: 0 all is well; 1 a cell failed or timed out, or a regression was found; 2 the input "
     "cannot be used, or a file cannot be written; 130 interrupted.",
 )  # fmt: skip
-
-Config = Annotated[str, typer.Argument(help="An experiment: a path, or a bare name from configs/.")]
-Folder = Annotated[Path, typer.Argument(help="A results folder.")]
-Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder. [default: results/<name>]")]  # noqa: UP045
-Set = Annotated[
-    Optional[list[str]],  # noqa: UP045
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
-]
-
-
-def _keep_references(folder: Path | None) -> Path | None:
-    if folder is not None:
-        os.environ["RAYBENCH_REFERENCES"] = str(folder)
-    return folder
-
-
-References = Annotated[
-    Optional[Path],  # noqa: UP045
-    typer.Option(
-        metavar="DIR", callback=_keep_references,
-        help="Where references are kept; else in $RAYBENCH_REFERENCES, else in raybench/references of the user's cache.",
-    ),
-]  # fmt: skip
-AllowImports = Annotated[
-    bool, typer.Option("--allow-imports", help="Import code that files name as module:attribute. Only if you trust it.")
-]
-
-AllowCommands = Annotated[
-    bool, typer.Option("--allow-commands", help="Run the programs that renderers' files name. Only if you trust them.")
-]
-
 
 @app.command()
 def run(
@@ -108,10 +79,15 @@ def reference(
 
 @app.command()
 def render(
-    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    scene: Annotated[str, typer.Argument(help="A scene: a path (.yaml, or Mitsuba's .xml), or a bare name from scenes/.")],
     engine: Annotated[str, typer.Option(help="`raybench list` names them.")] = "numba",
-    shader: Annotated[str, typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'.")] = "path_tracer",
-    sampler: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "sobol",
+    shader: Annotated[
+        str,
+        typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'. [default: the scene's, else path_tracer]"),
+    ] = "",
+    sampler: Annotated[
+        str, typer.Option(help="A name, or a mapping with options. [default: sobol, or random where the engine lacks it]")
+    ] = "",
     accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
     threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
@@ -120,17 +96,19 @@ def render(
     precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
     tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard, aces or module:attribute; for .png.")] = "srgb",
     output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
+    define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
 ) -> None:
     """Render one image: .exr (linear, with variance and both halves) or .png."""
-    from harness.cli.render import Request
+    from harness.cli.render import Request, parameters_of
     from harness.cli.render import render as rendered
 
     chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
     rendered(
         Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
-                allow_commands)
+                allow_commands, allow_outside, parameters_of(define or []))
     )  # fmt: skip
 
 
@@ -316,22 +294,8 @@ def equivalence(
     raise typer.Exit(compare(options))
 
 
-@app.command()
-def export(
-    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
-    to: Annotated[str, typer.Option("--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
-    max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,
-    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
-    allow_imports: AllowImports = False,
-) -> None:
-    """Write a scene for another renderer, with its camera and a path integrator."""
-    from engines.export import export as exported
-    from engines.scene import load_scene
-    from harness.config import paths
-
-    held = load_scene(paths.find("scenes", scene), allow_imports=allow_imports)
-    typer.echo(f"written: {exported(held, to, output, max_depth, spp)}")
+app.command()(conversion.export)
+app.command(name="import")(conversion.import_)
 
 
 @app.command(name="list")

@@ -23,12 +23,14 @@ def show() -> None:
     console = consoles()[0]
     accelerators: dict[str, Mapping[str, Any]] = {}
     samplers: dict[str, Mapping[str, Any]] = {}
+    shaders: dict[str, Mapping[str, Any]] = {}
     engines = _table("engines", "", "")
     for name in engine_names():
         try:
             found = engine(name)
             accelerators[name] = found.accelerators()
             samplers[name] = getattr(found, "samplers", dict)()
+            shaders[name] = getattr(found, "shaders", dict)()
             engines.add_row(name, f"version {found.version}")
         except RaybenchError as error:
             engines.add_row(name, f"cannot be loaded: {escape(str(error))}")
@@ -37,9 +39,10 @@ def show() -> None:
     console.print(engines)
     for title, table in (("shaders", SHADERS), ("samplers", SAMPLERS)):
         _options(console, title, table)
-    for name, table in samplers.items():
-        if table:
-            _options(console, f"samplers of {name} alone", table)
+    for kind, tables in (("shaders", shaders), ("samplers", samplers)):
+        for name, table in tables.items():
+            if table:
+                _options(console, f"{kind} of {name} alone", table)
     for name, table in accelerators.items():
         _options(console, f"accelerators of {name}", table)
     console.print(f"\n[bold]tone mappers[/]\n  {', '.join(TONE_MAPPERS)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -28,10 +28,12 @@ from harness.measure import clock, machine
 from harness.run.progress import duration
 
 MAX_SPP = 2**31
+DEFAULTS = {"shader": "path_tracer", "sampler": "sobol", "accelerator": "auto"}
 
 
 class Request(NamedTuple):
-    """The command line. `chosen` has shader, sampler and accelerator as YAML text."""
+    """The command line. `chosen` has shader, sampler and accelerator as YAML text. An empty shader is the one that the scene
+    suggests, an empty sampler sobol, or random where the engine lacks that. `parameters` are those of a Mitsuba file."""
 
     scene: str
     engine: str
@@ -45,6 +47,8 @@ class Request(NamedTuple):
     output: Path | None
     allow_imports: bool
     allow_commands: bool = False
+    allow_outside: bool = False
+    parameters: Mapping[str, str] = {}
 
 
 def render(request: Request) -> Film:
@@ -60,11 +64,21 @@ def render(request: Request) -> Film:
     require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
     settings = _settings(request)
-    scene = load_scene(path, allow_imports=request.allow_imports)
+    scene = load_scene(
+        path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters
+    )  # fmt: skip
+    if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
+        raise Unsupported(f"{scene.native.refusal}. The engine mitsuba is given the file as it is")
+    if scene.shader is not None and not request.chosen["shader"]:
+        settings["shader"] = resolve("shader", scene.shader, known("shader", scene.shader["name"], SHADERS)).describe()
     console = consoles()[1]
     for warning in scene.warnings:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
     plain = engine_settings(settings, request.seed, request.allow_imports)
+    if not request.chosen["sampler"] and engine.why_not(scene, plain):
+        other = settings | {"sampler": resolve("sampler", "random", SAMPLERS).describe()}
+        if not engine.why_not(scene, engine_settings(other, request.seed, request.allow_imports)):
+            settings, plain = other, engine_settings(other, request.seed, request.allow_imports)
     width, height = plain.size(scene)
     memory.require(BYTES_A_PIXEL_WRITTEN * width * height, f"an image of {width}x{height} pixels")
     why_not = engine.why_not(scene, plain)
@@ -75,10 +89,23 @@ def render(request: Request) -> Film:
     start = perf_counter()
     film = renderer.render(spp=request.spp)
     seconds = perf_counter() - start
-    provenance = _provenance(request, settings, scene.content_hash, engine, seconds)
+    provenance = _provenance(request, settings, scene.identity, engine, seconds, scene.warnings)
     film.save(output, provenance=provenance, tone_mapper=mapper)
     _print_summary(console, film, seconds, clock.rays_traced(renderer), output)
     return film
+
+
+def parameters_of(given: Sequence[str]) -> dict[str, str]:
+    """Values of parameters by their names, from `name=value`."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not (name.isidentifier() and equals):
+            raise ConfigError(f"-D {text}: must look like name=value")
+        if name in found:
+            raise ConfigError(f"-D {text}: {name} is given twice")
+        found[name] = value
+    return found
 
 
 def _tone_mapper(name: str, allow_imports: bool) -> ToneMapper:
@@ -122,7 +149,8 @@ def _settings(request: Request) -> dict[str, Any]:
         "width": width, "height": height, "precision": request.precision,
         "threads": request.threads if request.threads is not None else len(machine.usable_cores()),
     }  # fmt: skip
-    for kind, text in request.chosen.items():
+    for kind, written in request.chosen.items():
+        text = written or DEFAULTS[kind]
         given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
         if not isinstance(given, dict) or not isinstance(given.get("name"), str):
             raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is wanted")
@@ -142,10 +170,11 @@ def _size(text: str | None) -> tuple[int | None, int | None]:
 
 
 def _provenance(
-    request: Request, settings: Mapping[str, Any], scene_hash: str, engine: Engine, seconds: float
+    request: Request, settings: Mapping[str, Any], scene_hash: str, engine: Engine, seconds: float, warnings: Sequence[str]
 ) -> dict[str, Any]:
     return {
         "scene": request.scene, "scene_hash": scene_hash, "engine": request.engine,
         "engine_version": str(engine.version), "settings": dict(settings), "seed": request.seed,
-        "spp": request.spp, "render_seconds": seconds, "machine": machine.environment(),
+        "spp": request.spp, "render_seconds": seconds, "machine": machine.environment(), "warnings": list(warnings),
+        **({"parameters": dict(request.parameters)} if request.parameters else {}),
     }  # fmt: skip

@@ -42,7 +42,7 @@ def find(kind: str, given: str, beside: Path | None = None) -> Path:
 
     What lies at a path may be anything: readers refuse all but regular files.
     """
-    looks_like_path = "/" in given or given.endswith((".yaml", ".yml"))
+    looks_like_path = "/" in given or given.endswith((".yaml", ".yml", ".xml"))
     for folder in ([beside] if beside else []) + [Path.cwd()]:
         candidate = os.path.join(folder, os.path.expanduser(given))
         if looks_like_path and os.path.exists(candidate):  # where Path.exists raises for names that are too long

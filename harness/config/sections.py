@@ -91,7 +91,7 @@ PAIR = Record("A ratio of times that is asked for, in however many settings the 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceConfig:
-    """How the image compared with is made. `threads` 0 means every core; it changes no pixel.
+    """How the image compared with is made. `threads` 0 means every core; it changes no pixel. `shader` None is the cells' own.
 
     `certify` names an engine of another lineage that is to make the same image from other random numbers; `auto` takes one.
     """
@@ -104,6 +104,7 @@ class ReferenceConfig:
     precision: str | None
     threads: int
     certify: str | None
+    shader: Mapping[str, Any] | None = None
 
     @property
     def replicates(self) -> tuple[int, int]:
@@ -146,6 +147,10 @@ REFERENCE = Record("How the image compared with is made: the mean of independent
         Kind(_certifier, {"anyOf": [{"const": AUTOMATIC}, *OrNull(_ENGINE).schema()["anyOf"]]}),
         "An engine of another lineage that renders the image again: the report says whether it is the same. "
         "By default one that is fast enough; null: none.", AUTOMATIC
+    ),
+    "shader": Key(
+        OrNull(SETTINGS["shader"].kind), "Shader of one reference that contestants of all shaders race towards; null: each "
+        "shader has its own reference, and its own race.", None
     ),
 }, _reference)  # fmt: skip
 

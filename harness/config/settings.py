@@ -58,7 +58,7 @@ class SceneKind:
             path = paths.find("scenes", given, context)
         except ConfigError as error:
             raise node.origin.error(f"{node.where}: {error}") from error
-        bare = "/" not in given and not given.endswith((".yaml", ".yml"))
+        bare = "/" not in given and not given.endswith((".yaml", ".yml", ".xml"))
         return SceneFile(given if bare else path.stem, str(path))
 
     def schema(self) -> Schema:
@@ -105,23 +105,23 @@ class ChoiceKind:
             raise node.origin.error(f"{node.where}: {error}") from error
 
     def schema(self) -> Schema:
-        names = {*(self.table or ()), *(samplers_of_engines() if self.kind == "sampler" else ())}
+        names = {*(self.table or ()), *(of_engines(self.kind) if self.table else ())}
         name = {"anyOf": [{"enum": sorted(names)}, {"type": "string", "pattern": ":"}]} if names else NAME.schema()
         named = {"name": {**name, "description": f"Name of the {self.kind}; other keys are options."}}
         return {"anyOf": [name, {"type": "object", "required": ["name"], "properties": named}]}
 
 
 def known(kind: str, name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:
-    """`table`, with the samplers that single engines bring where it lacks a sampler's name."""
-    return {**table, **samplers_of_engines()} if kind == "sampler" and name not in table else table
+    """`table`, with the samplers or shaders that single engines bring where it lacks a name."""
+    return {**table, **of_engines(kind)} if kind in ("sampler", "shader") and name not in table else table
 
 
-def samplers_of_engines() -> dict[str, Mapping[str, choices.Option]]:
-    """Those that single engines bring, with their options; none of an engine that fails."""
+def of_engines(kind: str) -> dict[str, Mapping[str, choices.Option]]:
+    """The samplers or shaders that single engines bring, with their options; none of an engine that fails."""
     found: dict[str, Mapping[str, choices.Option]] = {}
     for name in engine_names():
         with contextlib.suppress(Exception, SystemExit):
-            found |= getattr(engine_of(name), "samplers", dict)()
+            found |= getattr(engine_of(name), f"{kind}s", dict)()
     return found
 
 

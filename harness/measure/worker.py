@@ -200,9 +200,9 @@ def loaded(request: dict[str, Any]) -> tuple[Any, float]:
     from engines.scene import load_scene
 
     start = perf_counter()
-    scene = load_scene(request["scene_path"], allow_imports=request["allow_imports"])
+    scene = load_scene(request["scene_path"], allow_imports=request["allow_imports"], natively=True)
     seconds = perf_counter() - start
-    if scene.content_hash != request["scene_hash"]:
+    if scene.identity != request["scene_hash"]:
         raise RuntimeError(f"{request['scene_path']}: the scene has changed since the run began")
     return scene, seconds
 

@@ -48,6 +48,8 @@ class Cell:
     """Whether the engine promises the same images at every repetition."""
     division: str = "closed"
     """The ranking it stands in. No part of the spec: another one is written down without measuring again."""
+    raced: Mapping[str, Any] | None = None
+    """The shader of the reference, where cells of all shaders race towards it."""
     patterns: tuple[FullPattern, ...] = ()
     """The checkpoints of a sampler with whole patterns: each is a render of its own."""
 

@@ -10,6 +10,7 @@ import random
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 from engines import choices, memory
@@ -21,6 +22,7 @@ from engines.registry import is_file, lineage_of, load_attribute
 from engines.scene import Scene, load_scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
+from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC
 from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
 from harness.hashing import digest
@@ -57,7 +59,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
     scenes = {path: scene.warnings for path, scene in known.scenes.items()}
-    warned = [f"{path}: {warning}" for path, messages in scenes.items() for warning in messages]
+    warned = [f"{shown(Path(path))}: {warning}" for path, messages in scenes.items() for warning in messages]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     _pairs_exist(experiment, configurations)
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
@@ -116,7 +118,9 @@ class _Known:
         self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
         paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
-        self.scenes: dict[str, Scene] = {path: load_scene(path, allow_imports=allow_imports) for path in paths}
+        self.scenes: dict[str, Scene] = {
+            path: load_scene(path, allow_imports=allow_imports, natively=True) for path in paths
+        }
 
     def code(self, name: str) -> str:
         """The hash of an engine's code."""
@@ -213,7 +217,7 @@ def _configured(
     by_place = ":" in combination["engine"] or is_file(combination["engine"])
     named = engine.name if by_place else combination["engine"]
     spec = {
-        "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": named, "engine_version": str(engine.version),
+        "schema": SCHEMA_VERSION, "scene": scene.identity, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
         "checkpoints": experiment.checkpoints.describe(), "label": None,
         "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
@@ -221,10 +225,11 @@ def _configured(
     }  # fmt: skip
     cell = Cell(
         cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
-        scene_hash=scene.content_hash, engine=combination["engine"], engine_name=named, settings=settings,
+        scene_hash=scene.identity, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
         primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
         reproducible=_is_reproducible(engine), patterns=patterns or (), division=combination["division"],
+        raced=dict(experiment.reference.shader) if experiment.reference.shader else None,
     )  # fmt: skip
     return cell, None if skip else wanted
 
@@ -251,11 +256,13 @@ def _is_reproducible(engine: Engine) -> bool:
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
     """The engine's answer. One that fails at it, or answers something else, is tried: the cell will show."""
     plain = engine_settings(settings, 0, allow_imports)
+    if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
+        return scene.native.refusal
     try:
         answer: Any = engine.why_not(scene, plain)
     except UnknownName as unknown:
-        if unknown.kind == "sampler":  # an engine's own, which the configuration was right to name
-            return f"the engine {engine.name} has no sampler {unknown.found}"
+        if unknown.kind in ("sampler", "shader"):  # an engine's own, which the configuration was right to name
+            return f"the engine {engine.name} has no {unknown.kind} {unknown.found}"
         raise
     except RaybenchError:
         raise
@@ -277,7 +284,7 @@ def _reference(
     given = experiment.reference
     engine = known.engines[given.engine]
     render_settings = {
-        **settings, "precision": given.precision, "threads": 1,
+        **settings, "precision": given.precision, "threads": 1, "shader": dict(given.shader or settings["shader"]),
         "sampler": dict(given.sampler),
         "accelerator": _resolved(engine, given.accelerator),
     }  # fmt: skip
@@ -287,7 +294,7 @@ def _reference(
         return None, f"no reference by {given.engine}: {why_not}"
     each, count = given.replicates
     spec = {
-        "schema": SCHEMA_VERSION, "scene": scene.content_hash, "engine": given.engine,
+        "schema": SCHEMA_VERSION, "scene": scene.identity, "engine": given.engine,
         "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
         **{key: value for key, value in render_settings.items() if key != "threads"},
     }  # fmt: skip
@@ -295,7 +302,7 @@ def _reference(
     threads = given.threads or len(usable_cores())
     render_settings["threads"] = threads
     planned = PlannedReference(
-        file.name, file.path, scene.content_hash, spec, render_settings, lineage_of(engine),
+        file.name, file.path, scene.identity, spec, render_settings, lineage_of(engine),
         margins=Margins(**experiment.equivalence),
     )  # fmt: skip
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None

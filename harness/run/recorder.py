@@ -182,7 +182,7 @@ class Recorder:
             "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
             "seed": cell.seed, "scene": cell.scene.name, "scene_hash": cell.scene_hash,
             "primitives": cell.primitives, "smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible,
-            "division": cell.division,
+            "division": cell.division, **({"raced": dict(cell.raced)} if cell.raced else {}),
             "engine": cell.engine_name,
             "engine_version": cell.spec["engine_version"], **cell.settings,
             "reference_id": cell.reference_id, "spec": dict(cell.spec), "separate_renders": bool(cell.patterns),

@@ -145,6 +145,7 @@ class Sweep:
             "config": json.loads(json.dumps(experiment.resolved)), "env_id": self.recorder.env_id,
             "cell_ids": [cell.cell_id for cell in self.plan.cells],
             "verify_job_ids": [each.verify_job_id for each in self.plan.verify_jobs],
+            **({"warnings": list(self.plan.warnings)} if self.plan.warnings else {}),
         }  # fmt: skip
         path = self.recorder.folder / store.MANIFEST
         before = store.read_manifest(self.recorder.folder) if path.exists() else {}

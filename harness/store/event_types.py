@@ -167,6 +167,7 @@ class Measurement(Record):
     division: Literal["closed", "open"] = "closed"
     engine: str
     shader: Choice
+    raced: Choice | None = None
     sampler: Choice
     accelerator: Choice
     precision: str | None = None
@@ -366,6 +367,7 @@ class Manifest(Record):
     config: Config | None = None
     cell_ids: list[Id] = []
     verify_job_ids: list[Id] | None = None
+    warnings: list[str] = []
     command: list[str] = []
     machine: dict[str, Any] = {}
     merged: list[dict[str, Any]] = []

@@ -53,6 +53,12 @@ class Contestant:
     cells: list[Event]
     name: str = ""
 
+    @property
+    def race(self) -> str:
+        """The shader whose image it races towards, that of the reference: its own, unless the config has one for all."""
+        raced = self.cells[0].get("raced") if self.cells else None
+        return choice_text(raced) if raced else self.settings.shader
+
     @cached_property
     def done(self) -> list[Event]:
         """Cells that were measured to their end."""

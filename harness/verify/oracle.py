@@ -88,6 +88,31 @@ def triangle(a: ArrayLike, b: ArrayLike, c: ArrayLike, origin: ArrayLike, direct
 
 
 @exactly
+def cylinder(
+    p0: ArrayLike, p1: ArrayLike, radius: float, origin: ArrayLike, direction: ArrayLike
+) -> tuple[Exact, NDArray[np.bool_]]:
+    """Smallest t > 0 of lines (n, 3) with the side of a cylinder, infinite where there is none; and which lines are clear
+    cases: those that come within 1e-3 of a tangent, or of an end, are not."""
+    start, axis = lift(p0), lift(p1) - lift(p0)
+    f, d, square = lift(origin) - start, lift(direction), dot(lift(p1) - lift(p0), lift(p1) - lift(p0))
+    h, k = dot(f, axis) / square, dot(d, axis) / square
+    f, d = f - h[:, None] * axis, d - k[:, None] * axis
+    a, b, r2 = dot(d, d), dot(f, d), decimal.Decimal(radius) ** 2
+    quarter = b * b - a * (dot(f, f) - r2)
+    clear = np.abs((quarter / (a * r2)).astype(np.float64)) > 1e-3
+    nearest = np.full(len(h), NONE, object)
+    met = np.asarray(quarter > 0, bool)
+    root = _root(_where(~met, decimal.Decimal(0), quarter))
+    for sign in (1, -1):
+        t = (-b + sign * root) / a
+        place = h + k * t
+        clear &= (np.abs(place.astype(np.float64)) > 1e-3) & (np.abs(place.astype(np.float64) - 1) > 1e-3)
+        good = met & np.asarray(t > 0, bool) & np.asarray(place >= 0, bool) & np.asarray(place <= 1, bool)
+        nearest[good] = t[good]
+    return nearest, clear
+
+
+@exactly
 def relative(found: ArrayLike, exact: Exact) -> Array:
     """|found - exact| / |exact|, 0 where both are infinite, inf where one is."""
     return _distance(found, exact, abs(_where(exact == 0, decimal.Decimal(1), exact)))

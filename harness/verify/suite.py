@@ -14,23 +14,27 @@ from harness.verify.check_result import CheckResult, Outcome
 from harness.verify.checks import (
     accelerators,
     cameras,
+    cylinders,
     furnaces,
     glass,
     lights,
     materials,
+    models,
     rays,
     sampling,
+    skies,
     spawned_rays,
     spheres,
     stability,
+    textures,
     triangles,
 )
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
 from harness.verify.tolerances import ENGINE_TOLERANCES, TOLERANCES, Tolerance
 
-SECTIONS = (spheres.SECTION, triangles.SECTION, accelerators.SECTION, rays.SECTION, spawned_rays.SECTION,
-            cameras.SECTION, glass.SECTION, materials.SECTION, furnaces.SECTION, lights.SECTION, sampling.SECTION,
-            stability.SECTION)  # fmt: skip
+SECTIONS = (spheres.SECTION, cylinders.SECTION, triangles.SECTION, accelerators.SECTION, rays.SECTION, spawned_rays.SECTION,
+            cameras.SECTION, glass.SECTION, materials.SECTION, models.SECTION, textures.SECTION, furnaces.SECTION,
+            lights.SECTION, skies.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 

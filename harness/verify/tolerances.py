@@ -58,6 +58,8 @@ ROUNDING, LARGEST_Z = {"float64": 1e-12, "float32": 1e-5}, 4.5
 """Error that rounding may cause in an image without noise, and the largest |z| of a mean."""
 Z = Tolerance("z", LARGEST_Z, LARGEST_Z, "with 32 replicates a false alarm has probability 9e-5 per test; seeds are fixed")
 EXACT = Tolerance("absolute", ROUNDING["float64"], ROUNDING["float32"])
+LENS = {"in focus": 0, "focus before": LARGEST_Z, "focus behind": LARGEST_Z, "a spot aside": LARGEST_Z,
+        "a spot below": LARGEST_Z}  # fmt: skip
 TIES = Tolerance("wrong", 0, None, "Embree may return either of two hits at the same distance")
 
 TOLERANCES: dict[str, Tolerance] = {
@@ -71,6 +73,7 @@ TOLERANCES: dict[str, Tolerance] = {
     "S7": Tolerance("relative", 4e-15, 1e-6),
     "S8": Tolerance("relative", 4e-15, 1e-6),
     "S10": Tolerance("absolute", 1e-4, 1e-4), "S11": Tolerance("relative", 4e-15, 1e-6),
+    "Y1": Tolerance("relative", 1e-11, 1e-4, "rays at the other side of a long cylinder cancel digits"), "Y2": Z,
     # triangles
     "T1": Tolerance("eps", 16, 16), "T2": NONE,
     "T3": Tolerance("wrong", 0, None, "Embree's robust mode misses 5 in 10,000 rays that are aimed exactly at a vertex"),
@@ -82,7 +85,8 @@ TOLERANCES: dict[str, Tolerance] = {
                                 "scale 1e+18": None}, "squares and products of coordinates leave float32's range"),
     "T17": Tolerance("eps", 4, 4),
     "T18": Tolerance("wrong", 0, None, "a float32 test may report a hit on a thin triangle that the ray misses"),
-    "cam": NONE,
+    "cam": NONE, "cam.shift": NONE, "cam.clip": NONE,
+    "lens": Tolerance("z", LENS, LENS),
     # accelerators, rays
     "B1": NONE, "B2": NONE, "A1": NONE, "A2": NONE, "A7": NONE, "A3": NONE, "A4": NONE, "A5": NONE, "A6": NONE,
     "R1": NONE, "R2": Tolerance("relative", 1e-10, 1e-5), "R3": NONE, "R4": NONE,
@@ -120,6 +124,11 @@ TOLERANCES: dict[str, Tolerance] = {
     # materials
     "wf": EXACT, "wf.glass": Tolerance("absolute", 1e-11, 1e-4, "hundreds of events"), "wf.z": Z, "energy": EXACT,
     "recip": EXACT, "recip.glass": EXACT, "metal": EXACT,
+    # models, textures, skies
+    "mod": Tolerance("absolute", 1e-10, 1e-4), "mod.recip": Tolerance("absolute", 1e-10, 1e-4), "mod.sky": Z, "mod.white": Z,
+    "mod.mask": Z, "mod.tilt": Tolerance("absolute", 1e-10, 1e-5), "mod.sides": EXACT,
+    "tex": Tolerance("absolute", 1e-9, 1e-4, "texels differ by up to 1, and a place is rounded to 1e-6 of a texel"),
+    "uv": Tolerance("absolute", 1e-9, 1e-5), "sky": Tolerance("absolute", 1e-9, 1e-4), "sky.floor": Z,
     # stability
     "t/distance": Tolerance("relative", 1e-14,
                           {f"{shape}, distance 1e{power:+03d}": 1e-6 if power < 6 else None

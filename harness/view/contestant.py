@@ -40,7 +40,7 @@ class Contestant:
     def prepare(self) -> None:
         """Measures load, build and compile times with one renderer, as `measure` does; races with a second one."""
         start = perf_counter()
-        scene = load_scene(self.cell.scene.path, allow_imports=self._allow_imports)
+        scene = load_scene(self.cell.scene.path, allow_imports=self._allow_imports, natively=True)
         load = perf_counter() - start
         engine, seed = engine_of(self.cell.engine), self.cell.seed
         warm = engine_settings(self.cell.settings, seed + WARM_UP_SEED, self._allow_imports)

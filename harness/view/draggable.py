@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from engines.scene import Disk, Mesh, PointLight, Scene, Shape, Sphere, SpotLight, Triangle
+from engines.scene import Cylinder, Disk, Mesh, PointLight, Scene, Shape, Sphere, SpotLight, Triangle
 from harness.view.projection import Vector
 
 
@@ -36,7 +36,7 @@ def draggables(scene: Scene) -> list[Draggable]:
 def _shapes(scene: Scene) -> Iterator[Draggable]:
     spheres = emitters = 0
     for index, shape in enumerate(scene.shapes):
-        if not isinstance(shape, (Sphere, Triangle, Mesh, Disk)):
+        if not isinstance(shape, (Sphere, Triangle, Mesh, Disk, Cylinder)):
             continue
         used = shape.materials[:1].tolist() if isinstance(shape, Mesh) else [shape.material]
         material = scene.materials[used[0]]
@@ -56,7 +56,7 @@ def _lights(scene: Scene) -> Iterator[Draggable]:
 
 
 def center(scene: Scene, draggable: Draggable) -> Vector:
-    """The centre of an object; for triangles and meshes that of the bounding box."""
+    """The centre of an object; for triangles and meshes that of the bounding box, for cylinders that of the axis."""
     if not draggable.is_shape:
         light = scene.lights[draggable.scene_index]
         assert isinstance(light, (PointLight, SpotLight))
@@ -68,8 +68,8 @@ def center(scene: Scene, draggable: Draggable) -> Vector:
     return (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
-def _corners(shape: Any) -> tuple[Any, Any, Any]:
-    return shape.a, shape.b, shape.c
+def _corners(shape: Any) -> tuple[Any, ...]:
+    return (shape.p0, shape.p1) if isinstance(shape, Cylinder) else (shape.a, shape.b, shape.c)
 
 
 def moved(scene: Scene, draggable: Draggable, offset: Vector) -> Scene:
@@ -88,6 +88,9 @@ def moved(scene: Scene, draggable: Draggable, offset: Vector) -> Scene:
 def _moved_shape(shape: Shape, offset: Vector) -> Shape:
     if isinstance(shape, (Sphere, Disk)):
         return replace(shape, center=_triple(np.array(shape.center) + offset))
+    if isinstance(shape, Cylinder):
+        p0, p1 = (_triple(np.array(end) + offset) for end in _corners(shape))
+        return replace(shape, p0=p0, p1=p1)
     if isinstance(shape, Triangle):
         a, b, c = (_triple(np.array(corner) + offset) for corner in _corners(shape))
         return replace(shape, a=a, b=b, c=c)

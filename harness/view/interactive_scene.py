@@ -14,7 +14,7 @@ import numpy as np
 
 from engines.errors import Unsupported
 from engines.interface import Engine, Renderer, Settings
-from engines.scene import Camera, CustomCamera, Orthographic, Scene
+from engines.scene import Camera, CustomCamera, Orthographic, PerspectiveArctan, Scene
 from harness.measure import clock
 from harness.view.draggable import Draggable, center, draggables, moved
 from harness.view.projection import Projection, Vector
@@ -98,8 +98,9 @@ class InteractiveScene:
 
     def pick(self, x: float, y: float) -> tuple[Draggable, float, float] | None:
         """The object at a pixel, and the pixel position of its centre; None where nothing can be dragged."""
-        origin, direction = self.projection.ray(x, y)
-        hit = int(self.preview.trace(origin[None], direction[None]).shape[0])
+        projection = self.projection
+        origin, direction = projection.ray(x, y)
+        hit = int(self.preview.trace(origin[None], direction[None], projection.reach(direction)).shape[0])
         for draggable in self.draggables:
             if draggable.id == f"shape:{hit}":
                 return self._with_position(draggable)
@@ -127,4 +128,6 @@ def camera_fields(camera: Camera) -> dict[str, Any] | None:
         return None
     window = camera.height if isinstance(camera, Orthographic) else None
     fov = None if isinstance(camera, Orthographic) else (camera.fov, camera.fov_axis)
-    return {"eye": camera.eye, "target": camera.target, "up": camera.up, "height": window, "fov": fov}
+    mirror = not isinstance(camera, PerspectiveArctan) and camera.mirror
+    view = {"eye": camera.eye, "target": camera.target, "up": camera.up, "height": window, "fov": fov}
+    return {**view, "mirror": mirror}

@@ -13,7 +13,8 @@ from harness.store import confined
 MAX_LISTED = 500
 MAX_VISITED = 20_000
 HEAD = 4096
-"""A file is listed where the key `raybench_scene` is in its first bytes."""
+"""A file is listed where the key `raybench_scene` is in its first bytes, or the element `scene` of a Mitsuba file."""
+SUFFIXES = (".yaml", ".yml", ".xml")
 UNLISTED = ("results", "node_modules", "__pycache__")
 
 
@@ -37,7 +38,7 @@ class Library:
             for name in sorted(files):
                 seen += 1
                 path = Path(place, name)
-                if name.endswith((".yaml", ".yml")) and _is_scene(path):
+                if name.endswith(SUFFIXES) and _is_scene(path):
                     found.append(path)
             if seen > MAX_VISITED or len(found) >= MAX_LISTED:
                 break
@@ -48,7 +49,7 @@ class Library:
         shipped = paths.shipped("scenes")
         if name in shipped:
             return shipped[name].resolve()
-        if "/" not in name and not name.endswith((".yaml", ".yml")):
+        if "/" not in name and not name.endswith(SUFFIXES):
             raise ConfigError(f"unknown scene {name!r}: {suggestion(name, shipped)}")
         path = self.inside(name)
         if not path.is_file():
@@ -58,7 +59,7 @@ class Library:
     def name_of(self, given: str) -> str:
         """The name of a scene given on the command line, as a path relative to the working folder or a bare name."""
         here = Path(given).expanduser()
-        if ("/" in given or given.endswith((".yaml", ".yml"))) and here.is_file():
+        if ("/" in given or given.endswith(SUFFIXES)) and here.is_file():
             resolved = here.resolve()
             if not resolved.is_relative_to(self.folder):
                 raise ConfigError(f"{given}: is outside {self.folder}: choose another --folder")
@@ -74,6 +75,6 @@ class Library:
 def _is_scene(path: Path) -> bool:
     try:
         with open_regular(path) as file:
-            return b"raybench_scene" in file.read(HEAD)
+            return (b"<scene" if path.suffix == ".xml" else b"raybench_scene") in file.read(HEAD)
     except OSError:
         return False

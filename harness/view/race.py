@@ -62,7 +62,7 @@ class Replicates:
             self._renderer.stop()
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
-        scene = load_scene(request["scene_path"], allow_imports=self._allow_imports)
+        scene = load_scene(request["scene_path"], allow_imports=self._allow_imports, natively=True)
         for seed in seeds:
             settings = engine_settings(request["settings"], seed, self._allow_imports)
             self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]

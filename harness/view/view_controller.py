@@ -101,6 +101,7 @@ class ViewController:
         """Loads the scene and renders a preview; the full image follows."""
         self._set_busy("loading")
         scene = load_scene(self._library.find(request.scene), allow_imports=self._allow_imports)
+        scene = replace(scene, native=None)  # a file that Mitsuba takes as it is could not be edited
         settings, provenance = self._settings(request, scene)
         engine = engine_of(request.settings.engine)
         before, offsets = self._view.interactive, {}

@@ -18,7 +18,8 @@ DIGITS = 9
 
 POSITION_KEYS = {
     "sphere": ("center",), "triangle": ("a", "b", "c"), "mesh": ("translate",), "point": ("position",),
-    "spot": ("position", "target"), "disk": ("center",), "procedural": ("center",), "rectangle": ("corner",),
+    "spot": ("position", "target"), "disk": ("center",), "cylinder": ("p0", "p1"), "procedural": ("center",),
+    "rectangle": ("corner",),
 }  # fmt: skip
 """The keys with the position of each kind of object. A procedural quad has `points` instead."""
 

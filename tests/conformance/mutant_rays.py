@@ -33,6 +33,12 @@ class NearRootFromInside(Renderer):
         return np.where(inside, np.nan, t), u, v, normal
 
 
+@breaks(hits.cylinders_are_open_and_hit_on_both_sides)
+class CylindersHaveNoEnd(Renderer):
+    def on_side(self, place):
+        return np.isfinite(place)
+
+
 @breaks(hits.planes_are_hit_on_both_sides, hits.triangles_are_hit_on_both_sides, hits.meshes_say_which_face)
 class BackFacesAreCulled(Renderer):
     def intersections(self, o, d):

@@ -1,4 +1,4 @@
-"""The smallest honest engine: brute force in NumPy, for spheres, planes, triangles and meshes, and for no lobe but kd.
+"""The smallest honest engine: brute force in NumPy, for round shapes, planes, triangles and meshes, and for no lobe but kd.
 
 Tests break it in one place at a time to see that the conformance suite notices.
 """
@@ -15,7 +15,7 @@ from engines.concurrency import CallGuard
 from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits
-from engines.scene import EnvironmentLight, Mesh, Perspective, Plane, PointLight, Sphere, Triangle
+from engines.scene import Cylinder, EnvironmentLight, Mesh, Perspective, Plane, PointLight, Sphere, Triangle
 
 LIGHTS = (PointLight, EnvironmentLight)
 ACCELERATORS = {"none": {"chunk": Option(64, "rays at a time", lambda value: None if value > 0 else "positive")}}
@@ -109,6 +109,8 @@ class Renderer:
             match shape:
                 case Sphere(center, radius):
                     yield index, 0, self.sphere(o, d, np.array(center), radius)
+                case Cylinder(p0, p1, radius):
+                    yield index, 0, self.cylinder(o, d, np.array(p0), np.array(p1), radius)
                 case Plane(point, normal):
                     t = dot(np.array(point) - o, normal) / (d @ np.array(normal))
                     yield index, 0, (t, np.zeros_like(t), np.zeros_like(t), np.array(normal))
@@ -125,6 +127,21 @@ class Renderer:
         near, far = (b - root) / a, (b + root) / a
         t = np.where(near > 1e-9, near, far)
         return t, np.zeros_like(t), np.zeros_like(t), (f + t[:, None] * d) / radius
+
+    def cylinder(self, o, d, p0, p1, radius):
+        span = p1 - p0
+        start, slope = dot(o - p0, span) / dot(span, span), dot(d, span) / dot(span, span)
+        f, g = o - p0 - start[:, None] * span, d - slope[:, None] * span
+        a, b, c = dot(g, g), -dot(f, g), dot(f, f) - radius**2
+        root, t = np.sqrt(b * b - a * c), np.full(len(o), np.nan)
+        for candidate in ((b + root) / a, (b - root) / a):
+            place = start + slope * candidate
+            t = np.where((candidate > 1e-9) & self.on_side(place), candidate, t)
+        return t, np.zeros_like(t), np.zeros_like(t), (f + t[:, None] * g) / radius
+
+    def on_side(self, place):
+        """Whether places along the axis, 0 to 1 from end to end, lie between these."""
+        return (place >= 0) & (place <= 1)
 
     def triangle(self, o, d, a, b, c):
         """Moeller and Trumbore 1997."""

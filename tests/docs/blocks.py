@@ -6,6 +6,7 @@ and `configs/` (and, where the page names it, a copy of `results/baseline`); all
     ```python                         runs
     ```python my_shader.py            becomes that file, before anything runs; import it, or name it `my_shader:Shader`
     ```yaml box.yaml                  becomes that file, and must load: as a scene, an experiment or a renderer's file
+    ```xml box.xml                    becomes that file
     ```yaml scene                     a piece of a scene: keys that a scene needs and the piece lacks are filled in,
                                       and a material `grey`
     ```yaml experiment                a piece of an experiment, likewise
@@ -51,7 +52,7 @@ class Block(NamedTuple):
     @property
     def file(self) -> str | None:
         """The file that a block of one word with a dot becomes."""
-        is_file = self.runs and self.language in ("python", "yaml") and len(self.words) == 1 and "." in self.words[0]
+        is_file = self.language in ("python", "yaml", "xml") and len(self.words) == 1 and "." in self.words[0]
         return self.words[0] if is_file else None
 
 

@@ -39,6 +39,9 @@ def files() -> dict[str, list[bytes]]:
     found: dict[str, list[bytes]] = {".exr": _exr_files(gradient / 255.0)}
     for suffix, mode, options in SAVED:
         found.setdefault(f".{suffix}", []).append(_saved(picture.convert("L" if mode == "I;16" else mode), suffix, options))
+    flat = np.full((24, 20, 4), (128, 64, 32, 129), np.uint8).tobytes()
+    runs = b"".join(bytes((2, 2, 0, 20)) + bytes((128 + 20, value)) * 4 for value in range(24))
+    found[".hdr"] = [b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 24 +X 20\n" + body for body in (flat, runs)]
     found["foreign"] = [_saved(picture, suffix, {}) for suffix in FOREIGN]
     found[".tiff"], found[".jpeg"] = found[".tif"], found[".jpg"]
     return found
@@ -82,7 +85,7 @@ def _with_right_sums(content: bytes) -> bytes:
 
 
 def write(random: Random, folder: Path) -> None:
-    """A folder with one image and a scene `s.yaml` that has it as its sky."""
+    """A folder with one image and a scene `s.yaml` that has it as its sky and as a texture."""
     suffix = random.choice(list(files()))
     content = random.choice(files()[suffix])
     if suffix != "foreign" or random.random() < 0.5:
@@ -93,12 +96,16 @@ def write(random: Random, folder: Path) -> None:
         suffix = random.choice(SUFFIXES)
     (folder / f"a{suffix}").write_bytes(content)
     sky = {"environment": {"image": f"a{suffix}"}}
-    (folder / "s.yaml").write_text(yaml.safe_dump(TREE | {"shapes": [], "lights": [sky]}))
+    texture = TREE["textures"] | {"map": TREE["textures"]["map"] | {"image": f"a{suffix}"}}
+    (folder / "s.yaml").write_text(yaml.safe_dump(TREE | {"shapes": [], "lights": [sky], "textures": texture}))
 
 
 def read(folder: Path) -> None:
     """Reads the image in every way there is; an image that one way takes may be refused by another."""
     (path,) = folder.glob("a.*")
+    if path.suffix == ".hdr":
+        engines.load_scene(folder / "s.yaml")
+        return
     for look in (read_provenance, read_bitmap, read_film_layers):
         try:
             look(path)

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 import engines
+from engines.image import png_bytes
 from tests.fuzz.mutate import mutated_bytes, mutated_text, mutated_tree, scaled_tree
 
 TREE = {
@@ -16,9 +17,18 @@ TREE = {
     "name": "a scene",
     "camera": {"type": "perspective", "eye": [0.1, 1.0, 5.0], "target": [0.0, 1.0, 0.0], "up": [0.0, 1.0, 0.0], "fov": 40.0,
                "fov_axis": "x", "resolution": [8, 8]},
+    "textures": {"tiles": {"checkerboard": {"a": [0.5, 0.25, 0.5], "b": 0.2}, "scale": [4.0, 2.0], "offset": [0.5, 0.0]},
+                 "map": {"image": "t.png", "color_space": "raw", "filter": "nearest", "wrap": "mirror",
+                         "to_uv": [[1.0, 0.5, 0.0], [0.5, 1.0, 0.0]]}},
     "materials": {"m": {"kd": [0.5, 0.4, 0.3]}, "lamp": {"emission": 1e-3, "two_sided": True},
                   "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
                   "gold": {"conductor": {"metal": "Au", "alpha": [0.1, 0.2]}},
+                  "leaf": {"mask": {"opacity": "map", "of": "relief"}}, "paint": {"principled": {"base_color": "tiles"}},
+                  "relief": {"bump": {"height": "map", "scale": 0.5, "of": {"kd": "map", "sides": "front"}}},
+                  "worn": {"blend": {"weight": 0.5, "a": "paint", "b": {"normal_map": {"map": "map", "of": "varnish"}}}},
+                  "varnish": {"plastic": {"diffuse": "tiles", "alpha": 0.1}},
+                  "frosted": {"dielectric": {"alpha": [0.1, "map"]}},
+                  "sided": {"by_side": {"front": "m", "back": {"thin_dielectric": {"ior": 1.5}}}}, "air": {"null": {}},
                   "metal": {"conductor": {"eta": [0.5, 1.5, 2.5], "k": 3.5, "alpha": 0.5, "specular_reflectance": 0.5}}},
     "shapes": [],
     "lights": [
@@ -29,10 +39,17 @@ TREE = {
                   "beam_width": 20.0}},
     ],
 }  # fmt: skip
+IMAGE = png_bytes(np.arange(48, dtype=np.uint8).reshape(4, 4, 3) * np.uint8(5))
+"""The file `t.png` of the texture `map`."""
 SHAPES = [
     {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 1.5}, "material": "m"},
     {"sphere": {"center": [0.5, 0.5, 0.5], "radius": 0.5}, "material": "metal"},
     {"disk": {"center": [0.5, 1.5, 0.5], "normal": [0.1, 1.0, 0.1], "radius": 0.5}, "material": "gold"},
+    {"cylinder": {"p0": [0.5, 0.5, 0.5], "p1": [0.5, 1.5, 0.5], "radius": 0.5}, "material": "leaf"},
+    {"spheres": {"centers": [[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]], "radii": [0.5, 0.25]}, "material": "worn"},
+    {"mesh": {"vertices": [[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [0.5, 1.5, 0.5]], "faces": [[0, 1, 2]], "uvs": [[0.5, 0.5],
+              [1.5, 0.5], [0.5, 1.5]], "transform": [[1.0, 0.5, 0.0, 0.5], [0.0, 1.0, 0.0, 0.5], [0.0, 0.0, 1.0, 0.5]]},
+     "material": "frosted"},
     {"plane": {"point": [0.0, -1.0, 0.0], "normal": [0.1, 1.0, 0.1]}, "material": "m"},
     {"triangle": {"a": [0.5, 0.5, 0.5], "b": [1.5, 0.5, 0.5], "c": [0.5, 1.5, 0.5]}, "material": "lamp"},
     {"mesh": {"vertices": [[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [0.5, 1.5, 0.5]], "faces": [[0, 1, 2]], "smooth": True,
@@ -52,12 +69,15 @@ PROCEDURAL = [
 ]  # fmt: skip
 CAMERAS = [
     {"type": "orthographic", "eye": [0.1, 1.0, 5.0], "target": [0.0, 1.0, 0.0], "height": 3.0},
+    {"type": "thin_lens", "eye": [0.1, 1.0, 5.0], "target": [0.0, 1.0, 0.0], "aperture_radius": 0.5, "focus_distance": 2.5,
+     "principal_point": [0.5, -0.5], "mirror": True, "clip": [0.5, 50.0]},
     {"type": "perspective_arctan", "eye": [0.1, 1.0, 5.0], "target": [0.0, 1.0, 0.0], "fov": 40.0},
 ]
 
 
 def write(random: Random, folder: Path) -> None:
-    """A folder with `s.yaml`, and the mesh that it may name."""
+    """A folder with `s.yaml`, and the mesh and the image that it may name."""
+    (folder / "t.png").write_bytes(IMAGE)
     (folder / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     tree = TREE | {"shapes": random.sample(SHAPES, 3)}
     tree["shapes"].append({"procedural": random.choice(PROCEDURAL), "material": "glass"})

@@ -296,7 +296,8 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name):
     assert experiment.name == name and experiment.question and text.startswith(f"# {experiment.question}")
     assert experiment.warnings == ()
     made = planner.make(experiment)
-    assert made.warnings == () and not [cell.skip for cell in made.cells if cell.skip]
+    unsaid = [warning for warning in made.warnings if "dropped, as the expected image" not in warning]  # of XML scenes
+    assert not unsaid and not [cell.skip for cell in made.cells if cell.skip]
 
 
 @pytest.mark.parametrize(

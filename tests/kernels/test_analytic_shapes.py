@@ -18,7 +18,7 @@ from engines.kernels.lane.shapes import disk
 from engines.kernels.lane.vector import Vec3, dot
 from engines.kernels.layout import LANES, RayBatch, aligned, batch_bytes
 from engines.numba_cpu.engine import MADE
-from engines.scene import Disk, Mesh, Plane, Sphere
+from engines.scene import Cylinder, Disk, Mesh, Plane, Sphere
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "resolution": [16, 16]}
 EMPTY = {
@@ -72,6 +72,11 @@ def flat_shapes(kind, n, seed):
     ]
 
 
+def tubes(n, seed):
+    disks = flat_shapes(Disk, n, seed)
+    return [Cylinder(disk.center, triple(np.add(disk.center, disk.normal)), disk.radius / 2, 0) for disk in disks]
+
+
 def others(seed):
     random = np.random.default_rng(seed)
     corners = (random.uniform(-1, 1, (60, 1, 3)) + 0.1 * random.normal(size=(60, 3, 3))).reshape(-1, 3)
@@ -96,9 +101,9 @@ def answers(scene, accelerator, precision, engine="numba"):
     return [*found, renderer.occluded(origins, directions, 0.8), renderer.render(1).sums]
 
 
-def disks_and_rings(mixed):
-    shapes = [*flat_shapes(Disk, 40, 5), *flat_shapes(Ring, 40, 6)]
-    shapes = [*shapes, *shapes[38:42]]  # the same once more: of two hits at one place the first counts
+def disks_rings_and_tubes(mixed):
+    shapes = [*flat_shapes(Disk, 40, 5), *flat_shapes(Ring, 40, 6), *tubes(12, 7)]
+    shapes = [*shapes, *shapes[38:42], *shapes[88:]]  # the same once more: of two hits at one place the first counts
     return [*shapes[:20], *others(7), *shapes[20:]] if mixed else shapes
 
 
@@ -112,7 +117,7 @@ CASES = [
 @pytest.mark.parametrize("accelerator", ACCELERATORS)
 @pytest.mark.parametrize(("mixed", "precision"), CASES)
 def test_every_accelerator_finds_the_lists_hits_bit_for_bit(mixed, accelerator, precision, rings):
-    shapes = disks_and_rings(mixed)
+    shapes = disks_rings_and_tubes(mixed)
     scene = scene_of(shapes)
     plain, ours = answers(scene, "none", precision), answers(scene, accelerator, precision)
     met = np.unique(plain[1][np.isfinite(plain[0])])
@@ -123,7 +128,7 @@ def test_every_accelerator_finds_the_lists_hits_bit_for_bit(mixed, accelerator, 
 
 @pytest.mark.parametrize(("mixed", "precision"), CASES)
 def test_embree_finds_the_lists_hits(mixed, precision, rings):
-    scene = scene_of(disks_and_rings(mixed))
+    scene = scene_of(disks_rings_and_tubes(mixed))
     plain, ours = answers(scene, "none", "float64"), answers(scene, "embree", precision, "embree")
     tolerance = 1e-12 if precision == "float64" else 1e-5
     for field, a, b in zip(("t", "shape", "primitive", "normal") * 2, plain, ours, strict=False):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from numba import njit
+from scipy import special
 
 from engines.choices import Choice
 from engines.kernels.compile.jit import inline
+from engines.kernels.lane.exponential import erfcx, exp, log
 from engines.kernels.lane.fresnel import refract
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, tangents
 from engines.kernels.stages import sampler
@@ -94,3 +96,23 @@ def test_a_function_of_one_lane_can_be_called_from_python_before_and_after_compi
         return double(x)
 
     assert (double(4), compiled(4), double(4), double(0.25), compiled(0.25), double(x=0.25)) == (8, 8, 8, 0.5, 0.5, 0.5)
+
+
+@njit
+def _transcendental(x, small):
+    e, logarithm, scaled = np.empty_like(x), np.empty_like(x), np.empty_like(x)
+    for i in range(len(x)):
+        e[i], logarithm[i], scaled[i] = exp(-x[i]), log(x[i]), erfcx(small[i])
+    return e, logarithm, scaled
+
+
+@pytest.mark.parametrize("real", TYPES)
+def test_exponential_logarithm_and_error_function_are_within_a_few_ulps(real):
+    x = np.concatenate([np.logspace(-30, 1.9, 2000), np.linspace(0.5, 2, 2001)]).astype(real)
+    small = np.resize(np.linspace(0, 5, 501), x.size).astype(real)
+    found = _transcendental(x, small)
+    wide, tail = x.astype(np.float64), small.astype(np.float64)
+    expected = np.exp(-wide), np.log(wide), special.erfcx(tail)
+    for got, want, ulps in zip(found, expected, (2, 2, 5), strict=True):
+        assert got.dtype == real
+        assert (np.abs(got - want) <= ulps * np.finfo(real).eps * np.abs(want)).all()

@@ -9,6 +9,8 @@ import pytest
 import engines
 from engines import Settings, UnknownName
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION
+from engines.numpy_reference.vectors import cosine_hemisphere
+from engines.numpy_reference.vectors import dot as dot_rows
 from engines.plugin import (
     BSDF,
     BSDFSample,
@@ -26,7 +28,7 @@ from engines.plugin import (
     select,
     select3,
 )
-from engines.scene import EnvironmentLight
+from engines.scene import CustomBSDF, EnvironmentLight, Material, Plane
 
 
 @inline
@@ -153,3 +155,76 @@ def test_numbers_that_are_not_finite_are_counted_and_lead_to_no_memory_of_others
     scene = replace(scene, lights=(scene.lights[0], sky))
     film = engines.engine("numba").prepare(scene, Settings(24, 16, shader="path_tracer", sampler="sobol")).render(8)
     assert np.isfinite(film.mean()).all() and film.bad_samples > 0
+
+
+# ---- light that passes through ---------------------------------------------------------------------------------------
+
+
+@inline
+def _paper_value(parameters, si, wi):
+    cos = dot(si.normal, wi)
+    color = Vec3(parameters[0], parameters[0], parameters[0]), Vec3(parameters[1], parameters[1], parameters[1])
+    return Spectrum(select3(cos > const(0.0, cos), *color), abs(cos) * const(1 / math.pi, cos))
+
+
+@inline
+def _paper_pdf(parameters, si, wi):
+    return abs(dot(si.normal, wi)) * const(0.5 / math.pi, si.t)
+
+
+@inline
+def _paper_sample(parameters, si, u_lobe, u0, u1, lobes):
+    through = u_lobe < const(0.5, u0)
+    wi = cosine_direction(si.normal, u0, u1)
+    pdf = _paper_pdf(parameters, si, wi)
+    wi = select3(through, -wi, wi)
+    share = const(2.0, u0) * select(through, parameters[1], parameters[0])
+    return BSDFSample(wi, Spectrum(Vec3(share, share, share), const(1.0, u0)), pdf, through, True)
+
+
+@inline
+def _paper_albedos(parameters, si):
+    white = Vec3(parameters[0], parameters[0], parameters[0])
+    return white, white
+
+
+class Paper:
+    """Lambertian on both sides: a share `r` is reflected, and `t` transmitted."""
+
+    def evaluate(self, options, at, wi):
+        return np.repeat(np.where(dot_rows(at.normal, wi) > 0, options["r"], options["t"])[None] / np.pi, 3, axis=0)
+
+    def pdf(self, options, at, wi):
+        return np.abs(dot_rows(at.normal, wi)) / (2 * np.pi)
+
+    def sample(self, options, at, uc, u0, u1, lobes):
+        above = cosine_hemisphere(at.normal, u0, u1)
+        wi = np.where(uc < 0.5, -above, above)
+        return wi, np.repeat(2 * np.where(uc < 0.5, options["t"], options["r"])[None], 3, axis=0), self.pdf(options, at, wi)
+
+    def albedos(self, options):
+        return (options["r"],) * 3, (options["r"],) * 3
+
+
+PAPER = BSDF(
+    "paper", LaneBSDF(_paper_value, _paper_pdf, _paper_sample, _paper_albedos), Paper(), {"r": 0.3, "t": 0.6},
+    transmission=True,
+)  # fmt: skip
+
+
+def _lampshade(plugin):
+    """A sheet behind two balls, lit from its far side."""
+    scene = _scene({"kd": 0.5, "ks": 0.25}, {"point": {"position": [0.3, 2, -3], "intensity": 40}})
+    materials = *scene.materials, Material("paper", bsdf=CustomBSDF(plugin, {"r": 0.3, "t": 0.6}))
+    return replace(scene, materials=materials, shapes=(*scene.shapes, Plane((0.0, 0.0, -1.5), (0.0, 0.0, 1.0), 1)))
+
+
+@pytest.mark.parametrize("shader", ["path_tracer", "whitted"])
+def test_light_passes_through_a_plugin_that_says_so(shader):
+    """The engines agree, and the sheet is bright where it would be dark."""
+    chosen = Settings(24, 18, shader=shader, seed=3, sampler="sobol", precision="float64")
+    images = []
+    for engine, plugin in (("numba", PAPER), ("numpy", PAPER), ("numba", replace(PAPER, transmission=False))):
+        images.append(engines.engine(engine).prepare(_lampshade(plugin), chosen).render(2).mean())
+    assert np.allclose(images[0], images[1], rtol=1e-9)
+    assert images[0].mean() > 1.5 * images[2].mean()

@@ -1,5 +1,5 @@
-"""Loops over lanes are vector code: the machine code of stages of cornell_box in float32, made for a processor with 256-bit
-vectors and no fast gather (Haswell), whatever the machine has beyond that."""
+"""Loops over lanes are vector code: the machine code of stages of cornell_box, and of costly BSDFs, in float32, made for a
+processor with 256-bit vectors and no fast gather (Haswell), whatever the machine has beyond that."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from engines.kernels.compile.processor import has_feature
 ROOT = Path(__file__).resolve().parents[2]
 PACKED = re.compile(r"^\s+(vmulp[sd]|vpmulld|vpmuludq|vfn?m(?:add|sub)\d+p[sd])\s.*%ymm", re.MULTILINE)
 SCALAR = re.compile(r"^\s+(v?muls[sd]|vfn?m(?:add|sub)\d+s[sd]|imull)\s", re.MULTILINE)
-STAGES = {"draw": 20, "surface": 40, "shade": 40}
+STAGES = {"draw": 20, "surface": 40, "shade": 40, "frosted glass": 290, "principled": 210}
 """Multiplications in vector registers that each stage has at least: half of what was counted."""
 
 pytestmark = pytest.mark.skipif(not has_feature("avx2"), reason="the processor has no AVX2")
@@ -28,16 +28,27 @@ def assembly(names, unrolls_early=False):
     import engines
     from engines.choices import SAMPLERS, SHADERS, resolve
     from engines.kernels.compile import jit
+    from engines.kernels.features import SceneFeatures
     from engines.kernels.flatten import flatten
-    from engines.kernels.stages import sampler, shade, surface
+    from engines.kernels.flatten.materials import leaf_features, model_of
+    from engines.kernels.integrators.interface import Uses
+    from engines.kernels.stages import sampler, scattering, shade, surface
+    from engines.scene import Dielectric, Principled
 
     if unrolls_early:
         jit._without_early_unrolling = nullcontext
-    for module in (sampler, shade, surface):
+    for module in (sampler, scattering, shade, surface):
         module.compile_stage = lambda function: jit.compile_stage(function, on_disk=False)
     features = flatten(engines.load_scene("cornell_box"), np.float32, np.float32).features
     integrator = shade.integrator_of(resolve("shader", "path_tracer", SHADERS))
+
+    def bsdf(leaf):
+        features = SceneFeatures(**leaf_features([leaf]))
+        return scattering._stage(model_of(leaf), features.of_bsdfs, False, False, Uses(value=True, sample=True), np.float32)
+
     make = {
+        "frosted glass": lambda: bsdf(Dielectric(1.5, (0.2, 0.3), distribution="beckmann")),
+        "principled": lambda: bsdf(Principled(clearcoat=1.0, spec_trans=0.5, anisotropic=0.5)),
         "draw": lambda: sampler.stages(resolve("sampler", "sobol", SAMPLERS), np.float32)[1],
         "surface": lambda: surface.stage(features, np.float32),
         "shade": lambda: shade.stage(integrator, shade.shade_features(integrator, features), features, np.float32),

@@ -8,7 +8,7 @@ import pytest
 import engines
 from engines import Settings
 from engines.export import export
-from engines.mitsuba.description import facing
+from engines.mitsuba.nodes import facing
 from engines.scene.metals import METALS
 
 mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")

@@ -194,7 +194,7 @@ def test_albedo_shows_the_reflectance_at_normal_incidence():
     held = [conductor(alpha, GOLD, (1.0, 0.5, 0.25)) for alpha in (0.0, 0.3)]
     held += [conductor(0.3, WHITE, BLACK), material(emission=2.0), GLASS]
     expected = [((e - 1) ** 2 + k**2) / ((e + 1) ** 2 + k**2) for e, k in zip(*GOLD, strict=True)]
-    shown = Materials(held).albedo
+    shown = Materials(held).albedo(points(np.repeat(UP, 5, axis=1))._replace(material=np.arange(5)))
     assert np.allclose(shown[:, :2].T, np.array(expected) * [1.0, 0.5, 0.25], rtol=1e-12)
     assert not shown[:, 2].any() and np.array_equal(shown[:, 3], [2, 2, 2]) and np.array_equal(shown[:, 4], [1, 1, 1])
 

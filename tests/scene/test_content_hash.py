@@ -4,11 +4,30 @@ from __future__ import annotations
 
 import copy
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import engines
+from engines.scene import (
+    Blend,
+    Bump,
+    Checkerboard,
+    Conductor,
+    Diffuse,
+    EnvironmentLight,
+    ImageTexture,
+    Mask,
+    Material,
+    Mesh,
+    NormalMap,
+    Null,
+    Plastic,
+    Principled,
+    Sides,
+)
+from engines.scene.content import content_hash
 
 SCENE = {
     "raybench_scene": 1,
@@ -101,6 +120,20 @@ def test_the_hash_is_pinned():
     assert hash_of() == "3c7cc150cc004d8230ec1f5f3afa8731f525163e37646372a67ae8ff80ce45ee"
 
 
+SHIPPED = {  # by commit 6d31046, before there were textures
+    "cornell_box": "d13163987ab95b9a96d716d491dfd4ee7018aa6300a38db4e3ed4a59b343a3af",
+    "dahlquist": "4b843861db9daf44ee05147e63714e1897ecb769bdc501857f85d8b2f3852320",
+    "glassware": "fec3982a5b9858e35109b7e61cb29e24a9854db1b80a4520c3009f60db45d817",
+    "metals": "53db4c51181c1123db4eaee0459a95a8282a55be2b5c5f6acff37541f9311d3a",
+    "mobilert_spheres": "f00f852c47618a6c0176dc00a12e6bf49b969f9498fb6524a71ce0c1b99cd985",
+}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenes_keep_their_hashes(name):
+    assert engines.load_scene(name).content_hash == SHIPPED[name]
+
+
 PLUGIN = """
 class Own:
     options = {"x": 1, "place": (0, 0, 0)}
@@ -158,3 +191,52 @@ def test_a_plugin_counts_with_the_modules_beside_it_that_it_imports(tmp_path, mo
         (tmp_path / name).write_text(files[name] + "# edited")
         found.append(hashed())
     assert len(set(found)) == 3
+
+
+def _hash(*materials, uvs=None):
+    """Of one triangle that has these materials, the first of them on its face."""
+    scene = engines.scene_from(SCENE)
+    mesh = Mesh(np.eye(3), np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32), uvs=uvs)
+    return content_hash(scene.camera, [Material("a", bsdf=bsdf) for bsdf in materials], [mesh], [])
+
+
+def test_textures_count_by_value_wherever_they_stand():
+    pixels = np.linspace(0, 1, 12, dtype=np.float32).reshape(2, 2, 3)
+    image = ImageTexture(pixels)
+    others = [
+        ImageTexture(pixels[:1]), ImageTexture(pixels * 2), ImageTexture(pixels, filter="nearest"),
+        ImageTexture(pixels, wrap="clamp"), ImageTexture(pixels, to_uv=(2, 0, 0, 0, 1, 0)), Checkerboard(),
+        Checkerboard(a=(0.1, 0.1, 0.1)),
+    ]  # fmt: skip
+
+    def everywhere(texture):
+        inner = Diffuse(texture)
+        return [
+            inner, Mask(0.5, inner), Mask(0.4, inner), Blend(0.5, inner, Null()), Blend(0.5, Null(), inner),
+            Bump(texture, 1.0, Diffuse()), NormalMap(texture, Diffuse()), Sides(inner, None), Sides(None, inner),
+            Conductor((1.0,) * 3, (2.0,) * 3, (texture, 0.1)), Plastic(texture), Principled(roughness=texture),
+        ]  # fmt: skip
+
+    hashes = {_hash(bsdf) for texture in (image, *others) for bsdf in everywhere(texture)}
+    assert len(hashes) == 12 * 8
+    assert {_hash(bsdf) for bsdf in everywhere(ImageTexture(pixels.copy(), name="another"))} < hashes
+
+
+def test_texture_coordinates_count_where_a_material_looks_at_them():
+    uvs = np.arange(6.0).reshape(3, 2)
+    brushed = Conductor((1.0,) * 3, (1.0,) * 3, (0.1, 0.2))
+    for bsdf in (Diffuse(Checkerboard()), Principled(anisotropic=0.5), Mask(1.0, brushed)):
+        assert len({_hash(bsdf), _hash(bsdf, uvs=uvs), _hash(bsdf, uvs=uvs + 1)}) == 3
+    for bsdf in (None, Diffuse(), Conductor((1.0,) * 3, (1.0,) * 3, (0.1, 0.1))):
+        assert _hash(bsdf) == _hash(bsdf, uvs=uvs)
+    assert _hash(Diffuse(), Diffuse(Checkerboard()), uvs=uvs) == _hash(Diffuse())
+
+
+def test_newer_fields_count_where_they_differ_from_their_defaults():
+    camera = engines.scene_from(SCENE).camera
+    cameras = [{}, {"mirror": True}, {"principal_point": (0.1, 0.0)}, {"clip": (0.1, 9.0)}]
+    lights = [{}, {"rows": "poles"}, {"rotation": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))}]
+    found = {content_hash(replace(camera, **each), [], [], []) for each in cameras}
+    found |= {content_hash(camera, [], [], [EnvironmentLight((1.0,) * 3, **each)]) for each in lights}
+    assert len(found) == len(cameras) + len(lights)
+    assert _hash(Conductor((1.0,) * 3, (1.0,) * 3, distribution="beckmann")) != _hash(Conductor((1.0,) * 3, (1.0,) * 3))

@@ -47,8 +47,12 @@ def objects():
     yield "scene", SCHEMA["properties"], {**SCENE, "zzz": 1}
     material = SCHEMA["properties"]["materials"]["additionalProperties"]["properties"]
     yield "material", material, {**SCENE, "materials": {"grey": {"zzz": 1}}}
-    conductor = material["conductor"]["properties"]
-    yield "conductor", conductor, {**SCENE, "materials": {"grey": {"conductor": {"zzz": 1}}}}
+    for name, body in material.items():
+        if "properties" in body and name != "plugin":  # whose options are its own
+            yield name, body["properties"], {**SCENE, "materials": {"grey": {name: {"zzz": 1}}}}
+    for body in SCHEMA["properties"]["textures"]["additionalProperties"]["anyOf"]:
+        name = next(iter(body["properties"]))
+        yield name, body["properties"], {**SCENE, "textures": {"grey": {name: {}, "zzz": 1}}}
     for camera in SCHEMA["properties"]["camera"]["anyOf"]:
         if "const" in camera["properties"]["type"]:
             kind = camera["properties"]["type"]["const"]
@@ -70,7 +74,7 @@ def objects():
 def test_its_keys_are_those_that_the_loader_knows_and_each_is_explained(validator, properties, wrong):
     with pytest.raises(SceneError, match="zzz: unknown key") as refused:
         engines.scene_from(wrong)
-    assert set(re.split(", ", str(refused.value).partition("known: ")[2])) == set(properties)
+    assert set(re.split(", ", str(refused.value).partition("known: ")[2])) == set(properties or ["none"])
     assert all(told["description"] for told in properties.values())
     assert list(validator.iter_errors(wrong)) != []
 

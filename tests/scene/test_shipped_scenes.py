@@ -46,7 +46,21 @@ def test_the_gallery_shows_every_shipped_scene():
     assert re.findall(r"^## (\w+)$", text, re.M) == SHIPPED
     shown = set(re.findall(r"pictures/gallery/(\w+)\.png", text))
     assert {file.stem for file in pictures.iterdir()} == shown >= set(SHIPPED)
-    assert sum(file.stat().st_size for file in pictures.iterdir()) < 1_500_000
+    sizes = [file.stat().st_size for file in pictures.iterdir()]
+    assert max(sizes) < 1_500_000 and sum(sizes) < 9_000_000
+
+
+def test_textures_are_small_and_each_has_a_function_that_draws_it():
+    files = list((SCENES / "textures").glob("*.*"))
+    drawn = re.findall(r"^def (\w+)\(\):", (SCENES / "textures" / "make.py").read_text(), re.M)
+    assert sum(file.stat().st_size for file in files) < 3_000_000
+    assert {file.stem for file in files if file.suffix != ".py"} == set(drawn)
+
+
+def test_the_living_room_has_the_triangles_and_materials_of_a_furnished_room():
+    scene = engines.load_scene("living_room")
+    assert 90_000 < face_count(scene) < 150_000
+    assert {type(material.bsdf).__name__ for material in scene.materials} >= {"Bump", "Mask", "Plastic", "Dielectric"}
 
 
 def face_count(scene):

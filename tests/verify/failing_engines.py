@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import engines
+from engines.scene import Diffuse
 
 
 @dataclass
@@ -79,6 +80,16 @@ class Narrow:
 
     def prepare(self, scene, settings):
         return self.inner.prepare(scene, self._settings(settings))
+
+
+class Matt(Narrow):
+    """Besides kd, ks and kt it has no model but `Diffuse`."""
+
+    name, known = "matt", ("random", "constant")
+
+    def why_not(self, scene, settings):
+        others = [m for m in scene.materials if not isinstance(m.bsdf, Diffuse | None)]
+        return "it is matt" if others else super().why_not(scene, settings)
 
 
 class Own(Narrow):

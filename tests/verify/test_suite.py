@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from failing_engines import Misser
+from failing_engines import Matt, Misser
 from typer.testing import CliRunner
 
 import engines
@@ -47,6 +47,12 @@ def test_an_engine_that_misses_fails_and_one_that_refuses_is_skipped():
     assert found["S1"].outcome == FAIL and found["S1"].error == np.inf
     assert found["D3"].outcome == SKIP and found["D3"].note == "no glass"
     assert found["R1"].outcome == FAIL and "AttributeError" in found["R1"].note  # it has no `occluded`
+
+
+def test_an_engine_that_lacks_models_is_checked_in_those_that_it_has():
+    found = {f.case: f for f in run_suite([Matt()], quick=True, cases=[c for c in CASES if c.id in ("mod", "mod.tilt")])}
+    assert (found["mod"].parameter, found["mod"].outcome) == ("diffuse", PASS)
+    assert found["mod.tilt"].outcome == SKIP and found["mod.tilt"].note == "it is matt"
 
 
 def test_a_failure_without_a_tolerance_is_an_expected_failure():

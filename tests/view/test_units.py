@@ -7,7 +7,7 @@ import pytest
 
 import engines
 from engines.errors import ConfigError, Unsupported
-from engines.scene import Orthographic, Perspective, PerspectiveArctan
+from engines.scene import Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.schema import yaml_file
 from harness.view.coalescing_queue import MAX_WAITING, CoalescingQueue
 from harness.view.display import Tone, half_floats, rgba
@@ -25,7 +25,12 @@ CAMERAS = [
     Perspective(**VIEW, fov=50.0, fov_axis="x", resolution=(40, 30)),
     PerspectiveArctan(**VIEW, fov=45.0, fov_axis="x", resolution=(40, 30)),
     Orthographic(**VIEW, height=3.0, resolution=(40, 30)),
-]
+    Orthographic(**VIEW, height=3.0, resolution=(40, 30), principal_point=(0.1, -0.05), mirror=True, clip=(1.0, 9.0)),
+    ThinLens(
+        **VIEW, fov=50.0, fov_axis="y", resolution=(40, 30), aperture_radius=0.01, focus_distance=5.2,
+        principal_point=(-0.1, 0.05), mirror=True, clip=(2.0, 8.0),
+    ),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: type(camera).__name__)

@@ -4,6 +4,8 @@ constants of a given type, bits of words, and calls through function pointers. `
 
 from __future__ import annotations
 
+from typing import Any
+
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
@@ -146,3 +148,68 @@ def const(typing, value, like):
         return context.cast(builder, arguments[0], signature.args[0], kind)
 
     return kind(value, like), generate
+
+
+# ---- powers of two ---------------------------------------------------------------------------------------------------
+
+
+def _format(kind: types.Float) -> tuple[ir.IntType, int, int]:
+    """Of a floating-point type: integers of its width, bits of the mantissa, bias of the exponent."""
+    return (ir.IntType(32), 23, 127) if kind == types.float32 else (ir.IntType(64), 52, 1023)
+
+
+@intrinsic
+def power_of_two(typing, n):
+    """2^n of a whole number n, in the range of normal numbers. Vector code, which a conversion to integers is not."""
+    word, mantissa, bias = _format(n)
+
+    def generate(context, builder, signature, arguments):
+        kind = arguments[0].type
+        # in [2^mantissa, 2^(mantissa + 1)) the last bits of a number are the whole number that it exceeds 2^mantissa by
+        moved = builder.fadd(arguments[0], ir.Constant(kind, float(2**mantissa + bias)))
+        return builder.bitcast(builder.shl(builder.bitcast(moved, word), ir.Constant(word, mantissa)), kind)
+
+    return n(n), generate
+
+
+@intrinsic
+def exponent_of(typing, x):
+    """The whole number e with 2^e <= x < 2^(e + 1), in the type of x: positive, normal and finite."""
+    word, mantissa, bias = _format(x)
+
+    def generate(context, builder, signature, arguments):
+        kind = arguments[0].type
+        biased = builder.lshr(builder.bitcast(arguments[0], word), ir.Constant(word, mantissa))
+        moved = builder.bitcast(builder.or_(biased, ir.Constant(word, (bias + mantissa) << mantissa)), kind)
+        return builder.fsub(moved, ir.Constant(kind, float(2**mantissa + bias)))
+
+    return x(x), generate
+
+
+@intrinsic
+def mantissa_of(typing, x):
+    """x 2^-e in [1, 2), e the `exponent_of` x."""
+    word, mantissa, bias = _format(x)
+
+    def generate(context, builder, signature, arguments):
+        bits = builder.and_(builder.bitcast(arguments[0], word), ir.Constant(word, (1 << mantissa) - 1))
+        return builder.bitcast(builder.or_(bits, ir.Constant(word, bias << mantissa)), arguments[0].type)
+
+    return x(x), generate
+
+
+def polynomial(*coefficients: float) -> Any:
+    """The function of compiled code x -> coefficients[0] + coefficients[1] x + ..., in the type of x, by Horner's rule."""
+
+    @intrinsic
+    def evaluate(typing, x):
+        def generate(context, builder, signature, arguments):
+            kind = arguments[0].type
+            total = ir.Constant(kind, coefficients[-1])
+            for coefficient in coefficients[-2::-1]:
+                total = builder.fadd(builder.fmul(total, arguments[0]), ir.Constant(kind, coefficient))
+            return total
+
+        return x(x), generate
+
+    return evaluate

@@ -7,7 +7,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.kernels.layout import EnvironmentRow
 from engines.scene import EnvironmentLight
+
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def is_turned(light: EnvironmentLight | None) -> bool:
+    """Whether the light has an image, and that is rotated."""
+    return light is not None and light.image is not None and light.rotation != IDENTITY
+
+
+def place_row(light: EnvironmentLight) -> NDArray[np.float64]:
+    """The row (1, n) of `SceneTable.environment_map` of an image."""
+    assert light.image is not None
+    height, axes = len(light.image), np.transpose(light.rotation)
+    rows, first = (height - 1.0, 0.0) if light.rows == "poles" else (float(height), 0.5)
+    return np.array([EnvironmentRow.packed(rows=rows, first_row=first, x=axes[0], y=axes[1], z=axes[2])])
+
+
+def guides(values: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Where searches in cumulative rows (m, n) begin, (m, n): of each row, for each k the first value above k/n.
+
+    What lies a rounding error below k/n counts, too, as the entry of a number u is the integer part of u n, rounded.
+    """
+    n = values.shape[1]
+    marks = np.arange(n) / n * (1 - 1e-12)
+    found = [np.searchsorted(row, marks, side="right") for row in values]
+    return np.minimum(np.array(found, np.int32), n - 1)
 
 
 def tables(light: EnvironmentLight) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from engines.kernels.flatten import shapes
 from engines.kernels.flatten.plugins import kind_of, light_sample
-from engines.kernels.lane.lights import constant_environment, directional, disk, mesh, point, sphere, spot
+from engines.kernels.lane.lights import constant_environment, cylinder, directional, disk, mesh, point, sphere, spot
 from engines.kernels.layout import LightRow
 from engines.scene import (
     WHITE,
     CustomLight,
+    Cylinder,
     DirectionalLight,
     Disk,
     EnvironmentLight,
@@ -31,7 +32,7 @@ from engines.scene import (
 )
 from engines.scene.support import option_numbers
 
-POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT = range(8)
+POINT, DIRECTIONAL, CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT, MESH, SPHERE, DISK, SPOT, CYLINDER = range(9)
 
 Reals = NDArray[np.float64]
 
@@ -58,6 +59,7 @@ MODELS: dict[int, LightModel] = {
     SPHERE: LightModel(sphere.sample, 4, sphere.pdf, shapes.SPHERE),
     DISK: LightModel(disk.sample, 7, disk.pdf, shapes.DISK),
     SPOT: LightModel(spot.sample, 8),
+    CYLINDER: LightModel(cylinder.sample, 7, cylinder.pdf, shapes.CYLINDER),
 }
 """By kind; those of plugins are added where a scene has them."""
 
@@ -171,9 +173,14 @@ def _disk(shape: Disk, center: Reals) -> list[tuple[int, list[float]]]:
     return [(DISK, [*np.subtract(shape.center, center), *shape.normal, shape.radius])]
 
 
+def _cylinder(shape: Cylinder, center: Reals) -> list[tuple[int, list[float]]]:
+    return [(CYLINDER, [*np.subtract(shape.p0, center), *np.subtract(shape.p1, shape.p0), shape.radius])]
+
+
 SHAPES: dict[type, Callable[[Any, Reals], list[tuple[int, list[float]]]]] = {
     Sphere: _spheres,
     SphereSet: _spheres,
     Disk: _disk,
+    Cylinder: _cylinder,
 }
 """How an emitting shape becomes lights, one a primitive: (shape, center) -> (kind, parameters) of each."""

@@ -10,8 +10,16 @@ from typing import Any
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION, BSDFSample, LaneBSDF
+from engines.kernels.lane.bsdf.interface import (
+    ALL,
+    SPECULAR_REFLECTION,
+    SPECULAR_TRANSMISSION,
+    BSDFSample,
+    LaneBSDF,
+    Spectrum,
+)
 from engines.kernels.lane.lights.sample import LightSample
+from engines.kernels.lane.vector import dot
 
 FIRST_KIND, KINDS = 1 << 16, 1 << 20
 """Rows hold kinds in float32, which is exact to 2^24."""
@@ -48,9 +56,20 @@ def light_sample(sample: Any) -> Any:
 
 
 @cache
-def bsdf_functions(functions: LaneBSDF, reflection: bool, transmission: bool) -> LaneBSDF:
-    """The lane functions of a plugin's BSDF, which has these specular lobes and no others."""
-    sample_any = functions.sample
+def bsdf_functions(functions: LaneBSDF, reflection: bool, transmission: bool, above: bool) -> LaneBSDF:
+    """The lane functions of a plugin's BSDF, which has these specular lobes and no others; `above`: what the plugin says of
+    directions below the surface is not asked for."""
+    sample_any, evaluate_any, pdf_any = functions.sample, functions.evaluate, functions.pdf
+
+    @inline
+    def evaluate(parameters, si, wi):
+        found, zero = evaluate_any(parameters, si, wi), const(0.0, si.t)
+        return Spectrum(found.color, select(dot(si.normal, wi) > zero, found.scale, zero))
+
+    @inline
+    def pdf(parameters, si, wi):
+        zero = const(0.0, si.t)
+        return select(dot(si.normal, wi) > zero, pdf_any(parameters, si, wi), zero)
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
@@ -59,4 +78,5 @@ def bsdf_functions(functions: LaneBSDF, reflection: bool, transmission: bool) ->
         there = there | (transmission & (which == SPECULAR_TRANSMISSION))
         return BSDFSample(found.wi, found.weight, found.pdf, found.transmitted, found.valid & there)
 
-    return functions._replace(sample=sample)
+    functions = functions._replace(sample=sample)
+    return functions._replace(evaluate=evaluate, pdf=pdf) if above else functions

@@ -12,9 +12,9 @@ from engines.kernels.compile.records import Field
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import environment
 from engines.kernels.flatten.lights import MESH, LightList
-from engines.kernels.flatten.materials import material_features, material_rows
+from engines.kernels.flatten.programs import Programs
 from engines.kernels.flatten.shapes import Geometry, collapse_degenerate
-from engines.kernels.layout import SLOTS, LightRow, PrimitiveRow, SceneTable
+from engines.kernels.layout import SLOTS, LeafRow, LightRow, LookupRow, PrimitiveRow, SceneTable
 from engines.scene import Mesh, Scene
 
 
@@ -33,6 +33,7 @@ class FlatScene:
     table: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SLOTS, np.int64))
     owned: list[Any] = field(default_factory=list)
     """Other objects whose memory the table leads to: they live as long as the scene."""
+    texture_bytes: int = 0
 
     def bind(self, slot: Any, value: NDArray[Any] | int) -> None:
         """Puts an array (which is kept alive) or a number into a field of the table."""
@@ -49,7 +50,7 @@ class FlatScene:
 
     @property
     def bytes(self) -> int:
-        return sum(array.nbytes for array in self.arrays.values())
+        return sum(array.nbytes for array in self.arrays.values()) + self.texture_bytes
 
 
 def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
@@ -58,10 +59,13 @@ def flatten(scene: Scene, real: type, tracing: type) -> FlatScene:
     bounds = geometry.bounds()
     center = _recentre(bounds, tracing)
     lights = LightList(scene, geometry.first_id, geometry.n, center)
-    features = _features(scene, geometry, lights)
+    used = np.flatnonzero(np.bincount(geometry.joined(geometry.material)))
+    programs = Programs(scene.materials, used, geometry.materials_on_uvs())
+    features = _features(scene, geometry, lights, programs)
     flat = FlatScene(real, center, features, np.array(geometry.first_id, np.int64), bounds)
     _bind_shapes(flat, geometry)
-    _bind_surfaces(flat, scene, geometry, lights)
+    _bind_surfaces(flat, geometry, lights, programs)
+    _bind_programs(flat, geometry, programs)
     _bind_lights(flat, lights)
     return flat
 
@@ -73,8 +77,7 @@ def _recentre(bounds: NDArray[np.float64], tracing: type) -> NDArray[np.float64]
     return middle if far and half > 0 and tracing == np.float32 else np.zeros(3)
 
 
-def _features(scene: Scene, geometry: Geometry, lights: LightList) -> SceneFeatures:
-    used = [scene.materials[i] for i in np.flatnonzero(np.bincount(geometry.joined(geometry.material)))]
+def _features(scene: Scene, geometry: Geometry, lights: LightList, programs: Programs) -> SceneFeatures:
     return SceneFeatures(
         triangles=geometry.counts["triangles"] > 0,
         spheres=geometry.counts["spheres"] > 0,
@@ -84,7 +87,8 @@ def _features(scene: Scene, geometry: Geometry, lights: LightList) -> SceneFeatu
         lights=lights.kinds(),
         many_lights=len(lights.rows) > 1,
         mesh_lights=MESH in lights.kinds(),
-        **material_features(used),
+        turned_environment=environment.is_turned(lights.environment),
+        **programs.features(),
     )
 
 
@@ -110,15 +114,34 @@ def _bind_shapes(flat: FlatScene, geometry: Geometry) -> None:
         flat.bind(slot, join(geometry.ids[name]))
 
 
-def _bind_surfaces(flat: FlatScene, scene: Scene, geometry: Geometry, lights: LightList) -> None:
+def _bind_surfaces(flat: FlatScene, geometry: Geometry, lights: LightList, programs: Programs) -> None:
     """The arrays that lead from a primitive's id to its geometry, material and light."""
     join = geometry.joined
-    flat.bind(SceneTable.materials, material_rows(scene.materials).astype(flat.real))
+    flat.bind(SceneTable.materials, programs.material_rows().astype(flat.real))
+    if len(programs.tables) > 1:
+        flat.bind(SceneTable.bsdf_tables, np.array(programs.tables, flat.real))
     primitives = np.zeros((max(geometry.n, 1), PrimitiveRow.size), np.int32)  # a row to read where every ray misses
     columns = (join(geometry.kind), join(geometry.index), join(geometry.material), lights.of_primitive)
     for column, values in enumerate(columns):
         primitives[: geometry.n, column] = values
     flat.bind(SceneTable.primitives, primitives)
+
+
+def _bind_programs(flat: FlatScene, geometry: Geometry, programs: Programs) -> None:
+    """Nothing in a scene without."""
+    if not programs:
+        return
+    table = SceneTable
+    flat.bind(table.programs, programs.first)
+    flat.bind(table.nodes, np.array(programs.nodes))
+    flat.bind(table.leaves, np.reshape(programs.leaves, (-1, LeafRow.size)).astype(flat.real))
+    flat.bind(table.lookups, np.reshape(programs.lookups, (-1, LookupRow.size)))
+    flat.bind(table.textures, np.array(programs.textures))
+    flat.bind(table.texels, np.array([pixels.ctypes.data for pixels in programs.pixels], np.int64))
+    flat.owned += programs.pixels
+    flat.texture_bytes = programs.texture_bytes
+    if flat.features.uvs:
+        flat.bind(table.vertex_uvs, geometry.uv_rows())
 
 
 def _bind_lights(flat: FlatScene, lights: LightList) -> None:
@@ -133,8 +156,11 @@ def _bind_lights(flat: FlatScene, lights: LightList) -> None:
     if light is not None and light.image is not None:
         image, pdf, rows, columns = environment.tables(light)
         flat.bind(table.environment, image)
+        flat.bind(table.environment_map, environment.place_row(light))
         flat.bind(table.environment_pdf, pdf)
         flat.bind(table.environment_rows, rows)
         flat.bind(table.environment_columns, columns)
+        flat.bind(table.environment_row_guide, environment.guides(rows[None]))
+        flat.bind(table.environment_column_guide, environment.guides(columns))
         flat.bind(table.environment_width, image.shape[1])
         flat.bind(table.environment_height, image.shape[0])

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import kernel
-from engines.kernels.lane.shapes import disk
-from engines.kernels.layout import SHAPE_PARAMETERS
-from engines.scene import Disk, Mesh, Plane, Sphere, SphereSet, Triangle
+from engines.kernels.lane.shapes import cylinder, disk
+from engines.kernels.layout import SHAPE_PARAMETERS, UVRow
+from engines.scene import Cylinder, Disk, Mesh, Plane, Sphere, SphereSet, Triangle
 
-TRIANGLE, SPHERE, PLANE, DISK = range(4)
+TRIANGLE, SPHERE, PLANE, DISK, CYLINDER = range(5)
 
 Reals = NDArray[np.float64]
 
@@ -31,15 +31,22 @@ class AnalyticShape(NamedTuple):
     bounds: Callable[[Reals], tuple[Reals, Reals]]
     """Parameters (n, SHAPE_PARAMETERS) -> lowest and highest coordinates (n, 3)."""
     lane: Any
-    """Its module of `engines.kernels.lane.shapes`: `distance` and `interaction`."""
+    """Its module of `engines.kernels.lane.shapes`: `distance`, `intersection`, and `coordinates` of a point of it."""
+    curved: bool = False
+    """Whether a ray that leaves one may meet it again."""
 
 
 def _disk(shape: Disk, center: Reals) -> list[float]:
     return [*np.subtract(shape.center, center), *shape.normal, shape.radius]
 
 
+def _cylinder(shape: Cylinder, center: Reals) -> list[float]:
+    return [*np.subtract(shape.p0, center), *np.subtract(shape.p1, shape.p0), shape.radius]
+
+
 ANALYTIC: dict[type, AnalyticShape] = {
     Disk: AnalyticShape(DISK, _disk, disk.bounds, disk),
+    Cylinder: AnalyticShape(CYLINDER, _cylinder, cylinder.bounds, cylinder, curved=True),
 }
 
 
@@ -54,6 +61,8 @@ class Geometry:
     def __init__(self, shapes: Any) -> None:
         self.vertices: list[Any] = [np.zeros((0, 3))]
         self.normals: list[Any] = [np.zeros((0, 3))]
+        self.uvs: list[tuple[int, Any]] = []
+        """Of each mesh and triangle: how many vertices, and their texture coordinates or None."""
         self.faces: list[Any] = [np.zeros((0, 3), np.int32)]
         self.spheres: list[Any] = [np.zeros((0, 4))]
         self.planes: list[Any] = [np.zeros((0, 6))]
@@ -63,6 +72,7 @@ class Geometry:
         self.kind: list[Any] = [np.zeros(0, np.int64)]
         self.index: list[Any] = [np.zeros(0, np.int64)]
         self.first_id: list[int] = []
+        self._on_uvs: list[Any] = []
         self.n = 0
         self.n_vertices = 0
         self.counts = dict.fromkeys(_COLUMNS, 0)
@@ -87,16 +97,19 @@ class Geometry:
             self.spheres.append(np.column_stack([shape.centers, shape.radii]))
             self._primitives("spheres", SPHERE, len(shape.radii), shape.material)
         elif isinstance(shape, Triangle):
-            self._triangles(np.array([shape.a, shape.b, shape.c]), None, np.array([[0, 1, 2]]), shape.material)
+            self._triangles(np.array([shape.a, shape.b, shape.c]), None, None, np.array([[0, 1, 2]]), shape.material)
         elif isinstance(shape, Mesh):
-            self._triangles(shape.vertices, shape.normals, shape.faces, shape.materials)
+            self._triangles(shape.vertices, shape.normals, shape.uvs, shape.faces, shape.materials)
+            if shape.uvs is not None:
+                self._on_uvs.append(np.unique(shape.materials))
         else:
             self.analytic.append(shape)
             self._primitives("analytic", ANALYTIC[type(shape)].kind, 1, shape.material)
 
-    def _triangles(self, vertices: Any, normals: Any, faces: Any, material: Any) -> None:
+    def _triangles(self, vertices: Any, normals: Any, uvs: Any, faces: Any, material: Any) -> None:
         self.vertices.append(vertices)
         self.normals.append(np.zeros((len(vertices), 3)) if normals is None else normals)
+        self.uvs.append((len(vertices), uvs))
         faces = np.asarray(faces, np.int32)
         self.faces.append(faces + np.int32(self.n_vertices) if self.n_vertices else faces)
         self.n_vertices += len(vertices)
@@ -110,6 +123,20 @@ class Geometry:
         self.index.append(np.arange(first, first + n, dtype=np.int32))
         self.counts[column] += n
         self.n += n
+
+    def materials_on_uvs(self) -> set[int]:
+        """The materials of faces of meshes that have texture coordinates."""
+        return {int(index) for indices in self._on_uvs for index in indices}
+
+    def uv_rows(self) -> Reals:
+        """(vertices, numbers of a row)."""
+        rows = np.zeros((self.n_vertices, UVRow.size))
+        first = 0
+        for n, uvs in self.uvs:
+            if uvs is not None:
+                rows[first : first + n] = np.column_stack([uvs, np.ones(n)])
+            first += n
+        return rows
 
     def bounds(self) -> Reals:
         """(2, 3) box of all finite shapes, NaN where there are none."""

@@ -38,6 +38,8 @@ class SurfaceInteraction(NamedTuple):
     """What this side sends to the viewer; a miss has the environment's radiance."""
     light_pdf: float
     """Solid-angle pdf with which the light sample would have found this emission, 0 where never."""
+    tables: Any
+    """Numbers by index, of the models that have tables."""
 
 
 class Draws(NamedTuple):

@@ -33,7 +33,8 @@ def step(si, light, bsdf, draws, path, options):
     w = power_heuristic(light.pdf, bsdf.pdf)
     w = select(use_light, one, select(use_bsdf, select(light.pdf > huge, one, zero), w))
     value = bsdf.value
-    lit = goes_on & (value.scale > zero) & (dot(si.geometric_normal, light.wi) > zero) & (light.pdf > zero)
+    side = dot(si.geometric_normal, light.wi)
+    lit = goes_on & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
     li = path.throughput * value.color * light.radiance * (select(lit, value.scale, zero) * w)
 
     # one lobe carries the path on

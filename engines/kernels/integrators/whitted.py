@@ -16,7 +16,8 @@ def local(si, light, bsdf, path, ambient):
     zero = const(0.0, si.t)
     radiance = path.throughput * (si.emission + bsdf.diffuse * ambient)
     value = bsdf.value
-    lit = (not si.miss) & (value.scale > zero) & (dot(si.geometric_normal, light.wi) > zero) & (light.pdf > zero)
+    side = dot(si.geometric_normal, light.wi)
+    lit = (not si.miss) & (value.scale > zero) & (select(bsdf.through, -side, side) > zero) & (light.pdf > zero)
     direct = path.throughput * value.color * light.radiance * select(lit, value.scale, zero)
     return radiance, select3(lit, direct, Vec3(zero, zero, zero))
 

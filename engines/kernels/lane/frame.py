@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,3 +48,16 @@ def to_local(frame, v):
 @inline
 def to_world(frame, v):
     return frame.s * v.x + frame.t * v.y + frame.n * v.z
+
+
+@cache
+def frame_at(anisotropic: bool) -> Any:
+    """The function (si) -> frame at a SurfaceInteraction, along the shape's tangent where some material is anisotropic."""
+
+    @inline
+    def frame(si):
+        if anisotropic:
+            return frame_of_tangent(si.normal, si.tangent)
+        return frame_of_normal(si.normal)
+
+    return frame

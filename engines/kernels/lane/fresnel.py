@@ -27,24 +27,41 @@ def reflect(d, n):
     return d - n * (const(2.0, d.x) * dot(d, n))
 
 
+class Interface(NamedTuple):
+    """A smooth dielectric under an angle: what it reflects, and the cosine on the far side (0 when all is reflected)."""
+
+    reflectance: float
+    cos_transmitted: float
+    total: bool
+
+
 @inline
-def refract(d, n, eta):
-    """Exact, unpolarised Fresnel reflectance and Snell's direction; eta = n_t / n_i, n faces against d."""
+def fresnel_dielectric(c1, eta):
+    """Exact, unpolarised Fresnel reflectance at the cosine c1 in [0, 1]; eta = n_t / n_i."""
     zero, one, half = const(0.0, eta), const(1.0, eta), const(0.5, eta)
-    c1 = abs(dot(d, n))
     c1 = select(c1 > one, one, c1)
     s2 = (one - c1 * c1) / (eta * eta)
     total = s2 >= one
     c2 = np.sqrt(select(total, zero, one - s2))
     across = (c1 - eta * c2) / (c1 + eta * c2)
     along = (eta * c1 - c2) / (eta * c1 + c2)
-    reflectance = select(total, one, half * across * across + half * along * along)
-    refracted = d * (one / eta) + n * (c1 / eta - c2)
+    return Interface(select(total, one, half * across * across + half * along * along), c2, total)
+
+
+@inline
+def refract(d, n, eta):
+    """Exact, unpolarised Fresnel reflectance and Snell's direction; eta = n_t / n_i, n faces against d."""
+    one = const(1.0, eta)
+    c1 = abs(dot(d, n))
+    c1 = select(c1 > one, one, c1)
+    found = fresnel_dielectric(c1, eta)
+    total = found.total
+    refracted = d * (one / eta) + n * (c1 / eta - found.cos_transmitted)
     mirror = reflect(d, n)
     direction = Vec3(
         select(total, mirror.x, refracted.x), select(total, mirror.y, refracted.y), select(total, mirror.z, refracted.z)
     )
-    return Refraction(reflectance, direction, total, select(total, one, one / (eta * eta)))
+    return Refraction(found.reflectance, direction, total, select(total, one, one / (eta * eta)))
 
 
 @inline

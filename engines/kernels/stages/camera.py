@@ -11,15 +11,25 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.lane import camera as lane_camera
-from engines.kernels.lane.vector import Vec3, to_real, unit
+from engines.kernels.lane.vector import Vec3, dot, to_real, unit
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, CameraRow, ray_batch, scene_table
-from engines.scene import CustomCamera, Orthographic, Perspective, PerspectiveArctan
+from engines.scene import CustomCamera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.support import option_numbers
 
 RAYS: dict[type, Any] = {
     Perspective: lane_camera.perspective, Orthographic: lane_camera.orthographic,
-    PerspectiveArctan: lane_camera.perspective_arctan,
+    PerspectiveArctan: lane_camera.perspective_arctan, ThinLens: lane_camera.thin_lens,
 }  # fmt: skip
+
+
+def clips(camera: Any) -> bool:
+    """Whether a camera's rays start beyond it, or end."""
+    return not isinstance(camera, (CustomCamera, PerspectiveArctan)) and camera.clip != (0.0, math.inf)
+
+
+def has_eye(camera: Any) -> bool:
+    """Whether all rays of a camera start at one point, `CameraRow.eye`."""
+    return isinstance(camera, PerspectiveArctan) or (isinstance(camera, Perspective) and camera.clip[0] == 0.0)
 
 
 def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -29,18 +39,29 @@ def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]
         return np.array([CameraRow.packed(eye=-center, **size)])
     forward = _unit(np.subtract(camera.target, camera.eye))
     right = _unit(np.cross(forward, camera.up))
+    up = np.cross(right, forward)
     aspect, angles = width / height, (0.0, 0.0)
     if isinstance(camera, Orthographic):
         half = (aspect * camera.height / 2, camera.height / 2)
     else:
         angle = math.radians(camera.fov) / 2
-        extent = math.tan(angle) if isinstance(camera, Perspective) else angle
+        extent = angle if isinstance(camera, PerspectiveArctan) else math.tan(angle)
         half = (aspect * extent, extent) if camera.fov_axis == "y" else (extent, extent / aspect)
     if isinstance(camera, PerspectiveArctan):
         angles, half = half, (1.0, 1.0)
+        view: dict[str, Any] = {"middle_x": 1.0, "middle_y": 1.0}
+    else:
+        view = {
+            "middle_x": 1.0 + 2.0 * camera.principal_point[0], "middle_y": 1.0 + 2.0 * camera.principal_point[1],
+            "near": camera.clip[0], "far": camera.clip[1],
+        }  # fmt: skip
+        right = -right if camera.mirror else right
+    if isinstance(camera, ThinLens):
+        aperture = {"lens_right": camera.aperture_radius * right, "lens_up": camera.aperture_radius * up}
+        view |= {**aperture, "focus_distance": camera.focus_distance}
     row = CameraRow.packed(
-        eye=np.subtract(camera.eye, center), forward=forward, right=half[0] * right,
-        up=half[1] * np.cross(right, forward), half_angle_x=angles[0], half_angle_y=angles[1], **size,
+        eye=np.subtract(camera.eye, center), forward=forward, right=half[0] * right, up=half[1] * up,
+        half_angle_x=angles[0], half_angle_y=angles[1], **size, **view,
     )  # fmt: skip
     return np.array([row])
 
@@ -51,13 +72,18 @@ def _unit(v: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @cache
 def _on_image(ray: Any) -> Any:
-    """The function (camera, x, y) -> (origin, direction) of pixels, from the top left, of a built-in camera."""
+    """The function (camera, x, y, draw, lane) -> (origin, direction) of pixels, from the top left, of a built-in camera."""
 
     @inline
-    def of_pixel(camera, x, y):
-        return ray(camera, 2.0 * x / camera.width - 1.0, 1.0 - 2.0 * y / camera.height)
+    def of_pixel(camera, x, y, draw, lane):
+        return ray(camera, 2.0 * x / camera.width - camera.middle_x, camera.middle_y - 2.0 * y / camera.height)
 
-    return of_pixel
+    @inline
+    def through_lens(camera, x, y, draw, lane):
+        across, up = 2.0 * x / camera.width - camera.middle_x, camera.middle_y - 2.0 * y / camera.height
+        return ray(camera, across, up, np.float64(draw[2, lane]), np.float64(draw[3, lane]))
+
+    return through_lens if ray is lane_camera.thin_lens else of_pixel
 
 
 @cache
@@ -65,7 +91,7 @@ def _of_plugin(function: Any, options: tuple[float, ...]) -> Any:
     """The same of a plugin's function (x, y, width, height, options) -> (ox, oy, oz, dx, dy, dz)."""
 
     @inline
-    def of_pixel(camera, x, y):
+    def of_pixel(camera, x, y, draw, lane):
         o = function(x, y, camera.width, camera.height, options)
         eye = camera.eye
         return Vec3(o[0] + eye.x, o[1] + eye.y, o[2] + eye.z), Vec3(o[3], o[4], o[5])
@@ -73,7 +99,7 @@ def _of_plugin(function: Any, options: tuple[float, ...]) -> Any:
     return of_pixel
 
 
-def _make(ray: Any, normalised: bool, real: Any) -> Any:
+def _make(ray: Any, normalised: bool, clipped: bool, real: Any) -> Any:
     zero, one, infinite = real(0), real(1), real(math.inf)
 
     def begin(batch, scene_address):
@@ -82,14 +108,19 @@ def _make(ray: Any, normalised: bool, real: Any) -> Any:
         for lane in range(np.uint64(LANES)):
             x = np.float64(rays.pixel_x[lane]) + np.float64(rays.draw[0, lane])
             y = np.float64(rays.pixel_y[lane]) + np.float64(rays.draw[1, lane])
-            origin, direction = ray(camera, x, y)
+            origin, direction = ray(camera, x, y, rays.draw, lane)
             if normalised:
                 direction = unit(direction)
+            end = infinite
+            if clipped:
+                slope = 1.0 / dot(direction, camera.forward)
+                origin = origin + direction * (camera.near * slope)
+                end = real((camera.far - camera.near) * slope)
             rays.origin[lane] = to_real(origin, real)
             rays.direction[lane] = to_real(direction, real)
             rays.throughput[lane] = Vec3(one, one, one)
             rays.radiance[lane] = Vec3(zero, zero, zero)
-            rays.t[lane] = infinite
+            rays.t[lane] = end
             rays.pdf[lane] = infinite
             rays.cosine_pdf[lane] = zero
             rays.alive[lane] = True
@@ -107,11 +138,11 @@ def stage(camera: Any, real: Any) -> Any:
     """The stage of a camera of the scene's model."""
     if isinstance(camera, CustomCamera):
         options = tuple(option_numbers(camera.options))
-        return _stage(_of_plugin(camera.plugin.jitted, options), True, real)
+        return _stage(_of_plugin(camera.plugin.jitted, options), True, False, real)
     # an orthographic camera's direction is unit as it is, and must not be rounded once more
-    return _stage(_on_image(RAYS[type(camera)]), not isinstance(camera, Orthographic), real)
+    return _stage(_on_image(RAYS[type(camera)]), not isinstance(camera, Orthographic), clips(camera), real)
 
 
 @cache
-def _stage(ray: Any, normalised: bool, real: Any) -> Any:
-    return compile_stage(_make(ray, normalised, real))
+def _stage(ray: Any, normalised: bool, clipped: bool, real: Any) -> Any:
+    return compile_stage(_make(ray, normalised, clipped, real))

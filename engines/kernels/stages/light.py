@@ -83,7 +83,7 @@ def _load_face(rays, lane, scene, light, rest):
     rays.two_sided[lane] = material.two_sided
 
 
-def _make(kinds: tuple[int, ...], many: bool, every: bool, real: Any) -> Any:
+def _make(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: Any) -> Any:
     zero, one, infinite = real(0), real(1), real(np.inf)
     load = _make_load(kinds, many, every)
     sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))
@@ -106,29 +106,34 @@ def _make(kinds: tuple[int, ...], many: bool, every: bool, real: Any) -> Any:
             rays.li[lane] = sample.radiance * (one / share)
             rays.light_sample_pdf[lane] = sample.pdf * share
         if image_environment:
-            _image_environment(rays, scene, share, real)
+            _image_environment(rays, scene, share, turned, real)
 
     return light_stage
 
 
 @inline
-def _image_environment(rays, scene, share, real):
-    """Samples of the environment's image replace what the vector loop left in the lanes that chose it."""
+def _image_environment(rays, scene, share, turned, real):
+    """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are on a
+    surface."""
     rows, columns = scene.environment_rows, scene.environment_columns
-    width, height = scene.environment_width, scene.environment_height
+    row_guide, column_guide = scene.environment_row_guide, scene.environment_column_guide
+    width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
     for lane in range(np.uint64(LANES)):
-        if rays.light_kind[lane] == IMAGE_ENVIRONMENT:
+        if rays.light_kind[lane] == IMAGE_ENVIRONMENT and rays.alive[lane] and not rays.miss[lane]:
             u0, u1 = np.float64(rays.draw[0, lane]), np.float64(rays.draw[1, lane])
-            row = environment.first_above(rows, 0, height, u1)
+            row = environment.first_above_guided(rows, 0, row_guide, height, u1)
             below = rows[row - 1] if row > 0 else 0.0
             v = (row + (u1 - below) / (rows[row] - below)) / height
-            column = environment.first_above(columns, row * width, width, u0)
+            column = environment.first_above_guided(columns, row * width, column_guide, width, u0)
             below = columns[row * width + column - 1] if column > 0 else 0.0
             u = (column + (u0 - below) / (columns[row * width + column] - below)) / width
-            radiance = environment.radiance(scene.environment, width, height, u, v)
+            radiance = environment.radiance(scene.environment, width, height, axes, u, v)
             pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v) * np.float64(share)
             scale = 1.0 / pdf if pdf > 0.0 else 0.0
-            rays.wi[lane] = environment.uv_to_direction(u, v)
+            wi = environment.uv_to_direction(u, v)
+            if turned:
+                wi = environment.to_scene(axes, wi)
+            rays.wi[lane] = wi
             rays.light_distance[lane] = real(np.inf)
             rays.li[lane] = radiance * scale
             rays.light_sample_pdf[lane] = pdf
@@ -136,9 +141,9 @@ def _image_environment(rays, scene, share, real):
 
 def stage(features: SceneFeatures, every: bool, real: Any) -> Any:
     """The light stage; `every`: the lane's own light of all, instead of one chosen at random."""
-    return _stage(features.lights, features.many_lights, every, real)
+    return _stage(features.lights, features.many_lights, every, features.turned_environment, real)
 
 
 @cache
-def _stage(kinds: tuple[int, ...], many: bool, every: bool, real: Any) -> Any:
-    return compile_stage(_make(kinds, many, every, real))
+def _stage(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: Any) -> Any:
+    return compile_stage(_make(kinds, many, every, turned, real))

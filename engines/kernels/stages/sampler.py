@@ -32,6 +32,8 @@ SAMPLER_OPTION = 8
 """Index in the scene's options of the sampler's number: a constant's value, the bits of a stratified grid."""
 
 ALL_WANTED = (1 << VERTEX_DRAWS) - 1
+LENS_DIMENSIONS = (0, 1, 9, 17)
+"""Place in the pixel, place on the aperture: the eighth dimensions of the first two vertices, which no vertex uses."""
 SOBOL_DIMENSIONS = 64
 HALTON_DIMENSIONS = 32
 
@@ -133,8 +135,29 @@ def _random_beyond(rays, k, columns, shift, scale, real):
             rays.draw[k, lane] = real(bits >> shift) * scale
 
 
-def stages(sampler: Choice, real: Any) -> tuple[Any, Any]:
-    """(draws for the camera, draws for a vertex) of a sampler."""
+def _make_for_lens(value: Any, tabulated: bool, real: Any) -> Any:
+    """A stage that fills draw 0 .. 3 from the dimensions `LENS_DIMENSIONS` of rays that begin; every table has these."""
+
+    def draw(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        option, seed_key = scene.options[SAMPLER_OPTION], np.uint32(scene.seed_key)
+        points, stride, first_sample = scene.sample_points, scene.points_stride, scene.first_sample
+        _store_keys(rays, seed_key)
+        for k in range(len(LENS_DIMENSIONS)):
+            dimension = LENS_DIMENSIONS[k]
+            for lane in range(np.uint64(LANES)):
+                rays.dimension[lane] = dimension - k  # from which draw k is counted
+                if tabulated:
+                    row = (np.int64(rays.sample[lane]) - first_sample) * stride
+                    rays.draw_bits[k, lane] = np.int32(points[row + dimension])
+            for lane in range(np.uint64(LANES)):
+                rays.draw[k, lane] = value(rays, lane, k, seed_key, option)
+
+    return draw
+
+
+def stages(sampler: Choice, real: Any, lens: bool = False) -> tuple[Any, Any]:
+    """(draws for the camera, draws for a vertex) of a sampler; `lens`: the camera is one."""
     if sampler.plugin is not None:
         value = _of_plugin(sampler.plugin.jitted, real)
     elif sampler.name == "constant":
@@ -143,7 +166,13 @@ def stages(sampler: Choice, real: Any) -> tuple[Any, Any]:
         scrambled, plain = BITS[sampler.name]
         value = _to_real(plain if sampler.options.get("scramble") == "none" else scrambled, real)
     tabulated = sampler.plugin is None and sampler.name in TABULATED
-    return tuple(_stage(value, tabulated, draws, real) for draws in (CAMERA_DIMENSIONS, VERTEX_DRAWS))  # type: ignore[return-value]
+    camera = _lens_stage(value, tabulated, real) if lens else _stage(value, tabulated, CAMERA_DIMENSIONS, real)
+    return camera, _stage(value, tabulated, VERTEX_DRAWS, real)
+
+
+@cache
+def _lens_stage(value: Any, tabulated: bool, real: Any) -> Any:
+    return compile_stage(_make_for_lens(value, tabulated, real))
 
 
 @cache

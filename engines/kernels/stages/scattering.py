@@ -1,5 +1,7 @@
 """The BSDF at a vertex: its value and pdf for the light's direction, and a sample by this vertex's random numbers.
 
+Where a scene has masks or tilted normals, both act around the model's functions (docs/transport.md, "Wrappers").
+
 Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, each
 model has a stage of its own that runs only in batches of which some lane has hit it, and the shade stage loads the
 results.
@@ -7,6 +9,7 @@ results.
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -14,7 +17,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const
+from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.materials import MODELS
 from engines.kernels.integrators.interface import Draws, SurfaceInteraction, Uses
@@ -27,18 +30,17 @@ from engines.kernels.lane.bsdf.interface import (
     Spectrum,
     no_sample,
 )
-from engines.kernels.lane.vector import Vec3, select3
-from engines.kernels.layout import LANES, ray_batch
-
-_FEATURES = ("diffuse", "specular_reflection", "specular_transmission", "tangents")
+from engines.kernels.lane.tilt import is_consistent, terminator
+from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.layout import LANES, ray_batch, scene_table
 
 
 @inline
-def load_interaction(rays, lane):
+def load_interaction(rays, scene, lane):
     return SurfaceInteraction(
         rays.miss[lane], rays.t[lane], rays.point[lane], rays.normal[lane], rays.geometric_normal[lane],
         rays.direction[lane], rays.origin[lane], rays.front[lane], rays.tangent[lane], rays.emission[lane],
-        rays.light_pdf[lane],
+        rays.light_pdf[lane], scene.bsdf_tables,
     )  # fmt: skip
 
 
@@ -47,10 +49,66 @@ def load_draws(rays, lane):
     return Draws(rays.draw[3, lane], rays.draw[4, lane], rays.draw[5, lane], rays.draw[6, lane])
 
 
+# ---- tilted normals and masks, around the functions of a model ---------------------------------------------------------
+
+
+@inline
+def _scaled(sample, factor):
+    weight = Spectrum(sample.weight.color, sample.weight.scale * factor)
+    return BSDFSample(sample.wi, weight, sample.pdf, sample.transmitted, sample.valid)
+
+
+@inline
+def _tilt_at(rays, lane, wi):
+    """(whether the lane's normals agree on the side of `wi`, the factor of what is scattered there)."""
+    untilted, normal = rays.untilted_normal[lane], rays.normal[lane]
+    return is_consistent(untilted, normal, wi), terminator(rays.outer_normal[lane], normal, wi)
+
+
+@inline
+def _tilted_sample(rays, lane, sample):
+    there, factor = _tilt_at(rays, lane, sample.wi)
+    found = _scaled(sample, factor)
+    return BSDFSample(found.wi, found.weight, found.pdf, found.transmitted, found.valid & there)
+
+
+@inline
+def _straight_on(si, share):
+    one = const(1.0, si.t)
+    return BSDFSample(si.direction, Spectrum(Vec3(one, one, one), share), const(math.inf, one), True, True)
+
+
+@inline
+def _select_sample(condition, yes, no):
+    return BSDFSample(
+        select3(condition, yes.wi, no.wi),
+        Spectrum(
+            select3(condition, yes.weight.color, no.weight.color), select(condition, yes.weight.scale, no.weight.scale)
+        ),
+        select(condition, yes.pdf, no.pdf),
+        select(condition, yes.transmitted, no.transmitted),
+        select(condition, yes.valid, no.valid),
+    )
+
+
+@inline
+def _masked_sample(rays, lane, si, sample):
+    """The model's sample as far as the surface is there, else the ray itself."""
+    found = BSDFSample(sample.wi, sample.weight, sample.pdf * rays.opacity[lane], sample.transmitted, sample.valid)
+    return _select_sample(rays.passing[lane], _straight_on(si, const(1.0, si.t)), found)
+
+
+@inline
+def _beyond_mask(rays, lane, si, transmission):
+    """Of the lobes apart: what a mask lets through takes the place of the refraction."""
+    one, opacity = const(1.0, si.t), rays.opacity[lane]
+    return _select_sample(opacity < one, _straight_on(si, one - opacity), transmission)
+
+
 @cache
-def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
+def _make_scatter(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
-    bsdf = MODELS[kind].lane(features)
+    bsdf, light_through = MODELS[kind].lane(features), features.transmission
     evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
     use_value, use_sample, use_specular, use_albedos = uses
 
@@ -62,22 +120,52 @@ def _make_scatter(kind: int, features: SceneFeatures, uses: Uses) -> Any:
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
         if use_value:
             value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
+            if tilts:
+                there, factor = _tilt_at(rays, lane, wi)
+                value = Spectrum(value.color, select(there, value.scale * factor, zero))
+                pdf = select(there, pdf, zero)
+            if masks:
+                value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
         if use_sample:
             sample = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, ALL)
+            if tilts:
+                sample = _tilted_sample(rays, lane, sample)
+            if masks:
+                sample = _masked_sample(rays, lane, si, sample)
         if use_specular:
             reflection = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_REFLECTION)
             transmission = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_TRANSMISSION)
+            if tilts:
+                reflection = _tilted_sample(rays, lane, reflection)
+                transmission = _tilted_sample(rays, lane, transmission)
+            if masks:
+                reflection = _scaled(reflection, rays.opacity[lane])
+                transmission = _beyond_mask(rays, lane, si, transmission)
         if use_albedos:
             diffuse, albedo = albedos(parameters, si)
+            if masks:
+                diffuse = diffuse * rays.opacity[lane]
             diffuse, albedo = select3(si.miss, none, diffuse), select3(si.miss, none, albedo)
-        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo)
+        through = light_through & (dot(si.normal, wi) < zero)
+        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through)
 
     return scatter
 
 
+@cache
+def _make_load_scattering(light_through: bool) -> Any:
+    """The function (rays, lane, si, draws) -> Scattering that the stages of the models have stored."""
+
+    @inline
+    def load(rays, lane, si, draws):
+        through = light_through & (dot(si.normal, rays.wi[lane]) < const(0.0, si.t))
+        return _load_scattering(rays, lane, si, through)
+
+    return load
+
+
 @inline
-def _load_scattering(rays, lane, si, draws):
-    """What the stages of the models have stored."""
+def _load_scattering(rays, lane, si, through):
     zero = const(0.0, si.t)
     return Scattering(
         Spectrum(rays.value_color[lane], rays.value_scale[lane]), rays.value_pdf[lane],
@@ -87,31 +175,31 @@ def _load_scattering(rays, lane, si, draws):
                    zero, False, rays.reflection_valid[lane]),
         BSDFSample(rays.transmission_wi[lane], Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
                    zero, rays.transmission_through[lane], rays.transmission_valid[lane]),
-        rays.diffuse_albedo[lane], rays.albedo[lane],
+        rays.diffuse_albedo[lane], rays.albedo[lane], through,
     )  # fmt: skip
 
 
 def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering that the shade stage calls."""
     if len(features.bsdfs) > 1:
-        return _load_scattering
+        return _make_load_scattering(features.transmission)
     kind = features.bsdfs[0] if features.bsdfs else 0
-    return _make_scatter(kind, features.only(*_FEATURES), uses)
+    return _make_scatter(kind, features.of_bsdfs, features.masks, features.tilts, uses)
 
 
-def _make(kind: int, features: SceneFeatures, uses: Uses, real: Any) -> Any:
-    scatter = _make_scatter(kind, features, uses)
+def _make(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses, real: Any) -> Any:
+    scatter = _make_scatter(kind, features, masks, tilts, uses)
     use_value, use_sample, use_specular, use_albedos = uses
 
     def scattering(batch, scene_address):
-        rays, hits = ray_batch(batch, real), np.int64(0)
+        rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
         for lane in range(np.uint64(LANES)):
             hits += np.int64(rays.bsdf_model[lane] == kind) & np.int64(rays.alive[lane])
         if hits == 0:
             return
         for lane in range(np.uint64(LANES)):
             if rays.bsdf_model[lane] == kind:
-                found = scatter(rays, lane, load_interaction(rays, lane), load_draws(rays, lane))
+                found = scatter(rays, lane, load_interaction(rays, scene, lane), load_draws(rays, lane))
                 if use_value:
                     rays.value_color[lane] = found.value.color
                     rays.value_scale[lane] = found.value.scale
@@ -144,9 +232,9 @@ def stages(features: SceneFeatures, uses: Uses, real: Any) -> list[Any]:
     """One stage for each model of a scene that has several; none where it has one."""
     if len(features.bsdfs) < 2 or not any(uses):
         return []
-    return [_stage(kind, features.only(*_FEATURES), uses, real) for kind in features.bsdfs]
+    return [_stage(kind, features.of_bsdfs, features.masks, features.tilts, uses, real) for kind in features.bsdfs]
 
 
 @cache
-def _stage(kind: int, features: SceneFeatures, uses: Uses, real: Any) -> Any:
-    return compile_stage(_make(kind, features, uses, real))
+def _stage(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses, real: Any) -> Any:
+    return compile_stage(_make(kind, features, masks, tilts, uses, real))

@@ -14,11 +14,12 @@ from engines.choices import Choice
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.integrators import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
-from engines.kernels.lane.vector import Vec3, length, select3
+from engines.kernels.lane.vector import Vec3, dot, length, select3
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, VERTEX_DRAWS, ray_batch, scene_table
 from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering
 
@@ -64,8 +65,8 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
         return (1 << VERTEX_DRAWS) - 1
     light = 0b011 | (0b100 if features.many_lights or features.mesh_lights else 0)
     if shader.name != "path_tracer":
-        return light
-    several = features.lobes or features.specular_reflection or features.specular_transmission
+        return light | (0b1000 if features.choices else 0)
+    several = features.lobes or features.specular_reflection or features.specular_transmission or features.choices
     lobe = 0b1000 if several else 0
     roulette = 0b1000000 if shader.options["rr_depth"] < shader.options["max_depth"] else 0
     return light | lobe | 0b110000 | roulette
@@ -81,6 +82,10 @@ class ShadeFeatures(NamedTuple):
     branches: bool
     """Two rays may follow from one hit."""
     shadows: bool
+    through: bool
+    """Light samples may lie on the far side of a surface that transmits their light."""
+    curved: tuple[int, ...]
+    """Kinds of shapes, besides spheres, that a ray which leaves one may meet again."""
 
 
 @inline
@@ -94,21 +99,45 @@ def _next_light(rays, lane, working, miss, n_lights):
 
 
 @inline
-def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, shadows):
+def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, shading):
     """What waits for the shadow ray, and the ray: aimed anew from where it starts, since a parallel one would meet a
-    light that is seen from the side too early."""
+    light that is seen from the side too early. It starts on the side of the surface where the light is."""
+    step = offset
+    if shading.through:
+        step = select(dot(si.geometric_normal, light.wi) < const(0.0, offset), -offset, offset)
+    rays.shadow_origin[lane] = si.point + si.geometric_normal * step
     zero, infinite = const(0.0, offset), const(math.inf, offset)
     sent = working & (not ((direct.x <= zero) & (direct.y <= zero) & (direct.z <= zero)))  # NaN is sent, to be counted
     rays.direct[lane] = select3(sent, direct, Vec3(zero, zero, zero))
-    aim = light.wi * light.distance - si.geometric_normal * offset
+    aim = light.wi * light.distance - si.geometric_normal * step
     way, endless = length(aim), light.distance == infinite
     rays.wi[lane] = select3(endless, light.wi, aim * (const(1.0, way) / way))
     way = select(endless, infinite, way * share - offset)
-    rays.shadow_t_max[lane] = select(sent & shadows, way, const(-1.0, way))
+    rays.shadow_t_max[lane] = select(sent & shading.shadows, way, const(-1.0, way))
+
+
+@cache
+def _make_left(curved: tuple[int, ...]) -> Any:
+    """The function (rays, lane) -> id of the flat primitive that the lane's ray leaves, -1 for none. (Of a sphere the id does
+    no harm: nobody asks.)"""
+
+    @inline
+    def primitive(rays, lane):
+        return rays.primitive[lane]
+
+    if not curved:
+        return primitive
+    kind, flat = curved[0], _make_left(curved[1:])
+
+    @inline
+    def left(rays, lane):
+        return select(rays.shape[lane] == kind, np.int64(-1), np.int64(flat(rays, lane)))
+
+    return left
 
 
 @inline
-def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth):
+def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, following, depth, left):
     """The ray that goes on, from the side of the surface on which it leaves."""
     step = select(result.transmitted, -offset, offset)
     rays.origin[lane] = select3(goes, si.point + si.geometric_normal * step, si.origin)
@@ -116,7 +145,7 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
     rays.throughput[lane] = select3(goes, result.throughput, path.throughput)
     rays.pdf[lane] = select(goes, result.pdf, path.pdf)
     rays.cosine_pdf[lane] = cosine_pdf(si.normal, result.direction)
-    rays.origin_primitive[lane] = rays.primitive[lane]
+    rays.origin_primitive[lane] = left(rays, lane)
     depth = select(goes, depth + 1, depth)
     rays.depth[lane] = depth
     rays.dimension[lane] = CAMERA_DIMENSIONS + VERTEX_DIMENSIONS * ((depth - 1) * per_vertex + following)
@@ -134,17 +163,17 @@ class State(NamedTuple):
 
 
 @inline
-def _load(rays, lane, lit, real):
+def _load(rays, scene, lane, lit, real):
     none, depth = Vec3(real(0), real(0), real(0)), rays.depth[lane]
     light = LightSample(none, real(0), none, real(0))
     if lit:
         light = LightSample(rays.wi[lane], rays.light_distance[lane], rays.li[lane], rays.light_sample_pdf[lane])
     path = Path(rays.throughput[lane], real(depth), rays.pdf[lane])
-    return State(rays.alive[lane], depth, load_interaction(rays, lane), light, path)
+    return State(rays.alive[lane], depth, load_interaction(rays, scene, lane), light, path)
 
 
 @inline
-def _store(rays, lane, before, result, n_lights, shading, share, real):
+def _store(rays, lane, before, result, n_lights, shading, left, share, real):
     """What the lane does next."""
     working, depth, si = before.working, before.depth, before.si
     light, per_vertex, stays = np.int64(0), np.int64(1), False
@@ -154,9 +183,8 @@ def _store(rays, lane, before, result, n_lights, shading, share, real):
     added = select3(working & (light == 0), result.radiance, Vec3(real(0), real(0), real(0)))
     rays.radiance[lane] = rays.radiance[lane] + added
     offset = rays.offset[lane]
-    rays.shadow_origin[lane] = si.point + si.geometric_normal * offset
     if shading.lit:
-        _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading.shadows)
+        _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading)
     ends = working & (not stays)
     goes = ends & result.alive
     rays.done[lane] = ends & (not result.alive)
@@ -164,8 +192,9 @@ def _store(rays, lane, before, result, n_lights, shading, share, real):
         rays.branch[lane] = goes & result.branch
         rays.branch_direction[lane] = result.branch_direction
         rays.branch_throughput[lane] = result.branch_throughput
+        rays.branch_origin[lane] = si.point + si.geometric_normal * offset
     following = select(stays, light + 1, 0)
-    _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth)
+    _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth, left)
 
 
 @inline
@@ -178,17 +207,17 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    lit = shading.lit
+    lit, left = shading.lit, _make_left(shading.curved)
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         options, n_lights = _eight_options(scene, real), scene.n_lights
         share = real(scene.margins[0].shadow_share)
         for lane in range(np.uint64(LANES)):
-            before, draws = _load(rays, lane, lit, real), load_draws(rays, lane)
+            before, draws = _load(rays, scene, lane, lit, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             result = step(before.si, before.light, bsdf, draws, before.path, options)
-            _store(rays, lane, before, result, n_lights, shading, share, real)
+            _store(rays, lane, before, result, n_lights, shading, left, share, real)
 
     return shade
 
@@ -196,9 +225,11 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
 def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeatures:
     """What the stage of `integrator` is compiled for in a scene of these features."""
     lit = integrator.lit and len(features.lights) > 0
-    both = features.specular_reflection and features.specular_transmission
+    both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
-    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows)
+    through = lit and features.transmission
+    curved = tuple(kind for kind in features.analytic if analytic_shape(kind).curved)
+    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, through, curved)
 
 
 def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:

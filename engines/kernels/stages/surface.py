@@ -29,7 +29,8 @@ OFFSET_ULPS = 256.0
 
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
-    *_SHAPES, "smooth", "bsdfs", "diffuse", "specular_reflection", "specular_transmission", "tangents", "emission", "lights",
+    *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
+    "turned_environment",
 )  # fmt: skip
 
 
@@ -284,7 +285,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     emission, tangents, area_lights = features.emission, features.tangents, _area_lights(features)
     listed_shapes, light_pdf_of = len(area_lights) > 0, _make_light_pdf(area_lights)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
-    image_environment = lights.IMAGE_ENVIRONMENT in features.lights
+    image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
 
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -317,20 +318,22 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             rays.emission[lane] = emitted
             rays.light_pdf[lane] = light_pdf
         if image_environment:
-            _image_environment(rays, scene, n_lights, real)
+            _image_environment(rays, scene, n_lights, turned, real)
 
     return surface
 
 
 @inline
-def _image_environment(rays, scene, n_lights, real):
+def _image_environment(rays, scene, n_lights, turned, real):
     """Radiance of the rays that miss, from the environment's image: scalar code, in a loop of its own."""
-    width, height = scene.environment_width, scene.environment_height
+    width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
     for lane in range(np.uint64(LANES)):
         if rays.miss[lane]:
             d = to_float64(rays.direction[lane])
+            if turned:
+                d = environment.to_image(axes, d)
             u, v = environment.direction_to_uv(d.x, d.y, d.z)
-            rays.emission[lane] = environment.radiance(scene.environment, width, height, u, v)
+            rays.emission[lane] = environment.radiance(scene.environment, width, height, axes, u, v)
             pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v)
             rays.light_pdf[lane] = real(pdf) / n_lights
 

@@ -4,7 +4,7 @@ from engines.numpy_reference.bsdf.interface import BSDF, BSDFSample, Lobes
 from engines.numpy_reference.registry import collect
 
 BSDFS: dict[type, type[BSDF]] = collect("BSDFS", __name__, __path__)
-"""For each type of `Material.bsdf`, the class that holds all materials of that model; None stands for kd, ks and kt. From the
-tables `BSDFS` of the modules."""
+"""For each model of `engines.scene.bsdf` that is no wrapper, the class that holds all of a scene. From the tables `BSDFS` of
+the modules."""
 
 __all__ = ["BSDF", "BSDFS", "BSDFSample", "Lobes"]

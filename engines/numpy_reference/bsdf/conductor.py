@@ -6,84 +6,85 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.bsdf import ggx
+from engines.numpy_reference.bsdf.facets import Roughness
 from engines.numpy_reference.bsdf.fresnel import fresnel_conductor
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored, reflects
 from engines.numpy_reference.interaction import SurfaceInteraction
-from engines.numpy_reference.vectors import Array, Frame, Indices, Mask, dot, unit
-from engines.scene import Conductor, Material
+from engines.numpy_reference.textures import ColorParameter
+from engines.numpy_reference.vectors import Array, Indices, dot, unit
+from engines.scene import Conductor
 
 
 class ConductorBSDF:
-    """All conductors of a scene: GGX microfacets, and mirrors where the roughness is 0.
+    """All conductors of a scene: microfacets, and mirrors where the roughness is 0.
 
     A facet with normal m = unit(wo + wi) is a mirror of reflectance F(wo . m); D(m) says how many there are, and
     G1(wo) G1(wi) how many of them are seen and lit. They reflect on both sides of the surface.
     """
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        models = [material.bsdf for material in materials if isinstance(material.bsdf, Conductor)]
-        self._eta, self._k, self._reflectance = (
-            np.array([getattr(model, name) for model in models], np.float64).reshape(-1, 3).T.copy()
-            for name in ("eta", "k", "reflectance")
+    def __init__(self, leaves: Sequence[Conductor]) -> None:
+        self._eta, self._k = (
+            np.array([getattr(leaf, name) for leaf in leaves], np.float64).reshape(-1, 3).T.copy()
+            for name in ("eta", "k")
         )
-        self._alpha = np.array([model.alpha for model in models], np.float64).reshape(-1, 2).T.copy()
-        self._smooth: Mask = (self._alpha == 0.0).all(axis=0)
+        self._reflectance = ColorParameter([leaf.reflectance for leaf in leaves])
+        self._roughness = Roughness(leaves)
+        self._smooth = self._roughness.smooth
         self.lobes = np.where(self._smooth, Lobes.SPECULAR_REFLECTION.value, Lobes.GLOSSY_REFLECTION.value)
-        self.diffuse = np.zeros((3, len(models)))
-        self.albedo = np.array([model.albedo for model in models], np.float64).reshape(-1, 3).T.copy()
 
     def sample(
-        self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
+        self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
     ) -> BSDFSample:
         """The mirror direction of the surface, or of a facet among those that are seen from `wo`."""
-        found = BSDFSample.empty(material.size)
+        found = BSDFSample.empty(member.size)
         # smooth
-        lanes = np.flatnonzero(self.lobes[material] & lobes & Lobes.SPECULAR_REFLECTION)
-        which, here = material[lanes], at.take(lanes)
+        lanes = np.flatnonzero(self.lobes[member] & lobes & Lobes.SPECULAR_REFLECTION)
+        which, here = member[lanes], at.take(lanes)
         wi = mirrored(here)
-        weight = np.where(here.reflects(wi), self._reflected(which, dot(here.wo, here.normal)), 0.0)
+        weight = np.where(here.reflects(wi), self._reflected(which, here, dot(here.wo, here.normal)), 0.0)
         found.put(lanes, wi, weight, np.full(lanes.size, np.inf))
         # rough
-        lanes = np.flatnonzero(self.lobes[material] & lobes & Lobes.GLOSSY_REFLECTION)
-        which, here = material[lanes], at.take(lanes)
-        frame, alpha = Frame.along(here.normal, here.dp_du), self._alpha.take(which, axis=1)
-        wo = frame.to_local(here.wo)
-        m = ggx.sample_visible_normals(wo, alpha, u0[lanes], u1[lanes])
-        local = 2.0 * dot(wo, m) * m - wo
-        wi = frame.to_world(local)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weight = self._reflected(which, dot(wo, m)) * ggx.masking(local, alpha)
-        found.put(lanes, wi, np.where(_reflects(here, wi), weight, 0.0), self.pdf(which, here, wi))
+        lanes = np.flatnonzero(self.lobes[member] & lobes & Lobes.GLOSSY_REFLECTION)
+        which, here = member[lanes], at.take(lanes)
+        facets = self._roughness.at(which, here)
+        m = facets.sample_visible(u0[lanes], u1[lanes])
+        towards = facets.mirrored(m)
+        wi = facets.frame.to_world(towards)
+        weight = self._reflected(which, here, dot(facets.wo, m)) * facets.weight(towards)
+        found.put(lanes, wi, np.where(reflects(here, wi), weight, 0.0), self.pdf(which, here, wi))
         return found
 
-    def evaluate(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+    def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         """F D G1(wo) G1(wi) / (4 cos cos), after Torrance and Sparrow."""
-        frame, alpha = Frame.along(at.normal, at.dp_du), self._alpha.take(material, axis=1)
-        wo, wi_local = frame.to_local(at.wo), frame.to_local(wi)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            m = unit(wo + wi_local)
-            facets = ggx.distribution(m, alpha) * ggx.masking(wo, alpha) * ggx.masking(wi_local, alpha)
-            value = self._reflected(material, dot(wo, m)) * facets / (4.0 * wo[2] * wi_local[2])
-        return np.where(~self._smooth[material] & _reflects(at, wi), value, 0.0)
+        lanes = np.flatnonzero(~self._smooth[member] & reflects(at, wi))
+        member, at = member[lanes], at.take(lanes)
+        facets = self._roughness.at(member, at)
+        towards = facets.frame.to_local(wi.take(lanes, axis=1))
+        m = unit(facets.wo + towards)
+        value = np.zeros(wi.shape)
+        value[:, lanes] = facets.reflected(self._reflected(member, at, dot(facets.wo, m)), towards, m)
+        return value
 
-    def pdf(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+    def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         """The density of visible normals, times the Jacobian of the reflection in them."""
-        frame, alpha = Frame.along(at.normal, at.dp_du), self._alpha.take(material, axis=1)
-        wo = frame.to_local(at.wo)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            m = unit(wo + frame.to_local(wi))
-            density = ggx.pdf_visible_normals(wo, m, alpha) / (4.0 * dot(wo, m))
-        return np.where(~self._smooth[material] & _reflects(at, wi), density, 0.0)
+        lanes = np.flatnonzero(~self._smooth[member] & reflects(at, wi))
+        facets = self._roughness.at(member[lanes], at.take(lanes))
+        density = np.zeros(member.size)
+        density[lanes] = facets.pdf_reflected(unit(facets.wo + facets.frame.to_local(wi.take(lanes, axis=1))))
+        return density
 
-    def _reflected(self, material: Indices, cosine: Array) -> Array:
+    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return np.zeros((3, member.size))
+
+    def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
+        """The reflectance at normal incidence."""
+        eta, k = (table.take(member, axis=1) for table in (self._eta, self._k))
+        return self._reflectance(member, at) * ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
+
+    def _reflected(self, member: Indices, at: SurfaceInteraction, cosine: Array) -> Array:
         """(3, n) reflectance of a mirror that is seen under this cosine."""
-        eta, k, scale = (table.take(material, axis=1) for table in (self._eta, self._k, self._reflectance))
-        return scale * fresnel_conductor(cosine, eta, k)
+        eta, k = (table.take(member, axis=1) for table in (self._eta, self._k))
+        return self._reflectance(member, at) * fresnel_conductor(cosine, eta, k)
 
 
 BSDFS = {Conductor: ConductorBSDF}
-
-
-def _reflects(at: SurfaceInteraction, wi: Array) -> Mask:
-    return at.reflects(wi) & (dot(at.wo, at.normal) > 0.0)

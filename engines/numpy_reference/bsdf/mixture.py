@@ -6,44 +6,40 @@ With `fresnel` the mirror is weighted by the reflectance F of a dielectric, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import NoneType
 from typing import NamedTuple
 
 import numpy as np
 
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, mirrored
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, index_ratio, mirrored
 from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.vectors import Array, Indices, Mask, cosine_hemisphere, dot
-from engines.scene import Material
+from engines.scene import Mixture
 
 LOBES = (Lobes.DIFFUSE_REFLECTION, Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION)
 
 
 class MixtureBSDF:
-    """All materials of a scene that are given by kd, ks and kt."""
+    """All leaves of a scene that are given by kd, ks and kt."""
 
-    def __init__(self, materials: Sequence[Material]) -> None:
-        def colours(name: str) -> Array:
-            return np.array([getattr(material, name) for material in materials], np.float64).reshape(-1, 3).T.copy()
-
-        self._kd, self._ks, self._kt = map(colours, ("kd", "ks", "kt"))
-        self._ior = np.array([material.ior for material in materials], np.float64)
-        self._fresnel = np.array([material.fresnel for material in materials], bool)
-        diffuse, mirror, refraction = ((colour > 0.0).any(axis=0) for colour in (self._kd, self._ks, self._kt))
-        self.lobes = diffuse * LOBES[0].value + mirror * LOBES[1].value + refraction * LOBES[2].value
-        self.diffuse = self._kd
-        self.albedo = np.where(diffuse, self._kd, np.where(mirror, self._ks, self._kt))
+    def __init__(self, leaves: Sequence[Mixture]) -> None:
+        self._colors = [ColorParameter([getattr(leaf, name) for leaf in leaves]) for name in ("kd", "ks", "kt")]
+        self._ior = np.array([leaf.ior for leaf in leaves], np.float64)
+        self._fresnel = np.array([leaf.fresnel for leaf in leaves], bool)
+        self.lobes = np.zeros(len(leaves), np.int64)
+        for color, lobe in zip(self._colors, LOBES, strict=True):
+            self.lobes += (color.largest > 0.0).any(axis=0) * lobe.value
 
     def sample(
-        self, material: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
+        self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
     ) -> BSDFSample:
         """One lobe, chosen in proportion to the sums of the weights over red, green and blue."""
-        weights = self._weights(material, at, lobes)
+        weights = self._weights(member, at, lobes)
         d, r, t = (weight.sum(axis=0) for weight in weights)
         q = d + r + t
         u = uc * q
-        found = BSDFSample.empty(material.size)
+        found = BSDFSample.empty(member.size)
         # diffuse
         lanes = np.flatnonzero(u < d)
         here, share = at.take(lanes), d[lanes] / q[lanes]
@@ -59,39 +55,45 @@ class MixtureBSDF:
         # refraction
         lanes = np.flatnonzero((u >= d + r) & (t > 0.0))
         here = at.take(lanes)
-        through = refracted(here, self._index_ratio(material[lanes], here))
+        through = refracted(here, self._index_ratio(member[lanes], here))
         side = dot(here.geometric, through.wi)
         good = np.where(through.total, side, -side) > 0.0
         weight = np.where(good, weights.refraction[:, lanes] * (q[lanes] / t[lanes] * through.scale), 0.0)
         found.put(lanes, through.wi, weight, np.full(lanes.size, np.inf))
         return found
 
-    def evaluate(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+    def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         """Lambert's law."""
-        return np.where(at.reflects(wi), self._kd.take(material, axis=1) / np.pi, 0.0)
+        return np.where(at.reflects(wi), self._colors[0](member, at) / np.pi, 0.0)
 
-    def pdf(self, material: Indices, at: SurfaceInteraction, wi: Array) -> Array:
-        d, r, t = (weight.sum(axis=0) for weight in self._weights(material, at, Lobes.ALL))
+    def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        d, r, t = (weight.sum(axis=0) for weight in self._weights(member, at, Lobes.ALL))
         with np.errstate(invalid="ignore"):
             return np.where((d > 0.0) & at.reflects(wi), d / (d + r + t) * dot(at.normal, wi) / np.pi, 0.0)
 
-    def _weights(self, material: Indices, at: SurfaceInteraction, lobes: Lobes) -> _Weights:
-        kd, ks, kt = (table.take(material, axis=1) for table in (self._kd, self._ks, self._kt))
-        coated = self._fresnel[material]
+    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return self._colors[0](member, at)
+
+    def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
+        """The first of kd, ks, kt that is not black."""
+        kd, ks, kt = (color(member, at) for color in self._colors)
+        return np.where((kd > 0.0).any(axis=0), kd, np.where((ks > 0.0).any(axis=0), ks, kt))
+
+    def _weights(self, member: Indices, at: SurfaceInteraction, lobes: Lobes) -> _Weights:
+        kd, ks, kt = (color(member, at) for color in self._colors)
+        coated = self._fresnel[member]
         if coated.any():
-            reflectance, _ = fresnel_dielectric(np.abs(dot(at.wo, at.normal)), self._index_ratio(material, at))
+            reflectance, _ = fresnel_dielectric(np.abs(dot(at.wo, at.normal)), self._index_ratio(member, at))
             ks = np.where(coated, ks * reflectance, ks)
             kt = np.where(coated, kt * (1.0 - reflectance), kt)
         weights = zip((kd, ks, kt), LOBES, strict=True)
         return _Weights(*(weight if lobe in lobes else np.zeros_like(weight) for weight, lobe in weights))
 
-    def _index_ratio(self, material: Indices, at: SurfaceInteraction) -> Array:
-        """(n,) the index behind the surface over the one before it, as the viewer sees it."""
-        ior = self._ior[material]
-        return np.where(at.front, ior, 1.0 / ior)
+    def _index_ratio(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return index_ratio(at, self._ior[member])
 
 
-BSDFS = {NoneType: MixtureBSDF}
+BSDFS = {Mixture: MixtureBSDF}
 
 
 class _Weights(NamedTuple):

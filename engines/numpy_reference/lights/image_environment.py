@@ -5,18 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from engines.numpy_reference.distribution import first_above, rest, shares
-from engines.numpy_reference.vectors import Array, Indices
+from engines.numpy_reference.vectors import Array, Indices, dot
 from engines.scene import EnvironmentLight
 
 
 class ImageEnvironment:
-    """A latitude-longitude image (h, w, 3) times a radiance: +y up, -z at the left edge, +z in the middle."""
+    """A latitude-longitude image (h, w, 3) times a radiance: +y up, -z at the left edge, +z in the middle, before it is
+    rotated."""
 
     def __init__(self, light: EnvironmentLight) -> None:
         assert light.image is not None
         image = np.asarray(light.image, np.float64) * np.array(light.radiance)
         self._image = np.ascontiguousarray(image.transpose(2, 0, 1))
         height, width = self._shape = image.shape[:2]
+        self._to_world = np.array(light.rotation)
+        self._poles = light.rows == "poles"
         smooth = _neighbourhood_mean(image.mean(axis=2))
         weight = smooth * np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
         total = weight.sum()
@@ -27,11 +30,11 @@ class ImageEnvironment:
 
     def Li(self, direction: Array) -> Array:
         """(3, n) from unit directions, bilinear between the centres of texels; columns wrap, rows clamp."""
-        return self._bilinear(*_place(direction))
+        return self._bilinear(*self._place(direction))
 
     def pdf(self, direction: Array, normal: Array) -> Array:
         """(n,) per solid angle, of sampling the directions; normals play no role."""
-        u, v = _place(direction)
+        u, v = self._place(direction)
         height, width = self._shape
         row = np.minimum((v * height).astype(np.int64), height - 1)
         column = np.minimum((u * width).astype(np.int64), width - 1)
@@ -47,7 +50,18 @@ class ImageEnvironment:
         v = (row + rest(self._rows, top, row, u1)) / height
         phi, sine = 2.0 * np.pi * u, np.sin(np.pi * v)
         wi = np.stack([sine * np.sin(phi), np.cos(np.pi * v), -sine * np.cos(phi)])
-        return wi, self._per_solid_angle(row, column, v)
+        return self._rotated(wi, self._to_world), self._per_solid_angle(row, column, v)
+
+    def _place(self, direction: Array) -> tuple[Array, Array]:
+        """(u, v) in [0, 1] of unit directions."""
+        return _place(self._rotated(direction, self._to_world.T))
+
+    @staticmethod
+    def _rotated(direction: Array, matrix: Array) -> Array:
+        """Element by element, as a ray's result must not depend on the rays beside it."""
+        if np.array_equal(matrix, np.eye(3)):
+            return direction
+        return np.stack([dot(row, direction) for row in matrix])
 
     def _per_solid_angle(self, row: Indices, column: Indices, v: Array) -> Array:
         sine = np.sin(np.pi * v)
@@ -56,7 +70,7 @@ class ImageEnvironment:
 
     def _bilinear(self, u: Array, v: Array) -> Array:
         height, width = self._shape
-        x, y = u * width - 0.5, v * height - 0.5
+        x, y = u * width - 0.5, v * (height - 1.0) if self._poles else v * height - 0.5
         left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
         fx, fy = x - left, y - top
         x0, x1 = left % width, (left + 1) % width

@@ -6,8 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, columns, pdf_solid_angle
-from engines.numpy_reference.vectors import Array, Indices, along, dot, norm, unit
+from engines.numpy_reference.shapes.interface import (
+    LocalGeometry,
+    ShapeSample,
+    TextureCoordinates,
+    columns,
+    pdf_solid_angle,
+    turn,
+)
+from engines.numpy_reference.vectors import Array, Indices, along, dot, frame, norm, unit
 from engines.scene import Disk
 
 
@@ -45,6 +52,15 @@ class Disks:
         """The first coordinate is the distance from the centre."""
         normal = self._normal.take(index, axis=1)
         return LocalGeometry(normal, normal, point - self._center.take(index, axis=1), self._radius[index])
+
+    def coordinates(self, index: Indices, origin: Array, direction: Array, point: Array) -> TextureCoordinates:
+        """u runs from the centre to the rim, v around the normal."""
+        t1, t2 = frame(self._normal.take(index, axis=1))
+        away, radius = point - self._center.take(index, axis=1), self._radius[index]
+        phi, distance = turn(dot(away, t2), dot(away, t1)), norm(away)
+        outwards, around = np.cos(phi) * t1 + np.sin(phi) * t2, np.cos(phi) * t2 - np.sin(phi) * t1
+        uv = np.stack([distance / radius, phi / (2.0 * np.pi)])
+        return TextureCoordinates(uv, radius * outwards, 2.0 * np.pi * distance * around)
 
     def bounds(self) -> tuple[Array, Array]:
         """Tight: along an axis a disk reaches as far as the sine of the angle between the axis and its normal."""

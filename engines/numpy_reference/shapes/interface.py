@@ -49,6 +49,10 @@ class Primitives(Protocol):
         """The shape around points (3, n) where rays (3, n) have hit it."""
         ...
 
+    def coordinates(self, index: Indices, origin: Array, direction: Array, point: Array) -> TextureCoordinates:
+        """The texture coordinates of points (3, n) where rays (3, n) have hit the shape."""
+        ...
+
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper corners of the boxes, (3, m) each."""
         ...
@@ -80,6 +84,17 @@ class LocalGeometry(NamedTuple):
     """(n,) metres, of round shapes: rounding errors of the point grow with it, and not with its coordinates alone."""
 
 
+class TextureCoordinates(NamedTuple):
+    """(u, v) of n points of a shape, and the derivatives of the point by them."""
+
+    uv: Array
+    """(2, n)"""
+    dp_du: Array
+    """(3, n)"""
+    dp_dv: Array
+    """(3, n)"""
+
+
 class ShapeSample(NamedTuple):
     """n points on shapes, seen from n others."""
 
@@ -96,6 +111,12 @@ class ShapeSample(NamedTuple):
 def pdf_solid_angle(distance: Array, cosine: Array, area: Array) -> Array:
     """(n,) the density per solid angle of points that are uniform over an area, under this cosine at the shape."""
     return distance * distance / (np.abs(cosine) * area)
+
+
+def turn(y: Array, x: Array) -> Array:
+    """(n,) angles from the x axis to the y axis, in [0, 2 pi)."""
+    phi = np.arctan2(y, x)
+    return np.where(phi < 0.0, phi + 2.0 * np.pi, phi)
 
 
 def columns(shapes: Sequence[Any], name: str) -> Array:

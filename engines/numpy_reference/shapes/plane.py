@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, columns
-from engines.numpy_reference.vectors import Array, Indices, dot, unit
+from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, columns
+from engines.numpy_reference.vectors import Array, Indices, dot, frame, unit
 from engines.scene import Plane
 
 
@@ -22,7 +22,8 @@ class Planes:
         self.primitive_id = primitive_id
         self.area = np.full(primitive_id.size, np.inf)
         self._normal = unit(columns(shapes, "normal"))
-        self.data = np.concatenate([columns(shapes, "point"), self._normal])[None]
+        self._point = columns(shapes, "point")
+        self.data = np.concatenate([self._point, self._normal])[None]
 
     @staticmethod
     def count(shape: Plane) -> int:
@@ -42,6 +43,12 @@ class Planes:
     def interaction(self, index: Indices, origin: Array, direction: Array, point: Array) -> LocalGeometry:
         normal = self._normal.take(index, axis=1)
         return LocalGeometry(normal, normal, np.zeros_like(normal), 0.0)
+
+    def coordinates(self, index: Indices, origin: Array, direction: Array, point: Array) -> TextureCoordinates:
+        """Metres from the plane's point along the local frame of its normal."""
+        t1, t2 = frame(self._normal.take(index, axis=1))
+        away = point - self._point.take(index, axis=1)
+        return TextureCoordinates(np.stack([dot(away, t1), dot(away, t2)]), t1, t2)
 
     def bounds(self) -> tuple[Array, Array]:
         raise TypeError("a plane has no bounding box")

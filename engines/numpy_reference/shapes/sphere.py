@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample
+from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, turn
 from engines.numpy_reference.vectors import EPSILON, Array, Indices, Mask, along, dot, norm, unit
 from engines.scene import Sphere, SphereSet
 
@@ -65,6 +65,15 @@ class Spheres:
         outward = unit(point - self._center.take(index, axis=1))
         dp_du = np.stack([-outward[1], outward[0], np.zeros(index.size)])
         return LocalGeometry(outward, outward, dp_du, self._radius[index])
+
+    def coordinates(self, index: Indices, origin: Array, direction: Array, point: Array) -> TextureCoordinates:
+        """u is the longitude around +z, v the angle from +z."""
+        x, y, z = point - self._center.take(index, axis=1)
+        phi = turn(y, x)
+        theta = np.arccos(np.clip(z / self._radius[index], -1.0, 1.0))
+        uv = np.stack([phi / (2.0 * np.pi), theta / np.pi])
+        dp_du = 2.0 * np.pi * np.stack([-y, x, np.zeros(index.size)])
+        return TextureCoordinates(uv, dp_du, np.pi * np.stack([z * np.cos(phi), z * np.sin(phi), -np.hypot(x, y)]))
 
     def bounds(self) -> tuple[Array, Array]:
         return self._center - self._radius, self._center + self._radius

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from engines.numpy_reference.shapes import watertight
-from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, pdf_solid_angle
+from engines.numpy_reference.shapes.interface import LocalGeometry, ShapeSample, TextureCoordinates, pdf_solid_angle
 from engines.numpy_reference.vectors import Array, Indices, cross, dot, norm, unit
 from engines.scene import Mesh, Triangle
 
@@ -35,7 +35,8 @@ class Triangles:
         self.a, self.b, self.c = corners[:, :, good]
         self.normal, self.area = unit(normal[:, good]), area[good]
         self.data = watertight.copies_by_axis(corners[:, :, good])
-        self._vertex_normals = _vertex_normals(shapes, good)
+        self._vertex_normals = _of_corners(shapes, good, "normals")
+        self._vertex_uvs = _of_corners(shapes, good, "uvs")
         self._corners = corners.transpose(1, 0, 2).reshape(3, -1)
 
     @staticmethod
@@ -48,10 +49,33 @@ class Triangles:
         return watertight.barycentric(self.data[copies, :, index].T, rays)
 
     def interaction(self, index: Indices, origin: Array, direction: Array, point: Array) -> LocalGeometry:
-        """The first coordinate runs from the first vertex to the second."""
-        normal = self.normal.take(index, axis=1)
-        edge = self.b.take(index, axis=1) - self.a.take(index, axis=1)
-        return LocalGeometry(normal, self._shading_normal(index, origin, direction, normal), edge, 0.0)
+        """Without texture coordinates of its mesh, a face's first coordinate runs from the first vertex to the second."""
+        normal, (dp_du, _) = self.normal.take(index, axis=1), self._derivatives(index)
+        return LocalGeometry(normal, self._shading_normal(index, origin, direction, normal), dp_du, 0.0)
+
+    def coordinates(self, index: Indices, origin: Array, direction: Array, point: Array) -> TextureCoordinates:
+        """Those of the vertices, interpolated; the weights of the second and third vertex where the mesh has none."""
+        u, v = self.barycentric(index, origin, direction)
+        uv = np.stack([u, v])
+        if self._vertex_uvs is not None:
+            a, b, c = self._vertex_uvs.take(index, axis=2)
+            uv = np.where(np.isnan(a), uv, (1.0 - u - v) * a + u * b + v * c)
+        return TextureCoordinates(uv, *self._derivatives(index))
+
+    def _derivatives(self, index: Indices) -> tuple[Array, Array]:
+        """dp/du and dp/dv, (3, n) each: the edges to the second and third vertex where the mesh has no texture coordinates,
+        or has some that lie on a line."""
+        a = self.a.take(index, axis=1)
+        ab, ac = self.b.take(index, axis=1) - a, self.c.take(index, axis=1) - a
+        if self._vertex_uvs is None:
+            return ab, ac
+        a, b, c = self._vertex_uvs.take(index, axis=2)
+        (du1, dv1), (du2, dv2) = b - a, c - a
+        determinant = du1 * dv2 - dv1 * du2
+        plain = np.isnan(determinant) | (determinant == 0.0)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            dp_du = np.where(plain, ab, (dv2 * ab - dv1 * ac) / determinant)
+            return dp_du, np.where(plain, ac, (du1 * ac - du2 * ab) / determinant)
 
     def _shading_normal(self, index: Indices, origin: Array, direction: Array, flat: Array) -> Array:
         """The normals of the vertices, interpolated, where a mesh has them; elsewhere `flat`, as where they cancel out."""
@@ -96,14 +120,17 @@ def _corners(shape: Triangle | Mesh) -> Array:
     return np.asarray(shape.vertices, np.float64)[np.asarray(shape.faces).T].transpose(0, 2, 1)
 
 
-def _vertex_normals(shapes: Sequence[Triangle | Mesh], good: Indices) -> Array | None:
-    """Normals of the corners of the faces `good`: (vertex, axis, face), NaN where flat; None where all are."""
-    if not any(isinstance(shape, Mesh) and shape.normals is not None for shape in shapes):
+def _of_corners(shapes: Sequence[Triangle | Mesh], good: Indices, name: str) -> Array | None:
+    """An attribute of the vertices of meshes at the corners of the faces `good`: (vertex, number, face), NaN where a mesh has
+    none; None where all have none."""
+    values = [getattr(shape, name) if isinstance(shape, Mesh) else None for shape in shapes]
+    numbers = next((given.shape[1] for given in values if given is not None), 0)
+    if not numbers:
         return None
     parts = []
-    for shape in shapes:
-        if isinstance(shape, Mesh) and shape.normals is not None:
-            parts.append(np.asarray(shape.normals, np.float64)[np.asarray(shape.faces).T].transpose(0, 2, 1))
+    for shape, given in zip(shapes, values, strict=True):
+        if isinstance(shape, Mesh) and given is not None:
+            parts.append(np.asarray(given, np.float64)[np.asarray(shape.faces).T].transpose(0, 2, 1))
         else:
-            parts.append(np.full((3, 3, Triangles.count(shape)), np.nan))
+            parts.append(np.full((3, numbers, Triangles.count(shape)), np.nan))
     return np.concatenate(parts, axis=2)[:, :, good]

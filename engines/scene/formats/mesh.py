@@ -1,4 +1,4 @@
-"""Meshes from files: OBJ (with MTL) by our own reader, PLY and STL through trimesh.
+"""Meshes from files: OBJ (with MTL) and Mitsuba's serialized by our own readers, PLY and STL through trimesh.
 
 OBJ is read here because trimesh sorts its faces by material, takes index 0 for 1, counts negative indices from the end
 of the file, and drops what an MTL says beyond Kd. Faces keep the order of the file; polygons are cut into fans.
@@ -8,109 +8,214 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.errors import SceneError
+from engines.errors import RaybenchError, SceneError
 from engines.input_files import open_regular, unreadable
-from engines.scene.files import Place
+from engines.memory import lacking_memory
+from engines.scene.bsdf import uses_uvs
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
+from engines.scene.formats.ply import UNIT_NORMALS
+from engines.scene.formats.serialized import parse_serialized
 from engines.scene.geometry import fans, unit_rows
 from engines.scene.materials import Material
 from engines.schema import fields
 from engines.schema.yaml_file import Located
 
-SUFFIXES = (".obj", ".ply", ".stl")
-BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8}
+SUFFIXES = (".obj", ".ply", ".stl", ".serialized")
+BYTES_PER_FILE_BYTE = {".obj": 32, ".ply": 12, ".stl": 8, ".serialized": 2}
 """Memory at the height of reading, for each byte of a file."""
 MAX_LIBRARIES = 1000
 """MTL files of an OBJ."""
 
 
+class At(Protocol):
+    """Where a file is named: what messages begin with, and the error for the file."""
+
+    @property
+    def where(self) -> str: ...
+
+    def refuse(self, wanted: str) -> RaybenchError: ...
+
+
 @dataclass(frozen=True, slots=True)
 class MeshData:
-    """`vertices` (n, 3) float64, `faces` (m, 3) int32, unit vertex `normals` (n, 3) where asked for and there, and for
-    files with materials `face_materials` (m,) indices into `materials`."""
+    """`vertices` (n, 3) float64, `faces` (m, 3) int32, unit vertex `normals` (n, 3) and texture coordinates `uvs` (n, 2) where
+    asked for and there, and for files with materials `face_materials` (m,) indices into `materials`, or, of a PLY, as they
+    stand there.
+
+    Where vertices of the file have been split for normals or texture coordinates, `origins` (n,) are their indices there.
+    `flat` says that a file asks for flat shading.
+    """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     normals: NDArray[np.float64] | None = None
+    uvs: NDArray[np.float64] | None = None
     face_materials: NDArray[np.int32] | None = None
     materials: list[Material] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    origins: NDArray[np.int64] | None = None
+    flat: bool = False
 
 
-def read_mesh(node: Located, place: Place, smooth: bool, with_materials: bool) -> MeshData:
-    """The mesh of the file named at `node`.
+def read_mesh(
+    node: Located, context: Any, smooth: bool, uvs: bool, with_materials: bool, shape_index: int = 0
+) -> MeshData:  # fmt: skip
+    """The mesh of the file named at `node`; `context` is a `SceneReader`.
 
     `with_materials` takes them from the file, and refuses files that have none. Vertex normals are read only when
-    `smooth`. Raises `SceneError` naming the file for whatever cannot be used.
+    `smooth`, texture coordinates when `uvs` or when the file's own materials look at them; v of an OBJ becomes 1 - v. Raises
+    `SceneError` naming the file for whatever cannot be used.
     """
-    file = place.find(node, fields.text(node))
+    file = context.place.find(node, fields.text(node))
+    if not with_materials:
+        return read_mesh_file(node, file, smooth, uvs, shape_index)
+    suffix = mesh_suffix(node, file)
+    if suffix != ".obj":
+        raise node.refuse(f"a {suffix} file has no materials: name one beside 'mesh'")
+    polygons = _obj(node, file)
+    materials, notes = _obj_materials(node, context, file, polygons)
+    uvs = any(uses_uvs(material.bsdf) for material in materials)
+    data = _obj_mesh(node, file, polygons, smooth, uvs, flip_v=True)
+    return replace(
+        data, face_materials=polygons.face_materials, materials=materials, warnings=[*notes, *data.warnings]
+    )  # fmt: skip
+
+
+def mesh_suffix(at: At, file: Path) -> str:
+    """The suffix of a mesh file, which says its format."""
     suffix = file.suffix.lower()
     if suffix not in SUFFIXES:
-        raise node.refuse(f"unknown kind of mesh file: known: {', '.join(SUFFIXES)}")
-    if with_materials and suffix != ".obj":
-        raise node.refuse(f"a {suffix} file has no materials: name one beside 'mesh'")
-    data = _content(node, file)
+        raise at.refuse(f"unknown kind of mesh file: known: {', '.join(SUFFIXES)}")
+    return suffix
+
+
+def read_mesh_file(
+    at: At, file: Path, normals: bool, uvs: bool, shape_index: int = 0, flip_v: bool = True, suffix: str = ""
+) -> MeshData:
+    """The mesh of a file, whatever materials it has: with its vertex normals and its texture coordinates where these are
+    asked for and there.
+
+    `flip_v` makes v of an OBJ 1 - v; `shape_index` is that of a `.serialized` file; `suffix` says another format than the
+    file's name. Raises `SceneError`, with the file where `at` does not name it.
+    """
+    suffix = suffix or mesh_suffix(at, file)
     if suffix == ".obj":
-        return _read_obj(node, place, file, data, smooth, with_materials)
-    return _read_with_trimesh(node, file, data, smooth)
+        return _obj_mesh(at, file, _obj(at, file), normals, uvs, flip_v)
+    data = _content(at, file, suffix)
+    if suffix == ".serialized":
+        return _read_serialized(at, data, normals, uvs, shape_index)
+    return _read_with_trimesh(at, suffix, data, normals, uvs)
 
 
-def _content(node: Located, file: Path) -> bytes:
+def _content(at: At, file: Path, suffix: str) -> bytes:
     try:
         with open_regular(file) as stream:
             size = os.fstat(stream.fileno()).st_size
-            fields.refuse_above_memory(node, size * BYTES_PER_FILE_BYTE[file.suffix.lower()], "reading it")
+            _check_memory(at, size * BYTES_PER_FILE_BYTE[suffix])
             data = stream.read(size)
     except OSError as problem:
-        raise node.refuse(unreadable(problem)) from problem
+        raise at.refuse(unreadable(problem)) from problem
     if not data.strip():
-        raise node.refuse("is empty")
+        raise at.refuse("is empty")
     return data
 
 
-def _read_obj(
-    node: Located, place: Place, file: Path, data: bytes, smooth: bool, with_materials: bool
-) -> MeshData:  # fmt: skip
+def _check_memory(at: At, needed: float) -> None:
+    if lacks := lacking_memory(needed):
+        raise at.refuse(f"reading it {lacks}")
+
+
+def _obj(at: At, file: Path) -> Polygons:
+    data = _content(at, file, ".obj")
     if b"\0" in data:
-        raise node.refuse("is not an OBJ file: it holds binary data")
-    polygons = parse_obj(data.decode("latin-1"), lambda line, wanted: _at_line(node, file, line, wanted))
-    vertices, faces, normals = polygons.vertices, polygons.faces, None
-    if smooth and polygons.face_normals is not None:
-        vertices, faces, normals = _split_at_normals(node, polygons, polygons.face_normals)
-    if not with_materials:
-        return MeshData(vertices, faces, normals)
-    materials, notes = _obj_materials(node, place, file, polygons)
-    return MeshData(vertices, faces, normals, polygons.face_materials, materials, notes)
+        raise at.refuse("is not an OBJ file: it holds binary data")
+    return parse_obj(data.decode("latin-1"), lambda line, wanted: _at_line(at, file, line, wanted))
 
 
-def _at_line(node: Located, file: Path, line: int, wanted: str) -> SceneError:
-    return SceneError(f"{node.where}: {file}:{line}: {wanted}")
+def _at_line(at: At, file: Path, line: int, wanted: str) -> SceneError:
+    return SceneError(f"{at.where}: {file}:{line}: {wanted}")
 
 
-def _split_at_normals(
-    node: Located, polygons: Polygons, face_normals: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-    """Vertices, faces and normals where each pair of a vertex and a normal that occurs is a vertex of its own."""
-    if not np.isfinite(polygons.normals).all():
-        raise node.refuse("has vertex normals that are infinite or not a number")
-    pairs = polygons.faces.astype(np.int64) * len(polygons.normals) + face_normals
+def _obj_mesh(at: At, file: Path, polygons: Polygons, normals: bool, uvs: bool, flip_v: bool) -> MeshData:
+    """The mesh, in which each combination of a vertex, a normal and a texture coordinate that occurs is a vertex of its own."""
+    data = MeshData(polygons.vertices, polygons.faces)
+    if uvs and polygons.texture is not None:
+        found, corners = polygons.texture.read(lambda line, wanted: _at_line(at, file, line, wanted))
+        if flip_v:
+            found[:-1, 1] = 1.0 - found[:-1, 1]
+        data, picked = _split(data, corners, len(found))
+        good, notes = _finite_uvs(file.name, found[picked])
+        data = replace(data, uvs=good, warnings=notes)
+    if normals and polygons.face_normals is not None:
+        if not np.isfinite(polygons.normals).all():
+            raise at.refuse("has vertex normals that are infinite or not a number")
+        data, picked = _split(data, polygons.face_normals, len(polygons.normals))
+        data = replace(data, normals=unit_rows(polygons.normals[picked]))
+    return data
+
+
+def _split(data: MeshData, corners: NDArray[np.int32], count: int) -> tuple[MeshData, NDArray[np.int64]]:
+    """The mesh with a vertex for each pair of a vertex and of one of `count` things that its corners (m, 3) have, and which
+    thing each vertex then has."""
+    pairs = data.faces.astype(np.int64) * count + corners
     unique, inverse = np.unique(pairs, return_inverse=True)
-    vertex, normal = np.divmod(unique, len(polygons.normals))
-    faces = inverse.reshape(-1, 3).astype(np.int32)
-    return polygons.vertices[vertex], faces, unit_rows(polygons.normals[normal])
+    vertex, thing = np.divmod(unique, count)
+    return replace(
+        data, vertices=data.vertices[vertex], faces=inverse.reshape(-1, 3).astype(np.int32),
+        uvs=None if data.uvs is None else data.uvs[vertex],
+        origins=vertex if data.origins is None else data.origins[vertex],
+    ), thing  # fmt: skip
 
 
-def _obj_materials(node: Located, place: Place, file: Path, polygons: Polygons) -> tuple[list[Material], list[str]]:
+def _finite_uvs(name: str, uvs: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[str]]:
+    wrong = np.flatnonzero(~np.isfinite(uvs).all(axis=1))
+    if len(wrong) == 0:
+        return uvs, []
+    uvs = uvs.copy()
+    uvs[wrong] = 0.0
+    return uvs, [f"{name}: {len(wrong)} texture coordinates are infinite or not a number: they are taken as (0, 0)"]
+
+
+def _read_serialized(at: At, data: bytes, normals: bool, uvs: bool, shape_index: int) -> MeshData:
+    try:
+        found = parse_serialized(data, shape_index, lambda needed: _check_memory(at, needed))
+    except (ValueError, struct.error) as problem:
+        raise at.refuse(f"is not a usable serialized file: {problem}") from problem
+    if len(found.faces) == 0:
+        raise at.refuse("has no faces")
+    kept = found.normals if normals else None, found.uvs if uvs else None
+    return _mesh_data(at, found.vertices, found.faces, *kept, found.face_normals)
+
+
+def _mesh_data(
+    at: At, vertices: NDArray[np.float64], faces: NDArray[Any], normals: NDArray[np.float64] | None,
+    uvs: NDArray[np.float64] | None, flat: bool = False,
+) -> MeshData:  # fmt: skip
+    """Checked. Raises what `at` refuses."""
+    faces = _triangles(at, faces, len(vertices))
+    _check_finite(at, vertices)
+    if normals is not None:
+        if not np.isfinite(normals).all():
+            raise at.refuse("has vertex normals that are infinite or not a number")
+        normals = unit_rows(normals)
+    notes: list[str] = []
+    if uvs is not None:
+        uvs, notes = _finite_uvs(at.where, uvs)
+    return MeshData(vertices, faces.astype(np.int32), normals, uvs, warnings=notes, flat=flat)
+
+
+def _obj_materials(node: Located, context: Any, file: Path, polygons: Polygons) -> tuple[list[Material], list[str]]:
     """The materials in the order of `polygons.material_names`, and what to warn about."""
     if not polygons.libraries:
         raise node.refuse("names no MTL file: name a material beside 'mesh'")
@@ -118,9 +223,9 @@ def _obj_materials(node: Located, place: Place, file: Path, polygons: Polygons) 
         raise node.refuse(f"names {len(polygons.libraries)} MTL files: at most {MAX_LIBRARIES} are read")
     found: dict[str, Material] = {}
     notes: dict[str, list[str]] = {}
-    files = dict.fromkeys(place.find(node, library, file.parent) for library in polygons.libraries)
+    files = dict.fromkeys(context.place.find(node, library, file.parent) for library in polygons.libraries)
     for path in files:
-        materials, more = read_mtl(path, node)
+        materials, more = read_mtl(path, node, context)
         found |= materials
         for name, note in more:
             notes.setdefault(name, []).append(note)
@@ -138,35 +243,40 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:5]) + more
 
 
-def _read_with_trimesh(node: Located, file: Path, data: bytes, smooth: bool) -> MeshData:
+def _read_with_trimesh(at: At, suffix: str, data: bytes, with_normals: bool, with_uvs: bool) -> MeshData:
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore")
             warnings.filterwarnings("error", message=".*could not be read to its end.*")
-            found = _ply_parts(data) if file.suffix.lower() == ".ply" else _stl_parts(data)
+            found = _ply_parts(data) if suffix == ".ply" else _stl_parts(data)
             parts = [_arrays(part) for part in found]
     except Exception as problem:
-        raise node.refuse(f"is not a usable {file.suffix[1:].upper()} file: {problem}") from problem
+        raise at.refuse(f"is not a usable {suffix[1:].upper()} file: {problem}") from problem
     if not any(len(part.faces) for part in parts):
-        raise node.refuse("has no faces")
+        raise at.refuse("has no faces")
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     faces = np.concatenate([
-        _triangles(node, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)
+        _triangles(at, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)
     ])  # fmt: skip
-    _check_finite(node, vertices)
-    normals = parts[0].normals if smooth and len(parts) == 1 else None
-    if normals is not None:
-        if not np.isfinite(normals).all():
-            raise node.refuse("has vertex normals that are infinite or not a number")
-        normals = unit_rows(normals)
-    return MeshData(vertices, faces.astype(np.int32), normals)
+    alone = parts[0] if len(parts) == 1 else None
+    if alone is None:
+        return _mesh_data(at, vertices, faces, None, None)
+    normals = alone.normals if with_normals else None
+    made = _mesh_data(at, vertices, faces, normals, alone.uvs if with_uvs else None)
+    if alone.exact and normals is not None and np.allclose(np.linalg.norm(normals, axis=1), 1.0, 0.0, 1e-9):
+        made = replace(made, normals=normals)
+    numbers = alone.face_materials
+    return made if numbers is None or len(numbers) != len(made.faces) else replace(made, face_materials=numbers)
 
 
 class _Part(NamedTuple):
     vertices: NDArray[np.float64]
     faces: NDArray[Any]
     normals: NDArray[np.float64] | None
+    uvs: NDArray[np.float64] | None
+    face_materials: NDArray[np.int32] | None
+    exact: bool
 
 
 def _arrays(part: dict[str, Any]) -> _Part:
@@ -174,7 +284,12 @@ def _arrays(part: dict[str, Any]) -> _Part:
     vertices, normals = np.asarray(part["vertices"], np.float64), part.get("vertex_normals")
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"vertices of shape {vertices.shape}")
-    return _Part(vertices, np.asarray(part["faces"]), None if normals is None else np.asarray(normals, np.float64))
+    uvs = part.get("uvs")
+    if uvs is not None and uvs.shape != (len(vertices), 2):
+        raise ValueError(f"texture coordinates of shape {uvs.shape}")
+    if normals is not None:
+        normals = np.asarray(normals, np.float64)
+    return _Part(vertices, np.asarray(part["faces"]), normals, uvs, part.get("face_materials"), part.get("exact", False))
 
 
 def _ply_parts(data: bytes) -> list[dict[str, Any]]:
@@ -192,7 +307,24 @@ def _ply_parts(data: bytes) -> list[dict[str, Any]]:
             # polygons of several lengths: trimesh would put the triangles before the others
             counts = np.array([len(polygon) for polygon in content[name]], np.int64)
             found["faces"] = np.concatenate(content[name])[fans(counts)[0]]
-    return [found]
+    exact = UNIT_NORMALS in data[:1000]
+    return [found | {"uvs": _ply_uvs(elements["vertex"]["data"]), "face_materials": _face_materials(content), "exact": exact}]
+
+
+def _face_materials(content: Any) -> NDArray[np.int32] | None:
+    """(m,) the column `material` of the faces, where they have one."""
+    names = content.dtype.names or () if isinstance(content, np.ndarray) else content
+    return np.asarray(content["material"]).reshape(-1).astype(np.int32) if "material" in names else None
+
+
+PLY_UVS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+
+
+def _ply_uvs(content: Any) -> NDArray[np.float64] | None:
+    """(n, 2) texture coordinates of the vertices: columns of an array, or of a dict where the file is text."""
+    names = content.dtype.names or () if isinstance(content, np.ndarray) else content
+    pair = next((pair for pair in PLY_UVS if all(name in names for name in pair)), None)
+    return None if pair is None else np.stack([np.asarray(content[name], np.float64).reshape(-1) for name in pair], axis=1)
 
 
 def _check_ply_element(name: str, element: dict[str, Any]) -> None:
@@ -213,18 +345,18 @@ def _stl_parts(data: bytes) -> list[dict[str, Any]]:
     return [found] if "faces" in found else list(found.get("geometry", {}).values())
 
 
-def _triangles(node: Located, faces: NDArray[Any], vertices: int) -> NDArray[np.int64]:
+def _triangles(at: At, faces: NDArray[Any], vertices: int) -> NDArray[np.int64]:
     """(m, 3) indices from polygons (n, k) cut into fans."""
     if faces.ndim != 2 or faces.shape[1] < 3 or faces.dtype.kind not in "iu":
-        raise node.refuse("has faces that are no polygons")
+        raise at.refuse("has faces that are no polygons")
     if ((faces < 0) | (faces >= vertices)).any():
-        raise node.refuse(f"has a face with a vertex outside [0, {vertices - 1}]")
+        raise at.refuse(f"has a face with a vertex outside [0, {vertices - 1}]")
     fans = [faces[:, [0, corner, corner + 1]] for corner in range(1, faces.shape[1] - 1)]
     return np.stack(fans, axis=1).reshape(-1, 3).astype(np.int64)
 
 
-def _check_finite(node: Located, vertices: NDArray[np.float64]) -> None:
+def _check_finite(at: At, vertices: NDArray[np.float64]) -> None:
     good = np.isfinite(vertices).all(axis=1)
     if not good.all():
         index = int(np.argmin(good))
-        raise node.refuse(f"vertex {index} is {vertices[index].tolist()}: must be finite")
+        raise at.refuse(f"vertex {index} is {vertices[index].tolist()}: must be finite")

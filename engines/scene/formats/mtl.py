@@ -3,19 +3,28 @@
 Kd -> kd. Ks -> ks only where `illum` is 3, 5 or 7 (a mirror by ray tracing): elsewhere Ks is the colour of a highlight.
 d < 1 (or Tr > 0) -> kt = Tf (1 - d), and kd is scaled by d; Ni -> ior where light is refracted or Fresnel holds.
 illum 5 and 7 -> fresnel. Ke -> emission, as it stands. Materials that would return more light than they get are scaled
-down, with a warning; textures are not read, with a warning.
+down, with a warning.
+
+map_Kd -> kd, times Kd unless that is 0. map_d -> the opacity of a mask, from the image's alpha where it has one; d counts no
+more. norm -> a normal map. Of their options -s, -o and -clamp count. Other maps, and images that cannot be read, are left out
+with a warning.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
+from engines.scene.bsdf import Bsdf, Mask, Mixture, NormalMap
 from engines.scene.materials import ENERGY_TOLERANCE, Material
-from engines.scene.triple import BLACK, Triple
+from engines.scene.textures import ImageTexture, largest
+from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema.yaml_file import Located
 
 MIRRORS = (3, 5, 7)
@@ -24,11 +33,27 @@ MAX_BYTES = 16 * 2**20
 _COLORS = ("kd", "ks", "tf", "ke")
 _NUMBERS = ("d", "tr", "ni", "illum")
 
-Raw = dict[str, Triple | float]
+MAPS = ("map_kd", "map_d", "norm")
+OTHER_MAPS = ("map_", "bump", "disp", "decal", "refl")
+"""How the keys of other maps begin."""
+OPTIONS = {
+    "-s": 3, "-o": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-bm": 1,
+    "-boost": 1, "-imfchan": 1, "-type": 1,
+}  # fmt: skip
+"""Options of maps, and how many words each has at most; those of three numbers may have fewer."""
 
 
-def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[tuple[str, str]]]:
-    """Materials by name, and what to warn about: (name of the material, sentence).
+@dataclass(slots=True)
+class Raw:
+    """The statements of a material: colours, numbers, and what follows the keys of maps."""
+
+    values: dict[str, Triple | float] = field(default_factory=dict)
+    maps: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, None] = field(default_factory=dict)
+
+
+def read_mtl(file: Path, node: Located, context: Any) -> tuple[dict[str, Material], list[tuple[str, str]]]:
+    """Materials by name, and what to warn about: (name of the material, sentence). `context` is a `SceneReader`.
 
     Raises `SceneError` with the file and the line of what is wrong."""
     try:
@@ -39,7 +64,6 @@ def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[tuple
     if b"\0" in data or len(data) > MAX_BYTES:
         raise node.refuse(f"its MTL {file} is not an MTL file: it holds binary data or passes 16 MiB")
     raw: dict[str, Raw] = {}
-    textured: dict[str, None] = {}
     name, current = "", None
     lines = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for number, line in enumerate(lines, 1):
@@ -49,18 +73,22 @@ def read_mtl(file: Path, node: Located) -> tuple[dict[str, Material], list[tuple
         key = parts[0].lower()
         if key == "newmtl":
             name = line.split(None, 1)[1].strip()
-            current = raw.setdefault(name, {})
-        elif key.startswith("map_kd") and current is not None:
-            textured[name] = None
+            current = raw.setdefault(name, Raw())
+        elif current is not None and key in MAPS:
+            current.maps[key] = line.split(None, 1)[1].strip()
+        elif current is not None and key.startswith(OTHER_MAPS):
+            current.left_out[parts[0]] = None
         elif key in _COLORS or key in _NUMBERS:
             if current is None:
                 raise _wrong(node, file, number, f"{parts[0]} stands before the first newmtl")
-            current[key] = _value(node, file, number, key, parts[1:])
-    warnings = [(name, f"{file.name}: textures are not read: material {name!r}") for name in textured]
+            current.values[key] = _value(node, file, number, key, parts[1:])
+    warnings: list[tuple[str, str]] = []
     materials: dict[str, Material] = {}
-    for name, values in raw.items():
-        materials[name], warning = _material(name, values, file)
-        warnings += [(name, text) for text in warning]
+    for name, statements in raw.items():
+        notes = [f"{file.name}: {key} is not read: material {name!r}" for key in statements.left_out]
+        images = {key: _image(node, context, file, name, key, text, notes) for key, text in statements.maps.items()}
+        materials[name], warning = _material(name, statements.values, {k: v for k, v in images.items() if v}, file)
+        warnings += [(name, text) for text in (*notes, *warning)]
     return materials, warnings
 
 
@@ -84,7 +112,47 @@ def _value(node: Located, file: Path, line: int, key: str, parts: list[str]) -> 
     return r, g, b
 
 
-def _material(name: str, values: Raw, file: Path) -> tuple[Material, list[str]]:
+def _image(
+    node: Located, context: Any, file: Path, material: str, key: str, text: str, notes: list[str]
+) -> ImageTexture | None:  # fmt: skip
+    """The texture of a map; None with a note where it cannot be read."""
+    words, options = text.split(), {}
+    while words and words[0] in OPTIONS:
+        count = OPTIONS[words[0]]
+        if count == 3:
+            count = next((i for i, word in enumerate(words[1:4]) if not _is_number(word)), 3)
+        options[words[0]] = words[1 : 1 + count]
+        words = words[1 + count :]
+    name = " ".join(words).replace("\\", "/")
+    try:
+        path = context.place.find(node, name, file.parent)
+        alpha = key == "map_d" and context.images.read(path).shape[2] in (2, 4)
+        context.images.read(path)
+        pixels = context.images.linear(path, None if key == "map_kd" else False, "a" if alpha else "")
+    except SceneError as problem:
+        notes.append(f"{file.name}: {key} of material {material!r} is left out: {problem}")
+        return None
+    (a, b), (c, d) = (_numbers(options.get(key, []), default) for key, default in (("-s", 1.0), ("-o", 0.0)))
+    wrap = "clamp" if options.get("-clamp") == ["on"] else "repeat"
+    return ImageTexture(pixels, wrap=wrap, to_uv=(a, 0.0, c, 0.0, b, 1.0 - b - d), name=Path(name).stem)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
+def _numbers(words: list[str], default: float) -> tuple[float, float]:
+    """Of u and of v, which counts upwards in an MTL."""
+    found = [*map(float, words), default, default]
+    return found[0], found[1] if len(words) > 1 else default
+
+
+def _material(
+    name: str, values: dict[str, Triple | float], images: dict[str, ImageTexture], file: Path
+) -> tuple[Material, list[str]]:
     """The material of the raw values, and a warning where it had to be scaled."""
 
     def color(key: str, default: Triple) -> Triple:
@@ -98,23 +166,58 @@ def _material(name: str, values: Raw, file: Path) -> tuple[Material, list[str]]:
         return found
 
     illum = value("illum", 2.0)
-    opacity = min(value("d", 1.0 - min(value("tr", 0.0), 1.0)), 1.0)
+    opacity = 1.0 if "map_d" in images else min(value("d", 1.0 - min(value("tr", 0.0), 1.0)), 1.0)
     fresnel = illum in FRESNEL
+    kd, image = color("kd", BLACK), images.get("map_kd")
+    tint = kd if image is None or kd != BLACK else WHITE
+    if image is not None:
+        kd = _times(tint, largest(image))
     material = Material(
         name=name,
-        kd=_scaled(color("kd", BLACK), opacity),
+        kd=_scaled(kd, opacity),
         ks=color("ks", BLACK) if illum in MIRRORS else BLACK,
         kt=_scaled(color("tf", (1.0, 1.0, 1.0)), 1.0 - opacity),
         ior=(value("ni", 1.0) or 1.0) if fresnel or opacity < 1.0 else 1.0,
         fresnel=fresnel,
         emission=color("ke", BLACK),
     )
-    most = max(material.energy)
-    if most <= 1.0 + ENERGY_TOLERANCE:
-        return material, []
-    kd, ks, kt = (_scaled(color, 1 / most) for color in (material.kd, material.ks, material.kt))
-    material = replace(material, kd=kd, ks=ks, kt=kt)
-    return material, [f"{file.name}: material {name!r} returns {most:.3g} of its light: scaled down to 1"]
+    most, notes = max(material.energy), []
+    factor = 1.0
+    if most > 1.0 + ENERGY_TOLERANCE:
+        factor = 1 / most
+        kd, ks, kt = (_scaled(color, factor) for color in (material.kd, material.ks, material.kt))
+        material = replace(material, kd=kd, ks=ks, kt=kt)
+        notes = [f"{file.name}: material {name!r} returns {most:.3g} of its light: scaled down to 1"]
+    return _with_images(material, images, _scaled(tint, opacity * factor)), notes
+
+
+def _with_images(material: Material, images: dict[str, ImageTexture], tint: Triple) -> Material:
+    """The material with an image times `tint` as its kd, with a normal map, and with holes, as far as there are images."""
+    if not images:
+        return material
+    kd = material.kd
+    if "map_kd" in images:
+        kd = _tinted(images["map_kd"], tint)
+    bsdf: Bsdf = Mixture(kd, material.ks, material.kt, material.ior, material.fresnel)
+    if "norm" in images:
+        bsdf = NormalMap(images["norm"], bsdf)
+    if "map_d" in images:
+        bsdf = Mask(images["map_d"], bsdf)
+    return Material(material.name, emission=material.emission, bsdf=bsdf)
+
+
+def _tinted(image: ImageTexture, tint: Triple) -> ImageTexture:
+    if tint == WHITE:
+        return image
+    factors = np.array(tint[:1] if len(set(tint)) == 1 else tint, np.float32)
+    pixels = image.pixels * factors
+    pixels.flags.writeable = False
+    return replace(image, pixels=pixels)
+
+
+def _times(a: Triple, b: Triple) -> Triple:
+    x, y, z = (p * q for p, q in zip(a, b, strict=True))
+    return x, y, z
 
 
 def _scaled(color: Triple, factor: float) -> Triple:

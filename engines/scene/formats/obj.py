@@ -1,7 +1,7 @@
 """Wavefront OBJ text: vertices, polygons cut into fans, vertex normals, and which material each face has.
 
-Negative indices count back from the vertices read so far. Texture coordinates, lines, points, groups and curves are
-left aside. A fan is right for convex polygons; a concave one must be triangulated before.
+Negative indices count back from the vertices read so far. Texture coordinates are read where they are asked for. Lines,
+points, groups and curves are left aside. A fan is right for convex polygons; a concave one must be triangulated before.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Polygons:
     face_materials: NDArray[np.int32]
     material_names: list[str]
     libraries: list[str]
+    texture: TextureCorners | None
 
 
 @dataclass(slots=True)
@@ -42,9 +43,28 @@ class _Statements:
     lines: list[int] = field(default_factory=list)
 
 
+@dataclass(frozen=True, slots=True)
+class TextureCorners:
+    """The texture coordinates of an OBJ file as they stand there: `corners` (k,) indices of the corners of its faces, 0 where
+    a corner has none, `lines` (k,) theirs, and `fan` (m, 3) the corners of each triangle."""
+
+    statements: _Statements
+    corners: NDArray[np.int64]
+    lines: NDArray[np.int64]
+    fan: NDArray[np.int64]
+
+    def read(self, at_line: AtLine) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """(n, 2) coordinates and (m, 3) indices of them; the last is (0, 0), for corners without. Raises as `parse_obj`."""
+        coordinates = _rows(self.statements, at_line, 1, 2)
+        found = np.full(len(self.corners), len(coordinates), np.int32)
+        given = self.corners != 0
+        found[given] = _absolute(self.corners[given], self.lines[given], self.statements.lines, "texture coordinate", at_line)
+        return np.concatenate([coordinates, np.zeros((1, 2))]), found[self.fan]
+
+
 def parse_obj(text: str, at_line: AtLine) -> Polygons:
     """Raises what `at_line` makes for numbers that are none, indices out of range, and files without faces."""
-    kinds = {"v": _Statements(), "vn": _Statements(), "f": _Statements(), "usemtl": _Statements()}
+    kinds = {"v": _Statements(), "vn": _Statements(), "vt": _Statements(), "f": _Statements(), "usemtl": _Statements()}
     libraries: dict[str, None] = {}
     for number, line in _whole_lines(text.replace("\r\n", "\n").replace("\r", "\n")):
         parts = line.split(None, 1)
@@ -62,7 +82,7 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
     if not finite.all():
         wrong = int(np.argmin(finite))
         raise at_line(kinds["v"].lines[wrong], f"{_shown(kinds['v'].text[wrong])}: finite numbers are wanted")
-    corners, corner_normals, counts = _corners(kinds["f"], at_line)
+    corners, corner_uvs, corner_normals, counts = _corners(kinds["f"], at_line)
     lines = np.repeat(np.array(kinds["f"].lines), counts)
     corners = _absolute(corners, lines, kinds["v"].lines, "vertex", at_line)
     fan, face_of_triangle = fans(counts)
@@ -70,8 +90,9 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
     if corner_normals is not None:
         face_normals = _absolute(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
     materials, names = _materials(kinds["usemtl"], kinds["f"].lines)
+    texture = None if corner_uvs is None else TextureCorners(kinds["vt"], corner_uvs, lines, fan)
     return Polygons(
-        vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, list(libraries)
+        vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, list(libraries), texture
     )  # fmt: skip
 
 
@@ -90,19 +111,21 @@ def _whole_lines(text: str) -> Iterator[tuple[int, str]]:
             parts = []
 
 
-def _rows(statements: _Statements, at_line: AtLine) -> NDArray[np.float64]:
-    """(n, 3): the first three numbers of each statement; a weight or a colour may follow."""
+def _rows(statements: _Statements, at_line: AtLine, least: int = 3, most: int = 3) -> NDArray[np.float64]:
+    """(n, most): the first numbers of each statement, at least `least`, the others 0; a weight or a colour may follow."""
     lines = _without_comments(statements.text)
     counts = {len(line.split()) for line in lines}
     try:
-        if counts and min(counts) < 3:
+        if counts and min(counts) < least:
             raise ValueError
-        if len(counts) == 1:  # without a list for each line: three times as fast for large files
-            return np.array(list(map(float, " ".join(lines).split()))).reshape(len(lines), -1)[:, :3]
-        return np.array([list(map(float, line.split()[:3])) for line in lines], np.float64).reshape(-1, 3)
+        if len(counts) == 1 and min(counts) >= most:  # without a list for each line: three times as fast for large files
+            return np.array(list(map(float, " ".join(lines).split()))).reshape(len(lines), -1)[:, :most]
+        rows = (line.split()[:most] for line in lines)
+        return np.array([list(map(float, row)) + [0.0] * (most - len(row)) for row in rows], np.float64).reshape(-1, most)
     except ValueError:
-        wrong = next(i for i, line in enumerate(lines) if len(line.split()) < 3 or not _are_numbers(line.split()))
-        raise at_line(statements.lines[wrong], f"{_shown(statements.text[wrong])}: three numbers are wanted") from None
+        wrong = next(i for i, line in enumerate(lines) if len(line.split()) < least or not _are_numbers(line.split()))
+        wanted = "three numbers are wanted" if most == 3 else "numbers are wanted"
+        raise at_line(statements.lines[wrong], f"{_shown(statements.text[wrong])}: {wanted}") from None
 
 
 def _shown(text: str) -> str:
@@ -120,38 +143,42 @@ def _are_numbers(tokens: list[str]) -> bool:
         return False
 
 
-def _corners(
-    faces: _Statements, at_line: AtLine
-) -> tuple[NDArray[np.int64], NDArray[np.int64] | None, NDArray[np.int64]]:
-    """Indices of vertices and (where all corners have them) of normals as written, and the corners of each face."""
+Numbers = NDArray[np.int64]
+
+
+def _corners(faces: _Statements, at_line: AtLine) -> tuple[Numbers, Numbers | None, Numbers | None, Numbers]:
+    """Indices of vertices, of texture coordinates (0 where a corner has none) and (where all corners have them) of normals
+    as written, and the corners of each face."""
     lines = _without_comments(faces.text)
     counts = np.array([len(line.split()) for line in lines], np.int64)
     if (counts < 3).any():
         raise at_line(faces.lines[int(np.argmax(counts < 3))], "a face wants at least three corners")
     joined = " ".join(lines)
     try:
-        vertices, normals = _corner_numbers(joined)
+        vertices, uvs, normals = _corner_numbers(joined)
     except (ValueError, OverflowError):
         wrong = next(i for i, line in enumerate(lines) if not all(map(_is_corner, line.split())))
         raise at_line(faces.lines[wrong], f"{_shown(faces.text[wrong])}: not a list of corners") from None
-    return vertices, normals, counts
+    return vertices, uvs, normals, counts
 
 
-def _corner_numbers(text: str) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
-    """The vertex and, where all have one, the normal of corners written `v`, `v/t`, `v//n` or `v/t/n`."""
+def _corner_numbers(text: str) -> tuple[Numbers, Numbers | None, Numbers | None]:
+    """The vertex, where any has one the texture coordinate, and where all have one the normal of corners written `v`, `v/t`,
+    `v//n` or `v/t/n`."""
     if "/" not in text:
-        return np.array(list(map(int, text.split())), np.int64), None
+        return np.array(list(map(int, text.split())), np.int64), None, None
     corners = text.replace("//", "/0/").split()
     slashes = {corner.count("/") for corner in corners}
     if max(slashes) > 2:
         raise ValueError
-    if slashes <= {2} and not any(corner.endswith("/") for corner in corners):
-        table = np.array(list(map(int, " ".join(corners).replace("/", " ").split())), np.int64).reshape(len(corners), 3)
-        return table[:, 0], table[:, 2] if table[:, 2].all() else None
-    parts = [corner.split("/") for corner in corners]
-    vertices = np.array([int(part[0]) for part in parts], np.int64)
-    normals = np.array([int(part[2]) if len(part) == 3 and part[2] else 0 for part in parts], np.int64)
-    return vertices, normals if normals.all() else None
+    if len(slashes) == 1 and not any(corner.endswith("/") for corner in corners):
+        table = np.array(list(map(int, " ".join(corners).replace("/", " ").split())), np.int64)
+        table = table.reshape(len(corners), slashes.pop() + 1)
+    else:
+        parts = [(*corner.split("/"), "", "")[:3] for corner in corners]
+        table = np.array([[int(part[0]), int(part[1] or 0), int(part[2] or 0)] for part in parts], np.int64)
+    normals = table[:, 2] if table.shape[1] == 3 else np.zeros(1, np.int64)
+    return table[:, 0], table[:, 1] if table[:, 1].any() else None, normals if normals.all() else None
 
 
 def _is_corner(token: str) -> bool:

@@ -12,14 +12,27 @@ gears are made of triangles here.
 
 from __future__ import annotations
 
-from engines.scene.procedural import gears, rods, solids, sphereflake, stadium, surfaces, teapot, tetra
+from engines.scene.procedural import (
+    furniture,
+    gears,
+    growth,
+    rods,
+    solids,
+    sphereflake,
+    stadium,
+    surfaces,
+    sweeps,
+    teapot,
+    tetra,
+)
 from engines.schema.keys import Record, Tagged
 
 __all__ = ["GENERATORS", "PROCEDURAL"]
 
 GENERATORS: dict[str, Record] = {
     **sphereflake.GENERATORS, **solids.GENERATORS, **surfaces.GENERATORS, **tetra.GENERATORS, **rods.GENERATORS,
-    **gears.GENERATORS, **teapot.GENERATORS, **stadium.GENERATORS,
+    **gears.GENERATORS, **teapot.GENERATORS, **stadium.GENERATORS, **sweeps.GENERATORS, **furniture.GENERATORS,
+    **growth.GENERATORS,
 }  # fmt: skip
 PROCEDURAL = Tagged("procedural shape", "name", GENERATORS)
 """Reads a mapping with a name and options into a `Mesh` or a `SphereSet` of the material `context.material`."""

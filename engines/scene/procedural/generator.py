@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.bsdf import uses_uvs
 from engines.scene.mesh import Mesh, read_only_mesh
 from engines.scene.sphere_set import SphereSet
 from engines.schema.fields import refuse_above_memory
@@ -20,11 +21,17 @@ BYTES_PER_SPHERE = 200
 
 
 class Faces(NamedTuple):
-    """A generated mesh: `vertices` (n, 3) float64, `faces` (m, 3) int32, counter-clockwise seen from the front."""
+    """A generated mesh: `vertices` (n, 3) float64, `faces` (m, 3) int32, counter-clockwise seen from the front.
+
+    `uvs` makes texture coordinates, (n, 2) of the vertices or (m, 3, 2) of the corners; it is called where a texture asks.
+    `normals` (n, 3) are unit vertex normals of a smooth surface.
+    """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
     name: str
+    uvs: Callable[[], NDArray[np.float64]] | None = None
+    normals: NDArray[np.float64] | None = None
 
 
 class Spheres(NamedTuple):
@@ -51,8 +58,15 @@ def generator(
         if not all(np.isfinite(array).all() for array in arrays):
             raise given.node.refuse("its coordinates must be finite: make it smaller")
         if isinstance(made, Faces):
-            materials = np.full(len(made.faces), context.material, np.int32)
-            return read_only_mesh(made.vertices, made.faces, materials, None, made.name)
+            vertices, faces, normals, uvs = made.vertices, made.faces, made.normals, None
+            if made.uvs is not None and uses_uvs(context.table.materials[context.material].bsdf):
+                uvs = np.array(made.uvs(), np.float64)
+                if uvs.ndim == 3:  # corners that share a vertex differ
+                    vertices, uvs = vertices[faces].reshape(-1, 3), uvs.reshape(-1, 2)
+                    normals = None if normals is None else normals[faces].reshape(-1, 3)
+                    faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+            materials = np.full(len(faces), context.material, np.int32)
+            return read_only_mesh(vertices, faces, materials, normals, made.name, uvs)
         for array in arrays:
             array.flags.writeable = False
         return SphereSet(made.centers, made.radii, context.material, made.name)
@@ -83,3 +97,9 @@ def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
     """(2 rows columns, 3) faces of a grid of (rows + 1) x (columns + 1) vertices; front: row axis x column axis."""
     index = np.arange((rows + 1) * (columns + 1), dtype=np.int32).reshape(rows + 1, columns + 1)
     return quads(index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+
+
+def grid_uvs(rows: int, columns: int) -> NDArray[np.float64]:
+    """((rows + 1) (columns + 1), 2) texture coordinates of the vertices of such a grid: u along columns, v along rows."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
+    return np.stack([u, v], axis=2).reshape(-1, 2)

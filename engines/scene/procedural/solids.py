@@ -12,22 +12,27 @@ from engines.schema.keys import Key
 from engines.schema.kinds import POINT, ROWS, Kind, integer
 from engines.schema.yaml_file import Located
 
+PICTURE = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+"""Texture coordinates of the corners of an upright picture: lower left, lower right, upper right, upper left."""
+
 
 def box(half_size: Triple, center: Triple, rotate_y: float) -> Faces:
     """A closed box of 12 triangles with outward normals, turned by `rotate_y` degrees about +y through its centre.
 
-    Vertex k has the signs of the bits of k (x lowest).
+    Vertex k has the signs of the bits of k (x lowest). A texture is upright on all four walls.
     """
     signs = np.array([[1 if k >> axis & 1 else -1 for axis in range(3)] for k in range(8)], np.float64)
     vertices = turned(signs * np.array(half_size), rotate_y) + np.array(center)
     sides = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
     faces = np.array([[(a, b, c), (a, c, d)] for a, b, c, d in sides], np.int32).reshape(-1, 3)
-    return Faces(vertices, faces, "box")
+    upright = [0, 1, 0, 3, 1, 0]
+    uvs = np.array([np.roll(PICTURE, -turn, axis=0)[[(0, 1, 2), (0, 2, 3)]] for turn in upright]).reshape(-1, 3, 2)
+    return Faces(vertices, faces, "box", lambda: uvs)
 
 
 def quad(points: NDArray[np.float64]) -> Faces:
     """Two triangles (0, 1, 2) and (0, 2, 3) of four corners."""
-    return Faces(np.array(points, np.float64), np.array([[0, 1, 2], [0, 2, 3]], np.int32), "quad")
+    return Faces(np.array(points, np.float64), np.array([[0, 1, 2], [0, 2, 3]], np.int32), "quad", lambda: PICTURE)
 
 
 def rectangle(corner: Triple, edge1: Triple, edge2: Triple) -> Faces:
@@ -82,7 +87,7 @@ def _four_points(node: Located) -> NDArray[np.float64]:
     return found
 
 
-_POSITIVE_TRIPLE = Kind(_positive_triple, POINT.json)
+POSITIVE_TRIPLE = Kind(_positive_triple, POINT.json)
 _FOUR_POINTS = Kind(_four_points, {**ROWS.json, "minItems": 4, "maxItems": 4})
 
 
@@ -99,7 +104,7 @@ GENERATORS = {
     "box": generator(
         box,
         {
-            "half_size": Key(_POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"),
+            "half_size": Key(POSITIVE_TRIPLE, "Half the extents along its own x, y and z.", (1.0, 1.0, 1.0), unit="metres"),
             "center": CENTER,
             "rotate_y": ROTATE_Y,
         },

@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.procedural.generator import BYTES_PER_FACE, CENTER, FOOT, ORIGIN, Faces, generator, grid_faces, quads
+from engines.scene.procedural.generator import (
+    BYTES_PER_FACE,
+    CENTER,
+    FOOT,
+    ORIGIN,
+    Faces,
+    generator,
+    grid_faces,
+    grid_uvs,
+    quads,
+)
 from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import POINT, POSITIVE, integer, within
@@ -31,7 +41,7 @@ def terrain(cells: int, size: float, height: float, roughness: float, seed: int,
     heights = (heights - heights.min()) * (height / spread if spread > 0.0 else 0.0)
     x, z = np.meshgrid((line - 0.5) * size, (line - 0.5) * size)
     vertices = np.stack([x, heights, z], axis=2).reshape(-1, 3) + np.array(center)
-    return Faces(vertices, grid_faces(cells, cells), "terrain")
+    return Faces(vertices, grid_faces(cells, cells), "terrain", lambda: grid_uvs(cells, cells))
 
 
 def _gradient_noise(at: NDArray[np.float64], lattice: int, key: int) -> NDArray[np.float64]:
@@ -85,7 +95,8 @@ def mount(level: int, size: float, height: float, roughness: float, seed: int, c
     line = (np.linspace(0.0, 1.0, len(heights)) - 0.5) * size
     x, z = np.meshgrid(line, line)
     vertices = np.stack([x, heights, z], axis=2).reshape(-1, 3) + np.array(center)
-    return Faces(vertices, grid_faces(len(heights) - 1, len(heights) - 1), "mount")
+    cells = len(heights) - 1
+    return Faces(vertices, grid_faces(cells, cells), "mount", lambda: grid_uvs(cells, cells))
 
 
 def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: float, center: Triple) -> Faces:

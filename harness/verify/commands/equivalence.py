@@ -58,8 +58,8 @@ def compare(options: EquivalenceOptions) -> int:
         if ":" not in name and not is_file(name) and name not in known_names():
             raise UnknownName("engine", name, known_names())
     path = paths.find("scenes", options.scene)
-    scene, settings = load_scene(path, allow_imports=options.allow_imports), settings_of(options)
-    request = {"scene_path": str(path), "scene_hash": scene.content_hash, "settings": settings, "spp": options.spp}
+    scene, settings = load_scene(path, allow_imports=options.allow_imports, natively=True), settings_of(options)
+    request = {"scene_path": str(path), "scene_hash": scene.identity, "settings": settings, "spp": options.spp}
     apart = 0 if options.same_seeds else options.replicates
     with tempfile.TemporaryDirectory() as folder, Pool(options.allow_imports, Path(folder) / "worker.log") as pool:
         images = [

@@ -33,7 +33,7 @@ export class Orbit {
   // Orbits by angles in radians: `around` the up axis, `over` towards it.
   turn(around, over) {
     const pole = unit(this.up);
-    let offset = rotated(add(this.eye, this.target, -1), pole, -around);
+    let offset = rotated(add(this.eye, this.target, -1), pole, this.mirror ? around : -around);
     const elevation = Math.asin(Math.min(Math.max(dot(unit(offset), pole), -1), 1));
     const limited = Math.min(Math.max(elevation + over, -MAX_ELEVATION), MAX_ELEVATION);
     const right = unit(cross(scaled(offset, -1), pole));
@@ -45,7 +45,8 @@ export class Orbit {
   pan(right, up, aspect) {
     const axes = this.axes();
     const window = this.windowHeight(aspect);
-    const motion = add(scaled(axes.right, -right * window), axes.upwards, -up * window);
+    const rightwards = this.mirror ? -right : right;
+    const motion = add(scaled(axes.right, -rightwards * window), axes.upwards, -up * window);
     this.eye = add(this.eye, motion);
     this.target = add(this.target, motion);
   }

@@ -1,4 +1,4 @@
-"""The conductor: a mirror, or GGX microfacets, with the Fresnel reflectance of a metal.
+"""The conductor: a mirror, or microfacets, with the Fresnel reflectance of a metal.
 
 Parameters: eta, k, reflectance (3 each), the roughnesses along the two tangents, both 0 for a mirror.
 """
@@ -6,15 +6,16 @@ Parameters: eta, k, reflectance (3 each), the roughnesses along the two tangents
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
-from engines.kernels.lane.frame import frame_of_normal, frame_of_tangent, to_local, to_world
+from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_conductor, reflect
-from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
+from engines.kernels.lane.microfacet import Distribution, half_vector
 from engines.kernels.lane.vector import Vec3, dot, select3
 
 PARAMETERS = 11
@@ -42,21 +43,17 @@ def albedos(parameters, si):
 
 
 @cache
-def _make(tangents: bool) -> LaneBSDF:
-    @inline
-    def frame_at(si):
-        if tangents:
-            return frame_of_tangent(si.normal, si.tangent)
-        return frame_of_normal(si.normal)
+def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
+    frame_of, (density_of, masking, visible_masking, visible_normal, exact) = frame_at(tangents), distribution
 
     @inline
     def evaluate(parameters, si, wi):
         zero, four = const(0.0, si.t), const(4.0, si.t)
         rough, ax, ay = _roughness(parameters)
-        frame = frame_at(si)
+        frame = frame_of(si)
         wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
         m = half_vector(wo, wi)
-        value = ggx_density(m, ax, ay) * ggx_masking(wo, ax, ay) * ggx_masking(wi, ax, ay) / (four * wo.z)
+        value = density_of(m, ax, ay) * masking(wo, ax, ay) * masking(wi, ax, ay) / (four * wo.z)
         valid = rough & (wo.z > zero) & (wi.z > zero)
         return Spectrum(_reflectance(parameters, dot(wo, m)), select(valid, value, zero))
 
@@ -64,38 +61,35 @@ def _make(tangents: bool) -> LaneBSDF:
     def pdf(parameters, si, wi):
         zero, four = const(0.0, si.t), const(4.0, si.t)
         rough, ax, ay = _roughness(parameters)
-        frame = frame_at(si)
+        frame = frame_of(si)
         wo, wi = to_local(frame, -si.direction), to_local(frame, wi)
-        density = ggx_density(half_vector(wo, wi), ax, ay) * ggx_masking(wo, ax, ay) / (four * wo.z)
+        density = density_of(half_vector(wo, wi), ax, ay) * visible_masking(wo, ax, ay) / (four * wo.z)
         return select(rough & (wo.z > zero) & (wi.z > zero), density, zero)
 
     @inline
     def sample(parameters, si, u_lobe, u0, u1, which):
         zero, one, two, four = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t), const(4.0, si.t)
         rough, ax, ay = _roughness(parameters)
-        frame = frame_at(si)
+        frame = frame_of(si)
         wo = to_local(frame, -si.direction)
-        m = ggx_visible_normal(wo, ax, ay, u0, u1)
+        m = visible_normal(wo, ax, ay, u0, u1)
         m = Vec3(select(rough, m.x, zero), select(rough, m.y, zero), select(rough, m.z, one))
         cos = dot(wo, m)
         wi = m * (two * cos) - wo
         above = (wo.z > zero) & (wi.z > zero)
-        masking = ggx_masking(wi, ax, ay)
-        density = ggx_density(m, ax, ay) * ggx_masking(wo, ax, ay) / (four * wo.z)
+        visible, weight = visible_masking(wo, ax, ay), masking(wi, ax, ay)
+        if not exact:
+            weight = weight * (masking(wo, ax, ay) / visible)
+        density = density_of(m, ax, ay) * visible / (four * wo.z)
         world = select3(rough, to_world(frame, wi), reflect(si.direction, si.normal))
-        weight = Spectrum(_reflectance(parameters, cos), select(rough, masking, one))
+        spectrum = Spectrum(_reflectance(parameters, cos), select(rough, weight, one))
         # of the lobes apart, there is the specular reflection alone
         valid = above & ((which == ALL) | ((which == SPECULAR_REFLECTION) & (not rough)))
-        return BSDFSample(world, weight, select(rough, density, const(math.inf, one)), False, valid)
+        return BSDFSample(world, spectrum, select(rough, density, const(math.inf, one)), False, valid)
 
     return LaneBSDF(evaluate, pdf, sample, albedos)
 
 
-def make(features: SceneFeatures) -> LaneBSDF:
-    """The model's functions in a scene of these features."""
-    return _make(features.tangents)
-
-
-def columns(features: SceneFeatures) -> tuple[int, ...]:
-    """The parameters that are read: all."""
-    return tuple(range(PARAMETERS))
+def maker(distribution: Distribution) -> Callable[[SceneFeatures], LaneBSDF]:
+    """What gives the model's functions in a scene of given features."""
+    return lambda features: _make(distribution, features.tangents)

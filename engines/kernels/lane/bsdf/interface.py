@@ -6,6 +6,7 @@ is -wo. f is the value of the BSDF, per steradian; cos is that between `wi` and 
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from engines.kernels.compile.jit import inline
@@ -51,6 +52,8 @@ class Scattering(NamedTuple):
     """Albedo of the diffuse part."""
     albedo: Vec3
     """A colour that represents the material where no light is computed."""
+    through: bool
+    """The light lies on the far side, from where `value` is transmitted."""
 
 
 class LaneBSDF(NamedTuple):
@@ -74,3 +77,22 @@ def no_sample(like):
     zero = const(0.0, like)
     none = Vec3(zero, zero, zero)
     return BSDFSample(none, Spectrum(none, zero), zero, False, False)
+
+
+@inline
+def no_value(parameters, si, wi):
+    """The value of a model that has delta lobes alone."""
+    zero = const(0.0, si.t)
+    return Spectrum(Vec3(zero, zero, zero), zero)
+
+
+@inline
+def no_pdf(parameters, si, wi):
+    """The pdf of such a model."""
+    return const(0.0, si.t)
+
+
+@inline
+def delta(wi, color, scale, transmitted, valid):
+    """A specular event."""
+    return BSDFSample(wi, Spectrum(color, scale), const(math.inf, scale), transmitted, valid)

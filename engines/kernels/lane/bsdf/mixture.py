@@ -47,18 +47,18 @@ class Lobes(NamedTuple):
 
 def columns(features: SceneFeatures) -> tuple[int, ...]:
     """The parameters that are read in a scene of these features."""
-    specular = features.specular_reflection or features.specular_transmission
+    specular = features.mirror or features.refraction
     return (
         *(_KD if features.diffuse else ()),
-        *(_KS if features.specular_reflection else ()),
-        *(_KT if features.specular_transmission else ()),
+        *(_KS if features.mirror else ()),
+        *(_KT if features.refraction else ()),
         *(_INTERFACE if specular else ()),
     )
 
 
 def make(features: SceneFeatures) -> LaneBSDF:
     """The model's functions in a scene of these features."""
-    return _make(features.diffuse, features.specular_reflection, features.specular_transmission)
+    return _make(features.diffuse, features.mirror, features.refraction)
 
 
 @cache

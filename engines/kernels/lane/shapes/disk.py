@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
+from engines.kernels.lane.shapes.coordinates import Coordinates, turn_of
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.lane.shapes.plane import plane_distance
-from engines.kernels.lane.vector import Vec3, dot, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, dot, tangents, to_float64, to_real
 
 
 @inline
@@ -29,7 +32,20 @@ def intersection(o, d, p, real):
     found = found + normal * dot(normal, center - found)
     out, zero = to_real(normal, real), real(0)
     tangent = to_real(found - center, real)
-    return ShapeIntersection(real(t), zero, zero, zero, to_real(found, real), out, out, tangent)
+    return ShapeIntersection(real(t), real(p[6]), zero, zero, to_real(found, real), out, out, tangent)
+
+
+@inline
+def coordinates(point, p):
+    """u from the center to the rim, v around it."""
+    normal = Vec3(p[3], p[4], p[5])
+    t1, t2 = tangents(normal)
+    out = point - Vec3(p[0], p[1], p[2])
+    x, y = dot(out, t1), dot(out, t2)
+    way, phi = math.sqrt(dot(out, out)), turn_of(y, x)
+    cos, sin = math.cos(phi), math.sin(phi)
+    dp_du, dp_dv = t1 * cos + t2 * sin, t2 * cos - t1 * sin
+    return Coordinates(way / p[6], phi / (2.0 * math.pi), dp_du * p[6], dp_dv * (2.0 * math.pi * way))
 
 
 def bounds(parameters):

@@ -6,8 +6,9 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import select
+from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
-from engines.kernels.lane.vector import Vec3, dot, to_float64, to_real
+from engines.kernels.lane.vector import Vec3, dot, tangents, to_float64, to_real
 
 
 @inline
@@ -26,3 +27,11 @@ def intersection(o, d, point, normal, real):
     found = found + normal * dot(normal, point - found)
     out, zero = to_real(normal, real), real(0)
     return ShapeIntersection(real(t), zero, zero, zero, to_real(found, real), out, out, Vec3(zero, zero, zero))
+
+
+@inline
+def coordinates(p, point, normal):
+    """Metres along the local frame of the plane's normal."""
+    t1, t2 = tangents(normal)
+    out = p - point
+    return Coordinates(dot(out, t1), dot(out, t2), t1, t2)

@@ -9,6 +9,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
+from engines.kernels.lane.shapes.coordinates import Coordinates, turn_of
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.lane.vector import Vec3, dot, to_float64, to_real, unit
 
@@ -48,6 +49,18 @@ def intersection(o, d, center, radius, real):
     return ShapeIntersection(
         real(t), real(radius), zero, zero, to_real(center + out * radius, real), normal, normal, tangent
     )
+
+
+@inline
+def coordinates(p, center, radius):
+    """u along phi, counter-clockwise about +z; v from +z to -z."""
+    x = p - center
+    across = math.sqrt(x.x * x.x + x.y * x.y)
+    phi, height = turn_of(x.y, x.x), x.z / radius
+    theta = math.acos(min(1.0, max(-1.0, height)))
+    cos, sin = math.cos(phi), math.sin(phi)
+    dp_du = Vec3(-x.y, x.x, 0.0) * (2.0 * math.pi)
+    return Coordinates(phi / (2.0 * math.pi), theta / math.pi, dp_du, Vec3(x.z * cos, x.z * sin, -across) * math.pi)
 
 
 class Cone(NamedTuple):

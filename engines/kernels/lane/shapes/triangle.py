@@ -8,6 +8,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, fma, select
+from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.intersection import ShapeIntersection
 from engines.kernels.lane.vector import Vec3, cross, dot, select3, unit
 
@@ -111,3 +112,29 @@ def intersection(o, d, a, b, c, na, nb, nc, smooth):
         shading = select3(good, interpolated * (one / np.sqrt(select(good, square, one))), normal)
     t = (w.a * sa.z + w.b * sb.z + w.c * sc.z) / whole
     return ShapeIntersection(t, zero, u, v, a * (w.a * inverse) + b * u + c * v, normal, shading, b - a)
+
+
+class VertexUV(NamedTuple):
+    """Texture coordinates of a vertex."""
+
+    u: float
+    v: float
+
+
+@inline
+def coordinates(b1, b2, a, b, c):
+    """The weights of the second and the third vertex."""
+    return Coordinates(b1, b2, b - a, c - a)
+
+
+@inline
+def mesh_coordinates(b1, b2, a, b, c, ta, tb, tc):
+    """Interpolated between those of the vertices, `ta`, `tb` and `tc`; the derivatives of `coordinates` where these lie on a
+    line."""
+    u1, u2, v1, v2 = tb.u - ta.u, tc.u - ta.u, tb.v - ta.v, tc.v - ta.v
+    b0, determinant = 1.0 - b1 - b2, u1 * v2 - v1 * u2
+    dp_du, dp_dv = b - a, c - a
+    if determinant != 0.0:
+        scale = 1.0 / determinant
+        dp_du, dp_dv = (dp_du * v2 - dp_dv * v1) * scale, (dp_dv * u1 - dp_du * u2) * scale
+    return Coordinates(b0 * ta.u + b1 * tb.u + b2 * tc.u, b0 * ta.v + b1 * tb.v + b2 * tc.v, dp_du, dp_dv)

@@ -1,0 +1,203 @@
+"""Programs of materials: how wrappers and textures (docs/transport.md) lead to a model and its parameters at a hit.
+
+A program is a tree of nodes. Its leaves are models of `engines.kernels.flatten.materials`, some of whose parameters are looked
+up in textures. A material without wrappers and textures has none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.kernels.flatten.lookups import Lookup, Table
+from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
+from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
+from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
+from engines.scene.support import leaves, transmits
+
+LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
+"""Those from BUMP on tilt the shading normal."""
+WRAPPERS: dict[type, int] = {Sides: SIDES, Mask: MASK, Blend: BLEND, Bump: BUMP, NormalMap: NORMAL_MAP}
+"""The node of each wrapper."""
+IMAGE, CHECKERBOARD = range(2)
+REPEAT, CLAMP, MIRROR = range(3)
+WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
+NONE = -1
+THROUGH = 1
+"""Stands for the second part of a bump or normal map whose models let light through."""
+_BLACK = Mixture()
+
+
+class Parts(NamedTuple):
+    """What a wrapper leads to, in the order of a node's fields, and the texture or number that it reads."""
+
+    of: tuple[Any, ...]
+    value: Any = 0.0
+    scale: float = 0.0
+
+
+def parts(wrapper: Any) -> Parts:
+    """The parts of a wrapper; a side that has no BSDF is black."""
+    match wrapper:
+        case Sides(front, back):
+            return Parts((front or _BLACK, back or _BLACK))
+        case Mask(opacity, of):
+            return Parts((of,), opacity)
+        case Blend(weight, a, b):
+            return Parts((a, b), weight)
+        case Bump(height, scale, of):
+            return Parts((of,), height, scale)
+        case NormalMap(map, of):
+            return Parts((of,), map)
+    raise TypeError(f"{type(wrapper).__name__} is no wrapper")
+
+
+def leaves_in(material: Material) -> list[Any]:
+    """Where the wrappers of a material lead; its BSDF itself, where that is none."""
+    return [leaf or _BLACK for leaf in leaves(leaf_of(material))]
+
+
+def _is_textured(leaf: Any) -> bool:
+    return any(isinstance(value, Lookup) for value in parameters_of(leaf))
+
+
+class Programs:
+    """The programs of the materials in use, `used`; those of `on_uvs` are met on meshes that have texture coordinates."""
+
+    def __init__(self, materials: tuple[Material, ...], used: Iterable[int], on_uvs: Iterable[int]) -> None:
+        self.materials = materials
+        self.used = [int(index) for index in used]
+        self.on_uvs = {int(index) for index in on_uvs}
+        self.nodes: list[list[float]] = []
+        self.leaves: list[list[float]] = []
+        self.lookups: list[list[float]] = []
+        self.textures: list[list[float]] = []
+        self.pixels: list[NDArray[np.float32]] = []
+        """Of each texture, in the order of `textures`; empty of those that have none."""
+        self.tables: list[float] = [1]
+        """Those of all BSDFs, one behind the other, after how many numbers they are."""
+        self._places: dict[Table, int] = {}
+        self._kept: dict[int, tuple[Any, int]] = {}
+        self._images: dict[int, NDArray[np.float32]] = {}
+        self.first = np.full(max(len(materials), 1), NONE, np.int32)
+        for index in self.used:
+            if self._wanted(index):
+                self.first[index] = self._node(leaf_of(materials[index]))
+
+    def _wanted(self, index: int) -> bool:
+        """Whether a material has a program: it has wrappers or textures, or is anisotropic along texture coordinates."""
+        leaf = leaf_of(self.materials[index])
+        if type(leaf) in WRAPPERS or _is_textured(leaf):
+            return True
+        return index in self.on_uvs and leaf_features([leaf]).get("tangents", False)
+
+    # ---- nodes -------------------------------------------------------------------------------------------------------
+
+    def _node(self, bsdf: Any) -> int:
+        """The index of the node of a wrapper or leaf. One that stands in several places has one node."""
+        if id(bsdf) in self._kept:
+            return self._kept[id(bsdf)][1]
+        if type(bsdf) in WRAPPERS:
+            found = parts(bsdf)
+            texture = NONE if isinstance(found.value, int | float) else self._texture(found.value)
+            value = found.scale if texture >= 0 else float(found.value)
+            first, second = [*map(self._node, found.of), NONE][:2]
+            if isinstance(bsdf, Bump | NormalMap) and transmits(bsdf):
+                second = THROUGH
+            row = NodeRow.packed(kind=WRAPPERS[type(bsdf)], first=first, second=second, texture=texture, value=value)
+        else:
+            row = self._leaf(bsdf)
+        self.nodes.append(row)
+        self._kept[id(bsdf)] = bsdf, len(self.nodes) - 1
+        return len(self.nodes) - 1
+
+    def _leaf(self, leaf: Any) -> list[float]:
+        first = len(self.lookups)
+        for parameter, value in enumerate(parameters_of(leaf)):
+            if isinstance(value, Lookup):
+                texture = self._texture(value.texture)
+                row = LookupRow.packed(
+                    parameter=parameter, texture=texture, channel=value.channel, low=value.low, high=value.high
+                )
+                self.lookups.append(row)
+        self.leaves.append(LeafRow.packed(bsdf=self._constants(leaf)))
+        n, kind = len(self.lookups) - first, model_of(leaf)
+        return NodeRow.packed(kind=LEAF, first=kind, second=len(self.leaves) - 1, texture=first, value=n)
+
+    def _constants(self, leaf: Any) -> list[float]:
+        """The parameters of a leaf, 0 where they are looked up."""
+        return [self._constant(value) for value in parameters_of(leaf)]
+
+    def _constant(self, value: float | Lookup | Table) -> float:
+        if isinstance(value, Table):
+            if value not in self._places:
+                self._places[value] = len(self.tables)
+                self.tables += value.numbers
+                self.tables[0] = len(self.tables)
+            return self._places[value]
+        return 0.0 if isinstance(value, Lookup) else value
+
+    # ---- textures ----------------------------------------------------------------------------------------------------
+
+    def _texture(self, texture: Texture) -> int:
+        if id(texture) in self._kept:
+            return self._kept[id(texture)][1]
+        pixels = np.zeros((0, 0, 1), np.float32)
+        if isinstance(texture, Checkerboard):
+            row = TextureRow.packed(kind=CHECKERBOARD, to_uv=texture.to_uv, a=texture.a, b=texture.b)
+        else:
+            pixels = self._pixels(texture)
+            height, width, channels = pixels.shape
+            row = TextureRow.packed(
+                kind=IMAGE, width=width, height=height, channels=channels, nearest=texture.filter == "nearest",
+                wrap=WRAPS[texture.wrap], to_uv=texture.to_uv,
+            )  # fmt: skip
+        self.textures.append(row)
+        self.pixels.append(pixels)
+        self._kept[id(texture)] = texture, len(self.textures) - 1
+        return len(self.textures) - 1
+
+    def _pixels(self, texture: ImageTexture) -> NDArray[np.float32]:
+        """The scene's own memory where it can be read as it is."""
+        found = self._images.get(id(texture.pixels))
+        if found is None:
+            found = self._images[id(texture.pixels)] = np.ascontiguousarray(texture.pixels, np.float32)
+        return found
+
+    @property
+    def texture_bytes(self) -> int:
+        """Of all images."""
+        return sum(pixels.nbytes for pixels in self._images.values())
+
+    # ---- what the scene gets of them ---------------------------------------------------------------------------------
+
+    def __bool__(self) -> bool:
+        return bool((self.first >= 0).any())
+
+    def material_rows(self) -> NDArray[np.float64]:
+        """(n, numbers of a row) of all materials, at least one row. A material of a program has its first leaf there."""
+        rows = np.zeros((max(len(self.materials), 1), MaterialRow.size))
+        for row, material in zip(rows, self.materials, strict=False):
+            leaf = leaves_in(material)[0]
+            row[:] = MaterialRow.packed(
+                bsdf=self._constants(leaf), emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
+            )
+        return rows
+
+    def features(self) -> dict[str, Any]:
+        """The features that the materials in use bring."""
+        used = [self.materials[index] for index in self.used]
+        kinds = {row[0] for row in self.nodes}
+        return {
+            **leaf_features(leaf for material in used for leaf in leaves_in(material)),
+            "emission": any(material.emits for material in used),
+            "programs": bool(self),
+            "textures": len(self.textures) > 0,
+            "uvs": any(self.first[index] >= 0 for index in self.on_uvs),
+            "choices": bool(kinds & {MASK, BLEND}),
+            "masks": MASK in kinds,
+            "tilts": bool(kinds & {BUMP, NORMAL_MAP}),
+        }

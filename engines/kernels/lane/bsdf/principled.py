@@ -1,0 +1,279 @@
+"""Disney's principled BSDF (Burley 2012, 2015) with Mitsuba's parameters, as docs/transport.md has it.
+
+Parameters: base colour (3), roughness, anisotropic, metallic, eta, spec_tint, sheen, sheen_tint, clearcoat, clearcoat_gloss,
+flatness, spec_trans (below 0 where it is the constant 0: such a surface has no back). The lobes, in the order in which a draw
+finds them: microfacets that reflect or transmit, clearcoat, diffuse.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.lane.bsdf.interface import ALL, BSDFSample, LaneBSDF, Spectrum
+from engines.kernels.lane.exponential import exp, log
+from engines.kernels.lane.frame import frame_at, to_local, to_world
+from engines.kernels.lane.fresnel import fresnel_dielectric
+from engines.kernels.lane.microfacet import ggx_density, ggx_masking, ggx_visible_normal, half_vector
+from engines.kernels.lane.sampling import cosine_direction
+from engines.kernels.lane.vector import Vec3, dot, select3, sin_cos_turn
+
+PARAMETERS = 14
+
+
+class _Surface(NamedTuple):
+    """A material and its facets, met from one side."""
+
+    base: Vec3
+    tint: Vec3
+    roughness: float
+    metallic: float
+    eta: float
+    """Of the inside over the outside."""
+    e: float
+    """Of the far side over the near one."""
+    spec_tint: float
+    sheen: float
+    sheen_tint: float
+    coat: float
+    """A quarter of clearcoat."""
+    coat_square: float
+    """The squared roughness of clearcoat."""
+    flatness: float
+    diffuse: float
+    """(1 - metallic) (1 - spec_trans)."""
+    glass: float
+    """(1 - metallic) spec_trans."""
+    ax: float
+    ay: float
+    front: bool
+
+
+@inline
+def _lerp(a, b, t):
+    return a + (b - a) * t
+
+
+@inline
+def _fifth(cos):
+    """Schlick's weight (1 - cos)^5."""
+    zero, one = const(0.0, cos), const(1.0, cos)
+    rest = one - cos
+    rest = select(rest > zero, rest, zero)
+    rest = select(rest < one, rest, one)
+    square = rest * rest
+    return square * square * rest
+
+
+@inline
+def _albedos(parameters, si):
+    zero, one, trans = const(0.0, si.t), const(1.0, si.t), parameters[13]
+    base = Vec3(parameters[0], parameters[1], parameters[2])
+    return base * ((one - parameters[5]) * (one - select(trans > zero, trans, zero))), base
+
+
+@inline
+def _schlick(of, cos):
+    """The weight of white in Schlick's reflectance: of the cosine in the thinner medium."""
+    one, zero = const(1.0, cos), const(0.0, cos)
+    inside = one - (one - cos * cos) / (of.eta * of.eta)
+    inside = np.sqrt(select(inside > zero, inside, zero))
+    return _fifth(select(of.eta > one, cos, inside))
+
+
+@inline
+def _metal_and_tint(of, f, w):
+    """The reflectance in front: Fresnel's, the metal's and the tinted one."""
+    one = const(1.0, f)
+    normal = (of.eta - one) / (of.eta + one)
+    white = (one - of.metallic) * (one - of.spec_tint) * f
+    metal, tinted = of.metallic, (one - of.metallic) * of.spec_tint
+    at_normal = of.tint * (normal * normal)
+    constant = of.base * (metal * (one - w)) + at_normal * (tinted * (one - w))
+    rest = white + (metal + tinted) * w
+    return Vec3(constant.x + rest, constant.y + rest, constant.z + rest)
+
+
+@inline
+def _diffuse_and_sheen(of, wo, wi, cos):
+    """f of both, in front."""
+    zero, one, half, two = const(0.0, cos), const(1.0, cos), const(0.5, cos), const(2.0, cos)
+    wo5, wi5 = _fifth(wo.z), _fifth(wi.z)
+    retro = two * of.roughness * cos * cos
+    lambert = (one - half * wo5) * (one - half * wi5)
+    returned = retro * (wo5 + wi5 + wo5 * wi5 * (retro - one))
+    bend = half * retro - one
+    flat = (one + bend * wo5) * (one + bend * wi5)
+    between = wo.z + wi.z
+    flat = const(1.25, cos) * (flat * (one / select(between > zero, between, one) - half) + half)
+    value = of.diffuse * const(1.0 / math.pi, cos) * _lerp(lambert + returned, flat, of.flatness)
+    sheen = of.sheen * (one - of.metallic) * _fifth(cos)
+    tinted = of.sheen_tint * sheen
+    white = sheen - tinted
+    color = of.base * value + of.tint * tinted
+    return Vec3(color.x + white, color.y + white, color.z + white)
+
+
+@inline
+def _coat_density(of, m):
+    """GTR1."""
+    one, rest = const(1.0, m.z), of.coat_square - const(1.0, m.z)
+    return rest / (const(math.pi, m.z) * log(of.coat_square) * (one + rest * m.z * m.z))
+
+
+@inline
+def _coat_normal(of, u0, u1):
+    """A normal with density D(m) m.z of the clearcoat."""
+    zero, one = const(0.0, u0), const(1.0, u0)
+    square = (one - exp((one - u1) * log(of.coat_square))) / (one - of.coat_square)
+    sine, cosine = sin_cos_turn(u0)
+    across = one - square
+    ring = np.sqrt(select(across > zero, across, zero))
+    return Vec3(ring * cosine, ring * sine, np.sqrt(select(square > zero, square, zero)))
+
+
+@cache
+def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
+    """The function (parameters, si) -> surface."""
+
+    @inline
+    def surface_of(parameters, si):
+        r, g, b, roughness, anisotropic, metallic, eta, spec_tint, sheen, sheen_tint, coat, gloss, flatness, trans = (
+            parameters[0], parameters[1], parameters[2], parameters[3], parameters[4], parameters[5], parameters[6],
+            parameters[7], parameters[8], parameters[9], parameters[10], parameters[11], parameters[12], parameters[13],
+        )  # fmt: skip
+        zero, one, least = const(0.0, r), const(1.0, r), const(0.001, r)
+        aspect = np.sqrt(one - const(0.9, r) * anisotropic)
+        ax, ay = roughness * roughness / aspect, roughness * roughness * aspect
+        ax, ay = select(ax > least, ax, least), select(ay > least, ay, least)
+        luminance = const(0.212671, r) * r + const(0.715160, r) * g + const(0.072169, r) * b
+        colored = luminance > zero
+        scale = one / select(colored, luminance, one)
+        tint = Vec3(select(colored, r * scale, one), select(colored, g * scale, one), select(colored, b * scale, one))
+        front, e = True, eta
+        if transmission:
+            front = si.front | (trans < zero)
+            e, trans = select(front, eta, one / eta), select(trans > zero, trans, zero)
+        else:
+            trans = zero
+        coat_roughness = _lerp(const(0.1, r), least, gloss)
+        coat = coat * const(0.25, r) if clearcoat else zero
+        return _Surface(
+            Vec3(r, g, b), tint, roughness, metallic, eta, e, spec_tint, sheen, sheen_tint, coat,
+            coat_roughness * coat_roughness, flatness, (one - metallic) * (one - trans), (one - metallic) * trans,
+            ax, ay, front,
+        )  # fmt: skip
+
+    return surface_of
+
+
+@cache
+def _make_value_and_pdf(transmission: bool, clearcoat: bool) -> Any:
+    """The function (surface, wo, wi) -> (f |cos|, pdf), of directions in the local frame."""
+
+    @inline
+    def value_and_pdf(of, wo, wi):
+        zero, one, four = const(0.0, wo.z), const(1.0, wo.z), const(4.0, wo.z)
+        reflects = wi.z > zero
+        m = half_vector(wo, wi * select(reflects, one, of.e)) if transmission else half_vector(wo, wi)
+        m = m * select(m.z < zero, -one, one)
+        out, into = dot(wo, m), dot(wi, m)
+        f = fresnel_dielectric(abs(out), of.e).reflectance  # below 0 nothing is scattered; 0/0 at eta 1
+        facets = ggx_density(m, of.ax, of.ay) * ggx_masking(wo, of.ax, of.ay) / wo.z
+        shadowing = ggx_masking(wi, of.ax, of.ay)
+        through = of.glass * (one - f)
+        pdf = (one - through) * facets / four + of.diffuse * wi.z * const(1.0 / math.pi, one)
+        w = _schlick(of, out)
+        color = _metal_and_tint(of, f, w)
+        if transmission:
+            back = of.glass * f
+            color = select3(of.front, color, Vec3(back, back, back))
+        value = color * (select(of.eta == one, zero, facets) * shadowing / four)
+        lambert = _diffuse_and_sheen(of, wo, wi, out) * wi.z
+        if clearcoat:
+            quarter = const(0.25, one)
+            density = _coat_density(of, m)
+            pdf = pdf + of.coat * density * m.z / (four * out)
+            coat = _lerp(const(0.04, one), one, w) * density * ggx_masking(wo, quarter, quarter)
+            coat = of.coat * coat * ggx_masking(wi, quarter, quarter) * wi.z
+            lambert = Vec3(lambert.x + coat, lambert.y + coat, lambert.z + coat)
+        pdf = pdf / (one + of.coat + of.diffuse)
+        if not transmission:
+            valid = reflects & (wo.z > zero)
+            return Spectrum(value + lambert, select(valid, one, zero)), select(valid, pdf, zero)
+        # behind, microfacets are all there is
+        value = value + lambert * select(of.front, one, zero)
+        pdf = select(of.front, pdf, f * facets / four)
+        across = out + of.e * into
+        facets = facets * out * abs(into) / (across * across)
+        transmitted = of.glass * (one - f) * facets * shadowing
+        root = Vec3(np.sqrt(of.base.x), np.sqrt(of.base.y), np.sqrt(of.base.z))
+        share = select(of.front, through / (one + of.coat + of.diffuse), one - f)
+        pdf = select(reflects, pdf, share * facets * of.e * of.e)
+        valid = (wo.z > zero) & (of.front | (of.glass > zero))
+        valid = valid & (reflects | ((wi.z < zero) & (out > zero) & (into < zero)))
+        value = select3(reflects, value, root * transmitted)
+        return Spectrum(value, select(valid, one, zero)), select(valid, pdf, zero)
+
+    return value_and_pdf
+
+
+@cache
+def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
+    frame_of, surface_of = frame_at(tangents), _make_surface_of(transmission, clearcoat)
+    value_and_pdf = _make_value_and_pdf(transmission, clearcoat)
+
+    @inline
+    def at_directions(parameters, si, wi):
+        frame = frame_of(si)
+        return value_and_pdf(surface_of(parameters, si), to_local(frame, -si.direction), to_local(frame, wi))
+
+    @inline
+    def evaluate(parameters, si, wi):
+        return at_directions(parameters, si, wi)[0]
+
+    @inline
+    def pdf(parameters, si, wi):
+        return at_directions(parameters, si, wi)[1]
+
+    @inline
+    def sample(parameters, si, u_lobe, u0, u1, which):
+        zero, one, two = const(0.0, si.t), const(1.0, si.t), const(2.0, si.t)
+        of, frame = surface_of(parameters, si), frame_of(si)
+        wo = to_local(frame, -si.direction)
+        u = u_lobe * (one + of.coat + of.diffuse)
+        if transmission:
+            u = select(of.front, u, u_lobe)
+        m = ggx_visible_normal(wo, of.ax, of.ay, u0, u1)
+        facets, transmits = u < one, False
+        if clearcoat:
+            m = select3(facets, m, _coat_normal(of, u0, u1))
+        out = dot(wo, m)
+        along, back = two * out, one
+        if transmission:
+            fresnel = fresnel_dielectric(out, of.e)
+            reflected = select(of.front, one - of.glass * (one - fresnel.reflectance), fresnel.reflectance)
+            transmits = facets & (u >= reflected)
+            along = select(transmits, out / of.e - fresnel.cos_transmitted, along)
+            back = select(transmits, one / of.e, one)
+        wi = m * along - wo * back
+        wi = select3(u < one + of.coat, wi, to_local(frame, cosine_direction(si.normal, u0, u1)))
+        value, density = value_and_pdf(of, wo, wi)
+        positive = density > zero
+        weight = Spectrum(value.color, value.scale / select(positive, density, one))
+        # a facet that is seen from below, or reflects downwards
+        side = ((u >= one + of.coat) | (out > zero)) & (select(transmits, -wi.z, wi.z) > zero)
+        return BSDFSample(to_world(frame, wi), weight, density, transmits, (which == ALL) & positive & side)
+
+    return LaneBSDF(evaluate, pdf, sample, _albedos)
+
+
+def make(features: SceneFeatures) -> LaneBSDF:
+    """The model's functions in a scene of these features."""
+    return _make(features.spec_trans, features.clearcoat, features.tangents)

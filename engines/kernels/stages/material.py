@@ -1,0 +1,283 @@
+"""The material at a hit, where it has a program: wrappers are walked to a model, and textures give its parameters.
+
+The surface stage has loaded the material's own row. For a hit whose material has a program this stage, between the
+vertex's random numbers and the lights, writes the model and its parameters, the shading normal, and what masks decide
+(docs/transport.md, "Textures" and "Wrappers"). It is scalar code: what is read differs from lane to lane.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.records import lane_numbers
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.lookups import LUMINANCE
+from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
+from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
+from engines.kernels.integrators.interface import Uses
+from engines.kernels.lane import tilt
+from engines.kernels.lane.shapes import plane, sphere, triangle
+from engines.kernels.lane.shapes.coordinates import Coordinates
+from engines.kernels.lane.shapes.triangle import VertexUV
+from engines.kernels.lane.vector import Vec3, dot, to_float64
+from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
+from engines.kernels.stages.textures import color_at, gradient_at, luminance
+
+_FEATURES = (
+    "triangles", "spheres", "planes", "analytic", "tangents", "textures", "uvs", "choices", "masks", "tilts",
+)  # fmt: skip
+
+
+# ---- texture coordinates -----------------------------------------------------------------------------------------------
+
+
+@cache
+def _make_analytic(kinds: tuple[int, ...]) -> Any:
+    """The function (kind, p, parameters, found) -> coordinates on an analytic shape of these kinds, else `found`."""
+
+    @inline
+    def none(kind, p, parameters, found):
+        return found
+
+    if not kinds:
+        return none
+    own, rest, coordinates = kinds[0], _make_analytic(kinds[1:]), analytic_shape(kinds[0]).lane.coordinates
+
+    @inline
+    def chosen(kind, p, parameters, found):
+        if kind == own:
+            return coordinates(p, parameters)
+        return rest(kind, p, parameters, found)
+
+    return chosen
+
+
+@inline
+def _vertex_uv(row):
+    return VertexUV(row.u, row.v)
+
+
+@cache
+def _make_coordinates(features: SceneFeatures) -> Any:
+    """The function (rays, lane, scene) -> coordinates of the lane's hit, in float64."""
+    triangles, spheres, planes, uvs = features.triangles, features.spheres, features.planes, features.uvs
+    has_analytic, analytic = len(features.analytic) > 0, _make_analytic(features.analytic)
+
+    @inline
+    def on_triangle(rays, lane, scene):
+        b1, b2 = np.float64(rays.u[lane]), np.float64(rays.v[lane])
+        a, b, c = to_float64(rays.vertex0[lane]), to_float64(rays.vertex1[lane]), to_float64(rays.vertex2[lane])
+        if uvs:
+            face = scene.triangles[scene.primitives[rays.primitive[lane]].index]
+            first = scene.vertex_uvs[face.a]
+            if first.given != 0.0:
+                ta, tb, tc = first, scene.vertex_uvs[face.b], scene.vertex_uvs[face.c]
+                return triangle.mesh_coordinates(b1, b2, a, b, c, _vertex_uv(ta), _vertex_uv(tb), _vertex_uv(tc))
+        return triangle.coordinates(b1, b2, a, b, c)
+
+    @inline
+    def coordinates(rays, lane, scene):
+        kind, p = rays.shape[lane], to_float64(rays.point[lane])
+        if spheres or planes:
+            x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
+            if spheres and kind == SPHERE:
+                return sphere.coordinates(p, Vec3(x, y, z), a)
+            if planes and kind == PLANE:
+                return plane.coordinates(p, Vec3(x, y, z), Vec3(a, b, c))
+        if has_analytic and kind > PLANE:
+            none = Vec3(0.0, 0.0, 0.0)
+            return analytic(kind, p, lane_numbers(rays.shape_parameters, lane), Coordinates(0.0, 0.0, none, none))
+        if triangles:
+            return on_triangle(rays, lane, scene)
+        none = Vec3(0.0, 0.0, 0.0)
+        return Coordinates(0.0, 0.0, none, none)
+
+    return coordinates
+
+
+# ---- the walk ----------------------------------------------------------------------------------------------------------
+
+
+class State(NamedTuple):
+    """Where a walk stands: the node, the random number that is left, and what masks and tilts have made of the surface."""
+
+    node: int
+    u: float
+    opacity: float
+    passing: bool
+    tilts: int
+    before: Vec3
+    """The shading normal before the last tilt; 0 where nothing is scattered."""
+    frame: tilt.Tilted
+
+
+@inline
+def _share(scene, node, at, textures):
+    """The opacity of a mask, the weight of a blend: in [0, 1]."""
+    value = node.value
+    if textures and node.texture >= 0.0:
+        value = luminance(color_at(scene, np.int64(node.texture), at.u, at.v))
+    value = value if value > 0.0 else 0.0  # NaN, too
+    return value if value < 1.0 else 1.0
+
+
+@inline
+def _chosen(u, share):
+    """(whether `u` chooses the share, what is left of it): again a number in [0, 1)."""
+    if u < share:
+        return True, u / share
+    return False, (u - share) / (1.0 - share)
+
+
+@inline
+def _after_mask(state, node, share):
+    u, passing = state.u, state.passing
+    if not passing:
+        there, u = _chosen(u, share)
+        passing = not there
+    return State(np.int64(node.first), u, state.opacity * share, passing, state.tilts, state.before, state.frame)
+
+
+@inline
+def _after_blend(state, node, share):
+    second, u = _chosen(state.u, share)
+    following = np.int64(node.second) if second else np.int64(node.first)
+    return State(following, u, state.opacity, state.passing, state.tilts, state.before, state.frame)
+
+
+@cache
+def _make_walk(features: SceneFeatures) -> Any:
+    """The function (scene, first node, u, at, front, ng, wo, frame) -> State at the leaf."""
+    textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
+
+    @inline
+    def tilted(scene, state, node, kind, at, front, ng, wo):
+        frame, texture, through = state.frame, np.int64(node.texture), node.second == THROUGH
+        if kind == BUMP:
+            slope, scale = gradient_at(scene, texture, at.u, at.v), node.value
+            if through and not front:
+                scale = -scale
+            found = tilt.bump(frame, ng, wo, slope.x * scale, slope.y * scale)
+        else:
+            found = tilt.normal_map(frame, front, through, wo, color_at(scene, texture, at.u, at.v))
+        before = frame.normal
+        if dot(state.before, state.before) == 0.0 or not (found.seen or through):
+            before = Vec3(0.0, 0.0, 0.0)
+        return State(np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, before, found)
+
+    @inline
+    def walk(scene, first, u, at, front, ng, wo, frame):
+        state = State(first, u, 1.0, False, np.int64(0), frame.normal, frame)
+        node = scene.nodes[first]
+        kind = np.int64(node.kind)
+        while kind != LEAF:
+            if kind == SIDES:
+                following = np.int64(node.first) if front else np.int64(node.second)
+                state = State(following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame)
+            if choices:
+                if masks and kind == MASK:
+                    state = _after_mask(state, node, _share(scene, node, at, textures))
+                elif kind == BLEND:
+                    state = _after_blend(state, node, _share(scene, node, at, textures))
+            if tilts and kind >= BUMP:
+                state = tilted(scene, state, node, kind, at, front, ng, wo)
+            node = scene.nodes[state.node]
+            kind = np.int64(node.kind)
+        return state
+
+    return walk
+
+
+@inline
+def _look_up(rays, lane, scene, leaf, at):
+    """Puts the parameters of a leaf that textures give into the batch."""
+    first, last = np.int64(leaf.texture), np.int64(-1)
+    color = Vec3(0.0, 0.0, 0.0)
+    for k in range(np.int64(leaf.value)):
+        row = scene.lookups[first + k]
+        texture, channel = np.int64(row.texture), np.int64(row.channel)
+        if texture != last:
+            color, last = color_at(scene, texture, at.u, at.v), texture
+        value = color.x if channel == 0 else (color.y if channel == 1 else color.z)
+        if channel == LUMINANCE:
+            value = luminance(color)
+        value = value if value > row.low else row.low
+        rays.bsdf[np.int64(row.parameter), lane] = value if value < row.high else row.high
+
+
+# ---- the stage ---------------------------------------------------------------------------------------------------------
+
+
+def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
+    """`several`: the scene has several models."""
+    textures, uvs, tangents = features.textures, features.uvs, features.tangents
+    choices, masks, tilts = features.choices, features.masks, features.tilts
+    located, below_one = textures or uvs or tangents, 1.0 - float(np.finfo(real).epsneg)
+    coordinates, walk = _make_coordinates(features), _make_walk(features)
+
+    @inline
+    def shade(rays, lane, scene, first):
+        none = Vec3(0.0, 0.0, 0.0)
+        at = Coordinates(0.0, 0.0, none, none)
+        if located:
+            at = coordinates(rays, lane, scene)
+        ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
+        frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv, True)
+        u = np.float64(rays.draw[3, lane])
+        state = walk(scene, first, u, at, rays.front[lane], ng, wo, frame)
+        leaf = scene.nodes[state.node]
+        constants = scene.leaves[np.int64(leaf.second)].bsdf
+        for k in range(BSDF_PARAMETERS):
+            rays.bsdf[k, lane] = constants[k]
+        if textures:
+            _look_up(rays, lane, scene, leaf, at)
+        if several:
+            rays.bsdf_model[lane] = np.int64(leaf.first)
+        if choices:
+            rays.draw[3, lane] = state.u if state.u < below_one else below_one
+        if masks:
+            rays.opacity[lane] = state.opacity
+            rays.passing[lane] = state.passing
+        if tilts and state.tilts > 0:
+            rays.normal[lane] = state.frame.normal
+            rays.untilted_normal[lane] = state.before
+            rays.outer_normal[lane] = frame.normal
+        if tangents:
+            node = scene.nodes[first]
+            plain = np.int64(node.kind) == LEAF and node.value == 0.0  # here for the coordinates of a mesh alone
+            if not (plain and rays.shape[lane] == PLANE):
+                rays.tangent[lane] = state.frame.dp_du
+
+    def material(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        if masks or tilts:
+            for lane in range(np.uint64(LANES)):
+                if masks:
+                    rays.opacity[lane] = real(1)
+                    rays.passing[lane] = False
+                if tilts:
+                    rays.untilted_normal[lane] = rays.normal[lane]
+                    rays.outer_normal[lane] = rays.normal[lane]
+        for lane in range(np.uint64(LANES)):
+            if rays.alive[lane] and not rays.miss[lane]:
+                first = scene.programs[scene.primitives[rays.primitive[lane]].material]
+                if first >= 0:
+                    shade(rays, lane, scene, np.int64(first))
+
+    return material
+
+
+def stage(features: SceneFeatures, uses: Uses, real: Any) -> Any:
+    """The material stage of a scene; None where no material has a program, or nobody asks for the BSDF."""
+    if not features.programs or not any(uses):
+        return None
+    return _stage(features.only(*_FEATURES), len(features.bsdfs) > 1, real)
+
+
+@cache
+def _stage(features: SceneFeatures, several: bool, real: Any) -> Any:
+    return compile_stage(_make(features, several, real))

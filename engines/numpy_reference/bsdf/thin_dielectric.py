@@ -1,0 +1,53 @@
+"""A pane without thickness: mirror, or straight on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, has, mirrored
+from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.textures import ColorParameter
+from engines.numpy_reference.vectors import Array, Indices, dot
+from engines.scene import ThinDielectric
+
+
+class ThinDielectricBSDF:
+    """All panes of a scene. Light goes to and fro between both faces: R = F + (1 - F)^2 F / (1 - F^2) = 2 F / (1 + F)."""
+
+    def __init__(self, leaves: Sequence[ThinDielectric]) -> None:
+        self._ior = np.array([leaf.ior for leaf in leaves], np.float64)
+        self._reflectance = ColorParameter([leaf.reflectance for leaf in leaves])
+        self._transmittance = ColorParameter([leaf.transmittance for leaf in leaves])
+        self.lobes = np.full(len(leaves), (Lobes.SPECULAR_REFLECTION | Lobes.SPECULAR_TRANSMISSION).value)
+
+    def sample(
+        self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
+    ) -> BSDFSample:
+        """The mirror direction with the probability R, else straight on."""
+        once, _ = fresnel_dielectric(dot(at.wo, at.normal), self._ior[member])
+        reflectance = 2.0 * once / (1.0 + once)
+        r = reflectance * has(lobes, Lobes.SPECULAR_REFLECTION)
+        t = (1.0 - reflectance) * has(lobes, Lobes.SPECULAR_TRANSMISSION)
+        mirror = uc * (r + t) < r
+        wi = np.where(mirror, mirrored(at), -at.wo)
+        weight = np.where(mirror, self._reflectance(member, at), self._transmittance(member, at)) * (r + t)
+        good = ~mirror | at.reflects(wi)
+        return BSDFSample(wi, np.where(good, weight, 0.0), np.full(member.size, np.inf))
+
+    def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        return np.zeros(wi.shape)
+
+    def pdf(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
+        return np.zeros(member.size)
+
+    def diffuse(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return np.zeros((3, member.size))
+
+    def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return self._transmittance(member, at)
+
+
+BSDFS = {ThinDielectric: ThinDielectricBSDF}

@@ -1,0 +1,373 @@
+"""BSDFs: each of `BSDFS` makes a model of the scene from a plugin; `REFUSED` says why others have no counterpart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+from engines.errors import suggestion
+from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.metals import METALS
+from engines.scene.mitsuba_xml.colors import INDEX, color
+from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.textures import color_or_texture, image_texture, number_or_texture
+from engines.scene.models import (
+    INDICES,
+    IORS,
+    LEAST_CONTRAST,
+    PLASTIC_IORS,
+    SMOOTHEST,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Null,
+    Plastic,
+    Principled,
+    ThinDielectric,
+    principled_eta,
+)
+from engines.scene.support import transmits
+from engines.scene.textures import Color, Number
+from engines.scene.triple import BLACK, WHITE, Triple
+
+GREY: Triple = (0.5, 0.5, 0.5)
+BK7, ACRYLIC, AIR = 1.5046, 1.49, 1.000277
+INDICES_BY_NAME = {
+    "vacuum": 1.0, "helium": 1.000036, "hydrogen": 1.000132, "air": AIR, "carbon dioxide": 1.00045, "water": 1.333,
+    "acetone": 1.36, "ethanol": 1.361, "carbon tetrachloride": 1.461, "glycerol": 1.4729, "benzene": 1.501,
+    "silicone oil": 1.52045, "bromine": 1.661, "water ice": 1.31, "fused quartz": 1.458, "pyrex": 1.47,
+    "acrylic glass": ACRYLIC, "polypropylene": 1.49, "bk7": BK7, "sodium chloride": 1.544, "amber": 1.55, "pet": 1.575,
+    "diamond": 2.419,
+}  # fmt: skip
+"""Indices of refraction that a file may name."""
+
+
+class Built(NamedTuple):
+    """A BSDF, how many models and wrappers it has, and whether light passes through it anywhere."""
+
+    bsdf: Bsdf
+    parts: int
+    passes: bool
+
+
+def bsdf(importer: Importer, plugin: Plugin, two_sided: bool = False) -> Built:
+    """The BSDF of a plugin; opaque models are black from behind unless `two_sided`. Raises `SceneError`."""
+    key = (id(plugin), "bsdf", two_sided)
+    if key not in importer.built:
+        make = BSDFS.get(plugin.type)
+        if make is None:
+            raise plugin.refuse(REFUSED.get(plugin.type, f"unknown BSDF: {suggestion(plugin.type, BSDFS)}"))
+        importer.enter(plugin)
+        plugin.read.add("type")
+        found = make(importer, plugin, two_sided)
+        if found.parts > MAX_PARTS:
+            raise plugin.refuse(f"more than {MAX_PARTS} BSDFs within each other")
+        importer.leave(plugin)
+        importer.built[key] = found
+    return importer.built[key]
+
+
+def opaque(importer: Importer, plugin: Plugin, model: Bsdf, two_sided: bool) -> Built:
+    """A model that lets no light through, on both sides or on the front alone."""
+    if two_sided or model == Diffuse(BLACK):
+        return Built(model, 1, False)
+    importer.one_sided[plugin.label] = None
+    return Built(Sides(model, None), 2, False)
+
+
+def turned(found: Bsdf) -> Bsdf:
+    """The BSDF for a surface whose sides are exchanged."""
+    if isinstance(found, Sides):
+        return Sides(found.back, found.front)
+    if isinstance(found, Dielectric):
+        return replace(found, ior=1.0 / found.ior)
+    if isinstance(found, Principled) and found.spec_trans != 0.0:
+        return replace(found, eta=1.0 / found.eta)
+    if isinstance(found, Bump) and transmits(found):
+        return replace(found, of=turned(found.of), scale=-found.scale)
+    if isinstance(found, Mask | Bump | NormalMap):
+        return replace(found, of=turned(found.of))
+    if isinstance(found, Blend):
+        return replace(found, a=turned(found.a), b=turned(found.b))
+    return found
+
+
+# ---- parameters ------------------------------------------------------------------------------------------------------
+
+
+def _index(plugin: Plugin, name: str, default: float) -> float:
+    """An index of refraction: a number, or the name of a substance."""
+    element = plugin.values.get(name)
+    if element is None or element.tag != "string":
+        return plugin.positive(name, default=default)
+    named = (plugin.text(name) or "").lower()
+    if named not in INDICES_BY_NAME:
+        raise element.refuse_value(f"unknown substance: {suggestion(named, INDICES_BY_NAME)}")
+    return INDICES_BY_NAME[named]
+
+
+def _ior(plugin: Plugin, inside: float, limits: tuple[float, float] = IORS) -> float:
+    """The index of the inside over that of the outside."""
+    found = _index(plugin, "int_ior", inside) / _index(plugin, "ext_ior", AIR)
+    if not limits[0] <= found <= limits[1]:
+        raise plugin.refuse(f"int_ior / ext_ior is {found:g}: must lie in [{limits[0]:g}, {limits[1]:g}]")
+    return found
+
+
+def _distribution(plugin: Plugin) -> str:
+    found = plugin.text("distribution", default="beckmann")
+    plugin.read.add("sample_visible")
+    if found not in ("beckmann", "ggx"):
+        raise plugin.refuse_property("distribution", "must be beckmann or ggx")
+    return found
+
+
+def _alpha(importer: Importer, plugin: Plugin) -> tuple[Number, Number]:
+    """Roughnesses along the two tangents, at least `SMOOTHEST`."""
+    along = "alpha_u", "alpha_v"
+    if plugin.has(*along) and plugin.has("alpha"):
+        raise plugin.refuse("either alpha, or alpha_u and alpha_v")
+    u, v = (
+        number_or_texture(importer, plugin, name, "alpha", default=0.1) if plugin.has(name) or not plugin.has("alpha")
+        else number_or_texture(importer, plugin, "alpha", default=0.1)
+        for name in along
+    )  # fmt: skip
+    return _rough(u), _rough(v)
+
+
+def _rough(alpha: Number) -> Number:
+    return max(SMOOTHEST, alpha) if isinstance(alpha, float) else alpha
+
+
+def _specular(importer: Importer, plugin: Plugin, which: str = "reflectance") -> Color:
+    for name in (f"specular_{which}_sampling_weight", "specular_sampling_weight", "sampling_weight"):
+        plugin.read.add(name)
+    return color_or_texture(importer, plugin, f"specular_{which}", default=WHITE)
+
+
+# ---- models ----------------------------------------------------------------------------------------------------------
+
+
+def _diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    reflectance = color_or_texture(importer, plugin, "reflectance", "diffuse_reflectance", default=GREY)
+    return opaque(importer, plugin, Diffuse(reflectance), two_sided)
+
+
+def _rough_diffuse(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    alpha = number_or_texture(importer, plugin, "alpha", default=0.2, high=1e6)
+    plugin.read.add("use_fast_approx")
+    if alpha != 0.0:
+        importer.notes.add("roughdiffuse is taken as diffuse", plugin.element)
+    return _diffuse(importer, plugin, two_sided)
+
+
+def _metal(plugin: Plugin) -> tuple[Triple, Triple]:
+    """eta and k by name or as given; those of a perfect mirror where a new file gives none, of copper where an old one does."""
+    name = plugin.text("material")
+    if name is not None:
+        if plugin.has("eta") or plugin.has("k"):
+            raise plugin.refuse("either material, or eta and k")
+        if name.lower() == "none":
+            return BLACK, WHITE
+        if name not in METALS:
+            raise plugin.refuse_property("material", f"{suggestion(name, METALS)}, none; or give eta and k")
+        return METALS[name]
+    for wanted in ("eta", "k"):
+        if plugin.find(wanted) is not None:
+            raise plugin.refuse(f"{wanted}: a colour is wanted, not a texture")
+    eta, k = plugin.spectrum("eta"), plugin.spectrum("k")
+    if eta is None and k is None:
+        return METALS["Cu"] if plugin.element.source.old else (BLACK, WHITE)
+    if eta is None or k is None:
+        raise plugin.refuse("eta and k are wanted, or neither")
+    return color(eta, INDEX), color(k, INDEX)
+
+
+def _conductor_with(
+    importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number], kind: str
+) -> Built:
+    eta, k = _metal(plugin)
+    outside = _index(plugin, "ext_eta", 1.0)
+    eta = (eta[0] / outside, eta[1] / outside, eta[2] / outside)
+    k = (k[0] / outside, k[1] / outside, k[2] / outside)
+    for channel, larger in zip(("red", "green", "blue"), map(max, eta, k), strict=True):
+        if not INDICES[0] <= larger <= INDICES[1]:
+            limits = f"[{INDICES[0]:g}, {INDICES[1]:g}]"
+            raise plugin.refuse(f"the larger of eta and k is {larger:g} in {channel}: must lie in {limits}")
+    model = Conductor(eta, k, alpha, _specular(importer, plugin), kind)
+    return opaque(importer, plugin, model, two_sided)
+
+
+def _conductor(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    return _conductor_with(importer, plugin, two_sided, (0.0, 0.0), "ggx")
+
+
+def _rough_conductor(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    return _conductor_with(importer, plugin, two_sided, _alpha(importer, plugin), _distribution(plugin))
+
+
+def _glass(
+    importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number] = (0.0, 0.0), kind: str = "ggx"
+) -> Built:  # fmt: skip
+    reflectance, transmittance = (_specular(importer, plugin, which) for which in ("reflectance", "transmittance"))
+    ior = _ior(plugin, BK7)
+    if alpha != (0.0, 0.0) and abs(ior - 1.0) < LEAST_CONTRAST:
+        raise plugin.refuse(f"a rough interface wants an index at least {LEAST_CONTRAST:g} away from 1")
+    return Built(Dielectric(ior, alpha, reflectance, transmittance, kind), 1, True)
+
+
+def _rough_glass(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    return _glass(importer, plugin, two_sided, _alpha(importer, plugin), _distribution(plugin))
+
+
+def _thin_glass(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    reflectance, transmittance = (_specular(importer, plugin, which) for which in ("reflectance", "transmittance"))
+    return Built(ThinDielectric(_ior(plugin, BK7), reflectance, transmittance), 1, True)
+
+
+def _plastic_with(importer: Importer, plugin: Plugin, two_sided: bool, alpha: float, kind: str) -> Built:
+    base = color_or_texture(importer, plugin, "diffuse_reflectance", "reflectance", default=GREY)
+    nonlinear, ior = plugin.boolean("nonlinear", default=False), _ior(plugin, ACRYLIC, PLASTIC_IORS)
+    model = Plastic(base, ior, alpha, nonlinear, _specular(importer, plugin), kind)
+    return opaque(importer, plugin, model, two_sided)
+
+
+def _plastic(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    return _plastic_with(importer, plugin, two_sided, 0.0, "ggx")
+
+
+def _rough_plastic(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    kind = _distribution(plugin)
+    if plugin.find("alpha") is not None:
+        raise plugin.refuse("alpha: the roughness of a plastic is a number, not a texture")
+    alpha = plugin.number("alpha", default=0.1, low=0.0, high=1.0)
+    return _plastic_with(importer, plugin, two_sided, max(SMOOTHEST, alpha), kind)
+
+
+_SHARES = {
+    "roughness": 0.5, "anisotropic": 0.0, "metallic": 0.0, "spec_tint": 0.0, "sheen": 0.0, "sheen_tint": 0.0,
+    "clearcoat": 0.0, "clearcoat_gloss": 0.0, "flatness": 0.0, "spec_trans": 0.0,
+}  # fmt: skip
+_RATES = ("diffuse_reflectance", "main_specular", "clearcoat", "spec_trans")
+
+
+def _principled(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    plugin.read.update(f"{name}_sampling_rate" for name in _RATES)
+    base = color_or_texture(importer, plugin, "base_color", default=GREY)
+    shares = {name: number_or_texture(importer, plugin, name, default=default) for name, default in _SHARES.items()}
+    if plugin.has("eta") and plugin.has("specular"):
+        raise plugin.refuse("either eta or specular")
+    for name in ("eta", "specular"):
+        if plugin.find(name) is not None:
+            raise plugin.refuse(f"{name}: a number is wanted, not a texture")
+    if plugin.has("eta"):
+        eta = plugin.positive("eta", default=1.5)
+    else:
+        eta = principled_eta(plugin.number("specular", default=0.5, low=0.0, high=1.0), shares["spec_trans"])
+    if not 1.0 <= eta <= IORS[1]:
+        raise plugin.refuse_property("eta", f"must lie in [1, {IORS[1]:g}]")
+    if shares["spec_trans"] != 0.0:
+        eta = max(eta, 1.0 + LEAST_CONTRAST)
+    model = Principled(base, eta=eta, **shares)
+    if shares["spec_trans"] != 0.0:
+        return Built(model, 1, True)
+    return opaque(importer, plugin, model, two_sided)
+
+
+def _null(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    return Built(Null(), 1, True)
+
+
+# ---- wrappers --------------------------------------------------------------------------------------------------------
+
+
+def _inner(importer: Importer, plugin: Plugin, counts: tuple[int, ...], two_sided: bool) -> list[Built]:
+    found = importer.taken(plugin, "bsdf")
+    if len(found) not in counts:
+        wanted = "1 nested BSDF is" if counts == (1,) else f"{' or '.join(map(str, counts))} nested BSDFs are"
+        raise plugin.refuse(f"{wanted} wanted, not {len(found)}")
+    return [bsdf(importer, inner, two_sided) for inner in found]
+
+
+def _two_sided(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    found = _inner(importer, plugin, (1, 2), True)
+    if any(inner.passes for inner in found):
+        raise plugin.refuse("holds a BSDF that lets light through, which Mitsuba does not allow: leave twosided out")
+    if len(found) == 1:
+        return found[0]
+    return Built(Sides(found[0].bsdf, found[1].bsdf), 1 + found[0].parts + found[1].parts, False)
+
+
+def _mask(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    opacity = number_or_texture(importer, plugin, "opacity", default=0.5)
+    (inner,) = _inner(importer, plugin, (1,), two_sided)
+    return Built(Mask(opacity, inner.bsdf), 1 + inner.parts, True)
+
+
+def _blend(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    if not plugin.has("weight"):
+        raise plugin.refuse("the property 'weight' is missing")
+    weight = number_or_texture(importer, plugin, "weight", default=0.5)
+    a, b = _inner(importer, plugin, (2,), two_sided)
+    return Built(Blend(weight, a.bsdf, b.bsdf), 1 + a.parts + b.parts, a.passes or b.passes)
+
+
+def _bump(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    found = importer.taken(plugin, "texture")
+    if len(found) != 1:
+        raise plugin.refuse(f"one nested texture is wanted, not {len(found)}")
+    height = image_texture(importer, found[0])
+    scale = plugin.number("scale", default=1.0)
+    (inner,) = _inner(importer, plugin, (1,), two_sided)
+    return Built(Bump(height, scale, inner.bsdf), 1 + inner.parts, inner.passes)
+
+
+def _normal_map(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
+    found = importer.taken(plugin, "texture")
+    if len(found) != 1:
+        raise plugin.refuse(f"one nested texture is wanted, not {len(found)}")
+    normals = image_texture(importer, found[0])
+    if normals.pixels.shape[2] != 3:
+        raise found[0].refuse("an image with three channels is wanted")
+    (inner,) = _inner(importer, plugin, (1,), two_sided)
+    return Built(NormalMap(normals, inner.bsdf), 1 + inner.parts, inner.passes)
+
+
+BSDFS: dict[str, Callable[[Importer, Plugin, bool], Built]] = {
+    "diffuse": _diffuse,
+    "roughdiffuse": _rough_diffuse,
+    "conductor": _conductor,
+    "roughconductor": _rough_conductor,
+    "dielectric": _glass,
+    "roughdielectric": _rough_glass,
+    "thindielectric": _thin_glass,
+    "plastic": _plastic,
+    "roughplastic": _rough_plastic,
+    "principled": _principled,
+    "null": _null,
+    "twosided": _two_sided,
+    "mask": _mask,
+    "blendbsdf": _blend,
+    "bumpmap": _bump,
+    "normalmap": _normal_map,
+}
+REFUSED = {
+    "phong": "has no counterpart: use roughplastic or roughconductor",
+    "ward": "has no counterpart: use roughconductor",
+    "coating": "has no counterpart: use plastic or principled",
+    "roughcoating": "has no counterpart: use roughplastic or principled",
+    "difftrans": "diffuse transmission has no counterpart",
+    "hk": "scattering below the surface has no counterpart",
+    "mixturebsdf": "has no counterpart: use blendbsdf",
+    "irawan": "has no counterpart",
+    "principledthin": "has no counterpart: use principled",
+    "measured": "measured BSDFs have no counterpart",
+    "measured_polarized": "measured BSDFs have no counterpart",
+    "hair": "has no counterpart",
+    "pplastic": "polarisation has no counterpart: use plastic",
+    "polarizer": "polarisation has no counterpart",
+    "retarder": "polarisation has no counterpart",
+    "circular": "polarisation has no counterpart",
+}

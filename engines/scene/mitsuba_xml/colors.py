@@ -1,0 +1,85 @@
+"""Colours: `rgb`, `srgb`, `spectrum` and `float` as linear RGB."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from engines.scene.mitsuba_xml.document import Element
+from engines.scene.mitsuba_xml.properties import number_of
+from engines.scene.mitsuba_xml.spectra import FLAT_SPECTRUM, rgb_of_samples
+from engines.scene.mitsuba_xml.transforms import number, numbers
+from engines.scene.triple import Triple
+
+REFLECTANCE, EMISSION, INDEX = "reflectance", "emission", "index"
+"""What a colour is for: a share in [0, 1], light, or an index of refraction."""
+MAX_SAMPLES = 10_000
+_HEX = re.compile(r"#([0-9a-fA-F]{6})")
+
+
+def color(element: Element, role: str) -> Triple:
+    """The colour of an element. Raises `SceneError` with its line."""
+    r, g, b = _values(element, role)
+    least, most = min(r, g, b), max(r, g, b)
+    if least < 0.0:
+        raise element.refuse_value("must not be negative")
+    if role == REFLECTANCE and most > 1.0 + 1e-6:
+        raise element.refuse_value("must lie in [0, 1], as it is a share of light")
+    return (min(r, 1.0), min(g, 1.0), min(b, 1.0)) if role == REFLECTANCE else (r, g, b)
+
+
+def _values(element: Element, role: str) -> Triple:
+    tag, text = element.tag, element.attributes.get("value", "").strip()
+    if tag in ("float", "integer"):
+        grey = number_of(element)
+        return grey, grey, grey
+    if tag == "spectrum":
+        return _spectrum(element, text, role)
+    if tag not in ("rgb", "srgb"):
+        raise element.refuse("a colour is wanted: <rgb>, <srgb>, <spectrum> or <float>")
+    if hexadecimal := _HEX.fullmatch(text):
+        code = int(hexadecimal[1], 16)
+        return _linear((code >> 16) / 255.0, (code >> 8 & 255) / 255.0, (code & 255) / 255.0)
+    r, g, b = _three(element)
+    return _linear(r, g, b) if tag == "srgb" else (r, g, b)
+
+
+def _three(element: Element) -> Triple:
+    found = numbers(element, "value", (1, 3))
+    r, g, b = found * 3 if len(found) == 1 else found
+    return r, g, b
+
+
+def _linear(*encoded: float) -> Triple:
+    """Linear RGB of sRGB values."""
+    r, g, b = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in encoded)
+    return r, g, b
+
+
+def _spectrum(element: Element, text: str, role: str) -> Triple:
+    """One number is a flat spectrum, which is white as a reflectance and a little red as light; three are RGB."""
+    if "filename" in element.attributes:
+        raise element.refuse("spectra from files are not read: give rgb")
+    if ":" in text:
+        samples = _samples(element, text)
+        r, g, b = (max(0.0, x) for x in rgb_of_samples(samples, role == EMISSION))
+        return (min(r, 1.0), min(g, 1.0), min(b, 1.0)) if role == REFLECTANCE else (r, g, b)
+    r, g, b = _three(element)
+    if role == EMISSION and r == g == b and len(re.split(r"[,\s]+", text)) == 1:
+        return r * FLAT_SPECTRUM[0], r * FLAT_SPECTRUM[1], r * FLAT_SPECTRUM[2]
+    return r, g, b
+
+
+def _samples(element: Element, text: str) -> np.ndarray:
+    """(2, n) wavelengths in nanometres, growing, and values."""
+    pairs = [pair.split(":") for pair in re.split(r"[,\s]+", re.sub(r"\s*:\s*", ":", text)) if pair]
+    try:
+        if not 2 <= len(pairs) <= MAX_SAMPLES:
+            raise ValueError
+        found = np.array([[number(word) for word in pair] for pair in pairs]).T
+        if found.shape != (2, len(pairs)) or not (np.diff(found[0]) > 0.0).all():
+            raise ValueError
+    except ValueError:
+        raise element.refuse_value("must be pairs wavelength:value with growing wavelengths, two at least") from None
+    return found

@@ -1,0 +1,145 @@
+"""What the builders of one imported scene share: its place, its plugins by id, notes, and what has been built before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import suggestion
+from engines.scene.bsdf import MAX_DEPTH, Bsdf, Diffuse, Sides
+from engines.scene.context import SceneReader
+from engines.scene.files import Place
+from engines.scene.materials import Material
+from engines.scene.mitsuba_xml.document import Element
+from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.shapes import Shape, check_area
+from engines.scene.triple import BLACK, Triple
+
+MAX_NAMED = 5
+"""Names or lines that a note lists."""
+
+
+@dataclass(slots=True)
+class Notes:
+    """Notes by what they say, each with the lines that it is about, and names of what is dropped."""
+
+    lines: dict[str, list[str]] = field(default_factory=dict)
+    dropped: dict[str, None] = field(default_factory=dict)
+    main: str = ""
+
+    def add(self, text: str, element: Element) -> None:
+        """A note about an element."""
+        own = element.source.name == self.main
+        where = f"line {element.line}" if own else f"{element.source.name}:{element.line}"
+        self.lines.setdefault(text, []).append(where)
+
+    def drop(self, what: str) -> None:
+        """Counts something that does not change the expected image."""
+        self.dropped[what] = None
+
+    def sentences(self) -> Iterator[str]:
+        """Every note once."""
+        for text, lines in self.lines.items():
+            more = f" and {len(lines) - MAX_NAMED} more" if len(lines) > MAX_NAMED else ""
+            yield f"{', '.join(lines[:MAX_NAMED])}{more}: {text}"
+        if self.dropped:
+            yield f"dropped, as the expected image does not depend on them: {', '.join(self.dropped)}"
+
+
+@dataclass(slots=True)
+class Importer:
+    """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
+    are names of BSDFs that are black from behind."""
+
+    reader: SceneReader
+    ids: dict[str, Plugin]
+    notes: Notes
+    built: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    building: list[Plugin] = field(default_factory=list)
+    one_sided: dict[str, None] = field(default_factory=dict)
+
+    @property
+    def place(self) -> Place:
+        """Where the files are that the scene names."""
+        return self.reader.place
+
+    def resolve(self, child: Plugin | Element) -> Plugin:
+        """The plugin that is nested, or that a reference means. Raises `SceneError` for ids that do not exist."""
+        if isinstance(child, Plugin):
+            return child
+        found = self.ids.get(child.attributes["id"])
+        if found is None:
+            raise child.refuse(f"there is no such id: {suggestion(child.attributes['id'], self.ids)}")
+        return found
+
+    def children(self, plugin: Plugin, *kinds: str) -> Iterator[tuple[Plugin, Plugin | Element]]:
+        """The nested plugins of these kinds, references followed, in the order of the document; each with how it is nested."""
+        for child in plugin.nested:
+            found = self.resolve(child)
+            if found.kind in kinds:
+                yield found, child
+
+    def taken(self, plugin: Plugin, *kinds: str) -> list[Plugin]:
+        """The nested plugins of these kinds, which then count as read."""
+        found = list(self.children(plugin, *kinds))
+        for _, child in found:
+            plugin.take(child)
+        return [made for made, _ in found]
+
+    def named(self, plugin: Plugin, name: str) -> Plugin | None:
+        """The nested plugin or reference of this name, which then counts as read."""
+        child = plugin.find(name)
+        if child is None:
+            return None
+        plugin.take(child)
+        return self.resolve(child)
+
+    def enter(self, plugin: Plugin) -> None:
+        """Begins to build what may hold others. Raises `SceneError` where that is within itself, or too deep."""
+        if any(plugin is outer for outer in self.building):
+            raise plugin.refuse("refers to itself")
+        if len(self.building) >= MAX_DEPTH:
+            raise plugin.refuse(f"more than {MAX_DEPTH} plugins within each other")
+        self.building.append(plugin)
+
+    def leave(self, plugin: Plugin) -> None:
+        """Ends what `enter` began, and notes what was not read of the plugin."""
+        self.building.pop()
+        self.finish(plugin)
+
+    def finish(self, plugin: Plugin) -> None:
+        """Notes properties that nobody asked for; refuses nested plugins of that kind. Raises `SceneError`."""
+        for name, element in plugin.unread():
+            self.notes.add(f"{name} of {plugin.kind} {plugin.type} is not read", element)
+        for child in plugin.untaken():
+            found = self.resolve(child)
+            element = child.element if isinstance(child, Plugin) else child
+            raise element.refuse(f"{plugin.kind} {plugin.type!r} has no use for {found.kind} {found.type!r}")
+
+    def material(self, bsdf: Bsdf | None, radiance: Triple, name: str) -> int:
+        """The index of the material with this BSDF (None is black) and emission; the same for the same values."""
+        bare = bsdf.front if isinstance(bsdf, Sides) and bsdf.back is None else bsdf
+        if bare is None or bare == Diffuse(BLACK):
+            bsdf = None
+        key = ("material", bsdf, radiance)
+        if key not in self.built:
+            taken = {material.name for material in self.reader.table.materials}
+            unique, count = name, 1
+            while unique in taken:
+                count += 1
+                unique = f"{name}_{count}"
+            self.built[key] = self.reader.table.add(Material(unique, emission=radiance, bsdf=bsdf))
+        return self.built[key]
+
+    def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
+        """Raises `SceneError` where a transform has led out of the range of numbers."""
+        if not (np.abs(vertices) < 1e30).all():
+            raise plugin.refuse("vertices must lie within 1e30 of the origin")
+
+    def check_area(self, plugin: Plugin, shape: Shape) -> None:
+        """Counts triangles without area; raises `SceneError` where they are all of what emits."""
+        check_area(plugin.element.located(None), shape, self.reader)

@@ -1,0 +1,150 @@
+"""Emitters other than those of shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from engines.scene.mitsuba_xml.colors import EMISSION, color
+from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.sky import baked
+from engines.scene.mitsuba_xml.transforms import Matrix, nearest_orthogonal, similarity
+from engines.scene.triple import WHITE, Triple
+from engines.schema.fields import unit
+
+HARMLESS = ("sampling_weight", "mis_compensation", "cache")
+
+
+def light(importer: Importer, plugin: Plugin) -> Light:
+    """The light of an emitter of the scene. Raises `SceneError`."""
+    make = EMITTERS.get(plugin.type)
+    if make is None:
+        raise plugin.refuse(REFUSED.get(plugin.type, f"unknown emitter: known: {', '.join((*EMITTERS, 'area'))}"))
+    plugin.read.update(HARMLESS)
+    found = make(importer, plugin)
+    importer.finish(plugin)
+    return found
+
+
+def area_radiance(importer: Importer, plugin: Plugin) -> Triple:
+    """The radiance of an `area` emitter within a shape. Raises `SceneError`."""
+    if plugin.type != "area":
+        raise plugin.refuse(REFUSED.get(plugin.type, "an emitter of type area is wanted within a shape"))
+    plugin.read.update(HARMLESS)
+    found = _light_color(importer, plugin, "radiance")
+    importer.finish(plugin)
+    return found
+
+
+def _light_color(importer: Importer, plugin: Plugin, name: str) -> Triple:
+    nested = importer.named(plugin, name)
+    if nested is not None:
+        if nested.type not in ("uniform", "srgb", "rawconstant"):
+            raise nested.refuse(f"{name} as a texture has no counterpart: a colour is wanted")
+        element = nested.spectrum("color", "value")
+        if element is None:
+            raise nested.refuse("the property 'color' or 'value' is missing")
+        return color(element, EMISSION)
+    element = plugin.spectrum(name)
+    return WHITE if element is None else color(element, EMISSION)
+
+
+def _vector(values: Matrix) -> Triple:
+    x, y, z = (float(x) for x in values)
+    return x, y, z
+
+
+def _direction(plugin: Plugin, vector: Triple) -> Triple:
+    found = unit(vector)
+    if found is None:
+        raise plugin.refuse("the direction must not be zero")
+    return found
+
+
+def _point(importer: Importer, plugin: Plugin) -> PointLight:
+    position = plugin.point("position")
+    if position is None:
+        position = _vector(plugin.transform()[:3, 3])
+    elif plugin.has("to_world"):
+        raise plugin.refuse("either position or to_world")
+    return PointLight(position, _light_color(importer, plugin, "intensity"))
+
+
+def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
+    matrix = plugin.transform()
+    cutoff = plugin.number("cutoff_angle", default=20.0)
+    if not 0.0 < cutoff < 180.0:
+        raise plugin.refuse_property("cutoff_angle", "must lie in (0, 180) degrees")
+    beam_width = plugin.positive("beam_width", default=0.75 * cutoff)
+    if beam_width > cutoff:
+        raise plugin.refuse_property("beam_width", f"must not exceed cutoff_angle, which is {cutoff:g}")
+    if importer.named(plugin, "texture") is not None:
+        raise plugin.refuse("a texture of a spot light has no counterpart")
+    direction = _direction(plugin, _vector(matrix[:3, 2]))
+    return SpotLight(_vector(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
+
+
+def _directional(importer: Importer, plugin: Plugin) -> DirectionalLight:
+    vector = plugin.point("direction")
+    if vector is None:
+        vector = _vector(plugin.transform()[:3, 2])
+    elif plugin.has("to_world"):
+        raise plugin.refuse("either direction or to_world")
+    return DirectionalLight(_direction(plugin, vector), _light_color(importer, plugin, "irradiance"))
+
+
+def _constant(importer: Importer, plugin: Plugin) -> EnvironmentLight:
+    plugin.read.add("to_world")
+    return EnvironmentLight(_light_color(importer, plugin, "radiance"))
+
+
+def rotation(plugin: Plugin) -> tuple[Triple, Triple, Triple]:
+    """The rows of the rotation or reflection of `to_world`. Raises `SceneError` for other transforms."""
+    linear = plugin.transform()[:3, :3]
+    if similarity(linear) is None:
+        raise plugin.refuse("to_world of an environment must be a rotation")
+    a, b, c = (_vector(row) for row in nearest_orthogonal(linear))
+    return a, b, c
+
+
+def _envmap(importer: Importer, plugin: Plugin) -> EnvironmentLight:
+    named = plugin.file("filename")
+    images = importer.reader.images
+    file = images.file(named.located(named.attributes["value"]), importer.place)
+    image = images.linear(file, images.texels[file].dtype.kind == "u", "").astype(np.float64)
+    image = np.ascontiguousarray(np.broadcast_to(image, (*image.shape[:2], 3)))
+    if not (image >= 0.0).all() or not math.isfinite(image.max()):
+        raise named.refuse("holds radiance that is negative, infinite or not a number")
+    image.flags.writeable = False
+    scale = plugin.number("scale", default=1.0, low=0.0)
+    return EnvironmentLight((scale, scale, scale), image, rotation(plugin), "poles")
+
+
+def _sky(importer: Importer, plugin: Plugin) -> EnvironmentLight:
+    image = baked(importer, plugin)
+    image.flags.writeable = False
+    return EnvironmentLight(WHITE, image.astype(np.float64), rows="poles")
+
+
+EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {
+    "point": _point,
+    "spot": _spot,
+    "directional": _directional,
+    "constant": _constant,
+    "envmap": _envmap,
+    "sunsky": _sky,
+    "sky": _sky,
+    "sun": _sky,
+}
+REFUSED = {
+    "area": "an area emitter stands within the shape that emits",
+    "directionalarea": "has no counterpart",
+    "projector": "has no counterpart",
+    "collimated": "has no counterpart",
+    "volumelight": "has no counterpart",
+    "timed_sunsky": "a sky that moves has no counterpart: use sunsky",
+}

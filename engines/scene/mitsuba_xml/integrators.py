@@ -1,0 +1,56 @@
+"""Integrators: the shader that a file suggests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.properties import Plugin
+
+UNLIMITED = 100_000
+"""Segments that stand for a path without an end: the roulette ends it long before."""
+SUGGESTED = {
+    "path": "",
+    "direct": "",
+    "volpath": "media are refused elsewhere",
+    "volpathmis": "media are refused elsewhere",
+    "volpath_simple": "media are refused elsewhere",
+    "ptracer": "light paths are not followed",
+    "bdpt": "light paths are not followed",
+    "pssmlt": "the same light by another way",
+    "mlt": "the same light by another way",
+    "erpt": "the same light by another way",
+    "prb": "the same light by another way",
+    "prbvolpath": "the same light by another way",
+    "prb_basic": "the same light by another way",
+    "direct_projective": "the same light by another way",
+    "prb_projective": "the same light by another way",
+}
+"""Integrators that a path tracer stands for, and why it is another one. Any other one estimates something else, or holds
+another integrator."""
+
+
+def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
+    """The shader that an integrator suggests. Raises `SceneError` for what changes the image and has no counterpart."""
+    if plugin.boolean("hide_emitters", default=False):
+        raise plugin.refuse_property("hide_emitters", "emitters that the camera does not see have no counterpart")
+    inner = importer.taken(plugin, "integrator")
+    if plugin.type not in SUGGESTED and inner:
+        importer.notes.add(f"integrator {plugin.type}: the one within it is taken", plugin.element)
+        return shader(importer, inner[0]) if inner[0] is not plugin else {"name": "path_tracer"}
+    found: dict[str, Any] = {"name": "path_tracer"}
+    if plugin.type == "direct":
+        found["max_depth"] = 2
+        plugin.read.update(("shading_samples", "emitter_samples", "bsdf_samples", "hide_emitters"))
+    else:
+        depth = plugin.integer("max_depth", default=-1, low=-1, high=2**31 - 1)
+        found["max_depth"] = UNLIMITED if depth < 0 else min(max(depth, 1), UNLIMITED)
+        found["rr_depth"] = min(max(plugin.integer("rr_depth", default=5, low=-1, high=2**31 - 1), 1), 1_000_000)
+    if why := SUGGESTED.get(plugin.type, "it estimates something else"):
+        importer.notes.add(f"integrator {plugin.type}: path_tracer is suggested ({why})", plugin.element)
+    if plugin.boolean("strict_normals", default=False):
+        importer.notes.add("strict_normals: raybench always tests the geometric normal", plugin.element)
+    for name, element in plugin.unread():
+        plugin.read.add(name)
+        importer.notes.drop(f"{element.attributes['name']} of integrator {plugin.type}")
+    return found

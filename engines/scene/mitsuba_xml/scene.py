@@ -1,0 +1,138 @@
+"""A whole scene from Mitsuba's XML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.cameras import Camera, CustomCamera, PerspectiveArctan
+from engines.scene.content import content_hash
+from engines.scene.context import SceneReader
+from engines.scene.files import Place
+from engines.scene.lights import EnvironmentLight, Light
+from engines.scene.mesh import Mesh
+from engines.scene.mitsuba_xml.context import MAX_NAMED, Importer, Notes
+from engines.scene.mitsuba_xml.document import Element, Reader
+from engines.scene.mitsuba_xml.emitters import light
+from engines.scene.mitsuba_xml.integrators import shader
+from engines.scene.mitsuba_xml.properties import Plugin, plugin_tree
+from engines.scene.mitsuba_xml.sensors import camera
+from engines.scene.mitsuba_xml.shapes import shapes
+from engines.scene.scene import Scene, scene_warnings
+from engines.scene.shapes import Shape
+
+CLIP_REACH = 4.0
+"""Distance of the corners of the near plane from the eye, in distances of the plane: 1 / cos(75 degrees)."""
+
+
+def read_root(file: Path, place: Place, parameters: Mapping[str, str] | None = None) -> Element:
+    """The `scene` element of a file, complete: included files in place, `$name` replaced, those of `parameters` first."""
+    return Reader(place, dict(parameters or {})).read(file, str(file))
+
+
+def import_scene(file: Path, root: Element, place: Place) -> Scene:
+    """The scene of a Mitsuba XML file, of version 0.4 to 3.x, with the element `root`.
+
+    What was dropped or approximated stands in the warnings of the scene. Raises `SceneError` with file and line for what is
+    wrong, and for what has no counterpart.
+    """
+    ids: dict[str, Plugin] = {}
+    tree = plugin_tree(root, ids)
+    name = file.resolve().parent.name if file.stem == "scene" else file.stem
+    reader = SceneReader(place, name, str(file))
+    importer = Importer(reader, ids, Notes(main=str(file)))
+    suggested = _integrator(importer, tree)
+    seen = _camera(importer, tree)
+    lights = _lights(importer, tree)
+    found: list[Shape] = []
+    for plugin in importer.taken(tree, "shape"):
+        found += shapes(importer, plugin)
+    _finish(importer, tree)
+    reader.warnings += importer.notes.sentences()
+    seen = _unclipped(seen, found)
+    materials = reader.table.materials
+    return Scene(
+        name=name, camera=seen, materials=tuple(materials), shapes=tuple(found), lights=tuple(lights),
+        content_hash=content_hash(seen, materials, found, lights), source=str(file),
+        warnings=tuple(scene_warnings(reader, found, lights)), shader=suggested,
+    )  # fmt: skip
+
+
+def _integrator(importer: Importer, tree: Plugin) -> dict[str, Any] | None:
+    found = importer.taken(tree, "integrator")
+    if len(found) > 1:
+        importer.notes.add("of several integrators the first is taken", found[1].element)
+    return shader(importer, found[0]) if found else None
+
+
+def _camera(importer: Importer, tree: Plugin) -> Camera:
+    found = importer.taken(tree, "sensor")
+    if not found:
+        raise tree.refuse("has no sensor")
+    if len(found) > 1:
+        importer.notes.add(f"of {len(found)} sensors the first is taken", found[1].element)
+    return camera(importer, found[0])
+
+
+def _lights(importer: Importer, tree: Plugin) -> list[Light]:
+    found: list[Light] = []
+    for plugin in importer.taken(tree, "emitter"):
+        made = light(importer, plugin)
+        if isinstance(made, EnvironmentLight) and any(isinstance(other, EnvironmentLight) for other in found):
+            raise plugin.refuse("a second environment: a scene may have one")
+        found.append(made)
+    return found
+
+
+def _finish(importer: Importer, tree: Plugin) -> None:
+    """Notes about the scene as a whole. BSDFs, textures and media that nothing refers to are left aside."""
+    importer.taken(tree, "bsdf", "texture", "spectrum", "medium", "phase", "volume")
+    for sampler in importer.taken(tree, "sampler"):
+        importer.notes.drop(f"sampler {sampler.type}")
+    for film in importer.taken(tree, "film", "rfilter"):
+        importer.notes.drop(f"{film.kind} {film.type}")
+    importer.finish(tree)
+    if importer.one_sided:
+        names = list(importer.one_sided)
+        more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
+        listed = ", ".join(names[:MAX_NAMED])
+        importer.reader.warnings.append(f"black from behind, as they are outside of twosided: {listed}{more}")
+
+
+# ---- clipping planes -------------------------------------------------------------------------------------------------
+
+
+def _unclipped(seen: Camera, found: list[Shape]) -> Camera:
+    """The camera without clipping planes that cannot clip anything: rays that need not be clipped are cheaper."""
+    if isinstance(seen, CustomCamera | PerspectiveArctan):
+        return seen
+    near, far = seen.clip
+    eye, axis = np.array(seen.eye), np.subtract(seen.target, seen.eye)
+    axis /= np.linalg.norm(axis)
+    boxes = [_boxes(shape) for shape in found]
+    low, high = (np.concatenate([box[side] for box in boxes] or [np.empty((0, 3))]) for side in (0, 1))
+    # the farthest and nearest depth of any corner of each box
+    center, half = (low + high) / 2.0 - eye, (high - low) / 2.0
+    depth, spread = center @ axis, half @ np.abs(axis)
+    if (depth + spread).max(initial=0.0) < far:
+        far = np.inf
+    distance = np.linalg.norm(np.maximum(np.maximum(low - eye, eye - high), 0.0), axis=1)
+    behind_the_plane = (depth - spread > near) | (distance > CLIP_REACH * near) | (depth + spread < 0.0)
+    if behind_the_plane.all():
+        near = 0.0
+    return replace(seen, clip=(near, far))
+
+
+def _boxes(shape: Shape) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 3) lowest and highest coordinates, of a mesh those of each face."""
+    if isinstance(shape, Mesh):
+        corners = shape.vertices[shape.faces]
+        return corners.min(axis=1), corners.max(axis=1)
+    box = shape.bounds()
+    assert box is not None
+    return box[:1], box[1:]

@@ -1,0 +1,187 @@
+"""Sensors and their films: cameras of the scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from engines.scene.cameras import LARGEST_SIDE, Camera, Orthographic, Perspective, ThinLens
+from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.transforms import Matrix, similarity
+from engines.scene.triple import Triple
+
+NEAR, FAR = 1e-2, 1e4
+"""Clipping planes of Mitsuba's cameras where a file gives none."""
+DEFAULT_SIZE = (768, 576)
+DIAGONAL = math.hypot(36.0, 24.0)
+"""Of 35 mm film, in millimetres: what focal lengths refer to."""
+AXES = ("x", "y", "smaller", "larger", "diagonal")
+HARMLESS_SENSOR = ("shutter_open", "shutter_close", "focus_distance", "srf", "apply_motion")
+HARMLESS_FILM = (
+    "filename", "file_format", "pixel_format", "component_format", "gamma", "banner", "high_quality_edges", "sample_border",
+    "exposure", "key", "burn", "tonemap_method", "label", "attach_log", "compensate", "digits", "variable",
+)  # fmt: skip
+
+
+def camera(importer: Importer, plugin: Plugin) -> Camera:
+    """The camera of a sensor. Raises `SceneError`."""
+    make = SENSORS.get(plugin.type)
+    if make is None:
+        raise plugin.refuse(REFUSED.get(plugin.type, f"unknown sensor: known: {', '.join(SENSORS)}"))
+    for sampler in importer.taken(plugin, "sampler"):
+        importer.notes.drop(f"sampler {sampler.type}")
+    size = _film(importer, plugin)
+    for medium in importer.taken(plugin, "medium"):
+        raise medium.refuse("media have no counterpart")
+    found = make(importer, plugin, size)
+    plugin.read.update(HARMLESS_SENSOR)
+    importer.finish(plugin)
+    return found
+
+
+def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
+    films = importer.taken(plugin, "film")
+    if not films:
+        return DEFAULT_SIZE
+    film = films[0]
+    if film.type == "specfilm":
+        raise film.refuse("spectral films have no counterpart")
+    sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
+    width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
+    crop = [film.integer(f"crop_{name}", default=full, low=0, high=LARGEST_SIDE)
+            for name, full in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height))]  # fmt: skip
+    if crop != [0, 0, width, height]:
+        raise film.refuse("a crop of the film has no counterpart: leave crop_ out")
+    for rfilter in importer.taken(film, "rfilter"):
+        importer.notes.drop(f"filter {rfilter.type}")
+    importer.notes.drop(f"film {film.type} but its size")
+    film.read.update(HARMLESS_FILM)
+    importer.finish(film)
+    return width, height
+
+
+# ---- frames ----------------------------------------------------------------------------------------------------------
+
+
+def _triple(values: Matrix) -> Triple:
+    x, y, z = (float(x) for x in values)
+    return x, y, z
+
+
+def _frame(plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
+    """eye, target, up and mirror of a camera-to-world matrix: +z forward, +y up, +x to the left."""
+    left, up, forward, eye = (matrix[:3, column] for column in range(4))
+    if similarity(matrix[:3, :3]) is None:
+        raise plugin.refuse("to_world of a sensor must not stretch or shear")
+    reach = float(np.linalg.norm(forward))
+    # a target as far away as the eye is from the origin: the direction keeps its digits
+    target = eye + forward / reach * max(1.0, float(np.abs(eye).max()))
+    mirror = bool(np.dot(np.cross(up, forward), left) < 0.0)
+    return {"eye": _triple(eye), "target": _triple(target), "up": _triple(up / np.linalg.norm(up)), "mirror": mirror}
+
+
+def _clip(plugin: Plugin, scale: float = 1.0) -> tuple[float, float]:
+    near, far = (plugin.positive(name, default=default) for name, default in (("near_clip", NEAR), ("far_clip", FAR)))
+    if near >= far:
+        raise plugin.refuse_property("near_clip", f"must be less than far_clip, which is {far:g}")
+    return near * scale, far * scale
+
+
+def _principal_point(plugin: Plugin) -> tuple[float, float]:
+    """Mitsuba shifts the film against the axis, we the axis on the film."""
+    x, y = (plugin.number(f"principal_point_offset_{axis}", default=0.0) for axis in "xy")
+    return 0.0 - x, 0.0 - y
+
+
+def _field_of_view(plugin: Plugin, size: tuple[int, int]) -> tuple[float, str]:
+    """Degrees, and the axis of the film along which they are."""
+    axis = plugin.text("fov_axis", default="x", known=AXES) or "x"
+    if plugin.has("fov"):
+        if plugin.has("focal_length"):
+            raise plugin.refuse("either fov or focal_length")
+        fov = plugin.number("fov", default=0.0)
+        if not 0.0 < fov < 180.0:
+            raise plugin.refuse_property("fov", "must lie in (0, 180) degrees")
+    else:
+        fov, axis = 2.0 * math.degrees(math.atan(DIAGONAL / 2.0 / _focal_length(plugin))), "diagonal"
+    width, height = size
+    if axis == "diagonal":
+        half = math.tan(math.radians(fov) / 2.0) * width / math.hypot(width, height)
+        return 2.0 * math.degrees(math.atan(half)), "x"
+    if axis in ("smaller", "larger"):
+        axis = "y" if (width > height) == (axis == "smaller") else "x"
+    return fov, axis
+
+
+def _focal_length(plugin: Plugin) -> float:
+    """Millimetres."""
+    text = (plugin.text("focal_length", default="50mm") or "").removesuffix("mm").strip()
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not 1e-3 <= found <= 1e6:
+        raise plugin.refuse_property("focal_length", "must be millimetres, such as 50mm")
+    return found
+
+
+# ---- sensors ---------------------------------------------------------------------------------------------------------
+
+
+def _rigid(plugin: Plugin) -> dict[str, Any]:
+    matrix = plugin.transform()
+    frame, scale = _frame(plugin, matrix), similarity(matrix[:3, :3])
+    assert scale is not None
+    if not plugin.element.source.old and abs(scale - 1.0) > 1e-3:
+        raise plugin.refuse("to_world of this sensor must not scale")
+    return frame
+
+
+def _lens(plugin: Plugin, size: tuple[int, int]) -> dict[str, Any]:
+    fov, axis = _field_of_view(plugin, size)
+    shared = {"fov": fov, "fov_axis": axis, "resolution": size, "clip": _clip(plugin)}
+    return {**_rigid(plugin), **shared, "principal_point": _principal_point(plugin)}
+
+
+def _perspective(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
+    return Perspective(**_lens(plugin, size))
+
+
+def _thin_lens(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
+    for name in ("aperture_radius", "focus_distance"):
+        if not plugin.has(name):
+            raise plugin.refuse(f"the property '{name}' is missing")
+    radius = plugin.number("aperture_radius", default=0.0, low=0.0)
+    lens, focus = _lens(plugin, size), plugin.positive("focus_distance", default=1.0)
+    if radius == 0.0:
+        return Perspective(**lens)
+    return ThinLens(**lens, aperture_radius=radius, focus_distance=focus)
+
+
+def _orthographic(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
+    """The window is two wide before `to_world`."""
+    matrix = plugin.transform()
+    frame, scale = _frame(plugin, matrix), similarity(matrix[:3, :3])
+    assert scale is not None
+    return Orthographic(**frame, height=2.0 * scale * size[1] / size[0], resolution=size, clip=_clip(plugin, scale))
+
+
+SENSORS: dict[str, Callable[[Importer, Plugin, tuple[int, int]], Camera]] = {
+    "perspective": _perspective,
+    "thinlens": _thin_lens,
+    "orthographic": _orthographic,
+}
+REFUSED = {
+    "batch": "several cameras in one have no counterpart",
+    "distant": "has no counterpart: use orthographic",
+    "irradiancemeter": "measures no image",
+    "radiancemeter": "measures no image",
+    "fluencemeter": "measures no image",
+    "perspective_rdist": "distorted lenses have no counterpart: use perspective",
+    "spherical": "has no counterpart: use perspective",
+    "telecentric": "has no counterpart: use orthographic",
+}

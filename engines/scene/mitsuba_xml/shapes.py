@@ -1,0 +1,301 @@
+"""Shapes: each of `SHAPES` makes a shape of the scene from a plugin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.bsdf import Bsdf, Conductor, Dielectric, Diffuse, Principled, Sides, is_textured
+from engines.scene.geometry import unit_rows
+from engines.scene.mesh import Mesh
+from engines.scene.mitsuba_xml import tessellate
+from engines.scene.mitsuba_xml.bsdfs import bsdf, turned
+from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.emitters import area_radiance
+from engines.scene.mitsuba_xml.meshes import angle_weighted_normals, read_file
+from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.tessellate import Triangles
+from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
+from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
+from engines.scene.textures import Checkerboard, ImageTexture
+from engines.scene.triple import BLACK, Triple
+
+UNTURNED = 1e-6
+"""By how much a rotation may differ from none where texture coordinates depend on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What a shape looks like: its BSDF (None is black) and the radiance of its front."""
+
+    bsdf: Bsdf | None
+    radiance: Triple
+    name: str
+
+    @property
+    def emits(self) -> bool:
+        return max(self.radiance) > 0.0
+
+
+def shapes(importer: Importer, plugin: Plugin) -> list[Shape]:
+    """The shapes of a plugin with their materials. Raises `SceneError`."""
+    make = SHAPES.get(plugin.type)
+    if make is None:
+        raise plugin.refuse(REFUSED.get(plugin.type, f"unknown shape: known: {', '.join(SHAPES)}"))
+    for medium in importer.taken(plugin, "medium"):
+        raise medium.refuse("media have no counterpart")
+    for inside in importer.taken(plugin, "subsurface"):
+        raise inside.refuse("scattering below the surface has no counterpart")
+    for sensor in importer.taken(plugin, "sensor"):
+        raise sensor.refuse("a sensor on a shape has no counterpart")
+    found = make(importer, plugin, _look(importer, plugin))
+    importer.finish(plugin)
+    importer.check_area(plugin, found)
+    return [found]
+
+
+def _look(importer: Importer, plugin: Plugin) -> Look:
+    found = importer.taken(plugin, "bsdf")
+    emitters = importer.taken(plugin, "emitter")
+    for what, several in (("BSDF", found), ("emitter", emitters)):
+        if len(several) > 1:
+            raise plugin.refuse(f"has {len(several)} of what it may have one of, {what}")
+    radiance = area_radiance(importer, emitters[0]) if emitters else BLACK
+    if found:
+        return Look(bsdf(importer, found[0]).bsdf, radiance, found[0].label)
+    if emitters:
+        return Look(None, radiance, "emitter")
+    importer.one_sided["shapes without a BSDF"] = None
+    return Look(Sides(Diffuse(), None), BLACK, "default")
+
+
+# ---- what materials ask of shapes ------------------------------------------------------------------------------------
+
+
+def looks_at_uv(found: Bsdf | None) -> bool:
+    """Whether a BSDF depends on where a texture coordinate of 0 lies, or on anything but the direction in which u grows."""
+    if found is None:
+        return False
+    values = [getattr(found, item.name) for item in fields(found)]
+    if any(isinstance(value, ImageTexture | Checkerboard) for value in values):
+        return True
+    inner = [value for value in values if isinstance(value, Bsdf)]
+    pairs = [part for value in values if isinstance(value, tuple) for part in value]
+    return any(isinstance(part, ImageTexture | Checkerboard) for part in pairs) or any(map(looks_at_uv, inner))
+
+
+def anisotropic(found: Bsdf | None) -> bool:
+    """Whether a BSDF depends on the direction in which u grows."""
+    if found is None:
+        return False
+    if isinstance(found, Conductor | Dielectric):
+        return found.alpha[0] is not found.alpha[1] and found.alpha[0] != found.alpha[1]
+    if isinstance(found, Principled):
+        return found.anisotropic != 0.0
+    return any(anisotropic(value) for item in fields(found) if isinstance(value := getattr(found, item.name), Bsdf))
+
+
+# ---- triangles -------------------------------------------------------------------------------------------------------
+
+
+def _mesh(importer: Importer, plugin: Plugin, look: Look, triangles: Triangles, matrix: Matrix, turn: bool) -> Mesh:
+    """Triangles in local coordinates as a mesh whose front is the transformed one, turned over with `turn`.
+
+    Normals are those of the inverse transpose; without normals the winding says what is in front before the transform.
+    """
+    vertices, normals, faces = placed(matrix, triangles.vertices), triangles.normals, triangles.faces
+    importer.check_finite(plugin, vertices)
+    if normals is None:
+        swapped = np.full(len(faces), mirrored(matrix) != turn)
+    else:
+        normals = transformed_normals(matrix, normals) * (-1.0 if turn else 1.0)
+        swapped = against(vertices, faces, normals)
+    return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, triangles.uvs)
+
+
+def transformed_normals(matrix: Matrix, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) unit normals of the scene."""
+    return unit_rows(normals @ cofactors(matrix[:3, :3]).T * (-1.0 if mirrored(matrix) else 1.0))
+
+
+def against(vertices: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(m,) whether the winding of a face is against the mean of its normals: Mitsuba's front is the side of the normals."""
+    corners = vertices[faces]
+    winding = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.einsum("ij,ij->i", winding, normals[faces].sum(axis=1)) < 0.0
+
+
+def _swapped(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """The faces, with the second and third vertex exchanged of those that `which` says."""
+    return np.where(which[:, None], faces[:, [0, 2, 1]], faces).astype(np.int32)
+
+
+def finished(
+    importer: Importer, plugin: Plugin, look: Look, vertices: NDArray[np.float64], faces: NDArray[np.int32],
+    normals: NDArray[np.float64] | None, uvs: NDArray[np.float64] | None,
+) -> Mesh:  # fmt: skip
+    """The mesh of these arrays, read-only, with the material of `look`."""
+    material = importer.material(look.bsdf, look.radiance, look.name)
+    arrays = [np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32),
+              np.full(len(faces), material, np.int32)]  # fmt: skip
+    more = [None if rows is None else np.ascontiguousarray(rows, np.float64) for rows in (normals, uvs)]
+    for array in (*arrays, *more):
+        if array is not None:
+            array.flags.writeable = False
+    name = plugin.id or plugin.type
+    return Mesh(arrays[0], arrays[1], arrays[2], more[0], name, more[1])
+
+
+# ---- shapes ----------------------------------------------------------------------------------------------------------
+
+
+def _rectangle(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
+    turn = plugin.boolean("flip_normals", default=False)
+    return _mesh(importer, plugin, look, tessellate.rectangle(), plugin.transform(), turn)
+
+
+def _cube(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
+    turn = plugin.boolean("flip_normals", default=False)
+    return _mesh(importer, plugin, look, tessellate.cube(), plugin.transform(), turn)
+
+
+def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
+    matrix, turn = plugin.transform(), plugin.boolean("flip_normals", default=False)
+    radius = _round(matrix[:3, 0], matrix[:3, 1])
+    if radius is None:
+        importer.notes.add("a stretched disk is made of triangles", plugin.element)
+    elif not looks_at_uv(look.bsdf):
+        normal = cofactors(matrix[:3, :3])[:, 2] * (-1.0 if mirrored(matrix) != turn else 1.0)
+        length = float(np.linalg.norm(normal))
+        material = importer.material(look.bsdf, look.radiance, look.name)
+        return Disk(_triple(matrix[:3, 3]), _triple(normal / length), radius, material)
+    else:
+        importer.notes.add("a textured disk is made of triangles", plugin.element)
+    return _mesh(importer, plugin, look, tessellate.disk(), matrix, turn)
+
+
+def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
+    matrix, center = plugin.transform(), plugin.point("center", (0.0, 0.0, 0.0))
+    radius = plugin.positive("radius", default=1.0)
+    inside_out = plugin.boolean("flip_normals", default=False) != mirrored(matrix)
+    local = np.eye(4)
+    local[:3, :3] *= radius
+    local[:3, 3] = center
+    matrix = matrix @ local
+    scale = similarity(matrix[:3, :3])
+    turned_round = scale is not None and np.abs(matrix[:3, :3] / scale - np.eye(3)).max() > UNTURNED
+    if scale is None:
+        importer.notes.add("an ellipsoid is made of triangles", plugin.element)
+    elif turned_round and (looks_at_uv(look.bsdf) or anisotropic(look.bsdf)):
+        importer.notes.add(
+            "a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element
+        )
+    elif inside_out and look.emits:
+        importer.notes.add("a sphere that emits inwards is made of triangles", plugin.element)
+    else:
+        return Sphere(_triple(matrix[:3, 3]), scale, _round_material(importer, look, inside_out))
+    return _mesh(importer, plugin, look, tessellate.sphere(), matrix, inside_out)
+
+
+def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
+    matrix, radius = plugin.transform(), plugin.positive("radius", default=1.0)
+    ends = [
+        np.array(plugin.point(name, default)) for name, default in (("p0", (0.0, 0.0, 0.0)), ("p1", (0.0, 0.0, 1.0)))
+    ]
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    if length == 0.0:
+        raise plugin.refuse("p1 must differ from p0")
+    inside_out = plugin.boolean("flip_normals", default=False)
+    axis = (ends[1] - ends[0]) / length
+    local = np.eye(4)
+    local[:3] = np.stack([*(side * radius for side in tangents(axis)), axis * length, ends[0]], axis=1)
+    matrix = matrix @ local
+    found = _round(matrix[:3, 0], matrix[:3, 1])
+    along = matrix[:3, 2] / max(float(np.linalg.norm(matrix[:3, 2])), 1e-300)
+    upright = found is not None and max(abs(float(matrix[:3, i] @ along)) for i in (0, 1)) <= 1e-4 * found
+    if found is None or not upright:
+        importer.notes.add("a stretched or sheared cylinder is made of triangles", plugin.element)
+    elif looks_at_uv(look.bsdf):
+        importer.notes.add("a textured cylinder is made of triangles", plugin.element)
+    elif inside_out and look.emits:
+        importer.notes.add("a cylinder that emits inwards is made of triangles", plugin.element)
+    else:
+        p0, p1 = matrix[:3, 3], matrix[:3, 3] + matrix[:3, 2]
+        return Cylinder(_triple(p0), _triple(p1), found, _round_material(importer, look, inside_out))
+    return _mesh(importer, plugin, look, tessellate.cylinder(), matrix, inside_out)
+
+
+def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
+    """OBJ, PLY or serialized: one mesh, whatever groups and materials the file has."""
+    named, matrix = plugin.file("filename"), plugin.transform()
+    turn, flat = plugin.boolean("flip_normals", default=False), plugin.boolean("face_normals", default=False)
+    data = read_file(importer, plugin, named, flat)
+    vertices, faces, normals = placed(matrix, data.vertices), data.faces, None
+    importer.check_finite(plugin, vertices)
+    if flat:
+        faces = _swapped(faces, np.full(len(faces), turn))
+    else:
+        own = data.normals
+        normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
+        normals = -normals if turn else normals
+        faces = _swapped(faces, against(vertices, faces, normals))
+    if data.uvs is None and is_textured(look.bsdf):
+        importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
+    return finished(importer, plugin, look, vertices, faces, normals, data.uvs)
+
+
+def tangents(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mitsuba's frame of a unit vector (Duff et al. 2017)."""
+    sign = np.copysign(1.0, n[2])
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return np.array([1.0 + sign * n[0] ** 2 * a, sign * b, -sign * n[0]]), np.array([b, n[1] ** 2 * a + sign, -n[1]])
+
+
+def _round(s: NDArray[np.float64], t: NDArray[np.float64]) -> float | None:
+    """The radius of the ellipse with these half axes, where it is a circle."""
+    a, b = float(np.linalg.norm(s)), float(np.linalg.norm(t))
+    mean = (a + b) / 2.0
+    if mean == 0.0 or abs(a - b) > 1e-4 * mean or abs(float(s @ t)) > 1e-4 * mean**2:
+        return None
+    return mean
+
+
+def _round_material(importer: Importer, look: Look, inside_out: bool) -> int:
+    found = look.bsdf if look.bsdf is None or not inside_out else turned(look.bsdf)
+    return importer.material(found, look.radiance, look.name)
+
+
+def _triple(values: Any) -> Triple:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+SHAPES: dict[str, Callable[[Importer, Plugin, Look], Shape]] = {
+    "rectangle": _rectangle,
+    "cube": _cube,
+    "disk": _of_disk,
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "obj": _from_file,
+    "ply": _from_file,
+    "serialized": _from_file,
+}
+REFUSED = {
+    "instance": "instances have no counterpart: write the shapes out",
+    "shapegroup": "instances have no counterpart: write the shapes out",
+    "merge": "has no counterpart: leave it out, with its shapes in its place",
+    "hair": "curves have no counterpart",
+    "bsplinecurve": "curves have no counterpart",
+    "linearcurve": "curves have no counterpart",
+    "sdfgrid": "distance fields have no counterpart: use a mesh",
+    "ellipsoids": "Gaussians have no counterpart",
+    "ellipsoidsmesh": "Gaussians have no counterpart",
+    "heightfield": "has no counterpart: use a mesh",
+    "deformable": "motion has no counterpart",
+    "blender": "is made by a program: export a PLY file",
+}

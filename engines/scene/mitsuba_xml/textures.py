@@ -1,0 +1,194 @@
+"""Textures, and the colours and numbers that may be textures."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.mitsuba_xml.colors import REFLECTANCE, color
+from engines.scene.mitsuba_xml.context import Importer
+from engines.scene.mitsuba_xml.document import Element
+from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, Number, Texture, UVMatrix
+from engines.scene.triple import Triple
+
+FILTERS = {"bilinear": "bilinear", "nearest": "nearest", "trilinear": "bilinear", "ewa": "bilinear"}
+WRAPS = ("repeat", "mirror", "clamp")
+HARMLESS = ("accel", "format", "cache", "max_anisotropy", "bitmap_cache")
+
+
+def color_or_texture(
+    importer: Importer, plugin: Plugin, *names: str, default: Triple, role: str = REFLECTANCE
+) -> Color:  # fmt: skip
+    """The colour of a property, or the texture that stands for it; several names are older names of the same property."""
+    for name in names:
+        if (found := importer.named(plugin, name)) is not None:
+            return texture(importer, found, role)
+    element = plugin.spectrum(*names)
+    return default if element is None else color(element, role)
+
+
+def number_or_texture(
+    importer: Importer, plugin: Plugin, *names: str, default: float, low: float = 0.0, high: float = 1.0
+) -> Number:  # fmt: skip
+    """The number of a property, or the texture that stands for it. A colour gives its mean."""
+    for name in names:
+        if (found := importer.named(plugin, name)) is not None:
+            made = texture(importer, found)
+            if not isinstance(made, tuple):
+                return _as_number(made)
+            return _checked(found, sum(made) / 3.0, low, high)
+    element = plugin.spectrum(*names)
+    if element is not None and element.tag in ("rgb", "srgb", "spectrum"):
+        return _checked(plugin, sum(color(element, REFLECTANCE)) / 3.0, low, high)
+    return plugin.number(*names, default=default, low=low, high=high)
+
+
+def _checked(plugin: Plugin, value: float, low: float, high: float) -> float:
+    if not low <= value <= high:
+        raise plugin.refuse(f"{value:g}: must lie in [{low:g}, {high:g}]")
+    return value
+
+
+def _as_number(found: Texture) -> Texture:
+    """Read as a number, Mitsuba's checkerboard has its two colours exchanged."""
+    return dataclasses.replace(found, a=found.b, b=found.a) if isinstance(found, Checkerboard) else found
+
+
+def texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> Texture | Triple:
+    """The texture of a plugin, or its colour where it is one everywhere. The same plugin gives the same object."""
+    key = (id(plugin), "texture", role)
+    if key not in importer.built:
+        if plugin.kind not in ("texture", "spectrum"):
+            raise plugin.refuse("a texture is wanted here")
+        make = TEXTURES.get(plugin.type)
+        if make is None:
+            raise plugin.refuse(REFUSED.get(plugin.type, f"unknown texture: known: {', '.join(TEXTURES)}"))
+        importer.enter(plugin)
+        importer.built[key] = make(importer, plugin, role)
+        importer.leave(plugin)
+    return importer.built[key]
+
+
+def image_texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> ImageTexture:
+    """The image of a plugin whose gradient or texels are wanted. Raises `SceneError` for anything else."""
+    found = texture(importer, plugin, role)
+    if not isinstance(found, ImageTexture):
+        raise plugin.refuse("an image is wanted here: a bitmap texture")
+    return found
+
+
+# ---- bitmap ----------------------------------------------------------------------------------------------------------
+
+
+def _bitmap(importer: Importer, plugin: Plugin, role: str) -> ImageTexture:
+    named = plugin.file("filename")
+    if plugin.has("bitmap", "data"):
+        raise plugin.refuse("an image from a file is wanted")
+    plugin.read.update(HARMLESS)
+    raw, gamma = plugin.boolean("raw", default=False), plugin.number("gamma", default=-1.0)
+    channel = plugin.text("channel", default="", known=("", "r", "g", "b", "a", "all")) or ""
+    pixels, name = _pixels(importer, named, raw or gamma > 0.0, "" if channel == "all" else channel)
+    if gamma > 0.0 and gamma != 1.0:
+        pixels = np.power(np.maximum(pixels, 0.0), np.float32(gamma))
+        pixels.flags.writeable = False
+    kind = plugin.text("filter_type", "filter", default="bilinear", known=FILTERS) or ""
+    if kind != FILTERS[kind]:
+        importer.notes.add(f"filter_type {kind} of a texture is taken as {FILTERS[kind]}", plugin.element)
+    return ImageTexture(pixels, FILTERS[kind], _wrap(plugin), _to_uv(importer, plugin), name)
+
+
+def _pixels(importer: Importer, named: Element, raw: bool, channel: str) -> tuple[NDArray[np.float32], str]:
+    """(h, w, 3) or (h, w, 1) linear, read-only, and the name of the file; the same file read in the same way is one array."""
+    images = importer.reader.images
+    file = images.file(named.located(named.attributes["value"]), importer.place)
+    srgb = images.texels[file].dtype.kind == "u" and not raw
+    try:
+        return images.linear(file, srgb, channel), file.name
+    except KeyError:
+        raise named.refuse_value(f"the image has no channel {channel!r}") from None
+
+
+def _wrap(plugin: Plugin) -> str:
+    found = plugin.text("wrap_mode", default="repeat", known=WRAPS) or ""
+    both = [plugin.text(name, default=found, known=WRAPS) or "" for name in ("wrap_mode_u", "wrap_mode_v")]
+    if both[0] != both[1]:
+        raise plugin.refuse_property("wrap_mode_v", "must equal wrap_mode_u")
+    return both[0]
+
+
+def _to_uv(importer: Importer, plugin: Plugin) -> UVMatrix:
+    """`to_uv`, or the scale and offset of older files."""
+    if plugin.has("to_uv"):
+        matrix = plugin.transform("to_uv")
+        a, b, c = (float(x) for x in matrix[0, [0, 1, 3]])
+        d, e, f = (float(x) for x in matrix[1, [0, 1, 3]])
+        return a, b, c, d, e, f
+    both = plugin.number("uvscale", "uv_scale", default=1.0)
+    su, sv = (plugin.number(name, default=both) for name in ("uscale", "vscale"))
+    ou, ov = (plugin.number(name, default=0.0) for name in ("uoffset", "voffset"))
+    if (ou and su != 1.0) or (ov and sv != 1.0):
+        importer.notes.add("scale and offset of a texture mean scale (uv + offset), as in Mitsuba 3", plugin.element)
+    return IDENTITY if (su, sv, ou, ov) == (1.0, 1.0, 0.0, 0.0) else (su, 0.0, su * ou, 0.0, sv, sv * ov)
+
+
+# ---- others ----------------------------------------------------------------------------------------------------------
+
+
+def _checkerboard(importer: Importer, plugin: Plugin, role: str) -> Checkerboard:
+    colors: list[Triple] = []
+    for name, default in (("color0", Checkerboard().a), ("color1", Checkerboard().b)):
+        found = color_or_texture(importer, plugin, name, default=default, role=role)
+        if not isinstance(found, tuple):
+            raise plugin.refuse(f"{name}: a colour is wanted, not a texture")
+        colors.append(found)
+    plugin.read.add("line_width")
+    return Checkerboard(colors[0], colors[1], _to_uv(importer, plugin))
+
+
+def _scaled(importer: Importer, plugin: Plugin, role: str) -> Texture | Triple:
+    """A texture of Mitsuba 0.x: another one times a number or a colour."""
+    inner = importer.taken(plugin, "texture", "spectrum")
+    if len(inner) != 1:
+        raise plugin.refuse("one nested texture is wanted")
+    found, element = texture(importer, inner[0], role), plugin.spectrum("scale", "value")
+    factor = (1.0, 1.0, 1.0) if element is None else color(element, "factor")
+    if isinstance(found, ImageTexture):
+        grey = found.pixels.shape[2] == 1 and factor[0] == factor[1] == factor[2]
+        pixels = found.pixels * np.array(factor[:1] if grey else factor, np.float32)
+        pixels.flags.writeable = False
+        return dataclasses.replace(found, pixels=pixels)
+    if isinstance(found, Checkerboard):
+        return dataclasses.replace(found, a=_product(found.a, factor), b=_product(found.b, factor))
+    return _product(found, factor)
+
+
+def _product(a: Triple, b: Triple) -> Triple:
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+def _constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
+    element = plugin.spectrum("color", "value")
+    if element is None:
+        raise plugin.refuse("the property 'color' or 'value' is missing")
+    return color(element, role)
+
+
+TEXTURES = {
+    "bitmap": _bitmap, "checkerboard": _checkerboard, "scale": _scaled, "srgb": _constant, "uniform": _constant,
+    "rawconstant": _constant,
+}  # fmt: skip
+REFUSED = {
+    "mesh_attribute": "attributes of a mesh are not read: bake them into a bitmap",
+    "volume": "volumes have no counterpart",
+    "wireframe": "has no counterpart",
+    "gridtexture": "has no counterpart: bake it into a bitmap",
+    "curvature": "has no counterpart",
+    "vertexcolors": "attributes of a mesh are not read: bake them into a bitmap",
+    "d65": "sampled illuminants have no counterpart: give rgb",
+    "blackbody": "black bodies have no counterpart: give rgb",
+    "regular": "sampled spectra as plugins are not read: give rgb",
+    "irregular": "sampled spectra as plugins are not read: give rgb",
+}

@@ -1,0 +1,150 @@
+"""Transforms: the children of a `transform` element as one matrix, and what is asked of matrices."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.scene.mitsuba_xml.document import Element
+
+Matrix = NDArray[np.float64]
+"""(4, 4), or (3, 3) for its linear part."""
+
+RIGID = 1e-4
+"""By how much columns may differ in length and from a right angle, relative: matrices are written with few digits."""
+
+
+def numbers(element: Element, attribute: str, counts: tuple[int, ...]) -> list[float]:
+    """The numbers of an attribute, separated by commas or spaces; as many as one of `counts`."""
+    text = element.required(attribute)
+    words = [word for word in re.split(r"[,\s]+", text) if word] if len(text) < 1000 else []
+    try:
+        found = [number(word) for word in words]
+    except ValueError:
+        found = []
+    if len(found) not in counts:
+        wanted = "a finite number" if counts == (1,) else f"{' or '.join(map(str, counts))} finite numbers"
+        raise element.refuse(f'{attribute} = "{text[:80]}": must be {wanted}')
+    return found
+
+
+def number(text: str) -> float:
+    """A finite number in the limits of float32. Raises `ValueError`."""
+    value = float(text)
+    if not abs(value) <= 3.4e38 or "_" in text:
+        raise ValueError
+    return value
+
+
+def matrix(element: Element) -> Matrix:
+    """The matrix of a `transform` element: its children apply one after the other."""
+    found = np.eye(4)
+    for child in element.children:
+        make = _STEPS.get(child.tag.lower())
+        if make is None:
+            raise child.refuse(f"unknown transform: known: {', '.join(_STEPS)}")
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = make(child) @ found
+        if not (np.abs(found) < 1e30).all():
+            raise child.refuse("the transform leaves the range of numbers")
+    return found
+
+
+def _xyz(element: Element, default: float) -> NDArray[np.float64]:
+    """`value` with one number or three, or `x`, `y` and `z`."""
+    if "value" in element.attributes:
+        found = numbers(element, "value", (1, 3))
+        return np.array(found * 3 if len(found) == 1 else found)
+    return np.array([numbers(element, axis, (1,))[0] if axis in element.attributes else default for axis in "xyz"])
+
+
+def _translate(element: Element) -> Matrix:
+    found = np.eye(4)
+    found[:3, 3] = _xyz(element, 0.0)
+    return found
+
+
+def _scale(element: Element) -> Matrix:
+    return np.diag([*_xyz(element, 1.0), 1.0])
+
+
+def _rotate(element: Element) -> Matrix:
+    axis = _xyz(element, 0.0)
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        raise element.refuse("the axis of a rotation must not be zero")
+    x, y, z = axis / length
+    angle = math.radians(numbers(element, "angle", (1,))[0])
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    found = np.eye(4)
+    found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return found
+
+
+def _matrix(element: Element) -> Matrix:
+    values = numbers(element, "value", (9, 16))
+    found = np.eye(4)
+    if len(values) == 9:
+        found[:3, :3] = np.reshape(values, (3, 3))
+        return found
+    found[:] = np.reshape(values, (4, 4))
+    if found[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        raise element.refuse("the last row of a matrix must be 0 0 0 1: projections have no counterpart")
+    return found
+
+
+def _look_at(element: Element) -> Matrix:
+    origin, target = (np.array(numbers(element, name, (3,))) for name in ("origin", "target"))
+    up = np.array(numbers(element, "up", (3,))) if "up" in element.attributes else np.array([0.0, 1.0, 0.0])
+    forward = target - origin
+    if not forward.any():
+        raise element.refuse("target must differ from origin")
+    forward /= np.linalg.norm(forward)
+    left = np.cross(up, forward)
+    if np.linalg.norm(left) <= 1e-9 * max(float(np.linalg.norm(up)), 1e-300):
+        raise element.refuse("up must not be parallel to the direction of view")
+    left /= np.linalg.norm(left)
+    found = np.eye(4)
+    found[:3] = np.stack([left, np.cross(forward, left), forward, origin], axis=1)
+    return found
+
+
+_STEPS: dict[str, Callable[[Element], Matrix]] = {
+    "translate": _translate, "scale": _scale, "rotate": _rotate, "matrix": _matrix, "lookat": _look_at,
+}  # fmt: skip
+
+
+def similarity(linear: Matrix) -> float | None:
+    """The scale of a linear part (3, 3) that keeps shapes: a rotation or reflection times one number. Else None."""
+    lengths = np.linalg.norm(linear, axis=0)
+    scale = float(lengths.mean())
+    if scale <= 0.0:
+        return None
+    gram = linear.T @ linear / scale**2
+    return scale if np.abs(gram - np.eye(3)).max() <= RIGID else None
+
+
+def nearest_orthogonal(linear: Matrix) -> Matrix:
+    """The orthogonal matrix nearest to a linear part that `similarity` accepts."""
+    left, _, right = np.linalg.svd(linear)
+    return left @ right
+
+
+def cofactors(linear: Matrix) -> Matrix:
+    """det(A) A^-T, for normals, also where A has no inverse. Times the sign of det(A) it keeps their side."""
+    a, b, c = linear.T
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+
+
+def placed(to_world: Matrix, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) points of the scene."""
+    return points @ to_world[:3, :3].T + to_world[:3, 3]
+
+
+def mirrored(to_world: Matrix) -> bool:
+    """Whether a transform exchanges left and right."""
+    return bool(np.linalg.det(to_world[:3, :3]) < 0.0)

@@ -1,0 +1,167 @@
+"""A Mitsuba scene file as it is, for the engines that take one: its elements, the files that it names, and their hash.
+
+Mitsuba reads files and loads plugins by their names. So every name of a file is looked up here, within the folders that a
+scene may read, and what Mitsuba is given is what was found; and the name of a plugin is a word, never a path.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from engines.errors import SceneError
+from engines.input_files import open_regular, unreadable
+from engines.scene.cameras import Perspective
+from engines.scene.files import Place
+from engines.scene.mitsuba_xml.document import Element
+from engines.scene.mitsuba_xml.properties import snake_case
+from engines.scene.scene import Scene
+
+DEFAULT_SIZE = (768, 576)
+"""Of a film that does not say."""
+CHUNK = 1 << 20
+_PLUGIN = re.compile(r"[A-Za-z0-9_]{1,64}")
+_NAMES_A_FILE = re.compile(r"file|path", re.IGNORECASE)
+_LEFT_OUT = ("path", "alias")
+"""Elements that matter to the search for files and names only, which the reader has done."""
+_OF_SENSORS = ("film", "sampler")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Native:
+    """A file in Mitsuba's own format. `refusal` says why raybench cannot import it, None where it can.
+
+    `digest` is a hash of the elements and of the files that they name; `size` the film's width and height.
+    """
+
+    root: Element
+    digest: str
+    size: tuple[int, int]
+    refusal: str | None = None
+    _files: dict[int, Path] = field(default_factory=dict)
+
+    def xml(self, sensor: Callable[[ElementTree.Element], None]) -> str:
+        """The scene for Mitsuba: names of files are absolute, integrators and all sensors but the first are gone, and
+        `sensor` gives that one a film and a sampler of its own."""
+        sensors = [child for child in self.root.children if child.tag == "sensor"]
+        dropped = {id(child) for child in (*sensors[1:], *(c for c in self.root.children if c.tag == "integrator"))}
+        named = {element.attributes.get("id") for _, element in _walk(self.root) if element.tag in _OF_SENSORS}
+        dropped |= {id(ref) for ref in sensors[0].children if ref.tag == "ref" and ref.attributes.get("id") in named}
+        root = self._written(self.root, dropped)
+        sensor(next(child for child in root if child.tag == "sensor"))
+        return ElementTree.tostring(root, encoding="unicode")
+
+    def _written(self, element: Element, dropped: set[int]) -> ElementTree.Element:
+        made = ElementTree.Element(element.tag, element.attributes)
+        if id(element) in self._files:
+            made.set("filename" if element.tag == "spectrum" else "value", str(self._files[id(element)]))
+        for child in element.children:
+            unwanted = child.tag in _LEFT_OUT or (element.tag == "sensor" and child.tag in _OF_SENSORS)
+            if not unwanted and id(child) not in dropped:
+                made.append(self._written(child, dropped))
+        return made
+
+
+def native(root: Element, place: Place, refusal: str | None = None) -> Native:
+    """The file whose `scene` element is `root`. Raises `SceneError` for what Mitsuba must not be given: names that are no
+    plugin's, files that are not there or lie outside, and scenes without a sensor."""
+    sensors = [child for child in root.children if child.tag == "sensor"]
+    if not sensors:
+        raise root.refuse("has no sensor")
+    files: dict[int, Path] = {}
+    hashed = hashlib.sha256(b"mitsuba scene 1")
+    for depth, element in _walk(root):
+        hashed.update(repr((depth, element.tag, sorted(element.attributes.items()))).encode())
+        if _PLUGIN.fullmatch(element.attributes.get("type", "scene")) is None:
+            raise element.refuse("the name of a plugin is a word")
+        if (name := _named_file(element)) is not None:
+            files[id(element)] = place.find(element.located(name), name).resolve()
+            hashed.update(_hash_of(files[id(element)], element))
+    return Native(root, hashed.hexdigest(), _size(sensors[0]), refusal, files)
+
+
+def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Scene], natively: bool) -> Scene:
+    """The imported scene with its file. Where `imported` refuses, with `natively`, a scene that has nothing but the file: a
+    name, a size, and the refusal. Raises `SceneError`."""
+    try:
+        scene = imported()
+    except SceneError as problem:
+        if not natively:
+            raise
+        return _unimported(file, native(root, place, str(problem)))
+    return replace(scene, native=native(root, place))
+
+
+def _unimported(file: Path, found: Native) -> Scene:
+    camera = Perspective((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 40.0, "y", found.size)
+    warnings = (f"only engines that take Mitsuba's files as they are render it: {found.refusal}",)
+    return Scene(file.stem, camera, (), (), (), found.digest, str(file), warnings, _integrator(found.root), found)
+
+
+def _integrator(root: Element) -> dict[str, Any] | None:
+    """The file's integrator as a shader of Mitsuba's; None where it is not a plain one."""
+    element = next((child for child in root.children if child.tag == "integrator"), None)
+    if element is None or not {child.tag for child in element.children} <= {"integer", "float", "boolean"}:
+        return None
+    kinds = {"integer": int, "float": float, "boolean": lambda text: text.strip().lower() == "true"}
+    try:
+        options = {child.required("name"): kinds[child.tag](child.required("value")) for child in element.children}
+    except ValueError:
+        return None
+    return {"name": "mitsuba", "type": element.required("type"), **{snake_case(name): value for name, value in options.items()}}
+
+
+def _walk(element: Element, depth: int = 0) -> Iterator[tuple[int, Element]]:
+    """All elements but those that have no say."""
+    yield depth, element
+    for child in element.children:
+        if not (child.tag in _LEFT_OUT or (element.tag == "sensor" and child.tag in _OF_SENSORS)):
+            yield from _walk(child, depth + 1)
+
+
+def _named_file(element: Element) -> str | None:
+    """The name of a file that an element gives, as it is written. Raises `SceneError` for other strings that look like one."""
+    if element.tag == "spectrum":
+        return element.attributes.get("filename")
+    if element.tag != "string":
+        return None
+    text = element.attributes.get("value", "")
+    if _NAMES_A_FILE.search(element.attributes.get("name", "")):
+        return text
+    if "/" in text or "\\" in text:
+        raise element.refuse_value("is a path in a property that names no file")
+    return None
+
+
+def _hash_of(file: Path, element: Element) -> bytes:
+    hashed = hashlib.sha256()
+    try:
+        with open_regular(file) as stream:
+            while chunk := stream.read(CHUNK):
+                hashed.update(chunk)
+    except (OSError, ValueError) as problem:
+        raise element.refuse_value(str(unreadable(problem))) from problem
+    return hashed.digest()
+
+
+def _size(sensor: Element) -> tuple[int, int]:
+    film = next((child for child in sensor.children if child.tag == "film"), None)
+    said = {child.attributes.get("name", ""): child for child in (film.children if film else ()) if child.tag == "integer"}
+    if film is not None and any(name.startswith("crop") for name in said):
+        raise film.refuse("a crop of the film has no counterpart: leave crop_ out")
+    width, height = (_side(said.get(name), default) for name, default in zip(("width", "height"), DEFAULT_SIZE, strict=True))
+    return width, height
+
+
+def _side(element: Element | None, default: int) -> int:
+    if element is None:
+        return default
+    text = element.attributes.get("value", "").strip()
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= 65_536:
+        raise element.refuse_value("must be an integer in [1, 65536]")
+    return int(text)

@@ -1,0 +1,299 @@
+"""Textures: what engines get of each, and the keys of a scene file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.errors import SceneError, suggestion
+from engines.scene.files import Place
+from engines.scene.formats.texture import CHANNELS, linear, read_texels
+from engines.scene.triple import Triple
+from engines.schema import fields
+from engines.schema.keys import Given, Key, Record, by_name
+from engines.schema.kinds import NUMBER, TEXT, Kind, color, one_of, within
+from engines.schema.yaml_file import Located
+
+__all__ = ["Checkerboard", "Color", "ImageTexture", "Number", "Texture"]
+
+UVMatrix = tuple[float, float, float, float, float, float]
+"""Two rows of three: u' = m[0] u + m[1] v + m[2], v' = m[3] u + m[4] v + m[5]."""
+IDENTITY: UVMatrix = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageTexture:
+    """An image (h, w, 3) or (h, w, 1) float32, read-only: linear RGB, or one number a texel.
+
+    (u, v) become (u', v') by `to_uv`; v' = 0 is the upper edge of the first row. `filter` is "bilinear" or "nearest",
+    `wrap` "repeat", "mirror" or "clamp". Where one number is wanted, RGB gives its luminance.
+    """
+
+    pixels: NDArray[np.float32] = field(repr=False)
+    filter: str = "bilinear"
+    wrap: str = "repeat"
+    to_uv: UVMatrix = IDENTITY
+    name: str = "image"
+
+
+@dataclass(frozen=True, slots=True)
+class Checkerboard:
+    """Squares of half a unit of (u', v'): `a` where frac(u') > 1/2 equals frac(v') > 1/2, else `b`.
+
+    Where one number is wanted, each colour gives its luminance.
+    """
+
+    a: Triple = (0.4, 0.4, 0.4)
+    b: Triple = (0.2, 0.2, 0.2)
+    to_uv: UVMatrix = IDENTITY
+
+
+Texture = ImageTexture | Checkerboard
+Color = Triple | Texture
+"""Where a colour is expected."""
+Number = float | Texture
+"""Where a number is expected."""
+
+
+def largest(texture: Texture) -> Triple:
+    """The largest value of each channel, held in [0, 1]."""
+    if isinstance(texture, Checkerboard):
+        r, g, b = (min(max(a, b), 1.0) for a, b in zip(texture.a, texture.b, strict=True))
+        return r, g, b
+    r, g, b = np.broadcast_to(texture.pixels.max(axis=(0, 1)).clip(0, 1), 3).tolist()
+    return r, g, b
+
+
+def _pair(node: Located, alone: bool) -> tuple[float, float]:
+    """Two numbers, or one for both where one may stand `alone`."""
+    if alone and not isinstance(node.value, list):
+        both = fields.number(node)
+        return both, both
+    if not isinstance(node.value, list) or len(node.value) != 2:
+        raise node.refuse("must be a number, or two" if alone else "must be two numbers")
+    first, second = (fields.number(item) for item in node.value)
+    return first, second
+
+
+def _matrix(node: Located) -> UVMatrix:
+    """Two rows of three numbers."""
+    rows = node.value
+    if not isinstance(rows, list) or len(rows) != 2:
+        raise node.refuse("must be two rows of three numbers")
+    a, b, c, d, e, f = (number for row in rows for number in fields.triple(row))
+    return a, b, c, d, e, f
+
+
+_ROW = {"type": "array", "items": NUMBER.json, "minItems": 3, "maxItems": 3}
+_TWO = {"type": "array", "items": NUMBER.json, "minItems": 2, "maxItems": 2}
+PLACING = {
+    "scale": Key(
+        Kind(lambda node: _pair(node, alone=True), {"anyOf": [NUMBER.json, _TWO]}),
+        "Factor of u and v, or one for each: how often the texture repeats.", 1,
+    ),
+    "offset": Key(Kind(lambda node: _pair(node, alone=False), _TWO), "What is added to u and v after scaling.", [0, 0]),
+    "to_uv": Key(
+        Kind(_matrix, {"type": "array", "items": _ROW, "minItems": 2, "maxItems": 2}),
+        "Instead of scale and offset, a matrix: u' = m[0] . (u, v, 1), v' = m[1] . (u, v, 1).", None,
+    ),
+}  # fmt: skip
+
+
+def _to_uv(given: Given) -> UVMatrix:
+    if given["to_uv"] is not None:
+        for key in ("scale", "offset"):
+            if given.has(key):
+                raise given.node.refuse_key(key, "either to_uv, or scale and offset")
+        return given["to_uv"]
+    (a, b), (c, d) = given["scale"], given["offset"]
+    return a, 0.0, c, 0.0, b, d
+
+
+def _image(given: Given, context: Any) -> ImageTexture:
+    node, written, name = given.at("image"), given["color_space"], str(given.node.path[-1])
+    images, channel = context.images, given["channel"] or ""
+    file = None if isinstance(node.value, np.ndarray) else images.file(node, context.place)
+    texels = image_array(node) if file is None else images.texels[file]
+    srgb = texels.dtype.kind == "u" if written is None else written == "srgb"
+    try:
+        pixels = _read_only(linear(texels, srgb, channel)) if file is None else images.linear(file, srgb, channel)
+    except KeyError:
+        raise given.at("channel").refuse("the image has no such channel") from None
+    if srgb:
+        images.srgb.add(name)
+    return ImageTexture(pixels, given["filter"], given["wrap"], _to_uv(given), name)
+
+
+def _read_only(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    pixels.flags.writeable = False
+    return pixels
+
+
+def image_array(node: Located, channels: int = 0) -> NDArray[Any]:
+    """(h, w, c) of an array from Python: uint8, uint16 or finite float32. With `channels` c is that, and numbers are floats."""
+    found, kinds = np.atleast_3d(node.value), "f" if channels else "uf"
+    if node.value.ndim not in (2, 3) or found.shape[2] not in ((channels,) if channels else (1, 2, 3, 4)) or 0 in found.shape:
+        wanted = f"(h, w, {channels})" if channels else "(h, w), or (h, w, c) with c from 1 to 4"
+        raise node.refuse(f"array {node.value.shape}: must have the shape {wanted}")
+    if found.dtype.kind not in kinds or (found.dtype.kind == "u" and found.dtype.itemsize > 2):
+        raise node.refuse(f"array of {found.dtype}: must be {'floats' if channels else 'uint8, uint16 or floats'}")
+    if found.dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            found = found.astype(np.float32)
+        if not np.isfinite(found).all():
+            raise node.refuse("holds values that are infinite or not a number")
+    return found
+
+
+class ImageKind:
+    """The name of an image file as it stands, or an array."""
+
+    def read(self, node: Located, context: Any = None) -> Any:
+        return node.value if isinstance(node.value, np.ndarray) else fields.text(node)
+
+    def schema(self) -> dict[str, Any]:
+        return TEXT.schema()
+
+
+_IMAGE = Record("An image, from a file or (in Python) an array. v = 0 is its upper edge.", {
+    "image": Key(
+        ImageKind(),
+        "File of the image, .png (8 or 16 bit), .jpg, .tga, .bmp, .tif, .webp, .exr or .hdr, relative to the scene's folder.",
+    ),
+    "color_space": Key(
+        one_of(("srgb", "linear", "raw"), "color space"),
+        "Whether values are sRGB-encoded, or linear; raw is another word for linear. By default sRGB for 8 and 16 bit, linear "
+        "for .exr and .hdr.", None,
+    ),
+    "channel": Key(
+        one_of(CHANNELS, "channel"), "The one channel that is read, a for alpha; by default all but alpha.", None
+    ),
+    "filter": Key(one_of(("bilinear", "nearest"), "filter"), "Interpolation between texels.", "bilinear"),
+    "wrap": Key(one_of(("repeat", "mirror", "clamp"), "wrap"), "What lies outside of [0, 1].", "repeat"),
+    **PLACING,
+}, _image)  # fmt: skip
+
+
+def _checkerboard(given: Given, context: Any) -> Checkerboard:
+    return replace(given["checkerboard"], to_uv=_to_uv(given))
+
+
+_SQUARES = Record("The two colours of a checkerboard.", {
+    "a": Key(color(), "Colour where the halves of u and of v are both upper ones, or both lower ones.", 0.4),
+    "b": Key(color(), "Colour of the other squares.", 0.2),
+}, lambda given, context: Checkerboard(given["a"], given["b"]))  # fmt: skip
+_CHECKERBOARD = Record("Squares of half a unit of u and v.", {
+    "checkerboard": Key(_SQUARES, "The two colours."), **PLACING,
+}, _checkerboard)  # fmt: skip
+TEXTURES = {"image": _IMAGE, "checkerboard": _CHECKERBOARD}
+
+
+class TextureKind:
+    """A texture, which is of the kind whose key it has."""
+
+    def read(self, node: Located, context: Any = None) -> Texture:
+        kinds = ", or ".join(TEXTURES)
+        if not isinstance(node.value, dict):
+            raise node.refuse(f"must be a mapping with {kinds}")
+        found = [kind for kind in TEXTURES if kind in node.value]
+        if len(found) != 1:
+            for key in node.value:
+                if key not in {key for record in TEXTURES.values() for key in record.keys}:
+                    raise node.unknown_key(key, TEXTURES)
+            raise node.refuse(f"must have either {kinds}")
+        return TEXTURES[found[0]].read(node, context)
+
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [record.schema() for record in TEXTURES.values()]}
+
+
+class TexturesKind:
+    """Textures by names of the user's own, which the context learns before materials are read."""
+
+    def read(self, node: Located, context: Any = None) -> None:
+        context.textures = _BY_NAME.read(node, context)
+
+    def schema(self) -> dict[str, Any]:
+        return _BY_NAME.schema()
+
+
+_BY_NAME = by_name(TextureKind(), "textures")
+
+
+@dataclass(slots=True)
+class Images:
+    """The image files of a scene: each is read once, and decoded once for each way of reading it.
+
+    `srgb` are the names of the textures that were sRGB-encoded.
+    """
+
+    srgb: set[str] = field(default_factory=set)
+    texels: dict[Path, NDArray[Any]] = field(default_factory=dict)
+    decoded: dict[tuple[Path, bool, str], NDArray[np.float32]] = field(default_factory=dict)
+
+    def file(self, node: Located, place: Place) -> Path:
+        """The file that is named at `node`, which has been read. Raises `SceneError`."""
+        file = place.find(node, fields.text(node))
+        try:
+            self.read(file)
+        except SceneError as problem:
+            raise SceneError(f"{node.where}: {problem}") from problem
+        return file
+
+    def read(self, file: Path) -> NDArray[Any]:
+        """(h, w, c) values of a file as `read_texels` gives them. Raises `SceneError`."""
+        if file not in self.texels:
+            self.texels[file] = read_texels(file)
+        return self.texels[file]
+
+    def linear(self, file: Path, srgb: bool | None, channel: str) -> NDArray[np.float32]:
+        """Values of a file that has been read as `linear` gives them, read-only. Raises KeyError as `linear`."""
+        key = (file, self.texels[file].dtype.kind == "u" if srgb is None else srgb, channel)
+        if key not in self.decoded:
+            self.decoded[key] = _read_only(linear(self.texels[file], srgb, channel))
+        return self.decoded[key]
+
+
+class TexturedKind:
+    """What a `constant` kind reads, or the name of a texture."""
+
+    def __init__(self, constant: Kind) -> None:
+        self.constant = constant
+
+    def read(self, node: Located, context: Any = None) -> Any:
+        if isinstance(node.value, str) and not context.textures:
+            raise node.refuse("must be a number or the name of a texture, and the scene has no textures")
+        return named_texture(node, context) if isinstance(node.value, str) else self.constant.read(node)
+
+    def schema(self) -> dict[str, Any]:
+        constant = self.constant.schema()
+        return {"anyOf": [*constant.get("anyOf", [constant]), NAMED]}
+
+
+NAMED = {"type": "string", "title": "name of a texture"}
+
+
+def named_texture(node: Located, context: Any) -> Texture:
+    """The texture of the scene that is named here."""
+    if not isinstance(node.value, str):
+        raise node.refuse("must be the name of a texture")
+    if not context.textures:
+        raise node.refuse("must be the name of a texture, and the scene has no textures")
+    if node.value not in context.textures:
+        raise node.refuse(f"unknown texture: {suggestion(node.value, context.textures)}")
+    return context.textures[node.value]
+
+
+def textured_color(high: float = math.inf) -> TexturedKind:
+    """A number for grey, or [r, g, b], each in [0, high], or the name of a texture."""
+    return TexturedKind(color(high))
+
+
+def textured_number(low: float, high: float) -> TexturedKind:
+    """A number in [low, high], or the name of a texture."""
+    return TexturedKind(within(low, high))

@@ -1,0 +1,297 @@
+"""Scenes as files: a YAML file with meshes and textures beside it, which loads as the same scene."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from engines.errors import ConfigError
+from engines.image import decoded_srgb, write_channels, write_image
+from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides, is_opaque
+from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, ThinLens
+from engines.scene.formats.ply import ply_bytes
+from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from engines.scene.materials import Material
+from engines.scene.mesh import Mesh
+from engines.scene.models import (
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Mixture,
+    Null,
+    Plastic,
+    Principled,
+    ThinDielectric,
+)
+from engines.scene.scene import FORMAT, Scene
+from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
+from engines.scene.sphere_set import SphereSet
+from engines.scene.textures import IDENTITY, ImageTexture, Texture
+from engines.scene.triple import BLACK, WHITE, Triple
+from engines.schema.fields import unit
+
+__all__ = ["save_scene"]
+
+FILE = "scene.yaml"
+MESHES, TEXTURES = "meshes", "textures"
+LONGEST = 60
+"""Characters of a file's name."""
+WIDTH = 120
+MOST_SPHERES = 50_000
+"""Spheres of a set, each of five values of the YAML file."""
+
+Keys = dict[str, Any]
+
+
+def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
+    """Writes a scene into a folder, which is made where it is missing, and returns the path of its YAML file.
+
+    Meshes become binary PLY files, textures and environments EXR files (float32). Loading the file gives a scene of the same
+    content hash, except where an environment has more precision than float32. Files of the same names are replaced.
+
+    Raises `ConfigError` where the folder cannot be written, and for plugins and sets of more spheres than a YAML file
+    can hold.
+    """
+    root = Path(folder)
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        tree = _Writer(root).scene(scene)
+        text = yaml.safe_dump(tree, sort_keys=False, default_flow_style=None, allow_unicode=True, width=WIDTH)
+        (root / FILE).write_text(text, encoding="utf-8")
+    except OSError as problem:
+        raise ConfigError(f"{root}: cannot be written: {problem.strerror or problem}") from problem
+    return root / FILE
+
+
+@dataclass(slots=True)
+class _Writer:
+    """The state of writing one scene: names that are taken, by kind, and the names of textures by identity."""
+
+    root: Path
+    taken: dict[str, set[str]] = field(default_factory=dict)
+    textures: dict[int, str] = field(default_factory=dict)
+    tree: Keys = field(default_factory=dict)
+
+    def scene(self, scene: Scene) -> Keys:
+        names = [self.name("materials", material.name) for material in scene.materials]
+        materials = {name: self.material(each) for name, each in zip(names, scene.materials, strict=True)}
+        shapes = [self.shape(shape, names) for shape in scene.shapes]
+        found = {
+            "raybench_scene": FORMAT, "name": scene.name, "camera": _camera(scene.camera), "textures": self.tree,
+            "materials": materials, "shapes": shapes, "lights": [self.light(light) for light in scene.lights],
+        }  # fmt: skip
+        return {key: value for key, value in found.items() if value not in ({}, [])}
+
+    def name(self, kind: str, wanted: str, file: bool = False) -> str:
+        """A name of its own; one that a file may have everywhere, with `file`."""
+        wanted = re.sub(r"[^A-Za-z0-9_.-]+", "_", wanted).strip("._")[:LONGEST] if file else wanted.strip()
+        taken, found, count = self.taken.setdefault(kind, set()), wanted or kind, 1
+        while found.lower() in taken:
+            count += 1
+            found = f"{wanted or kind}_{count}"
+        taken.add(found.lower())
+        return found
+
+    def path(self, folder: str, wanted: str, suffix: str) -> str:
+        """The path, relative to the scene, of a file that is to be written."""
+        (self.root / folder).mkdir(exist_ok=True)
+        stem = re.sub(r"\.(obj|ply|stl|serialized|png|jpe?g|exr|hdr|tga)$", "", Path(wanted).name, flags=re.IGNORECASE)
+        return f"{folder}/{self.name(folder, stem, file=True)}{suffix}"
+
+    # ---- materials and textures --------------------------------------------------------------------------------------
+
+    def material(self, material: Material) -> Keys:
+        found = self.bsdf(material.bsdf) if material.bsdf else self.lobes(material)
+        emission = {"emission": _color(material.emission)} if material.emits else {}
+        return found | emission | ({"two_sided": True} if material.two_sided else {})
+
+    def lobes(self, of: Material | Mixture) -> Keys:
+        colors = {key: self.value(getattr(of, key)) for key in ("kd", "ks", "kt") if getattr(of, key) != BLACK}
+        return colors | ({"ior": of.ior} if of.ior != 1.0 else {}) | ({"fresnel": True} if of.fresnel else {})
+
+    def bsdf(self, bsdf: Bsdf) -> Keys:
+        """The keys of a material with this BSDF."""
+        if isinstance(bsdf, Mixture):
+            return self.lobes(bsdf)
+        if isinstance(bsdf, Sides):
+            front = {} if bsdf.front is None else self.bsdf(bsdf.front)
+            if bsdf.back is None and front and bsdf.front and "sides" not in front and is_opaque(bsdf.front):
+                return {**front, "sides": "front"}
+            return {"by_side": {side: self.bsdf(part) for side in ("front", "back") if (part := getattr(bsdf, side))}}
+        write = _BSDFS.get(type(bsdf))
+        if write is None:
+            raise ConfigError(f"{self.root}: a material has a plugin, which cannot be written")
+        return write(self, bsdf)
+
+    def value(self, value: Any) -> Any:
+        """A number, a colour, or the name of a texture."""
+        if isinstance(value, Texture):
+            return self.texture(value)
+        return _color(value) if isinstance(value, tuple) else value
+
+    def texture(self, texture: Texture) -> str:
+        if id(texture) not in self.textures:
+            wanted = texture.name if isinstance(texture, ImageTexture) else "checkerboard"
+            name = self.textures[id(texture)] = self.name("textures", wanted)
+            self.tree[name] = self.image(texture) if isinstance(texture, ImageTexture) else {
+                "checkerboard": {"a": _color(texture.a), "b": _color(texture.b)}, **_placing(texture.to_uv),
+            }  # fmt: skip
+        return self.textures[id(texture)]
+
+    def image(self, texture: ImageTexture) -> Keys:
+        path = self.path(TEXTURES, texture.name, ".exr")
+        channels = ("Y",) if texture.pixels.shape[2] == 1 else ("R", "G", "B")
+        write_channels(self.root / path, {name: texture.pixels[:, :, i] for i, name in enumerate(channels)})
+        how = {"color_space": "raw"} | _other_than(texture, {"filter": "bilinear", "wrap": "repeat"})
+        return {"image": path, **how, **_placing(texture.to_uv)}
+
+    # ---- shapes and lights -------------------------------------------------------------------------------------------
+
+    def shape(self, shape: Shape, names: list[str]) -> Keys:
+        if isinstance(shape, Mesh):
+            return self.mesh(shape, names)
+        if isinstance(shape, SphereSet):
+            if len(shape.radii) > MOST_SPHERES:
+                raise ConfigError(f"{self.root}: a set of {len(shape.radii)} spheres: at most {MOST_SPHERES} can be written")
+            spheres = {"centers": shape.centers.tolist(), "radii": shape.radii.tolist()}
+            return {"spheres": spheres, "material": names[shape.material]}
+        kind = _SHAPES[type(shape)]
+        keys = {item.name: _plain(getattr(shape, item.name)) for item in fields(shape) if item.name != "material"}
+        if isinstance(shape, Disk | Plane):
+            keys["normal"] = _direction(shape.normal)
+        return {kind: keys, "material": names[shape.material]}
+
+    def mesh(self, mesh: Mesh, names: list[str]) -> Keys:
+        used, place = np.unique(mesh.materials, return_inverse=True)
+        path = self.path(MESHES, mesh.name, ".ply")
+        several = place.astype(np.int32) if len(used) > 1 else None
+        (self.root / path).write_bytes(ply_bytes(mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several))
+        material = [names[index] for index in used]
+        smooth = {} if mesh.normals is None else {"smooth": True}
+        return {"mesh": {"file": path, **smooth}, "material": material if several is not None else material[0]}
+
+    def light(self, light: Light) -> Keys:
+        if isinstance(light, PointLight):
+            falloff = {} if light.falloff else {"falloff": "none"}
+            return {"point": {"position": [*light.position], "intensity": _color(light.intensity), **falloff}}
+        if isinstance(light, DirectionalLight):
+            irradiance = _color(light.irradiance)
+            return {"directional": {"direction": _direction(light.direction), "irradiance": irradiance}}
+        if isinstance(light, SpotLight):
+            return {"spot": {
+                "position": [*light.position], "direction": _direction(light.direction),
+                "intensity": _color(light.intensity), "cutoff": light.cutoff, "beam_width": light.beam_width,
+            }}  # fmt: skip
+        if isinstance(light, EnvironmentLight):
+            image = {} if light.image is None else {"image": self.sky(light.image)}
+            how = _other_than(light, {"rotation": EnvironmentLight(WHITE).rotation, "rows": "cells"}) if image else {}
+            return {"environment": {"radiance": _color(light.radiance), **image, **how}}
+        raise ConfigError(f"{self.root}: a light is a plugin, which cannot be written")
+
+    def sky(self, image: NDArray[np.float64]) -> str:
+        """An EXR file, or a PNG where the image has come from eight bits, which float32 does not hold exactly."""
+        levels = decoded_srgb(np.arange(256, dtype=np.uint8))
+        nearest = np.searchsorted(levels, image).clip(0, 255).astype(np.uint8)
+        exact = np.array_equal(levels[nearest], image)
+        path = self.path(TEXTURES, "environment", ".png" if exact else ".exr")
+        write_image(self.root / path, nearest if exact else image)
+        return path
+
+
+_SHAPES = {Sphere: "sphere", Disk: "disk", Plane: "plane", Cylinder: "cylinder", Triangle: "triangle"}
+_CAMERAS = {
+    Perspective: "perspective", ThinLens: "thin_lens", PerspectiveArctan: "perspective_arctan", Orthographic: "orthographic",
+}  # fmt: skip
+
+
+def _camera(camera: Camera) -> Keys:
+    if isinstance(camera, CustomCamera):
+        raise ConfigError("the camera is a plugin, which cannot be written")
+    keys = {item.name: _plain(getattr(camera, item.name)) for item in fields(camera)}
+    for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf])):
+        if keys.get(key) == default:
+            del keys[key]
+    return {"type": _CAMERAS[type(camera)], **keys}
+
+
+def _model(name: str, renamed: dict[str, str]) -> Callable[[_Writer, Any], Keys]:
+    """Writes a model whose keys are its fields, but for those that are renamed."""
+
+    def write(writer: _Writer, model: Any) -> Keys:
+        keys = {}
+        for item in fields(model):
+            value = getattr(model, item.name)
+            if item.name == "alpha" and isinstance(value, tuple):
+                first, second = map(writer.value, value)
+                written = first if value[0] == value[1] else [first, second]
+            else:
+                written = writer.value(value)
+            keys[renamed.get(item.name, item.name)] = written
+        return {name: keys}
+
+    return write
+
+
+def _wrapper(name: str) -> Callable[[_Writer, Any], Keys]:
+    def write(writer: _Writer, wrapper: Any) -> Keys:
+        parts = {item.name: getattr(wrapper, item.name) for item in fields(wrapper)}
+        inner = ("of", "a", "b")
+        return {name: {key: writer.bsdf(part) if key in inner else writer.value(part) for key, part in parts.items()}}
+
+    return write
+
+
+_FACTORS = {"reflectance": "specular_reflectance", "transmittance": "specular_transmittance"}
+_BSDFS: dict[type, Callable[[_Writer, Any], Keys]] = {
+    Diffuse: _model("diffuse", {}),
+    Conductor: _model("conductor", _FACTORS),
+    Dielectric: _model("dielectric", _FACTORS),
+    ThinDielectric: _model("thin_dielectric", _FACTORS),
+    Plastic: _model("plastic", _FACTORS),
+    Principled: _model("principled", {}),
+    Null: _model("null", {}),
+    Mask: _wrapper("mask"),
+    Blend: _wrapper("blend"),
+    Bump: _wrapper("bump"),
+    NormalMap: _wrapper("normal_map"),
+}
+
+
+def _color(color: Triple) -> float | list[float]:
+    return color[0] if color[0] == color[1] == color[2] else [*color]
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, within each other too."""
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _other_than(thing: Any, defaults: Keys) -> Keys:
+    return {key: _plain(getattr(thing, key)) for key, default in defaults.items() if getattr(thing, key) != default}
+
+
+def _placing(to_uv: tuple[float, ...]) -> Keys:
+    a, b, c, d, e, f = to_uv
+    if to_uv == IDENTITY:
+        return {}
+    if b == d == 0.0:
+        return {"scale": [a, e], "offset": [c, f]}
+    return {"to_uv": [[a, b, c], [d, e, f]]}
+
+
+def _direction(direction: Triple) -> list[float]:
+    """A vector that the reader makes exactly this unit vector of: rounding may need another length."""
+    for length in np.linspace(1.0, 2.0, 200):
+        x, y, z = (float(length * axis) for axis in direction)
+        if unit((x, y, z)) == direction:
+            return [x, y, z]
+    return [*direction]
