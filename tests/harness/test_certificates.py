@@ -129,7 +129,7 @@ def test_a_slow_lineage_makes_a_smaller_image_and_never_more_samples_than_the_re
     assert certifiers.share("raybench-numpy", 96, 96, 2048) == (1, 4)
     assert certifiers.share("raybench-numpy", 256, 256, 8192) == (2, 4)
     assert certifiers.share("raybench-numpy", 1920, 1080, 8192) == (12, 4)
-    assert certifiers.share("mitsuba", 256, 256, 8192) == (1, 32)
+    assert certifiers.share("mitsuba", 256, 256, 8192) == (1, 256)
     assert certifiers.share("mitsuba", 24, 24, 32) == (1, 4)
     assert certifiers.share("raybench-numpy", 997, 991, 8192) == (1, 1)
     assert certifiers.candidates(96, 96)[:2] == ("embree", "numpy") and certifiers.candidates(512, 512)[-1] == "numpy"
