@@ -34,7 +34,7 @@ from engines.scene import (
 def painted(scene: Scene) -> tuple[Scene, float]:
     """The scene in the dark with all surfaces diffuse, of the colours that the shader albedo shows, and what to multiply by.
 
-    The scalar variant's `shape_index`, by which shapes could be told apart instead, was once off for a whole scene.
+    Shapes are not identified by `shape_index` of the scalar variant: its values were wrong for all shapes of one scene.
     """
     shown = [_shown(model_of(material), material) for material in scene.materials]
     scale = max([1.0, *(largest(part.reflectance) for bsdf in shown for part in members(bsdf) if isinstance(part, Diffuse))])
