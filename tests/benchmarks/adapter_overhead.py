@@ -10,8 +10,6 @@ the process, which other processes disturb least, and by the wall clock. A sampl
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 import shlex
 import statistics
 import sys
@@ -21,7 +19,7 @@ from typing import Any, NamedTuple
 
 import engines
 from harness.config import paths
-from tests.benchmarks.paired import interval
+from tests.benchmarks.paired import interval, show_processor
 
 SHADER = {"name": "path_tracer", "max_depth": 6, "rr_depth": 1000}
 
@@ -38,22 +36,28 @@ class Pair(NamedTuple):
     adapter: Callable[[], Any]
 
 
-def mitsuba_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
+def mitsuba_native(renderer: Any) -> Callable[[int], Any]:
+    """Mitsuba's own render call of so many samples per pixel, with what a warm renderer of its engine has loaded."""
     from engines.mitsuba.shaders import path_node
 
-    renderer: Any = engines.engine("mitsuba").prepare(scene, settings)
-    renderer.warm_up()
     stage = renderer._stage
     mi, dr = stage.mi, stage.dr
     integrator = mi.load_dict(path_node(stage.settings.shader.options))
     seeds = iter(range(1, 1 << 32))
 
-    def native() -> None:
+    def native(spp: int) -> None:
         image = mi.render(stage.loaded, integrator=integrator, spp=spp, seed=next(seeds))
         dr.eval(image)
         dr.sync_thread()
 
-    return Pair(native, lambda: renderer.render(spp))
+    return native
+
+
+def mitsuba_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
+    renderer: Any = engines.engine("mitsuba").prepare(scene, settings)
+    renderer.warm_up()
+    native = mitsuba_native(renderer)
+    return Pair(lambda: native(spp), lambda: renderer.render(spp))
 
 
 PAIRS = {"mitsuba": mitsuba_pair}
@@ -89,17 +93,12 @@ def show(label: str, rounds: list[tuple[Seconds, Seconds]], paths_of_a_round: in
 
 
 def show_head(given: argparse.Namespace) -> None:
-    from llvmlite import binding
-
-    from harness.measure.machine import cpu_model
-
-    features = binding.get_host_cpu_features()
-    widest = next((name for name in ("avx512f", "avx2", "avx", "sse2", "neon") if features.get(name)), "unknown")
-    print(f"{cpu_model()}, {os.cpu_count()} cores, {widest} (LLVM target {binding.get_host_cpu_name()})")
-    version = engines.engine(given.engine).version
-    print(f"Python {platform.python_version()}, {given.engine} {version}, load {os.getloadavg()[0]:.1f}")
+    show_processor()
+    print(f"{given.engine} {engines.engine(given.engine).version}")
     command = shlex.join(["python", "-m", "tests.benchmarks.adapter_overhead", *sys.argv[1:]])
-    print(f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}")
+    print(
+        f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}"
+    )
     print(f"{'million paths/s':34}{'clock':11}{'native':>9}{'adapter':>9}{'seconds':>11}   95 % interval of the ratio")
 
 
