@@ -36,6 +36,8 @@ from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 BSDF_PARAMETERS = 15
 LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
+KEPT = 8
+"""Numbers that a stage may keep of a lane between its loops."""
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
 VERTEX_DIMENSIONS = 8
@@ -101,6 +103,11 @@ class RayBatch(LaneRecord):
     light_parameters = reals(LIGHT_PARAMETERS)
     light_color = vector()
     shape_parameters = doubles(SHAPE_PARAMETERS)
+
+    # what a stage keeps between its loops
+    kept = doubles(KEPT)
+    kept_row = integer()
+    kept_column = integer()
 
     # the light sample at the surface, and the shadow ray
     wi = vector()  # unit, towards the light
@@ -331,6 +338,7 @@ class SceneTable(Table):
 
     # where some material in use has a program
     programs = array(np.int32)  # a material: its first node, -1 for none
+    program_textures = array(np.int32)  # a material: some images that its program may read, -1 for none
     nodes = rows(NodeRow)
     leaves = rows(LeafRow)
     lookups = rows(LookupRow)

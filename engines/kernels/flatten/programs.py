@@ -26,6 +26,8 @@ IMAGE, CHECKERBOARD = range(2)
 REPEAT, CLAMP, MIRROR = range(3)
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 NONE = -1
+PREFETCHED = 4
+"""Images of a program whose texels are prefetched."""
 THROUGH = 1
 """Stands for the second part of a bump or normal map whose models let light through."""
 _BLACK = Mixture()
@@ -186,6 +188,24 @@ class Programs:
                 bsdf=self._constants(leaf), emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
             )
         return rows
+
+    def images(self) -> NDArray[np.int32]:
+        """(n, PREFETCHED) of all materials, at least one row: images that the program may read, NONE after them."""
+        found = np.full((len(self.first), PREFETCHED), NONE, np.int32)
+        for row, first in zip(found, self.first, strict=True):
+            if first >= 0:
+                own = [texture for texture in dict.fromkeys(self._textures_of(first)) if self.pixels[texture].size]
+                row[: len(own)] = own[:PREFETCHED]
+        return found
+
+    def _textures_of(self, node: int) -> list[int]:
+        """Those of a node and of all that it leads to."""
+        kind, first, second, texture, value = (int(number) for number in self.nodes[node])
+        if kind == LEAF:
+            column = [*LookupRow.fields].index("texture")
+            return [int(row[column]) for row in self.lookups[texture : texture + value]]
+        parts = [first, second] if kind in (SIDES, BLEND) else [first]
+        return [texture] * (texture >= 0) + [found for part in parts for found in self._textures_of(part)]
 
     def features(self) -> dict[str, Any]:
         """The features that the materials in use bring."""

@@ -13,24 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.memory import address_of
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, keep_scalar, select
+from engines.kernels.compile.simd import prefetch
+from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
-from engines.kernels.lane.vector import Vec3, dot, extent, select3, to_float64
+from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
 from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
 from engines.kernels.stages import environment
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
+NEAR_TRIANGLES = 4096
+"""So many triangles are in a near cache; what is read of more is prefetched."""
 
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
     *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment",
+    "turned_environment", "uvs",
 )  # fmt: skip
 
 
@@ -136,15 +140,68 @@ def _make_load_shape(features: SceneFeatures) -> Any:
 
 
 @cache
-def _make_load_hit(features: SceneFeatures) -> Any:
+def _make_prefetch(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, scene) that starts loading what the scene holds of the triangles hit. One thing leads to the
+    next, and a lane alone would wait for each: here all sixteen wait at once."""
+    mixed, smooth, uvs = features.spheres or features.planes or len(features.analytic) > 0, features.smooth, features.uvs
+    vector = 3 * np.dtype(real).itemsize
+
+    @inline
+    def rows(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            keep_scalar()
+            primitive, held = np.int64(rays.primitive[lane]), np.int64(rays.held_primitive[lane])
+            index = max(held if held >= 0 else primitive, 0)
+            rays.kept_row[lane] = index
+            prefetch(address_of(scene.primitives[index]))
+            if not mixed:
+                prefetch(address_of(scene.triangles[index]))
+
+    @inline
+    def triangles(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            keep_scalar()
+            row = scene.primitives[np.int64(rays.kept_row[lane])]
+            index = select(row.shape == TRIANGLE, np.int64(row.index), np.int64(0))
+            rays.kept_row[lane] = index
+            prefetch(address_of(scene.triangles[index]))
+
+    @inline
+    def vertex(scene, index):
+        prefetch(address_of(scene.vertices) + vector * np.int64(index))
+        if smooth:
+            prefetch(address_of(scene.vertex_normals) + vector * np.int64(index))
+        if uvs:
+            prefetch(address_of(scene.vertex_uvs[index]))
+
+    @inline
+    def prefetch_triangles(rays, scene):
+        rows(rays, scene)
+        if mixed:
+            triangles(rays, scene)
+        for lane in range(np.uint64(LANES)):
+            keep_scalar()
+            row = scene.triangles[np.int64(rays.kept_row[lane])]
+            vertex(scene, row.a)
+            vertex(scene, row.b)
+            vertex(scene, row.c)
+
+    return prefetch_triangles
+
+
+@cache
+def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
     several_shapes = features.spheres or features.planes or len(features.analytic) > 0
     several_bsdfs, emission = len(features.bsdfs) > 1, features.emission
     load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
     parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
+    triangles, prefetch_triangles = features.triangles, _make_prefetch(features, real)
 
     @inline
     def load(rays, scene):
+        if triangles and scene.n_triangles > NEAR_TRIANGLES:
+            prefetch_triangles(rays, scene)
         for lane in range(np.uint64(LANES)):
             keep_scalar()
             primitive, held = rays.primitive[lane], rays.held_primitive[lane]
@@ -281,7 +338,7 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
 
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
-    load, intersection = _make_load_hit(features), _make_intersection(features, real)
+    load, intersection = _make_load_hit(features, real), _make_intersection(features, real)
     emission, tangents, area_lights = features.emission, features.tangents, _area_lights(features)
     listed_shapes, light_pdf_of = len(area_lights) > 0, _make_light_pdf(area_lights)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
@@ -325,17 +382,31 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
 @inline
 def _image_environment(rays, scene, n_lights, turned, real):
-    """Radiance of the rays that miss, from the environment's image: scalar code, in a loop of its own."""
+    """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
+    lanes = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        lanes |= np.int64(1 if rays.miss[lane] & rays.alive[lane] else 0) << np.int64(lane)
+    if lanes == 0:
+        return
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
     for lane in range(np.uint64(LANES)):
-        if rays.miss[lane]:
-            d = to_float64(rays.direction[lane])
-            if turned:
-                d = environment.to_image(axes, d)
-            u, v = environment.direction_to_uv(d.x, d.y, d.z)
-            rays.emission[lane] = environment.radiance(scene.environment, width, height, axes, u, v)
-            pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v)
-            rays.light_pdf[lane] = real(pdf) / n_lights
+        d = to_float64(rays.direction[lane])
+        if turned:
+            d = environment.to_image(axes, d)
+        u, v = environment.direction_to_uv(d.x, d.y, d.z)
+        rays.kept[0, lane], rays.kept[1, lane], rays.kept[2, lane] = u, v, sin_cos_turn(0.5 * v)[0]
+    todo = lanes
+    while todo != 0:
+        lane = np.uint64(lowest_bit(todo))
+        todo &= todo - 1
+        environment.prefetch_texels(scene, axes, rays.kept[0, lane], rays.kept[1, lane])
+    while lanes != 0:
+        lane = np.uint64(lowest_bit(lanes))
+        lanes &= lanes - 1
+        u, v = rays.kept[0, lane], rays.kept[1, lane]
+        rays.emission[lane] = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
+        density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
+        rays.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / n_lights
 
 
 def stage(features: SceneFeatures, real: Any) -> Any:
