@@ -133,6 +133,8 @@ class Engine:
             return f"the engine {self.name} takes no plugins"
         if shader.name == "path_tracer" and shader.options["direct"] != "mis":
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
+        if shader.name == "path_tracer" and shader.options["light_sampler"] != "uniform":
+            return "Mitsuba's path integrator chooses lights evenly only"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:
