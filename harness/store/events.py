@@ -35,7 +35,9 @@ class Events:
     def __init__(self, folder: Path) -> None:
         self._path = confined.inside(folder, EVENTS, str(folder))
         if (folder / COMPRESSED).exists():
-            raise ConfigError(f"{folder}: is an archive, to which nothing is added: name another folder, or the one it was made from")
+            raise ConfigError(
+                f"{folder}: is an archive, to which nothing is added: name another folder, or the one it was made from"
+            )
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("a+b", buffering=0)
