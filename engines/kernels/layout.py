@@ -347,7 +347,7 @@ class SceneTable(Table):
     leaves = rows(LeafRow)
     lookups = rows(LookupRow)
     textures = rows(TextureRow)
-    texels = array(np.int64)  # addresses of the images, float32
+    texels = array(np.int64)  # addresses of the images
     vertex_uvs = rows(UVRow)
 
     # set by the renderer

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.memory import address_of
-from engines.kernels.compile.simd import prefetch
+from engines.kernels.compile.records import address_of, prefetch
 from engines.kernels.compile.values import const, select
 from engines.kernels.lane.arccos import arccos
 from engines.kernels.lane.arctan import arctan2

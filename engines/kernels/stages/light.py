@@ -8,9 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.memory import address_of
-from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.simd import prefetch
+from engines.kernels.compile.records import address_of, lane_numbers, prefetch
 from engines.kernels.compile.values import lowest_bit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS

@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.memory import address_of
-from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.simd import prefetch
+from engines.kernels.compile.records import address_of, lane_numbers, prefetch
 from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials

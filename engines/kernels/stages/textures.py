@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.records import array_at
-from engines.kernels.compile.simd import prefetch
+from engines.kernels.compile.records import array_at, prefetch
+from engines.kernels.flatten import palettes
 from engines.kernels.flatten.programs import CHECKERBOARD, CLAMP, REPEAT
 from engines.kernels.lane.vector import Vec3
 
@@ -64,10 +64,14 @@ def _corners(row, x, y):
 
 
 @inline
-def _texel(texels, row, first):
-    """The colour of the texel that begins at a number of the image."""
-    step = np.int64(1) if row.channels == 3.0 else np.int64(0)
-    return Vec3(np.float64(texels[first]), np.float64(texels[first + step]), np.float64(texels[first + 2 * step]))
+def _texel(address, row, first):
+    """The colour of the texel that begins at a number of the image at `address`."""
+    second = first + (np.int64(1) if row.channels == 3.0 else np.int64(0))
+    third, numbers = 2 * second - first, array_at(address, np.float32)
+    if row.indexed != 0.0:  # the numbers are a palette
+        places = array_at(address + palettes.BYTES, np.uint8)
+        first, second, third = np.int64(places[first]), np.int64(places[second]), np.int64(places[third])
+    return Vec3(np.float64(numbers[first]), np.float64(numbers[second]), np.float64(numbers[third]))
 
 
 @inline
@@ -85,7 +89,7 @@ def color_at(scene, texture, u, v):
     if np.int64(row.kind) == CHECKERBOARD:
         odd_u, odd_v = at.x - math.floor(at.x) > 0.5, at.y - math.floor(at.y) > 0.5
         return row.a if odd_u == odd_v else row.b
-    texels = array_at(scene.texels[texture], np.float32)
+    texels = scene.texels[texture]
     x, y = at.x * row.width, at.y * row.height
     if not (math.isfinite(x) and math.isfinite(y)):
         return _texel(texels, row, 0)
@@ -106,7 +110,7 @@ def gradient_at(scene, texture, u, v):
     x, y = at.x * row.width - 0.5, at.y * row.height - 0.5
     if row.nearest != 0.0 or not (math.isfinite(x) and math.isfinite(y)):
         return Place(0.0, 0.0)
-    texels = array_at(scene.texels[texture], np.float32)
+    texels = scene.texels[texture]
     c = _corners(row, x, y)
     h00, h10 = luminance(_texel(texels, row, c.above + c.left)), luminance(_texel(texels, row, c.above + c.right))
     h01, h11 = luminance(_texel(texels, row, c.below + c.left)), luminance(_texel(texels, row, c.below + c.right))
@@ -123,8 +127,10 @@ def prefetch_texels(scene, texture, u, v):
     at = _place(row, u, v)
     x, y = at.x * row.width - 0.5, at.y * row.height - 0.5
     if math.isfinite(x) and math.isfinite(y):
-        corners, texels = _corners(row, x, y), scene.texels[texture]
-        prefetch(texels + 4 * (corners.above + corners.left))
-        prefetch(texels + 4 * (corners.above + corners.right + 2))
-        prefetch(texels + 4 * (corners.below + corners.left))
-        prefetch(texels + 4 * (corners.below + corners.right + 2))
+        corners, texels, size = _corners(row, x, y), scene.texels[texture], 4
+        if row.indexed != 0.0:
+            texels, size = texels + palettes.BYTES, 1
+        prefetch(texels + size * (corners.above + corners.left))
+        prefetch(texels + size * (corners.above + corners.right + 2))
+        prefetch(texels + size * (corners.below + corners.left))
+        prefetch(texels + size * (corners.below + corners.right + 2))
