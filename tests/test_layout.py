@@ -86,6 +86,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.adapters": _BASE,
     "engines.external": {*_BASE, "engines.adapters", "engines.export", "engines.image", "engines.schema", "engines.temporary"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
+    "engines.peers": {*_BASE, "engines.adapters"},
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
@@ -101,6 +102,7 @@ ONLY_IN = {
     "numba": {"engines.kernels.compile"},
     "mitsuba": {"engines.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
     "drjit": {"engines.mitsuba"},
+    "pyluxcore": {"engines.peers"},
 }
 
 LONG_FILES: dict[str, str] = {}
