@@ -70,7 +70,7 @@ class Renderer(ImageRenderer):
             "path.pathdepth.total": depth, "path.pathdepth.diffuse": depth, "path.pathdepth.glossy": depth,
             "path.pathdepth.specular": depth, "path.russianroulette.depth": options["rr_depth"],
             "path.clamping.variance.maxvalue": 0.0, "path.hybridbackforward.enable": False,
-            "lightstrategy.type": "UNIFORM",
+            "lightstrategy.type": options["light_sampler"].upper(),
             "film.width": self.film.width, "film.height": self.film.height, "film.filter.type": "NONE",
             "film.opencl.enable": False,
             "film.outputs.0.type": "RADIANCE_GROUP", "film.outputs.0.id": 0, "film.outputs.0.filename": "radiance.exr",
