@@ -83,6 +83,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.external": {*_BASE, "engines.export", "engines.image", "engines.schema", "engines.temporary"},
+    "engines.isolated": {*_BASE, "engines.registry"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
