@@ -28,6 +28,7 @@ Arrays = tuple[Image, Image, Image, NDArray[np.int64]]
 
 
 def _zeros(width: int, height: int) -> Arrays:
+    """The arrays of a film, all 0, in this process's own memory."""
     colours = (np.zeros((height, width, 3)) for _ in range(3))
     return (*colours, np.zeros((height, width), np.int64))  # type: ignore[return-value]
 

@@ -20,6 +20,8 @@ from engines.isolated.films import Block, film_in
 from engines.isolated.process import Process
 from engines.scene import Camera, Scene, Shape
 
+MOST_IDLE = 2
+
 
 class Engine:
     """An engine that renders in a process of its own; every living renderer has one.
@@ -151,26 +153,30 @@ def _send_scene(process: Process, scene: Scene) -> None:
 
 
 class _Processes:
-    """The processes of an engine that no renderer holds: one is kept, and what it has imported and compiled with it."""
+    """The processes of an engine that no renderer holds. Some are kept, and with them what they have imported and compiled."""
 
     def __init__(self, name: str, target: str, python: str) -> None:
         self._name, self._target, self._python = name, target, python
         self._lock = threading.RLock()  # a renderer may be collected anywhere, here, too
-        self._idle: Process | None = None
-        self._ended = False
+        self._idle: list[Process] = []
+        self._most = MOST_IDLE
 
     def take(self) -> Process:
         """A process for the caller alone, started where none is idle."""
         with self._lock:
-            process, self._idle = self._idle, None
-        return process if process is not None and process.usable else Process(self._name, self._target, self._python)
+            while self._idle:
+                process = self._idle.pop()
+                if process.usable:
+                    return process
+        return Process(self._name, self._target, self._python)
 
     def give_back(self, process: Process) -> None:
         with self._lock:
-            if self._idle is None and not self._ended and process.usable:
-                self._idle = process
-                return
-        process.end()
+            kept = process.usable and len(self._idle) < self._most
+            if kept:
+                self._idle.append(process)
+        if not kept:
+            process.end()
 
     def lent(self) -> _Lent:
         return _Lent(self)
@@ -182,9 +188,10 @@ class _Processes:
         self.give_back(process)
 
     def end(self) -> None:
+        """Ends those that are idle, and every other one as soon as it is given back."""
         with self._lock:
-            process, self._idle, self._ended = self._idle, None, True
-        if process is not None:
+            idle, self._idle, self._most = self._idle, [], 0
+        for process in idle:
             process.end()
 
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from engines.errors import ConfigError, RendererFailed, Unsupported
+from engines.errors import ConfigError, RaybenchError, RendererFailed, Unsupported
 from engines.isolated.channel import Channel, Closed
 from engines.isolated.films import Block
 
@@ -63,7 +63,7 @@ class Process:
         self._calls, self._queries, self._stops = (Channel(each, self._alive) for each in ours)
         try:
             self.version: str = self.call("make", target, _users_folders())
-        except RendererFailed as error:
+        except RaybenchError as error:
             self.end()
             raise ConfigError(f"{python}: cannot run the engine {name}: {error}") from error
         except BaseException:
