@@ -7,7 +7,9 @@ from engines.film import Film
 from harness.measure.films import leave, take
 
 
-@pytest.mark.parametrize(("spp", "overshoots", "taken"), [(3, False, True), (2, False, False), (2, True, True), (4, True, False)])
+@pytest.mark.parametrize(
+    ("spp", "overshoots", "taken"), [(3, False, True), (2, False, False), (2, True, True), (4, True, False)]
+)
 def test_only_an_engine_that_overshoots_may_have_more_samples_than_were_asked_for(tmp_path, spp, overshoots, taken):
     film, file = Film(2, 1), tmp_path / "film.npz"
     film.add_mean(film.mean() + 1.0, 3)

@@ -82,7 +82,7 @@ class Engine(AdapterEngine):
         """Roulette, materials without an exact counterpart, lights of other shapes than triangles, environments of images."""
         options = settings.shader.options
         if options["rr_depth"] < options["max_depth"]:
-            return "LuxCore's Russian roulette brightens images (its MIS weights do not add up to 1): rr_depth must be max_depth or more"
+            return "LuxCore's Russian roulette is biased, it brightens images: rr_depth must be max_depth or more"
         for material in scene.materials:
             if found := material_lacks(material):
                 return f"material {material.name!r}: LuxCore has no exact counterpart of {found}"
