@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from tests.browser import PROGRAM, Browser
 
@@ -36,6 +37,9 @@ if "PYTEST_XDIST_WORKER" not in os.environ:  # its workers inherit the folders
     _references = tempfile.TemporaryDirectory(prefix="raybench-references-")
     os.environ["RAYBENCH_REFERENCES"] = _references.name
 
+providers._get_local_constants = lambda: providers._local_constants
+"""No constants of the sources among the examples: these would depend on which modules were imported before, and reading them
+all takes ten seconds."""
 settings.register_profile("raybench", derandomize=True, deadline=None)
 settings.load_profile("raybench")
 
