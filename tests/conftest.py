@@ -17,6 +17,7 @@ from tests.browser import PROGRAM, Browser
 
 os.environ["RAYBENCH_PLOTS"] = "svg"
 
+HERE = Path(__file__).resolve().parent
 IN_MEMORY = Path("/dev/shm")
 ROOM = 2 << 30
 """Bytes that must be free there: the tests of a whole session leave some hundred MiB."""
@@ -42,6 +43,26 @@ providers._get_local_constants = lambda: providers._local_constants
 all takes ten seconds."""
 settings.register_profile("raybench", derandomize=True, deadline=None)
 settings.load_profile("raybench")
+
+
+LONG = (
+    "docs/test_guides.py", "harness/test_results_from_elsewhere.py", "conformance/test_engines.py", "docs/test_extend.py",
+    "mitsuba/test_agreement.py", "harness/test_cheats.py", "harness/test_resume.py", "view/test_server.py",
+    "kernels/test_accelerators.py", "kernels/test_analytic_shapes.py", "test_features_agree.py", "harness/test_plots.py",
+    "harness/test_wrong_engines.py", "docs/test_pages.py", "view/test_race_page.py", "external/test_sweeps.py",
+    "fuzz/test_fuzz.py", "docs/test_site.py",
+)  # fmt: skip
+"""Files of few tests that take long. They start first: otherwise one worker has them left when the others are done."""
+
+
+def pytest_configure(config):
+    """The order is that of `pytest_collection_modifyitems`, and not pytest-xdist's, by the number of a file's tests."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items):
+    places = {HERE / name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: places.get(item.path, len(LONG)))
 
 
 @pytest.fixture(scope="module")
