@@ -84,6 +84,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.external": {*_BASE, "engines.export", "engines.image", "engines.schema", "engines.temporary"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
+    "engines.open3d": _BASE,
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
@@ -99,6 +100,7 @@ ONLY_IN = {
     "numba": {"engines.kernels.compile"},
     "mitsuba": {"engines.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
     "drjit": {"engines.mitsuba"},
+    "open3d": {"engines.open3d"},
 }
 
 LONG_FILES: dict[str, str] = {}
