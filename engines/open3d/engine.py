@@ -91,11 +91,11 @@ class Tracer:
         normal = found["primitive_normals"].numpy().astype(np.float64)
         away = (normal * rays[:, 3:]).sum(axis=1, keepdims=True) > 0
         uv = found["primitive_uvs"].numpy().astype(np.float64)
-        ids = [found[name].numpy().astype(np.int64) for name in ("geometry_ids", "primitive_ids")]
-        for array, nothing in ((t, np.inf), *((each, -1) for each in ids), (uv, 0.0)):
+        shape, primitive = (found[name].numpy().astype(np.int64) for name in ("geometry_ids", "primitive_ids"))
+        for array, nothing in ((t, np.inf), (shape, -1), (primitive, -1), (uv, 0.0)):
             array[miss] = nothing
         normal = np.where(miss[:, None], 0.0, np.where(away, -normal, normal))
-        return Hits(t, *ids, normal, uv[:, 0], uv[:, 1])
+        return Hits(t, shape, primitive, normal, uv[:, 0], uv[:, 1])
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
         """Whether anything lies in (0, t_max). Open3D takes one end for all rays of a call: rays with an end of their own get

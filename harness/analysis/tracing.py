@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 
 from harness.analysis.columns import Column, Table
-from harness.statistics import Estimate, Ratio, geometric_interval, noise_floor, proportion_interval, race, twin_distance
+from harness.statistics import (
+    Estimate,
+    Ratio,
+    geometric_interval,
+    noise_floor,
+    proportion_interval,
+    race,
+    twin_distance,
+)
 from harness.trace.records import Entry, TraceResults
 
 COLUMNS = [
@@ -37,7 +45,7 @@ COLUMNS = [
     Column("t_p999", "The 99.9 % quantile of that error.", "number", "99.9 %"),
     Column("t_worst", "The largest of these errors.", "number", "worst"),
     Column("build_seconds", "Seconds to build tracer and accelerator: median over blocks.", "number", "build [s]"),
-    Column("first_call_seconds", "Seconds of the first call, which compiles or loads kernels: median.", "number", "first call [s]"),
+    Column("first_call_seconds", "Seconds of the first call, which may compile: median.", "number", "first call [s]"),
     Column("blocks", "Blocks measured.", "count"),
     Column("contended", "Blocks that were disturbed by other work of the machine.", "count"),
     Column("unstable", "Whether answers differed between blocks.", "flag"),

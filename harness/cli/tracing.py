@@ -65,7 +65,9 @@ def trace(
     raise typer.Exit(measure(experiment, out, json, allow_imports, ["raybench", *sys.argv[1:]]))
 
 
-def run_file(given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, command: Sequence[str]) -> int:
+def run_file(
+    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, command: Sequence[str]
+) -> int:
     """`raybench run` of a file of the rays-only league."""
     from harness.config.trace import load_trace
 
@@ -100,7 +102,9 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allow_imports: boo
         stdout.print(text_of(results), markup=False, soft_wrap=True, end="")
     else:
         show(results, stdout)
-        stdout.print(f"Report: {folder / 'report.html'} (and trace.json, tables/, plots/)", soft_wrap=True, markup=False)
+        stdout.print(
+            f"Report: {folder / 'report.html'} (and trace.json, tables/, plots/)", soft_wrap=True, markup=False
+        )
     return _code([each.model_dump() for each in results.entries])
 
 

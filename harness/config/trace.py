@@ -38,7 +38,11 @@ class _OneOrMore:
     kind: Readable
 
     def read(self, node: Located, context: Any = None) -> list[Any]:
-        return ListOf(self.kind, 1).read(node, context) if isinstance(node.value, list) else [self.kind.read(node, context)]
+        return (
+            ListOf(self.kind, 1).read(node, context)
+            if isinstance(node.value, list)
+            else [self.kind.read(node, context)]
+        )
 
     def schema(self) -> Schema:
         return {"anyOf": [self.kind.schema(), ListOf(self.kind, 1).schema()]}
@@ -63,7 +67,7 @@ KEYS = Record("A comparison of engines by the rays that they trace: one value, o
     "count": Key(integer(16, 10**8), "Rays of a set.", 200_000),
     "batch": Key(OrNull(integer(1, 10**8)), "Rays of a call; by default all in one.", None),
     "bounces": Key(integer(1, 64), "Bounces of the paths from whose hits incoherent rays start.", 3),
-    "checked": Key(integer(0, 10**8), "Rays of a set whose answers are compared with exact ones; the whole set at most.", 10_000),
+    "checked": Key(integer(0, 10**8), "Rays of a set that are compared with exact answers; the whole set at most.", 10_000),
     "hard": Key(integer(0, 10**8), "Rays at edges and vertices that triangles share, by which leaks are counted.", 20_000),
     "repeats": Key(integer(1, 1000), "Blocks. Each measures every contestant once, in random order, in new processes.", 5),
     "max_time": Key(DURATION, "Time inside calls in a block: sets are traced again until it is reached.", "500ms"),
@@ -139,7 +143,8 @@ def _parsed(root: Located, folder: Path | None, stem: str) -> TraceExperiment:
     top = {key: node for key, node in mapping(root).items() if not key.startswith(".")}
     given = KEYS.read(replace(root, value=top), folder)
     axes = ("engine", "accelerator", "precision", "threads")
-    contestants = [dict(zip(axes, values, strict=True)) for values in product(*(given[key] for key in axes))]
+    chosen = product(*(given[key] for key in axes))
+    contestants: list[dict[str, Any]] = [dict(zip(axes, values, strict=True)) for values in chosen]
     same = ("count", "batch", "bounces", "checked", "hard", "repeats", "seed", "baseline", "same_within")
     if given["baseline"] is not None and given["baseline"] not in given["engine"]:
         raise given.at("baseline").refuse(f"must be one of the engines: {', '.join(given['engine'])}")
@@ -148,5 +153,3 @@ def _parsed(root: Located, folder: Path | None, stem: str) -> TraceExperiment:
         rays=tuple(dict.fromkeys(given["rays"])), contestants=tuple(contestants),
         max_time_seconds=given["max_time"], timeout_seconds=given["timeout"], **{key: given[key] for key in same},
     )  # fmt: skip
-
-

@@ -8,7 +8,8 @@ cell itself and ends, and the parent starts another.
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
            {"do": "verify", "case", "precision", "accelerator", "quick"}   {"do": "trace", ...}
 Answers:   {"did": "import", "seconds", "version", "code", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
-           {"did": "verified", "results"}   {"did": "traced", ...}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+           {"did": "verified", "results"}   {"did": "traced", ...}
+           {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
            {"did": "unwritten", "message"}: a film could not be handed over, which is no failure of the engine
 After a point the child waits for "go": the parent measures the error while nothing renders.
 

@@ -49,10 +49,10 @@ def show(results: TraceResults, console: Console) -> None:
     for row in table.rows:
         groups.setdefault(tuple(row[key] for key in ("scene", "primitives", "rays", "threads")), []).append(row)
     for (scene, primitives, kind, threads), rows in groups.items():
-        title = f"{scene} ({primitives} primitives), {kind} rays, {threads} thread{'s' if threads > 1 else ''}"
         done = [row for row in rows if row["state"] == "done" and row.get("blocks")]
         if done:
-            console.print(_printed(title, done))
+            what = f"{scene}, {primitives} primitives: {kind} rays, {threads} thread{'s' if threads > 1 else ''}"
+            console.print(_printed(f"{what}; {done[0]['checked']} rays checked, {done[0]['hard']} hard rays", done))
             console.print()
     said: dict[str, None] = {}
     for row in table.rows:
@@ -77,15 +77,14 @@ def _printed(title: str, rows: list[Mapping[str, Any]]) -> Printed:
                       pad_edge=False, padding=(0, 1, 0, 0))  # fmt: skip
     hits = any(row["rays"] != "shadow" for row in rows)
     printed.add_column("engine")
-    for heading in ("Mrays/s", "Mrays/cpu s", "over baseline", *(["wrong"] if hits else []), "missed", "false hits",
-                    "wrong answers", "leaks", *(["t error\n99.9 %"] if hits else []), "build s"):  # fmt: skip
-        printed.add_column(heading, justify="right")
+    for heading in ("Mrays/s", "Mrays/\ncpu s", "over baseline", "", *(["wrong\nhits"] if hits else []), "missed",
+                    "false\nhits", "wrong answers", "leaks", *(["t error\n99.9 %"] if hits else []), "build\n[s]"):  # fmt: skip
+        printed.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
     for row in rows:
         names = [row["engine"], "" if row["accelerator"] == "auto" else row["accelerator"], row["precision"]]
-        verdict = row["verdict"] if row["verdict"] != "baseline" else "baseline"
-        over = f"{estimate_text(row['ratio'])} {verdict}" if row.get("ratio") else verdict
         cells = [" ".join(filter(None, names)), estimate_text(row["mrays_per_second"]),
-                 estimate_text(row["mrays_per_cpu_second"]), over]  # fmt: skip
+                 number_text(row["mrays_per_cpu_second"].value), estimate_text(row["ratio"]) if row.get("ratio") else "",
+                 row["verdict"]]  # fmt: skip
         cells += [str(row[key]) for key in (*(["wrong"] if hits else []), "missed", "invented")]
         cells += [share_text(row["error_rate"]), share_text(row["leak_rate"])]
         cells += [number_text(row.get("t_p999", math.nan))] if hits else []
@@ -94,13 +93,13 @@ def _printed(title: str, rows: list[Mapping[str, Any]]) -> Printed:
 
 
 def share_text(share: Estimate) -> str:
-    """A share of a count with its interval; of none, the bound below which it lies."""
+    """A count with the interval of its share in percent; of none, the bound below which the share lies."""
     if not share.n:
         return "–"
     count = round(share.value * share.n)
     if count == 0:
-        return f"0 of {share.n} (below {_percent(share.high)} %)"
-    return f"{count} of {share.n} ({_percent(share.low)} to {_percent(share.high)} %)"
+        return f"0 (below {_percent(share.high)} %)"
+    return f"{count} ({_percent(share.low)} to {_percent(share.high)} %)"
 
 
 def _percent(share: float) -> str:

@@ -207,4 +207,6 @@ def _quantiles(faults: Faults) -> dict[str, float]:
 def contestant_text(entry: Entry) -> str:
     """A contestant in a few words."""
     parts = [entry.engine, "" if entry.accelerator == "auto" else entry.accelerator, entry.precision or ""]
-    return " ".join(filter(None, [*parts, f"{entry.threads}t" if entry.threads > 1 else "", "(twin)" if entry.twin else ""]))
+    return " ".join(
+        filter(None, [*parts, f"{entry.threads}t" if entry.threads > 1 else "", "(twin)" if entry.twin else ""])
+    )

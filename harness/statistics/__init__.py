@@ -18,7 +18,13 @@ from harness.statistics.convergence import Curve, Slope, common_samples, converg
 from harness.statistics.crossings import Bound, Crossing, Reading, find_crossing
 from harness.statistics.equivalence import Equivalence, equivalence
 from harness.statistics.fronts import ecdf, pareto_front
-from harness.statistics.intervals import Estimate, bounded_interval, geometric_interval, mean_interval, proportion_interval
+from harness.statistics.intervals import (
+    Estimate,
+    bounded_interval,
+    geometric_interval,
+    mean_interval,
+    proportion_interval,
+)
 from harness.statistics.quality import QualityTime, crossing_seconds, efficiency, reading_of, time_to_quality
 from harness.statistics.ratios import Race, Ratio, noise_floor, race, twin_distance
 from harness.statistics.scaling import ParallelRow, amdahl_fit, parallel_speedups

@@ -76,7 +76,9 @@ def camera_rays(scene: Scene, count: int, rng: np.random.Generator) -> Rays:
     """Rays through a random place of each pixel of an image with about `count` pixels; a thin lens counts as its pinhole."""
     camera = scene.camera
     if not isinstance(camera, Perspective | ThinLens | Orthographic):
-        raise Unsupported(f"trace takes perspective, thin-lens and orthographic cameras: this is {type(camera).__name__}")
+        raise Unsupported(
+            f"trace takes perspective, thin-lens and orthographic cameras: this is {type(camera).__name__}"
+        )
     aspect = camera.resolution[0] / camera.resolution[1]
     width = max(1, round(math.sqrt(count * aspect)))
     height = -(-count // width)
@@ -231,6 +233,8 @@ LEAST_HEIGHT = 2e-5
 """Least height of triangles beside an edge, as a share of the largest coordinate: the ray's rounding must stay on them."""
 LEAST_COSINE = 0.15
 """Least cosine between the ray and the faces at its edge or vertex, all of which face it."""
+ATTEMPTS = 20
+"""Times that rays are drawn until there are enough which all the faces at their target face."""
 DEEPER = 1e-4
 """By how much, as a share of the way, a hit may lie behind the target."""
 
@@ -247,7 +251,7 @@ def hard_rays(truth: Truth, count: int, seed: int) -> Rays:
     normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
     edges, beside, fans = _shared(corners, faces, normals, LEAST_HEIGHT * truth.largest)
     extent = float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
-    for _ in range(4):
+    for _ in range(ATTEMPTS):
         left = count - sum(len(each.origins) for each in found)
         if left <= 0 or not len(edges):
             break
@@ -260,12 +264,15 @@ def hard_rays(truth: Truth, count: int, seed: int) -> Rays:
         if fans.size and left > half:
             vertices = fans[rng.integers(len(fans), size=left - half)]
             found += [_aimed(corners[vertices], _fan_normals(vertices, faces, unit(normals)), extent, rng)]
-    whole = Rays(*(np.concatenate(parts) for parts in zip(*found, strict=True))) if found else None
-    return whole.take(rng.permutation(len(whole.origins))[:count]) if whole else Rays(*np.zeros((2, 0, 3)), np.zeros(0))
+    if not found:
+        return Rays(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    whole = Rays(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    return whole.take(rng.permutation(len(whole.origins))[:count])
 
 
 def _aimed(targets: Array, around: Array, extent: float, rng: np.random.Generator) -> Rays:
-    """Rays at targets (n, 3) from in front of, or behind, all the faces there, of unit normals (n, k, 3); zeros count as none."""
+    """Rays at targets (n, 3) from in front of, or behind, all the faces there, of unit normals (n, k, 3), zeros
+    being none."""
     middle = unit(around.sum(axis=1))
     away = unit(middle + 0.9 * rng.random((len(targets), 1)) * unit(rng.normal(size=targets.shape)))
     cosines = (around * away[:, None]).sum(axis=2)

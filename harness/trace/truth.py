@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene import Cylinder, Disk, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Triangle
+from engines.scene import Cylinder, Disk, Mesh, Plane, Scene, Sphere, SphereSet, Triangle
 from harness.verify import oracle
 
 Array = NDArray[np.float64]
@@ -49,6 +49,7 @@ class Items:
 
 
 TRIANGLE, SPHERE, OTHER = range(3)
+Other = Plane | Disk | Cylinder
 
 
 class Truth:
@@ -57,7 +58,7 @@ class Truth:
     def __init__(self, scene: Scene) -> None:
         corners: list[Array] = [np.zeros((0, 3, 3))]
         balls: list[Array] = [np.zeros((0, 4))]
-        self.others: list[Plane | Disk | Cylinder] = []
+        self.others: list[Other] = []
         named: list[tuple[int, Index, int]] = []
         for index, shape in enumerate(scene.shapes):
             count, kind = 1, OTHER
@@ -104,7 +105,9 @@ class Truth:
             a, b, c = (self.corners[faces, k] for k in range(3))
             t, u, v = oracle.triangle(a, b, c, o[lines], d[lines])
             inside = np.asarray((u >= 0) & (v >= 0) & (u + v <= 1), bool)
-            self._take(found, lines, self._first[TRIANGLE][faces], np.where(inside, t.astype(np.float64), np.inf), t_max)
+            self._take(
+                found, lines, self._first[TRIANGLE][faces], np.where(inside, t.astype(np.float64), np.inf), t_max
+            )
         lines, spheres = ray[is_ball], box[is_ball] - len(self.corners)
         if lines.size:
             roots = oracle.sphere_roots(self.balls[spheres, :3], self.balls[spheres, 3], o[lines], d[lines])
@@ -274,15 +277,15 @@ def _balls(shape: Sphere | SphereSet) -> Array:
     return np.concatenate([shape.centers, shape.radii[:, None]], axis=1)
 
 
-def _largest(corners: Array, balls: Array, others: Sequence[Shape]) -> float:
+def _largest(corners: Array, balls: Array, others: Sequence[Other]) -> float:
     """The largest coordinate of anything that has bounds, by size, and of the points that planes go through."""
     sizes = [np.abs(corners).max(initial=0.0), (np.abs(balls[:, :3]) + balls[:, 3:]).max(initial=0.0)]
-    sizes += [np.abs(shape.point if isinstance(shape, Plane) else shape.bounds()).max() for shape in others]
+    sizes += [np.abs(np.asarray(shape.point if isinstance(shape, Plane) else shape.bounds())).max() for shape in others]
     return float(max(sizes)) or 1.0
 
 
 @oracle.exactly
-def _other_t(shape: Plane | Disk | Cylinder, origins: Array, directions: Array) -> Array:
+def _other_t(shape: Other, origins: Array, directions: Array) -> Array:
     """(n,) smallest t > 0 at which rays meet a plane, disk or cylinder; inf for none."""
     if isinstance(shape, Cylinder):
         return oracle.cylinder(shape.p0, shape.p1, shape.radius, origins, directions)[0].astype(np.float64)
@@ -298,7 +301,7 @@ def _other_t(shape: Plane | Disk | Cylinder, origins: Array, directions: Array) 
     return np.where(met, t.astype(np.float64), np.inf)
 
 
-def _other_distance(shape: Plane | Disk | Cylinder, point: Array) -> float:
+def _other_distance(shape: Other, point: Array) -> float:
     if isinstance(shape, Cylinder):
         axis = unit(np.subtract(shape.p1, shape.p0)[None])[0]
         away = point - shape.p0

@@ -36,8 +36,8 @@ def sketches(results: TraceResults) -> list[Sketch]:
         title = f"{scene}, {threads} thread{'s' if threads > 1 else ''}: rays per second and errors"
         found.append(Sketch(
             file_stem("rays-against-errors", scene, f"{threads}t"), title,
-            "Points by million rays per second of wall time and the share of wrong answers, and of leaks, on logarithmic axes, "
-            "with 95 % intervals. Hollow: no error was found, and the point is the bound below which the rate lies. Lower right "
+            "Points by million rays per second of wall time and the share of wrong answers, and of leaks, logarithmic, "
+            "with 95 % intervals. Hollow: no error was found; the point is the bound below which the share lies. Lower right "
             "is better.", partial(_figure, own, list(dict.fromkeys(entry.engine for entry in results.entries))),
         ))  # fmt: skip
     return found
@@ -54,9 +54,12 @@ def _figure(entries: Sequence[Entry], engines: Sequence[str]) -> Figure:
         for axis, kind in zip(axes, kinds, strict=True):
             for entry in entries:
                 if entry.rays == kind and share(entry).n:
-                    _point(axis, entry, share(entry), colours[entry.engine], MARKERS[variants.index(_variant(entry)) % 10])
+                    _point(
+                        axis, entry, share(entry), colours[entry.engine], MARKERS[variants.index(_variant(entry)) % 10]
+                    )
             log_scales(axis, y=True)
         axes[0].set_ylabel(name)
+        axes[0].set_ylim(*_limits([share(entry) for entry in entries]))
     for axis, kind in zip(grid[0], kinds, strict=True):
         axis.set_title(kind)
     for axis in grid[-1]:
@@ -65,13 +68,20 @@ def _figure(entries: Sequence[Entry], engines: Sequence[str]) -> Figure:
     return figure
 
 
+def _limits(shares: Sequence[Estimate]) -> tuple[float, float]:
+    """Ends of the axis of shares: half a decade around all that is drawn."""
+    drawn = [value for share in shares if share.n for value in (share.high, share.low) if value > 0]
+    return min(drawn) / 5, min(max(drawn) * 3, 1.5)
+
+
 def _point(axis: Axes, entry: Entry, share: Estimate, colour: str, marker: str) -> None:
     rate = geometric_interval(rates(entry))
     place = share.value if share.value > 0 else share.high
     wide = [[max(0.0, rate.value - rate.low)], [max(0.0, rate.high - rate.value)]] if rate.n > 1 else None
-    tall = [[place - share.low], [share.high - place]] if share.value > 0 else None
+    none = share.value == 0
+    tall = [[0.5 * place], [0.0]] if none else [[place - share.low], [share.high - place]]
     axis.errorbar(rate.value, place, yerr=tall, xerr=wide, color=colour, marker=marker, linestyle="none", markersize=6,
-                  markerfacecolor=colour if share.value > 0 else "white", elinewidth=0.9)  # fmt: skip
+                  markerfacecolor="white" if none else colour, elinewidth=0.9, uplims=none)  # fmt: skip
 
 
 def _variant(entry: Entry) -> str:
@@ -83,5 +93,7 @@ def _legend(entries: Sequence[Entry], variants: Sequence[str], colours: dict[str
     found = [Line2D([], [], marker="o", color=colours[name], label=name, **bare)
              for name in dict.fromkeys(entry.engine for entry in entries)]  # fmt: skip
     if len(variants) > 1:
-        found += [Line2D([], [], marker=MARKERS[i % 10], color=INK, label=name, **bare) for i, name in enumerate(variants)]
+        found += [
+            Line2D([], [], marker=MARKERS[i % 10], color=INK, label=name, **bare) for i, name in enumerate(variants)
+        ]
     return [*found, Line2D([], [], marker="o", color=FAINT, markerfacecolor="white", label="none found: bound", **bare)]
