@@ -23,6 +23,11 @@ class Option:
     check: Callable[[Any], str | None]
 
 
+OMITTED: dict[tuple[str, str], Any] = {("path_tracer", "light_sampler"): "uniform"}
+"""Options that came after the first published results, with the values at which descriptions leave them out: what those
+results describe keeps its identity."""
+
+
 @dataclass(frozen=True, slots=True)
 class Choice:
     """A resolved choice: `name`, every option with its value, and the plugin object where the name is not ours."""
@@ -32,8 +37,9 @@ class Choice:
     plugin: Any = None
 
     def describe(self) -> dict[str, Any]:
-        """The choice as plain data, the form that configs and results use."""
-        return {"name": self.name, **self.options}
+        """The choice as plain data, the form that configs and results use; `OMITTED` options only where they matter."""
+        shown = {key: value for key, value in self.options.items() if OMITTED.get((self.name, key), self) != value}
+        return {"name": self.name, **shown}
 
 
 class OpenOptions(dict[str, Option]):
@@ -103,6 +109,9 @@ SHADERS: dict[str, dict[str, Option]] = {
         "max_depth": Option(16, "segments of a path: 1 is emission alone, 2 adds direct light", integer(1, 100_000)),
         "rr_depth": Option(5, "segments after which Russian roulette starts", integer(1, 1_000_000)),
         "direct": Option("mis", "how direct light is found", one_of("light", "bsdf", "mis")),
+        "light_sampler": Option(
+            "uniform", "how one light is chosen at a vertex: evenly, or by its power", one_of("uniform", "power")
+        ),
     },
     "depth_map": {
         "max_point": Option(None, "the point 1/1.1 of the way to black; null: far corner of the scene", _point_or_none)

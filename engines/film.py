@@ -36,12 +36,14 @@ class Film:
         self.counts: NDArray[np.int64] = np.zeros((height, width), np.int64)
         self.bad_samples = 0
         """Samples that were NaN or infinite; they count as black."""
+        self._means = 0  # what `add_mean` was given, from its first mean of several samples on; single samples count too
+        self._between: Image = self.squares  # then: the sum of n m^2 over means m of n samples
 
     def clear(self) -> None:
         """Forgets all samples, keeping the arrays."""
         for array in (self.sums, self.squares, self.even_sums, self.counts):
             array[...] = 0
-        self.bad_samples = 0
+        self.bad_samples = self._means = 0
 
     @property
     def spp(self) -> int:
@@ -50,6 +52,8 @@ class Film:
 
     def add(self, samples: Image, pixels: NDArray[np.integer] | None = None) -> None:
         """Adds a sample to each pixel: `samples` (h, w, 3), or (n, 3) with `pixels` (n,) distinct, y * width + x."""
+        if self._means:
+            raise ValueError("this film holds means of several samples: its squares and halves cannot take single ones")
         samples = np.asarray(samples, np.float64).reshape(-1, 3)
         where = np.arange(self.width * self.height) if pixels is None else np.asarray(pixels)
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(samples), axis=1)
@@ -62,6 +66,35 @@ class Film:
         self.squares.reshape(-1, 3)[where] += samples * samples
         self.even_sums.reshape(-1, 3)[where] += even * samples
         counts[where] += 1
+
+    def add_mean(self, image: Image, spp: int) -> None:
+        """Adds `image` (h, w, 3), the mean of `spp` samples of every pixel, none of which is known by itself.
+
+        Sums and counts are those of the samples. What they spread is seen between such means alone: `squares` are set so that
+        `variance_of_mean` is unbiased from the second mean on, and NaN before; each mean counts as much as it has samples.
+        Halves are NaN. As long as every mean is of one sample, all is as with `add`, which cannot follow a mean of several. A
+        pixel that is not finite counts as black, and as `spp` bad samples. Raises ValueError.
+        """
+        image = np.asarray(image, np.float64)
+        if image.shape != self.sums.shape or spp < 1:
+            raise ValueError(f"an image of shape {image.shape} and {spp} samples: {self.sums.shape} and 1 or more are wanted")
+        if self._means == 0 and spp == 1:
+            self.add(image)
+            return
+        if self._means == 0:  # what is there are single samples
+            self._means, self._between = self.spp, self.squares.copy()
+        good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(image), axis=2)
+        self.bad_samples += spp * int((~good).sum())
+        image = np.where(good[:, :, None], image, 0.0)
+        self._means += 1
+        self._between += spp * image**2
+        self.sums += spp * image
+        self.counts += spp
+        mean, count = self.mean(), self.counts[:, :, None]
+        between = np.maximum(self._between - count * mean**2, 0.0) / max(self._means - 1, 1)
+        spread = between if self._means > 1 else np.full_like(between, np.nan)
+        self.squares[...] = count * mean**2 + (count - 1) * spread
+        self.even_sums[...] = np.nan
 
     def mean(self) -> Image:
         """(height, width, 3) linear radiance; 0 where a pixel has no sample."""

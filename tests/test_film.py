@@ -130,3 +130,47 @@ def test_a_tone_mapper_that_changes_the_shape_is_refused():
 
 def test_a_film_says_its_size_and_samples():
     assert repr(filled(noise(3))) == "Film(4x3, 3 spp)"
+
+
+def test_means_of_single_samples_are_samples():
+    samples = noise(5)
+    film = Film(4, 3)
+    for layer in samples:
+        film.add_mean(layer, 1)
+    for name in ("sums", "squares", "even_sums", "counts"):
+        np.testing.assert_array_equal(getattr(film, name), getattr(filled(samples), name))
+
+
+def test_the_variance_of_means_is_unbiased_whatever_their_samples():
+    """Over many films of normal samples, whose means are of 1, 4 and 2 of them."""
+    rng, found = np.random.default_rng(4), []
+    for _ in range(400):
+        film = Film(8, 8)
+        for spp in (1, 4, 2):
+            film.add_mean(rng.normal(3.0, 1.0, (spp, 8, 8, 3)).mean(axis=0), spp)
+        found.append(film.variance_of_mean())
+    assert np.mean(found) == pytest.approx(1 / 7, rel=0.02)
+
+
+def test_a_film_of_means_takes_no_samples_until_it_is_cleared():
+    film = Film(2, 1)
+    film.add_mean(np.ones((1, 2, 3)), 4)
+    assert np.isnan(film.variance_of_mean()).all()
+    with pytest.raises(ValueError, match="means of several"):
+        film.add(np.ones((1, 2, 3)))
+    film.clear()
+    film.add(np.full((1, 2, 3), 2.0))
+    assert film.mean().max() == film.spp * 2.0
+
+
+def test_a_bad_mean_counts_as_black_and_all_its_samples_as_bad():
+    film = Film(2, 1)
+    film.add_mean(np.array([[[1.0] * 3, [1.0, np.inf, 1.0]]]), 4)
+    assert film.bad_samples == 4
+    assert film.mean()[0].tolist() == [[1.0] * 3, [0.0] * 3]
+
+
+@pytest.mark.parametrize(("shape", "spp"), [((1, 2, 3), 1), ((2, 1, 3), 0), ((2, 1), 3)])
+def test_a_mean_of_another_shape_or_of_no_samples_is_refused(shape, spp):
+    with pytest.raises(ValueError, match=r"\(2, 1, 3\) and 1 or more"):
+        Film(1, 2).add_mean(np.ones(shape), spp)

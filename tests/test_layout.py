@@ -25,6 +25,7 @@ TOP_LEVEL = {
 
 PUBLIC = {
     "engines",
+    "engines.adapters",
     "engines.choices",
     "engines.concurrency",
     "engines.conformance",
@@ -82,7 +83,8 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
-    "engines.external": {*_BASE, "engines.export", "engines.image", "engines.schema", "engines.temporary"},
+    "engines.adapters": _BASE,
+    "engines.external": {*_BASE, "engines.adapters", "engines.export", "engines.image", "engines.schema", "engines.temporary"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
     "engines.open3d": _BASE,
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},

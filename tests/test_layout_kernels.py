@@ -33,7 +33,7 @@ OUTSIDE: dict[str, set[str]] = {
     "layout": {"numpy"},
     "lane": {"numpy"},
     "integrators": {"numpy"},
-    "flatten": {"engines.scene", "engines.scene.support", "numpy"},
+    "flatten": {"engines.scene", "engines.scene.light_bounds", "engines.scene.support", "numpy"},
     "stages": {"engines.choices", "engines.scene", "engines.scene.support", "engines.sobol_numbers", "numpy"},
     "driver": {"numpy"},
     "queries": {"numpy"},

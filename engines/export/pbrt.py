@@ -19,11 +19,12 @@ import numpy as np
 import engines.scene as model
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
-from engines.mitsuba.bsdfs import material_lacks, model_of, rough
+from engines.mitsuba.bsdfs import material_lacks, rough
 from engines.mitsuba.cameras import camera_lacks
 from engines.mitsuba.nodes import facing
 from engines.mitsuba.shapes import extent
 from engines.mitsuba.textures import is_texture, largest
+from engines.scene.support import model_of
 
 PLANE_EXTENTS = 1e3
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -12,27 +11,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from engines.adapters import MEANS_ALONE, ImageRenderer, derive_seed
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
-from engines.concurrency import CallGuard
 from engines.errors import RendererFailed, Unsupported
 from engines.external.description import UNITS, Description, read
 from engines.external.pictures import read_picture
 from engines.external.process import Process
 from engines.external.scenes import CARRIES, FORMATS
 from engines.external.template import filled
-from engines.film import Film
-from engines.interface import Hits, OnPass, Settings
-from engines.scene import Camera, Scene, Shape
+from engines.interface import Settings
+from engines.scene import Scene
 from engines.scene.support import refusal_of
 from engines.temporary import TemporaryFolder
 
 THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to the threads asked for: the program may inherit others from a harness."""
 NOT_PROMISED = {
-    "render_adds_to_the_film": "of the image of one call the variance is not known, but that between calls",
-    "the_parts_of_the_film_belong_together": "a program leaves means, neither squares nor halves",
+    **MEANS_ALONE,
     "a_split_render_is_the_same": "every call is a process with a seed of its own",
     "stop_in_a_callback_ends_the_render": "a call is one process, and one pass",
     "stop_from_a_thread_ends_the_render": "a process that is stopped is killed, and its samples are lost",
@@ -84,7 +81,7 @@ class Engine:
         return None
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        return Renderer(self._said, self._supported(scene, settings), scene)
+        return Renderer(self, self._said, scene, self._supported(scene, settings))
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
         said = self._said
@@ -131,77 +128,55 @@ def program(said: Description) -> str:
     return found
 
 
-class Renderer:
+class Renderer(ImageRenderer):
     """A scene for a program. `counters()["told_seconds"]` is the time that counts, over all calls of `render`."""
 
-    def __init__(self, said: Description, settings: Settings, scene: Scene) -> None:
-        """`settings` with every choice resolved."""
-        self._said, self._settings, self._scene = said, settings, scene
+    def __init__(self, engine: Engine, said: Description, scene: Scene, settings: Settings) -> None:
+        self._said = said
         self._folder = TemporaryFolder()
         self._process = Process()
-        self._guard = CallGuard()
         self._told = 0.0
-        self._begin()
+        super().__init__(engine, scene, settings)
 
-    def _begin(self) -> None:
-        self._scene_file = FORMATS[self._said.scene_format](self._scene, self._settings, Path(self._folder.name))
-        self.film = Film(*self._settings.size(self._scene))
-        self._between = np.zeros((self.film.height, self.film.width, 3))
-        self._calls = 0
+    def build(self, scene: Scene, settings: Settings) -> None:
+        self._scene_file = FORMATS[self._said.scene_format](scene, settings, Path(self._folder.name))
 
-    def warm_up(self) -> None:
+    def compile(self) -> None:
         """A process of one sample where the program's own words are the clock; else starting is part of every call."""
-        with self._guard.rendering("warm_up"):
-            if self._said.time is not None:
-                self._process.stopped = False
-                self._run(1, "warm-up")
-
-    def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
-        """One process of `spp` samples. `stop` kills it; its samples are then lost."""
-        with self._guard.rendering():
+        if self._said.time is not None:
             self._process.stopped = False
-            if spp > 0:
-                found = self._run(spp, self.film.spp)
-                if found is not None:
-                    self._add(found[0], spp)
-                    self._told += found[1]
-                    if on_pass is not None:
-                        on_pass(self.film)
-            return self.film
+            self._run(1, derive_seed(self.seed, "warm-up"))
 
-    def stop(self) -> None:
+    def image(self, spp: int, offset: int, seed: int) -> NDArray[np.float64] | None:
+        """One process of `spp` samples. `stop` kills it; its samples are then lost."""
+        self._process.stopped = False
+        if self.stopped.is_set():  # the line above would undo a stop that came before it
+            return None
+        found = self._run(spp, derive_seed(seed, offset))
+        if found is None:
+            return None
+        self._told += found[1]
+        return found[0]
+
+    def interrupt(self) -> None:
         self._process.stop()
-
-    def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
-        """Writes the scene anew. Raises `Unsupported` where the program reads the scene's own file."""
-        changes: dict[str, Any] = {"camera": camera, "shapes": None if shapes is None else tuple(shapes)}
-        changed = {key: value for key, value in changes.items() if value is not None}
-        with self._guard.updating():
-            self._scene = replace(self._scene, source="", **changed) if changed else self._scene
-            self._begin()
-
-    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
-        raise Unsupported(f"{self._said.name} renders images and answers no single rays")
-
-    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
-        raise Unsupported(f"{self._said.name} renders images and answers no single rays")
 
     def counters(self) -> Mapping[str, float]:
         """Build and memory are not known: 0; rays are not counted. `told_by_program` is 1 where the clock is the program's
         own words, 0 where it is that of its process."""
-        unknown = dict.fromkeys(("build_seconds", "compile_seconds", "accelerator_bytes"), 0.0)
+        unknown = dict.fromkeys(("build_seconds", "compile_seconds"), 0.0)
         clock = {"told_seconds": self._told, "told_by_program": float(self._said.time is not None)}
-        return {**unknown, **clock, "bad_samples": self.film.bad_samples}
+        return {**super().counters(), **unknown, **clock}
 
-    def _run(self, spp: int, stream: int | str) -> tuple[NDArray[np.float64], float] | None:
+    def _run(self, spp: int, seed: int) -> tuple[NDArray[np.float64], float] | None:
         """The image of `spp` new samples and the seconds that count; None where it was stopped."""
-        said, settings = self._said, self._settings
+        said, settings = self._said, self.settings
         folder = Path(self._folder.name)
         image = folder / f"image.{said.image}"
         image.unlink(missing_ok=True)
         width, height = self.film.width, self.film.height
         values: dict[str, Any] = {
-            "scene": self._scene_file, "image": image, "folder": folder, "spp": spp, "seed": self._seed(stream),
+            "scene": self._scene_file, "image": image, "folder": folder, "spp": spp, "seed": seed,
             "threads": settings.threads, "width": width, "height": height, "precision": said.precision,
         }  # fmt: skip
         for kind, choice in (("shader", settings.shader), ("sampler", settings.sampler)):
@@ -215,24 +190,6 @@ class Renderer:
             return None
         seconds = ran.seconds if said.time is None else told_seconds(said.name, said.time, ran.output)
         return read_picture(said.name, image, width, height), seconds
-
-    def _seed(self, stream: int | str) -> int:
-        """31 bits of their own for every call: programs take no more, and equal seeds would be equal samples."""
-        key = f"{self._settings.seed}/{stream}".encode()
-        return int.from_bytes(hashlib.sha256(key).digest()[:4], "big") >> 1
-
-    def _add(self, image: NDArray[np.float64], spp: int) -> None:
-        """Adds the mean of `spp` samples. Their spread is seen between calls alone: unbiased from two calls on."""
-        film = self.film
-        film.sums += spp * image
-        film.counts += spp
-        self._between += spp * image**2
-        self._calls += 1
-        mean, count = film.mean(), film.counts[:, :, None]
-        spread = (self._between - count * mean**2) / max(self._calls - 1, 1)
-        spread = np.maximum(spread, 0.0) if self._calls > 1 else np.full_like(spread, np.nan)
-        film.squares = count * mean**2 + (count - 1) * spread
-        film.even_sums = np.full_like(film.sums, np.nan)
 
 
 def told_seconds(name: str, pattern: re.Pattern[str], output: str) -> float:

@@ -38,6 +38,8 @@ class SceneFeatures(NamedTuple):
     lights: tuple[int, ...] = ()
     """Kinds of listed lights."""
     many_lights: bool = False
+    power_lights: bool = False
+    """The integrator chooses lights by their power."""
     turned_environment: bool = False
     """The environment's image is rotated."""
     mesh_lights: bool = False

@@ -100,6 +100,7 @@ class RayBatch(LaneRecord):
     primitive_light = integer()  # index of the light that a primitive belongs to, -1 for none
     light_parameters = reals(LIGHT_PARAMETERS)
     light_color = vector()
+    light_choices = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
     shape_parameters = doubles(SHAPE_PARAMETERS)
 
     # the light sample at the surface, and the shadow ray
@@ -298,6 +299,7 @@ class SceneTable(Table):
     n_planes = scalar()
     n_analytic = scalar()
     n_lights = scalar()
+    environment_light = scalar()  # index of the environment among the lights, 0 where there is none
     environment_width = scalar()
     environment_height = scalar()
 
@@ -318,6 +320,8 @@ class SceneTable(Table):
     light_faces = array(np.int32)  # primitive ids
     light_cdf = array(np.float64)  # by area, of each range of faces
     light_ranges = rows(RangeRow)
+    light_cumulative = array(np.float64)  # by power; like the next one where the integrator chooses lights so
+    light_choices = array(REAL)  # 1 / the probability of each
     environment = vectors(np.float64)  # texels, times the radiance
     environment_pdf = array(np.float64)  # in (u, v)
     environment_rows = array(np.float64)  # cumulative

@@ -22,6 +22,7 @@ from engines.kernels import driver, queries
 from engines.kernels.compile import jit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
+from engines.kernels.flatten.light_samplers import bind_light_sampler
 from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
 from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface
 from engines.scene import Camera, Scene, Shape, ThinLens
@@ -109,6 +110,7 @@ class Renderer:
         """Takes `scene`; where that fails, everything is left as it was."""
         start, compiled = time.perf_counter(), jit.compile_seconds
         flat = flatten(scene, self._real, self._tracing)
+        bind_light_sampler(flat, scene, shade.light_sampler(self._wanted.shader))
         self._accelerator.build(flat, self._wanted.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from engines.mitsuba.bsdfs import members, model_of
 from engines.mitsuba.textures import is_texture, largest, scaled
 from engines.scene import (
     BLACK,
@@ -29,6 +28,7 @@ from engines.scene import (
     Sides,
     ThinDielectric,
 )
+from engines.scene.support import members, model_of
 
 
 def painted(scene: Scene) -> tuple[Scene, float]:

@@ -7,7 +7,7 @@ normal maps of what transmits tilt the front, there and here; opaque models besi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -34,25 +34,10 @@ from engines.scene import (
     ThinDielectric,
 )
 from engines.scene.bsdf import leaves
+from engines.scene.support import members, model_of
 
 TILTS = (Bump, NormalMap)
 DARK = Diffuse(BLACK)
-
-
-def model_of(material: Material) -> Bsdf:
-    """The material's BSDF, that of kd, ks and kt included."""
-    if material.bsdf is not None:
-        return material.bsdf
-    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
-
-
-def members(bsdf: Bsdf) -> Iterator[Bsdf]:
-    """A BSDF and all that it is made of."""
-    yield bsdf
-    inner = (getattr(bsdf, name, None) for name in ("of", "a", "b", "front", "back"))
-    for part in inner if isinstance(bsdf, (Mask, Blend, Bump, NormalMap, Sides)) else ():
-        if part is not None:
-            yield from members(part)
 
 
 def transmits(bsdf: Bsdf) -> bool:

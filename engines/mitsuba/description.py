@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from engines.mitsuba.bsdfs import bsdf_node, material_lacks, model_of
+from engines.mitsuba.bsdfs import bsdf_node, material_lacks
 from engines.mitsuba.cameras import camera_lacks
 from engines.mitsuba.lights import light_node, lights_lack
 from engines.mitsuba.nodes import Node, Placing
 from engines.mitsuba.shapes import Part, parts, planes_lack
 from engines.mitsuba.textures import Textures
 from engines.scene import Scene
+from engines.scene.support import model_of
 
 __all__ = ["Description", "described", "scene_lacks"]
 

@@ -12,11 +12,11 @@ from engines.errors import Unsupported
 from engines.interface import FullPattern, Renderer, Settings
 from engines.mitsuba import library
 from engines.mitsuba.albedo import albedo_lacks
-from engines.mitsuba.bsdfs import members, model_of
 from engines.mitsuba.description import scene_lacks
 from engines.mitsuba.native import file_lacks, require_integrator
 from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
 from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
+from engines.scene.support import members, model_of
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
@@ -133,6 +133,8 @@ class Engine:
             return f"the engine {self.name} takes no plugins"
         if shader.name == "path_tracer" and shader.options["direct"] != "mis":
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
+        if shader.name == "path_tracer" and shader.options["light_sampler"] != "uniform":
+            return "Mitsuba's path integrator chooses lights evenly only"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:

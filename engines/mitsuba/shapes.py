@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.mitsuba.bsdfs import anisotropic, directed, members, model_of
+from engines.mitsuba.bsdfs import anisotropic, directed
 from engines.mitsuba.nodes import Array, Node, Placing, facing, rgb
 from engines.scene import BLACK, Cylinder, Disk, Material, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Triangle
+from engines.scene.support import members, model_of
 
 PLANE_EXTENTS = 1e4
 """Radius of the disk that stands for a plane, in extents of the rest of the scene. Hits of a rectangle of that size are so far

@@ -13,6 +13,7 @@ from engines.numpy_reference.accelerators.nearest import Nearest
 from engines.numpy_reference.accelerators.tracer import Tracer
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import SurfaceInteraction, surface_interaction
+from engines.numpy_reference.light_samplers import light_sampler
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.scene_lights import Lights
@@ -34,6 +35,7 @@ class Context:
         self.geometry = geometry
         self.materials = Materials(scene.materials)
         self.lights = Lights(scene.lights, geometry, self.materials)
+        self.light_sampler = light_sampler(scene, shader, self.lights.count)
         self.tracer = tracer
         self.options: Mapping[str, Any] = shader.options
         self.rays = 0

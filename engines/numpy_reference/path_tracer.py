@@ -30,6 +30,9 @@ class Paths(NamedTuple):
     throughput: Array
     pdf: Array
     normal: Array
+    vertex: Array
+    """Where the ray left a surface, and the geometric normal there, towards the viewer."""
+    geometric: Array
     origin_primitive: Indices
     """Id of the primitive that the ray starts from, -1 for the camera's."""
 
@@ -43,7 +46,7 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
     n = pixel.size
     total = np.zeros((3, n))
     paths = Paths(
-        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), np.zeros((3, n)), np.full(n, -1)
+        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1)
     )
     for depth in range(1, context.options["max_depth"] + 1):
         context.check()
@@ -73,7 +76,8 @@ def _environment(context: Context, paths: Paths, missed: Indices) -> Array:
         lost = paths.take(missed)
         for light in context.lights.infinite:
             pdf = light.pdf(lost.direction, lost.normal)
-            weight = _weight_of_scattering(context, lost.pdf, pdf, listed=np.ones(missed.size, bool))
+            choices = context.light_sampler.choices(np.full(missed.size, light.light), lost.vertex, lost.geometric)
+            weight = _weight_of_scattering(context, lost.pdf, pdf / choices, listed=np.isfinite(choices))
             found[:, missed] += lost.throughput * weight * light.Li(lost.direction)
     return found
 
@@ -88,9 +92,20 @@ def _emission(context: Context, paths: Paths, at: SurfaceInteraction, distance: 
     if lanes.size:
         paths = paths.take(lanes)
         pdf = context.lights.pdf(at.take(lanes), paths.origin, distance[lanes])
+        pdf = pdf / _choices(context, paths, at.primitive_id[lanes])
         weight = _weight_of_scattering(context, paths.pdf, pdf, listed=pdf > 0.0)
         found[:, lanes] = paths.throughput * weight * emitted.take(lanes, axis=1)
     return found
+
+
+def _choices(context: Context, paths: Paths, primitive_id: Indices) -> Array:
+    """(n,) 1 / the probability with which the lights of the primitives hit would have been chosen; 1 of no light."""
+    light, choices = context.lights.of_primitive(primitive_id), np.ones(primitive_id.size)
+    listed = np.flatnonzero(light >= 0)
+    if listed.size:
+        left = paths.take(listed)
+        choices[listed] = context.light_sampler.choices(light[listed], left.vertex, left.geometric)
+    return choices
 
 
 def _weight_of_scattering(context: Context, pdf: Array, pdf_light: Array, listed: Mask) -> Array:
@@ -102,38 +117,38 @@ def _weight_of_scattering(context: Context, pdf: Array, pdf_light: Array, listed
     if direct == "light":
         return np.where(only_way, 1.0, 0.0)
     with np.errstate(invalid="ignore", over="ignore"):
-        ratio = pdf_light / context.lights.count / pdf
+        ratio = pdf_light / pdf
         return np.where(only_way, 1.0, 1.0 / (1.0 + ratio * ratio))
 
 
 def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int, base: int) -> Array:
-    """(3, n) light from one sample of one light, chosen evenly, through the lobes that are no deltas."""
+    """(3, n) light from one sample of one light through the lobes that are no deltas."""
     found = np.zeros(paths.direction.shape)
-    count = context.lights.count
     lanes = np.flatnonzero(context.materials.has(at, Lobes.NON_SPECULAR))
-    if not count or not lanes.size:
+    if not context.lights.count or not lanes.size:
         return found
     # which light, and where on it
-    pixel = paths.pixel[lanes]
-    scaled = context.draw(pixel, sample, base + LIGHT) * count
-    chosen = np.minimum(scaled.astype(np.int64), count - 1)
-    rest = scaled - chosen
-    if context.options["direct"] == "bsdf":
-        kept = np.flatnonzero(context.lights.delta[chosen])
-        lanes, pixel, chosen, rest = lanes[kept], pixel[kept], chosen[kept], rest[kept]
-    u0, u1 = context.draw(pixel, sample, base + POINT_U0), context.draw(pixel, sample, base + POINT_U1)
     at = at.take(lanes)
+    u = context.draw(paths.pixel[lanes], sample, base + LIGHT)
+    chosen, rest, choices = context.light_sampler.choose(at.point, at.geometric, u)
+    useful = chosen >= 0
+    if context.options["direct"] == "bsdf":
+        useful &= context.lights.delta[chosen]
+    kept = np.flatnonzero(useful)
+    lanes, at, chosen, rest, choices = lanes[kept], at.take(kept), chosen[kept], rest[kept], choices[kept]
+    pixel = paths.pixel[lanes]
+    u0, u1 = context.draw(pixel, sample, base + POINT_U0), context.draw(pixel, sample, base + POINT_U1)
     light = context.lights.sample(chosen, at.point, at.normal, u0, u1, rest)
     # what it adds
     value = context.materials.evaluate(at, light.wi)
     weight = np.ones(lanes.size)
     if context.options["direct"] == "mis":
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            ratio = context.materials.pdf(at, light.wi) / (light.pdf / count)
+            ratio = context.materials.pdf(at, light.wi) / (light.pdf / choices)
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
         cosine = np.abs(dot(at.normal, light.wi))
-        added = paths.throughput.take(lanes, axis=1) * value * light.weight * (cosine * count * weight)
+        added = paths.throughput.take(lanes, axis=1) * value * light.weight * (cosine * choices * weight)
     # unless something stands in between
     reaches = (value != 0.0).any(axis=0) & (light.weight > 0.0).any(axis=0)
     lit = np.flatnonzero(
@@ -151,7 +166,7 @@ def _scattered(context: Context, paths: Paths, at: SurfaceInteraction, uc: Array
     found = context.materials.sample(at, uc, u0, u1)
     paths = paths._replace(
         origin=at.spawn(found.wi), direction=found.wi, throughput=paths.throughput * found.weight, pdf=found.pdf,
-        normal=at.normal, origin_primitive=at.primitive_id,
+        normal=at.normal, vertex=at.point, geometric=at.geometric, origin_primitive=at.primitive_id,
     )  # fmt: skip
     return paths.take(np.flatnonzero((found.weight != 0.0).any(axis=0)))
 

@@ -21,10 +21,11 @@ from engines.scene import Light
 
 
 class Infinite(NamedTuple):
-    """A light that rays find which hit nothing: member number `member` of its set."""
+    """A light that rays find which hit nothing: member number `member` of its set, and number `light` of all."""
 
     lights: InfiniteLightSet
     member: int
+    light: int
 
     def Li(self, direction: Array) -> Array:
         """(3, n) radiance from unit directions."""
@@ -52,8 +53,8 @@ class Lights:
             places = np.flatnonzero([LIGHTS[type(light)] is kind for light in lights])
             if places.size:
                 self._enter(places, kind([lights[j] for j in places]))
-        listed = [(self._sets[self._set[j]], int(self._member[j])) for j in range(len(lights))]
-        self.infinite = [Infinite(cast(InfiniteLightSet, found), member) for found, member in listed if found.infinite]
+        listed = [(self._sets[self._set[j]], int(self._member[j]), j) for j in range(len(lights))]
+        self.infinite = [Infinite(cast(InfiniteLightSet, found), *place) for found, *place in listed if found.infinite]
         # shapes that emit
         for shapes, lanes, index in geometry.by_kind(primitive_id):
             places, light = np.unique(place[lanes], return_inverse=True)
@@ -79,6 +80,10 @@ class Lights:
                     draws = (draw[lanes] for draw in (u0, u1, uc))
                     samples.put(lanes, lights.sample(self._member[light[lanes]], *vectors, *draws))
         return samples
+
+    def of_primitive(self, primitive_id: Indices) -> Indices:
+        """(n,) the light that each primitive belongs to, -1 for none."""
+        return self._light[primitive_id]
 
     def pdf(self, found: SurfaceInteraction, origin: Array, distance: Array) -> Array:
         """(n,) per solid angle, with which its light's sample would have found each emitting surface from `origin`; 0

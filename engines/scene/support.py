@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, NormalMap, Sides, is_opaque
+from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, Mixture, NormalMap, Sides, is_opaque
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
+from engines.scene.materials import Material
 from engines.scene.scene import Scene
 
 
@@ -21,6 +22,22 @@ def plugins(scene: Scene) -> list[tuple[str, Any]]:
     parts = [("camera", scene.camera), *(("light", light) for light in scene.lights)]
     parts += [("BSDF", bsdf) for material in scene.materials for bsdf in leaves(material.bsdf)]
     return [(what, part.plugin) for what, part in parts if isinstance(part, CustomCamera | CustomLight | CustomBSDF)]
+
+
+def model_of(material: Material) -> Bsdf:
+    """The material's BSDF, that of kd, ks and kt included."""
+    if material.bsdf is not None:
+        return material.bsdf
+    return Mixture(material.kd, material.ks, material.kt, material.ior, material.fresnel)
+
+
+def members(bsdf: Bsdf) -> Iterator[Bsdf]:
+    """A BSDF and all that it is made of, from the outside in; sides without one are left out."""
+    yield bsdf
+    inner = (getattr(bsdf, name, None) for name in ("of", "a", "b", "front", "back"))
+    for part in inner if isinstance(bsdf, Mask | Blend | Bump | NormalMap | Sides) else ():
+        if part is not None:
+            yield from members(part)
 
 
 def transmits(bsdf: Bsdf) -> bool:

@@ -95,7 +95,7 @@ def plan(
     stdout, stderr = consoles()
     made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
     experiment = made.experiment
-    events = store.read_events(folder) if (folder / store.EVENTS).exists() else []
+    events = store.read_events(folder) if store.events_file(folder) else []
     latest = store.latest_cells(events)
     metric = experiment.quality.name
     states = {cell.cell_id: state_of(cell, latest.get(cell.cell_id), metric) for cell in made.cells}

@@ -22,7 +22,7 @@ NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
 
 
 def require_results(folder: Path) -> None:
-    if not (folder / store.EVENTS).exists():
+    if store.events_file(folder) is None:
         raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is wanted")
 
 
@@ -54,7 +54,7 @@ def chapter(folders: Sequence[Path], target: Path) -> None:
     """Writes the chapter; without folders it is about those of `CHAPTER_FOLDERS` that have results."""
     from harness.report.chapter import write_chapter
 
-    chosen = folders or [folder for folder in CHAPTER_FOLDERS if (folder / store.EVENTS).exists()]
+    chosen = folders or [folder for folder in CHAPTER_FOLDERS if store.events_file(folder)]
     if not chosen:
         wanted = " nor ".join(map(str, CHAPTER_FOLDERS))
         raise ConfigError(

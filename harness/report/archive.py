@@ -1,8 +1,8 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
 It keeps of the images up to six of a scene and shader that a report shows, as precise as it shows them; what was concluded from
-all of them, as an event; of the events what still counts, with numbers to six digits; and the references to four digits, in a
-folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
+all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to four
+digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def archive(folder: Path, out: Path) -> int:
     """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again."""
     if out.resolve() == folder.resolve():
         raise ConfigError(f"{out}: is the results folder itself: --out must be another")
-    if (out / store.EVENTS).exists() and not (out / reference_files.FOLDER).is_dir():
+    if store.events_file(out) and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
     analysis = analyse(load_results(folder))
     kept = {image: store.image_file(folder, image) for image in shown_images(analysis, MOST_IMAGES)}
@@ -52,7 +52,7 @@ def archive(folder: Path, out: Path) -> int:
 
 
 def _clear(out: Path) -> None:
-    if (out / store.EVENTS).exists():
+    if store.events_file(out):
         store.clear(out)
     shutil.rmtree(out / reference_files.FOLDER, ignore_errors=True)
 
@@ -63,6 +63,7 @@ def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path
             events.append(without_folders(_shortened(event, kept, folder, out)))
         events.append(_rounded(archived_verdicts.event(analysis)))
         events.append(_rounded(calibration.as_record(calibration.calibrate(analysis))))
+    store.compress(out)
     store.write_json(out / store.MANIFEST, without_folders(store.read_manifest(folder)))
     for image, source in kept.items():
         target = confined.inside(out, image, f"{out}: image")

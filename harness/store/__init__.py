@@ -10,6 +10,8 @@ from harness.store.events import (
     TORN,
     Events,
     check_results,
+    compress,
+    events_file,
     last_event,
     latest_cells,
     latest_verify_jobs,
@@ -32,7 +34,7 @@ from harness.store.json_files import read_json, write_json
 from harness.store.reference_files import reference_arrays
 
 __all__ = [
-    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "Events", "check_results", "clear",
-    "derived_is_fresh", "discard_images", "image_file", "image_path", "is_locked", "last_event", "latest_cells",
+    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "Events", "check_results", "clear", "compress",
+    "derived_is_fresh", "discard_images", "events_file", "image_file", "image_path", "is_locked", "last_event", "latest_cells",
     "latest_verify_jobs", "locked", "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
 ]  # fmt: skip

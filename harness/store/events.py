@@ -2,24 +2,30 @@
 
 An event is one JSON object a line, written whole, flushed and synced before the run goes on. A line that was cut short
 by a crash is dropped and reported. Errors that are not finite are written as Python does: NaN, Infinity.
+
+Archives, to which no run adds, hold the same lines in `events.jsonl.gz`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gzip
 import json
 import os
 import warnings
+import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from engines.errors import ConfigError
 from engines.input_files import open_regular, unreadable
-from harness.store import confined, validation
+from harness.store import atomic, confined, validation
 from harness.store.json_files import read_json
 
-EVENTS, MANIFEST = "events.jsonl", "manifest.json"
+EVENTS, COMPRESSED, MANIFEST = "events.jsonl", "events.jsonl.gz", "manifest.json"
+LARGEST = 2**31
+"""Bytes of compressed events once they are expanded; a larger file is refused."""
 TORN = "its last line is cut short and was dropped: the run before this one was interrupted while it wrote"
 
 
@@ -28,6 +34,10 @@ class Events:
 
     def __init__(self, folder: Path) -> None:
         self._path = confined.inside(folder, EVENTS, str(folder))
+        if (folder / COMPRESSED).exists():
+            raise ConfigError(
+                f"{folder}: is an archive, to which nothing is added: name another folder, or the one it was made from"
+            )
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("a+b", buffering=0)
@@ -74,17 +84,31 @@ class Events:
         self.close()
 
 
+def events_file(folder: Path) -> Path | None:
+    """The file of a folder's events, compressed or not; None where there is neither."""
+    return next((folder / name for name in (EVENTS, COMPRESSED) if (folder / name).exists()), None)
+
+
+def compress(folder: Path) -> None:
+    """Puts `events.jsonl.gz` in the place of `events.jsonl`. The same events give the same bytes."""
+    lines = (folder / EVENTS).read_bytes()
+    with atomic.replacing(folder / COMPRESSED) as file:
+        file.write(gzip.compress(lines, 9, mtime=0))
+    (folder / EVENTS).unlink()
+
+
 def read_events(folder: str | Path) -> list[dict[str, Any]]:
     """All events of a folder in order, checked against `validation`; a torn last line is ignored with a warning.
 
     Raises `ConfigError` for a folder of another version of the format, where there is no such file, where a line in its
     middle is damaged, and for the first event that is not valid, with its line.
     """
-    _check_version(Path(folder))
-    path = confined.inside(Path(folder), EVENTS, str(folder))
+    folder = Path(folder)
+    _check_version(folder)
+    path = confined.inside(folder, (events_file(folder) or Path(EVENTS)).name, str(folder))
     try:
         with open_regular(path) as file:
-            lines = file.read().split(b"\n")
+            lines = (_expanded(file, path) if path.name == COMPRESSED else file.read()).split(b"\n")
     except OSError as error:
         raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
     found: list[dict[str, Any]] = []
@@ -98,6 +122,16 @@ def read_events(folder: str | Path) -> list[dict[str, Any]]:
         elif line:
             raise ConfigError(f"{path}:{index + 1}: not an event: the file is damaged; repair or remove that line")
     return found
+
+
+def _expanded(file: BinaryIO, path: Path) -> bytes:
+    try:
+        data = gzip.GzipFile(fileobj=file).read(LARGEST + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise ConfigError(f"{path}: is damaged: {error}") from error
+    if len(data) > LARGEST:
+        raise ConfigError(f"{path}: holds more than {LARGEST >> 30} GiB of events")
+    return data
 
 
 def _check_version(folder: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from engines.errors import ConfigError
 from engines.input_files import unreadable
 from harness.store import confined, locks, validation
-from harness.store.events import EVENTS, MANIFEST
+from harness.store.events import COMPRESSED, EVENTS, MANIFEST, events_file
 from harness.store.json_files import read_json
 
 LOCK, IMAGES = ".lock", "images"
@@ -54,9 +54,9 @@ def discard_images(folder: Path, cell_id: str, attempt: int = 1) -> None:
 
 def clear(folder: Path) -> None:
     """Empties a results folder of what runs write. Other files stay, and so do references. Links go, not what they name."""
-    if folder.exists() and not (folder / EVENTS).exists() and any(folder.iterdir()):
+    if folder.exists() and events_file(folder) is None and any(folder.iterdir()):
         raise ConfigError(f"{folder}: holds no {EVENTS}, so it is no results folder: --fresh does not touch it")
-    for name in (*DERIVED, IMAGES, MANIFEST, EVENTS):
+    for name in (*DERIVED, IMAGES, MANIFEST, EVENTS, COMPRESSED):
         path = folder / name
         try:
             if path.is_dir() and not path.is_symlink():
@@ -71,7 +71,8 @@ def derived_is_fresh(folder: Path) -> bool:
     """Whether the report, which is written last, is younger than all that it is made from."""
     try:
         made = (folder / "report.html").stat().st_mtime_ns
-        return made > max((folder / name).stat().st_mtime_ns for name in (EVENTS, MANIFEST))
+        sources = (events_file(folder) or folder / EVENTS, folder / MANIFEST)
+        return made > max(source.stat().st_mtime_ns for source in sources)
     except OSError:
         return False
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
-from harness.store.events import check_results, last_event, latest_cells, read_events
+from harness.store.events import check_results, events_file, last_event, latest_cells, read_events
 from harness.store.folder import image_file, read_manifest
 from harness.store.reference_files import reference_arrays
 
@@ -150,7 +150,7 @@ def load_results(folder: str | Path) -> Results:
     folder = Path(folder)
     if not folder.is_dir():
         raise ConfigError(f"{folder}: no such folder; one written by `raybench run` is wanted")
-    if not (folder / "events.jsonl").exists():
+    if events_file(folder) is None:
         raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is wanted")
     events = read_events(folder)
     manifest = read_manifest(folder) if (folder / "manifest.json").exists() else {}

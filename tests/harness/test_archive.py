@@ -2,6 +2,7 @@
 
 import json
 import platform
+import shutil
 
 import pytest
 
@@ -63,9 +64,28 @@ def test_its_report_has_pictures_references_and_verdicts_without_the_original(fo
 
 def test_made_again_it_is_the_same_and_an_archive_is_replaced(folders):
     whole, out, *_ = folders
-    before = (out / store.EVENTS).read_bytes()
+    before = store.events_file(out).read_bytes()
     archive(whole, out)
-    assert (out / store.EVENTS).read_bytes() == before
+    assert store.events_file(out).read_bytes() == before
+
+
+def test_nothing_is_added_to_it(folders):
+    with pytest.raises(ConfigError, match="is an archive, to which nothing is added"):
+        store.Events(folders[1])
+
+
+def test_compressed_events_that_are_damaged_or_too_large_are_refused_in_one_line(folders, tmp_path, monkeypatch):
+    shutil.copytree(folders[1], tmp_path / "copy")
+    packed = store.events_file(tmp_path / "copy")
+    monkeypatch.setattr("harness.store.events.LARGEST", 1000)
+    with pytest.raises(ConfigError, match=r"events.jsonl.gz: holds more than"):
+        store.read_events(tmp_path / "copy")
+    monkeypatch.undo()
+    data = packed.read_bytes()
+    for damaged in (data[:-40], data[:40] + b"?" * 40 + data[80:], b"no gzip"):
+        packed.write_bytes(damaged)
+        with pytest.raises(ConfigError, match=r"events.jsonl.gz: is damaged"):
+            store.read_events(tmp_path / "copy")
 
 
 def test_it_does_not_replace_results_that_are_no_archive(folders, tmp_path):
@@ -87,8 +107,9 @@ def test_nothing_that_is_stored_names_the_machine_or_where_it_ran(tmp_path):
     assert not {"host", "executable"} & set(machine.provenance())
     assert str(sweeping.ROOT) not in stored
     archive(tmp_path / "out", tmp_path / "archived")
-    for name in (store.EVENTS, store.MANIFEST, *tmp_path.glob("archived/references/*/*/reference.json")):
-        assert str(tmp_path) not in (tmp_path / "archived" / name).read_text()
+    for file in (tmp_path / "archived" / store.MANIFEST, *tmp_path.glob("archived/references/*/*/reference.json")):
+        assert str(tmp_path) not in file.read_text()
+    assert str(tmp_path) not in json.dumps(store.read_events(tmp_path / "archived"))
     command = store.read_manifest(tmp_path / "archived")["command"]
     assert command == ["raybench", "run", path.name, "--out=out"]
     assert platform.node() not in json.loads((tmp_path / "out" / store.MANIFEST).read_text())["machine"].values()

@@ -71,6 +71,7 @@ def test_materials_without_counterpart_are_declined(material, words):
         ({"precision": "float64"}, "float32"),
         ({"sampler": "sobol"}, "sobol"),
         ({"shader": {"name": "path_tracer", "direct": "light"}}, "multiple importance"),
+        ({"shader": {"name": "path_tracer", "light_sampler": "power"}}, "chooses lights evenly"),
     ],
 )
 def test_settings_without_counterpart_are_declined(settings, words):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,17 @@ from engines.kernels.lane.vector import Vec3
 from engines.kernels.layout import LANES, ray_batch, scene_table
 from engines.kernels.stages import environment
 from engines.kernels.stages.surface import load_vertices
+
+
+class Selection(NamedTuple):
+    """Which light of the scene's a lane samples."""
+
+    every: bool
+    """The lane's own: integrators visit all."""
+    many: bool
+    """One of several."""
+    power: bool
+    """That one in proportion to power."""
 
 
 @cache
@@ -39,24 +50,47 @@ def _make_sample(kinds: tuple[int, ...]) -> Any:
 
 
 @cache
-def _make_load(kinds: tuple[int, ...], many: bool, every: bool) -> Any:
+def _make_choose(selection: Selection, real: Any) -> Any:
+    """The function (rays, lane, scene) -> (index of the lane's light, what is left of the random number in [0, 1))."""
+    every, many, power = selection
+
+    @inline
+    def choose_light(rays, lane, scene):
+        rest = np.float64(rays.draw[2, lane])
+        chosen, n = np.int64(0), scene.n_lights
+        if every:
+            chosen = np.int64(rays.light[lane])
+        elif power:
+            chosen, rest = _by_power(scene, n, rest)
+            rays.light_choices[lane] = scene.light_choices[chosen]
+        elif many:
+            scaled = rest * n
+            chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
+            rest = scaled - chosen
+        return chosen, rest
+
+    return choose_light
+
+
+@inline
+def _by_power(scene, n, u):
+    shares = scene.light_cumulative
+    chosen = np.int64(environment.first_above(shares, 0, n, u))
+    below = shares[chosen - 1] if chosen > 0 else 0.0
+    return chosen, (u - below) / (shares[chosen] - below)
+
+
+@cache
+def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene
     holds of it: searches and plain loads, so in a loop of their own."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
-    meshes = MESH in kinds
+    meshes, choose_light = MESH in kinds, _make_choose(selection, real)
 
     @inline
     def load(rays, scene):
-        n = scene.n_lights
         for lane in range(np.uint64(LANES)):
-            rest = np.float64(rays.draw[2, lane])
-            chosen = np.int64(0)
-            if every:
-                chosen = np.int64(rays.light[lane])
-            elif many:
-                scaled = rest * n
-                chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
-                rest = scaled - chosen
+            chosen, rest = choose_light(rays, lane, scene)
             row = scene.lights[chosen]
             kind = np.int32(row.kind)
             rays.light_kind[lane] = kind
@@ -83,9 +117,9 @@ def _load_face(rays, lane, scene, light, rest):
     rays.two_sided[lane] = material.two_sided
 
 
-def _make(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: Any) -> Any:
+def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
     zero, one, infinite = real(0), real(1), real(np.inf)
-    load = _make_load(kinds, many, every)
+    load, every, power = _make_load(kinds, selection, real), selection.every, selection.power
     sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))
     image_environment = IMAGE_ENVIRONMENT in kinds
 
@@ -93,7 +127,12 @@ def _make(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: A
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         load(rays, scene)
         share = one if every else one / real(scene.n_lights)
+        environment_share = share
+        if power:
+            environment_share = one / scene.light_choices[scene.environment_light]
         for lane in range(np.uint64(LANES)):
+            if power:
+                share = one / rays.light_choices[lane]
             light = Light(
                 lane_numbers(rays.light_parameters, lane), rays.light_color[lane], rays.two_sided[lane],
                 rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
@@ -106,7 +145,7 @@ def _make(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: A
             rays.li[lane] = sample.radiance * (one / share)
             rays.light_sample_pdf[lane] = sample.pdf * share
         if image_environment:
-            _image_environment(rays, scene, share, turned, real)
+            _image_environment(rays, scene, environment_share, turned, real)
 
     return light_stage
 
@@ -141,9 +180,11 @@ def _image_environment(rays, scene, share, turned, real):
 
 def stage(features: SceneFeatures, every: bool, real: Any) -> Any:
     """The light stage; `every`: the lane's own light of all, instead of one chosen at random."""
-    return _stage(features.lights, features.many_lights, every, features.turned_environment, real)
+    many = features.many_lights and not every
+    selection = Selection(every, many, many and features.power_lights)
+    return _stage(features.lights, selection, features.turned_environment, real)
 
 
 @cache
-def _stage(kinds: tuple[int, ...], many: bool, every: bool, turned: bool, real: Any) -> Any:
-    return compile_stage(_make(kinds, many, every, turned, real))
+def _stage(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
+    return compile_stage(_make(kinds, selection, turned, real))

@@ -40,6 +40,11 @@ def integrator_of(shader: Choice) -> Integrator:
     return Integrator(shader.plugin.jitted, Uses(True, True, True, True), every_light=every, branches=True)
 
 
+def light_sampler(shader: Choice) -> str:
+    """How the integrator chooses one light of several."""
+    return "uniform" if shader.plugin is not None else shader.options.get("light_sampler", "uniform")
+
+
 def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
     """The integrator's options (8,) as numbers: max_depth, then what its step reads."""
     row = np.zeros(OPTIONS)

@@ -30,7 +30,7 @@ OFFSET_ULPS = 256.0
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
     *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment",
+    "turned_environment", "power_lights",
 )  # fmt: skip
 
 
@@ -139,7 +139,7 @@ def _make_load_shape(features: SceneFeatures) -> Any:
 def _make_load_hit(features: SceneFeatures) -> Any:
     """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
     several_shapes = features.spheres or features.planes or len(features.analytic) > 0
-    several_bsdfs, emission = len(features.bsdfs) > 1, features.emission
+    several_bsdfs, emission, power = len(features.bsdfs) > 1, features.emission, features.power_lights
     load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
     parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
 
@@ -166,6 +166,8 @@ def _make_load_hit(features: SceneFeatures) -> Any:
             if parameters > 0:
                 light = row.light
                 rays.primitive_light[lane] = light
+                if power:
+                    rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
                 light_row = scene.lights[light if light >= 0 else np.int32(0)]
                 for k in range(parameters):
                     rays.light_parameters[k, lane] = light_row.parameters[k]
@@ -259,11 +261,11 @@ def _area_lights(features: SceneFeatures) -> tuple[int, ...]:
 
 @cache
 def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
-    """The function (parameters, shape, o, t, facing, n_lights) -> pdf with which the light sample would have chosen a
+    """The function (parameters, shape, o, t, facing, choices) -> pdf with which the light sample would have chosen a
     hit of a shape that is a light of one of these kinds; 0 of others."""
 
     @inline
-    def none(parameters, shape, o, t, facing, n_lights):
+    def none(parameters, shape, o, t, facing, choices):
         return const(0.0, t)
 
     if not kinds:
@@ -272,9 +274,9 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
     own, pdf = model.shape, model.pdf
 
     @inline
-    def chosen(parameters, shape, o, t, facing, n_lights):
-        others = rest(parameters, shape, o, t, facing, n_lights)
-        return select(shape == own, pdf(parameters, o, t, facing, n_lights), others)
+    def chosen(parameters, shape, o, t, facing, choices):
+        others = rest(parameters, shape, o, t, facing, choices)
+        return select(shape == own, pdf(parameters, o, t, facing, choices), others)
 
     return chosen
 
@@ -282,7 +284,7 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, intersection = _make_load_hit(features), _make_intersection(features, real)
-    emission, tangents, area_lights = features.emission, features.tangents, _area_lights(features)
+    power, emission, tangents, area_lights = features.power_lights, features.emission, features.tangents, _area_lights(features)
     listed_shapes, light_pdf_of = len(area_lights) > 0, _make_light_pdf(area_lights)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
@@ -290,7 +292,10 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         load(rays, scene)
-        n_lights = real(scene.n_lights)
+        choices = real(scene.n_lights)
+        environment_choices = choices
+        if power:
+            environment_choices = scene.light_choices[scene.environment_light]
         offset_scale = real(scene.margins[0].offset)
         none = Vec3(zero, zero, zero)
         environment_radiance = none
@@ -311,20 +316,22 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                 if listed_shapes:
                     facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
                     parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
-                    light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, n_lights), zero)
+                    if power:
+                        choices = rays.light_choices[lane]
+                    light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, choices), zero)
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)
-                light_pdf = select(miss, rays.cosine_pdf[lane] / n_lights, light_pdf)
+                light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
             rays.emission[lane] = emitted
             rays.light_pdf[lane] = light_pdf
         if image_environment:
-            _image_environment(rays, scene, n_lights, turned, real)
+            _image_environment(rays, scene, environment_choices, turned, real)
 
     return surface
 
 
 @inline
-def _image_environment(rays, scene, n_lights, turned, real):
+def _image_environment(rays, scene, choices, turned, real):
     """Radiance of the rays that miss, from the environment's image: scalar code, in a loop of its own."""
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
     for lane in range(np.uint64(LANES)):
@@ -335,7 +342,7 @@ def _image_environment(rays, scene, n_lights, turned, real):
             u, v = environment.direction_to_uv(d.x, d.y, d.z)
             rays.emission[lane] = environment.radiance(scene.environment, width, height, axes, u, v)
             pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v)
-            rays.light_pdf[lane] = real(pdf) / n_lights
+            rays.light_pdf[lane] = real(pdf) / choices
 
 
 def stage(features: SceneFeatures, real: Any) -> Any:

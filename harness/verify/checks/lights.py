@@ -97,6 +97,26 @@ def many_lights(subject: Subject) -> Iterator[Measurement]:
             yield z_score(subject, seen, truth, f"{name}, {direct}")
 
 
+@SECTION.case("pick", "However one light of several is chosen, the mean is the sum of their irradiances.",
+              "Shirley et al. 1996")  # fmt: skip
+def light_choice(subject: Subject) -> Iterator[Measurement]:
+    """Lights of very different power, which every rule but the even one chooses with very different probabilities."""
+    materials = [material(kd=0.8), material(emission=1.0), material(emission=6.0)]
+    emitter, bulb = square(1.0, 0.4, 1, down=True, center=0.8), sphere((-0.6, 0.5, 0.2), 0.1, 2)
+    beams = [PointLight((0.0, 2.0, 1.0), grey(0.7)), DirectionalLight((0.0, -0.8, 0.6), grey(0.05)),
+             SpotLight((1.0, 1.0, 0.0), (1.0, 0.0, 0.0), grey(3), 40.0, 30.0)]  # fmt: skip
+    away = math.sqrt(0.65)
+    received = [forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)), 6 * forms.sphere(0.1, away, math.acos(0.5 / away)),
+                0.7 * 2.0 / 5**1.5, 0.05 * 0.8]  # fmt: skip
+    truth = 0.8 / math.pi * sum(received)
+    for choice in ("power",):
+        for direct in STRATEGIES:
+            view = point_view((0.5, 3.0, -3.0), ORIGIN, 32)
+            shader = {**path_tracer(2, direct), "light_sampler": choice}
+            seen = means(subject, [FLOOR, emitter, bulb], materials, beams, view, shader, 2)
+            yield z_score(subject, seen, truth, f"{choice}, {direct}")
+
+
 @SECTION.case("g", "A floor beside a black sphere has the radiance rho L (1 - r^2 h / (h^2 + x^2)^(3/2)).", "raybench")
 def shaded_sky(subject: Subject) -> Iterator[Measurement]:
     parameters = ((1.0, 1.0, 1.0, 1.0), (0.5, 2.0, 0.7, 0.6), (0.3, 0.4, 0.0, 1.0), (2.0, 2.5, 5.0, 0.9))

@@ -1,0 +1,14 @@
+"""What an adapter for an existing renderer is written with: base classes of its engine and renderer, meshes, camera, seeds.
+
+A renderer with a Python API that returns images needs two small classes, `AdapterEngine` and `ImageRenderer`; the film, passes,
+stopping, updates, counters and the choice of settings come with them. See docs/extend/peer.md.
+"""
+
+from engines.adapters.engine import AdapterEngine
+from engines.adapters.geometry import CameraFrame, FlatMesh, camera_frame, flat_meshes
+from engines.adapters.image_renderer import MEANS_ALONE, ImageRenderer
+from engines.adapters.seeds import derive_seed
+
+__all__ = [
+    "MEANS_ALONE", "AdapterEngine", "CameraFrame", "FlatMesh", "ImageRenderer", "camera_frame", "derive_seed", "flat_meshes",
+]  # fmt: skip

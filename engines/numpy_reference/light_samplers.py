@@ -1,0 +1,77 @@
+"""How one light of many is chosen at a vertex: evenly, or in proportion to power."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from engines.choices import Choice
+from engines.numpy_reference.distribution import first_above, rest
+from engines.numpy_reference.vectors import Array, Indices
+from engines.scene import Scene
+from engines.scene.light_bounds import light_shares
+
+
+class ChosenLight(NamedTuple):
+    """n choices of a light."""
+
+    light: Indices
+    """(n,) places in the list of lights, -1 where none is chosen."""
+    uc: Array
+    """(n,) what is left of the random number, in [0, 1)."""
+    choices: Array
+    """(n,) 1 / the probability of the choice."""
+
+
+class LightSampler(Protocol):
+    """Points (3, n) and the geometric normals there, which face the viewer, are those of the vertices."""
+
+    def choose(self, point: Array, geometric: Array, u: Array) -> ChosenLight:
+        """One light a point, by a random number (n,) each."""
+        ...
+
+    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+        """(n,) 1 / the probability with which `choose` gives the lights, inf where never."""
+        ...
+
+
+class UniformLightSampler:
+    """Each of `count` lights with the same probability."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def choose(self, point: Array, geometric: Array, u: Array) -> ChosenLight:
+        scaled = u * self._count
+        light = np.minimum(scaled.astype(np.int64), self._count - 1)
+        return ChosenLight(light, scaled - light, self.choices(light, point, geometric))
+
+    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+        return np.full(light.size, float(self._count))
+
+
+class PowerLightSampler:
+    """Lights in proportion to their power, of which `shares` (J,) add up to 1, wherever the vertex is."""
+
+    def __init__(self, shares: Array) -> None:
+        sums = np.cumsum(shares)
+        self._cumulative = sums / sums[-1]
+        with np.errstate(divide="ignore"):
+            self._choices = 1.0 / shares
+
+    def choose(self, point: Array, geometric: Array, u: Array) -> ChosenLight:
+        start = np.zeros(u.size, np.int64)
+        light = first_above(self._cumulative, start, start + self._cumulative.size, u)
+        return ChosenLight(light, rest(self._cumulative, start, light, u), self._choices[light])
+
+    def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
+        return self._choices[light]
+
+
+def light_sampler(scene: Scene, shader: Choice, count: int) -> LightSampler:
+    """What chooses among the `count` lights of a scene for a shader; evenly where it has no such option."""
+    name = "uniform" if shader.plugin is not None else shader.options.get("light_sampler", "uniform")
+    if name == "uniform" or count < 2:
+        return UniformLightSampler(count)
+    return PowerLightSampler(light_shares(scene))

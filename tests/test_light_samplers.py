@@ -1,0 +1,135 @@
+"""How one light of many is chosen: the mean stays, probabilities are what they are said to be, and the jitted engines choose
+as the NumPy engine does.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings
+from engines.scene import (
+    Cylinder,
+    Dielectric,
+    DirectionalLight,
+    Disk,
+    EnvironmentLight,
+    ImageTexture,
+    Material,
+    Mesh,
+    Mixture,
+    Perspective,
+    Plane,
+    PointLight,
+    Scene,
+    Sphere,
+    SphereSet,
+    SpotLight,
+    Triangle,
+)
+from engines.scene.light_bounds import light_bounds, light_shares
+
+RNG = np.random.default_rng(7)
+CHOSEN = ["power"]
+"""Every value of `light_sampler` but `uniform`."""
+FLOOR, GLASS, LAMP, GLOW, DIM = range(5)
+MATERIALS = (
+    Material("floor", bsdf=Mixture(kd=ImageTexture(RNG.uniform(0.2, 0.8, (4, 4, 3)).astype(np.float32)), ks=(0.1,) * 3)),
+    Material("glass", bsdf=Dielectric(1.4, (0.4, 0.3))),
+    Material("lamp", emission=(7.0, 6.0, 5.0)),
+    Material("glow", kd=(0.3,) * 3, emission=(1.0, 2.0, 3.0), two_sided=True),
+    Material("dim", emission=(0.0, 0.02, 0.01)),
+)
+SKY = RNG.random((4, 8, 3)) ** 4
+CAMERA = Perspective((0.3, -4.0, 2.2), (0.0, 0.0, 0.6), (0.0, 0.0, 1.0), 52.0, "y", (24, 24))
+
+
+def every_light(opaque=False):
+    """Lights of every kind and of very different power, and shapes that they light."""
+    corners = np.array([(-1.4, 0.9, 1.2), (-0.9, 1.0, 1.0), (-0.8, 0.7, 1.7), (-1.5, 0.6, 1.9)])
+    shapes = (
+        Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), FLOOR),
+        Sphere((0.6, 0.3, 0.5), 0.5, FLOOR if opaque else GLASS),
+        Mesh(corners, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1]], np.int32), np.array([LAMP, GLOW, FLOOR], np.int32)),
+        Triangle((1.2, 1.0, 1.5), (1.3, 1.1, 1.5), (1.2, 1.2, 1.7), LAMP),
+        Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, DIM),
+        SphereSet(np.array([[-1.2, -0.9, 0.2], [1.4, -0.8, 0.15], [0.1, -0.9, 1.4]]), np.array([0.1, 0.05, 0.2]), GLOW),
+        Cylinder((-0.2, 1.3, 0.4), (0.3, 1.2, 0.5), 0.06, LAMP),
+    )
+    lights = (
+        PointLight((0.0, 0.0, 2.0), (0.5, 0.4, 0.3)),
+        PointLight((2.0, 0.0, 2.0), (0.05, 0.05, 0.1), falloff=False),
+        SpotLight((-1.0, -1.0, 1.5), (0.6, 0.48, -0.64), (2.0, 1.0, 1.0), 35.0, 20.0),
+        DirectionalLight((0.0, 0.6, -0.8), (0.1, 0.1, 0.05)),
+        EnvironmentLight((0.2, 0.2, 0.3), SKY),
+    )
+    return Scene("every light", CAMERA, MATERIALS, shapes, lights, "")
+
+
+def path_tracer(light_sampler, **options):
+    return {"name": "path_tracer", "max_depth": 3, "rr_depth": 1000, "light_sampler": light_sampler, **options}
+
+
+def render(engine, scene, spp=2, **settings):
+    film = engines.engine(engine).prepare(scene, Settings(**{"seed": 5, "threads": 1, **settings})).render(spp)
+    assert film.bad_samples == 0
+    return film.mean()
+
+
+@pytest.mark.parametrize("name", CHOSEN)
+def test_numba_in_float64_equals_the_reference_however_lights_are_chosen(name):
+    for direct in ("mis", "light"):
+        settings = {"shader": path_tracer(name, direct=direct), "sampler": "sobol"}
+        reference = render("numpy", every_light(), **settings)
+        found = render("numba", every_light(), precision="float64", accelerator="bvh", **settings)
+        difference = np.abs(found - reference).max(axis=2) / reference.max()
+        assert reference.max() > 0.1
+        assert (difference < 1e-8).all(), np.argwhere(difference >= 1e-8)
+
+
+@pytest.mark.parametrize("direct", ["mis", "light", "bsdf"])
+@pytest.mark.parametrize("name", CHOSEN)
+def test_the_mean_does_not_depend_on_how_lights_are_chosen(name, direct):
+    """By z of every block of 6 x 6 pixels over pairs of independent images."""
+    blocks = []
+    for seed in range(24):
+        shaders = [path_tracer(choice, direct=direct) for choice in ("uniform", name)]
+        images = [render("numpy", every_light(), 4, seed=2 * seed + k, sampler="random", shader=shader)
+                  for k, shader in enumerate(shaders)]  # fmt: skip
+        blocks.append((images[1] - images[0]).mean(axis=2).reshape(4, 6, 4, 6).mean(axis=(1, 3)))
+    mean, error = np.mean(blocks, axis=0), np.std(blocks, axis=0, ddof=1) / math.sqrt(len(blocks))
+    assert (np.abs(mean) < 4.5 * error).all(), mean / error
+    assert abs(np.mean(blocks)) < 0.02, np.mean(blocks)
+
+
+def test_a_light_alone_and_shaders_of_all_lights_are_left_as_they_are():
+    lamp = Scene("one", CAMERA, MATERIALS, every_light().shapes[:2], every_light().lights[:1], "")
+    for name in CHOSEN:
+        settings = {"sampler": "sobol", "spp": 1}
+        even, other = (render("numpy", lamp, shader=path_tracer(choice), **settings) for choice in ("uniform", name))
+        assert np.array_equal(even, other)
+
+
+def test_powers_are_what_lights_send_out():
+    names = ("point", "constant", "spot", "sun", "sky", "mesh", "triangle", "disk")
+    found = dict(zip(names, light_bounds(every_light()), strict=False))
+    assert found["point"].power == pytest.approx(4 * math.pi * 0.4)
+    assert found["triangle"].power == pytest.approx(math.pi * 6 * math.sqrt(0.0012) / 2)
+    assert found["disk"].power == pytest.approx(math.pi * 0.01 * math.pi * 0.64)
+    assert len(light_bounds(every_light())) == 12
+    assert light_shares(every_light()).sum() == pytest.approx(1.0)
+    assert (light_shares(every_light()) > 0.0).all()
+    # a cutoff equal to the beam: intensity times the cone's solid angle
+    spot = SpotLight((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (3.0,) * 3, 60.0, 60.0)
+    cone = light_bounds(Scene("spot", CAMERA, MATERIALS, (), (spot,), ""))[0]
+    assert cone.power == pytest.approx(3.0 * 2 * math.pi * (1 - math.cos(math.pi / 3)))
+
+
+def test_lights_without_power_are_never_chosen_and_black_scenes_stay_black():
+    dark = PointLight((0.0, 0.0, 2.0), (0.0, 0.0, 0.0))
+    shares = light_shares(Scene("dark", CAMERA, MATERIALS, (), (dark, every_light().lights[0], dark), ""))
+    assert shares.tolist() == [0.0, 1.0, 0.0]
+    black = Scene("black", CAMERA, MATERIALS, every_light().shapes[:1], (dark, dark), "")
+    for name in CHOSEN:
+        assert not render("numpy", black, shader=path_tracer(name), sampler="sobol").any()
