@@ -6,7 +6,7 @@ so that two halves of the image can be compared. Counts are per pixel: a stopped
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,19 @@ BYTES_A_PIXEL = 3 * 3 * 8 + 8
 """Of a film. An EXR of it takes four images in float64 and in float32 besides, while it is written."""
 BYTES_A_PIXEL_WRITTEN = BYTES_A_PIXEL + 4 * 3 * (8 + 4)
 
+Arrays = tuple[Image, Image, Image, NDArray[np.int64]]
+"""Sums, squares, even sums (height, width, 3), and counts (height, width)."""
+
+
+def _zeros(width: int, height: int) -> Arrays:
+    """The arrays of a film, all 0, in this process's own memory."""
+    colours = (np.zeros((height, width, 3)) for _ in range(3))
+    return (*colours, np.zeros((height, width), np.int64))  # type: ignore[return-value]
+
+
+allocate: Callable[[int, int], Arrays] = _zeros
+"""Makes the arrays of a film, all 0. A process that renders for another one puts them into memory that both share."""
+
 
 class Film:
     """Accumulates samples of a `height` x `width` image. Raises `ConfigError` where it would not fit into memory."""
@@ -30,10 +43,7 @@ class Film:
     def __init__(self, width: int, height: int) -> None:
         memory.require(BYTES_A_PIXEL * width * height, f"a film of {width}x{height} pixels")
         self.width, self.height = width, height
-        self.sums: Image = np.zeros((height, width, 3))
-        self.squares: Image = np.zeros((height, width, 3))
-        self.even_sums: Image = np.zeros((height, width, 3))
-        self.counts: NDArray[np.int64] = np.zeros((height, width), np.int64)
+        self.sums, self.squares, self.even_sums, self.counts = allocate(width, height)
         self.bad_samples = 0
         """Samples that were NaN or infinite; they count as black."""
         self._means = 0  # what `add_mean` was given, from its first mean of several samples on; single samples count too

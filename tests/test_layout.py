@@ -85,6 +85,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
     "engines.adapters": _BASE,
     "engines.external": {*_BASE, "engines.adapters", "engines.export", "engines.image", "engines.schema", "engines.temporary"},
+    "engines.isolated": {*_BASE, "engines.registry"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
     "engines.open3d": _BASE,
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},

@@ -10,32 +10,39 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli.options import AllowImports
+from harness.cli.options import AllowImports, engines, shipped
 
 INTERRUPTED = 130
 
 
 def trace(
-    scene: Annotated[list[str], typer.Argument(help="Scenes: paths, or bare names from scenes/.")],
+    scene: Annotated[
+        list[str], typer.Argument(help="Scenes: paths, or bare names from scenes/.", autocompletion=shipped("scenes"))
+    ],
     rays: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="camera|shadow|incoherent", help="A set of rays. May be repeated. [default: all three]"),
+        typer.Option(metavar="SET", help="camera, shadow or incoherent. May be repeated.", show_default="all three"),
     ] = None,
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="NAME", help="May be repeated. [default: numpy, numba, embree, embreex_batch]"),
+        typer.Option(
+            metavar="NAME",
+            help="May be repeated.",
+            show_default="numpy, numba, embree, embreex_batch",
+            autocompletion=engines,
+        ),
     ] = None,
     accelerator: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="NAME", help="A name, or a mapping with options. May be repeated. [default: auto]"),
+        typer.Option(metavar="NAME", help="A name, or a mapping with options. May be repeated.", show_default="auto"),
     ] = None,
     precision: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="float64|float32", help="May be repeated. [default: the engine's]"),
+        typer.Option(metavar="NAME", help="float64 or float32. May be repeated.", show_default="the engine's"),
     ] = None,
-    threads: Annotated[Optional[list[int]], typer.Option(help="May be repeated. [default: 1]")] = None,  # noqa: UP045
+    threads: Annotated[Optional[list[int]], typer.Option(help="May be repeated.", show_default="1")] = None,  # noqa: UP045
     count: Annotated[int, typer.Option(help="Rays of a set.")] = 200_000,
-    batch: Annotated[Optional[int], typer.Option(help="Rays of a call. [default: all]")] = None,  # noqa: UP045
+    batch: Annotated[Optional[int], typer.Option(help="Rays of a call.", show_default="all")] = None,  # noqa: UP045
     bounces: Annotated[int, typer.Option(help="Bounces of the paths that incoherent rays start from.")] = 3,
     checked: Annotated[int, typer.Option(help="Rays of a set that are compared with exact answers.")] = 10_000,
     hard: Annotated[int, typer.Option(help="Rays at shared edges and vertices, by which leaks are counted.")] = 20_000,
@@ -44,9 +51,9 @@ def trace(
     seed: Annotated[int, typer.Option(help="Of the rays, and of the order.")] = 1,
     baseline: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(metavar="ENGINE", help="What rates are compared with. [default: the first that has results]"),
+        typer.Option(metavar="ENGINE", help="What rates are compared with.", show_default="the first that has results"),
     ] = None,
-    out: Annotated[Optional[Path], typer.Option("--out", help="[default: results/trace]")] = None,  # noqa: UP045
+    out: Annotated[Optional[Path], typer.Option("--out", show_default="results/trace")] = None,  # noqa: UP045
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, not as tables.")] = False,
     allow_imports: AllowImports = False,
 ) -> None:

@@ -94,7 +94,8 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
     import harness.config.settings
     import harness.measure.clock  # noqa: F401
 
-    forks = hasattr(os, "fork") and sys.platform == "linux" and threads_now() == 1
+    apart = getattr(engine, "own_process", False)  # that process is one cell's, as a fork would be
+    forks = hasattr(os, "fork") and sys.platform == "linux" and threads_now() == 1 and not apart
     gc.collect()
     gc.freeze()
     pipes.send(did="import", seconds=seconds, version=version, code=code, forks=forks)

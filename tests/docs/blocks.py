@@ -5,7 +5,8 @@ and `configs/` (and, where the page names it, a copy of `results/baseline`); all
 
     ```python                         runs
     ```python my_shader.py            becomes that file, before anything runs; import it, or name it `my_shader:Shader`
-    ```yaml box.yaml                  becomes that file, and must load: as a scene, an experiment, a comparison by rays or a renderer's file
+    ```yaml box.yaml                  becomes that file, and must load: as a scene, an experiment, a comparison by rays or a
+                                      renderer's file
     ```xml box.xml                    becomes that file
     ```yaml scene                     a piece of a scene: keys that a scene needs and the piece lacks are filled in,
                                       and a material `grey`
