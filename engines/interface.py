@@ -183,3 +183,38 @@ class HasPatterns(Protocol):
         patterns. `sampler` is plain data, `{"name": ..., option: value}`, as `Settings.sampler` takes it; `spp` is at
         least 1. The answer depends on these two alone, and does not fall as `spp` rises."""
         ...
+
+
+@runtime_checkable
+class RayTracer(Protocol):
+    """One scene, ready to trace rays: `trace`, `occluded` and `counters` as `Renderer` has them."""
+
+    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
+        """Closest hits; see `Renderer.trace`."""
+        ...
+
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
+        """Whether anything is in the way; see `Renderer.occluded`."""
+        ...
+
+    def counters(self) -> Mapping[str, float]:
+        """At least: build_seconds, compile_seconds, accelerator_bytes."""
+        ...
+
+
+@runtime_checkable
+class HasTracer(Protocol):
+    """An optional part of `Engine`: one that traces rays, and need not render.
+
+    `raybench trace` asks these where they are there, else `why_not` and `prepare`. Where an engine renders nothing at all, its
+    `why_not` says so of every scene.
+    """
+
+    def why_not_tracer(self, scene: Scene, settings: Settings) -> str | None:
+        """None where `tracer` would work, else one sentence that says what is lacking. Of the settings `accelerator`, `threads`
+        and `precision` count; raises as `Engine.why_not` does."""
+        ...
+
+    def tracer(self, scene: Scene, settings: Settings) -> RayTracer:
+        """Builds what traces. Raises as `Engine.prepare` does."""
+        ...

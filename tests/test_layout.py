@@ -88,6 +88,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.isolated": {*_BASE, "engines.registry"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
     "engines.peers": {*_BASE, "engines.adapters"},
+    "engines.open3d": _BASE,
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
@@ -104,6 +105,7 @@ ONLY_IN = {
     "mitsuba": {"engines.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
     "drjit": {"engines.mitsuba"},
     "pyluxcore": {"engines.peers"},
+    "open3d": {"engines.open3d"},
 }
 
 LONG_FILES: dict[str, str] = {}

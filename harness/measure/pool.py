@@ -283,6 +283,28 @@ class Pool:
             raise
         worker.receive(FOREVER, "end")
 
+    def trace(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> dict[str, Any]:
+        """What a worker says of a set of rays that it has traced: its version, phases, `seconds` of `passes`, what disturbed
+        these (`machine`) and its `answers`. Raises `WorkerFailed` and `WorkerTimeout`."""
+        from harness.measure.tracing import read_answers
+
+        worker = self.worker(engine)
+        worker.threads = EndedThreads()
+        deadline = monotonic() + timeout_seconds
+        options = {"allow_imports": self._allow_imports, "answers": str(self.scratch)}
+        try:
+            worker.ask({"do": "trace", **request, **options})
+            found = worker.receive(deadline, "prepared") | worker.receive(deadline, "traced")
+            waited = worker.ended_waits(found.pop("window", (0.0, 0.0)), found.pop("alive", []))
+            end = worker.receive(deadline, "end")
+            machine = contention.judged(end.get("machine", {}), request["threads"], waited)
+            return {**found, "version": worker.version, "machine": machine, "answers": read_answers(self.scratch, request)}
+        except RaybenchError as error:
+            worker.kill()
+            raise WorkerFailed(str(error)) from error
+        finally:
+            worker.threads = None
+
     def _receive(self, worker: Worker, request: Mapping[str, Any], deadline: float, *kinds: str) -> dict[str, Any]:
         """The worker's next answer. Raises `ConfigError` where a film cannot be written, which is no failure of the cell,
         once this process has tried as well: an engine can send any message."""

@@ -6,9 +6,10 @@ once. Where forking is not safe (other systems than Linux, or an engine that sta
 cell itself and ends, and the parent starts another.
 
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
-           {"do": "verify", "case", "precision", "accelerator", "quick"}
+           {"do": "verify", "case", "precision", "accelerator", "quick"}   {"do": "trace", ...}
 Answers:   {"did": "import", "seconds", "version", "code", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
-           {"did": "verified", "results"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+           {"did": "verified", "results"}   {"did": "traced", ...}
+           {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
            {"did": "unwritten", "message"}: a film could not be handed over, which is no failure of the engine
 After a point the child waits for "go": the parent measures the error while nothing renders.
 
@@ -124,7 +125,7 @@ def in_child(engine: Any, request: dict[str, Any], pipes: Pipes) -> int:
 def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Answers one request; an exception becomes a message."""
     try:
-        {"cell": cell, "reference": reference, "verify": verify}[request["do"]](engine, request, pipes)
+        {"cell": cell, "reference": reference, "verify": verify, "trace": trace}[request["do"]](engine, request, pipes)
     except BaseException as error:  # sys.exit of an engine is a failure, too
         import contextlib
         import traceback
@@ -194,6 +195,25 @@ def verify(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
     pipes.send(did="verified", results=[dict(result) for result in run_case(case, subject)])
     pipes.send(did="end")
+
+
+def trace(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+    """Traces a set of rays again and again until `max_time_seconds` are on the clock, and leaves the answers to those rays
+    that are to be checked."""
+    from harness.measure import tracing
+    from harness.measure.contention import Disturbance
+
+    scene, load_seconds = loaded(request)
+    rays = tracing.read_rays(request["rays"])
+    tracer, build, first_call = tracing.prepare(engine, scene, request, rays)
+    pipes.send(did="prepared", load_seconds=load_seconds, build_seconds=build, compile_seconds=first_call)
+    disturbance = Disturbance()
+    seconds, passes = tracing.timed_passes(tracer, request, rays, disturbance)
+    disturbance.rest()
+    tracing.leave_answers(tracer, request, rays)
+    window = {"window": disturbance.window, "alive": disturbance.alive}
+    pipes.send(did="traced", seconds=seconds, passes=passes, **window)
+    pipes.send(did="end", machine=disturbance.report())
 
 
 def loaded(request: dict[str, Any]) -> tuple[Any, float]:
