@@ -25,8 +25,8 @@ PEER = "mitsuba"
 ROBUST = {"name": "embree", "robust": True}
 ACCELERATORS = {"numba": "auto", "embree": ROBUST, PEER: ROBUST}
 
-Call = Callable[[int], Any]
-"""Renders so many samples per pixel."""
+Call = Callable[[int], float]
+"""Renders so many samples per pixel, and returns their number."""
 
 
 def prepared(name: str, scene: engines.Scene, given: argparse.Namespace) -> Call:
@@ -38,9 +38,14 @@ def prepared(name: str, scene: engines.Scene, given: argparse.Namespace) -> Call
     engine = engines.engine(name)
     if reason := engine.why_not(scene, settings):
         raise engines.Unsupported(reason)
-    renderer = engine.prepare(scene, settings)
+    renderer: Any = engine.prepare(scene, settings)
     renderer.warm_up()
-    return mitsuba_native(renderer) if name == PEER else renderer.render
+
+    def render(spp: int) -> float:
+        renderer.render(spp)
+        return spp
+
+    return mitsuba_native(renderer) if name == PEER else render
 
 
 def measured(calls: dict[str, Call], spp: int, rounds: int) -> dict[str, list[Seconds]]:
@@ -52,7 +57,7 @@ def measured(calls: dict[str, Call], spp: int, rounds: int) -> dict[str, list[Se
         order = list(calls)[:: -1 if number % 2 else 1]
         taken: dict[str, list[Seconds]] = {name: [] for name in calls}
         for name in (*order, *order[::-1]):
-            taken[name].append(seconds_of(lambda name=name: calls[name](spp)))
+            taken[name].append(seconds_of(lambda name=name: calls[name](spp), spp))
         for name, turns in taken.items():
             clocks = zip(*turns, strict=True)
             found[name].append(Seconds(*(sum(clock) / 2 / spp for clock in clocks)))
