@@ -36,8 +36,6 @@ from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 BSDF_PARAMETERS = 15
 LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
-KEPT = 8
-"""Numbers that a stage may keep of a lane between its loops."""
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
 VERTEX_DIMENSIONS = 8
@@ -104,9 +102,7 @@ class RayBatch(LaneRecord):
     light_color = vector()
     light_choices = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
     shape_parameters = doubles(SHAPE_PARAMETERS)
-
-    # what a stage keeps between its loops
-    kept = doubles(KEPT)
+    kept = doubles(8)  # what a stage keeps between its loops, as the next two
     kept_row = integer()
     kept_column = integer()
 

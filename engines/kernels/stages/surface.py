@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.records import address_of, lane_numbers, prefetch
+from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
@@ -23,11 +23,10 @@ from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
 from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
 from engines.kernels.stages import environment
+from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
-NEAR_TRIANGLES = 4096
-"""So many triangles are in a near cache; what is read of more is prefetched."""
 
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
@@ -138,63 +137,13 @@ def _make_load_shape(features: SceneFeatures) -> Any:
 
 
 @cache
-def _make_prefetch(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, scene) that starts loading what the scene holds of the triangles hit. One thing leads to the
-    next, and a lane alone would wait for each: here all sixteen wait at once."""
-    mixed, smooth, uvs = features.spheres or features.planes or len(features.analytic) > 0, features.smooth, features.uvs
-    vector = 3 * np.dtype(real).itemsize
-
-    @inline
-    def rows(rays, scene):
-        for lane in range(np.uint64(LANES)):
-            keep_scalar()
-            primitive, held = np.int64(rays.primitive[lane]), np.int64(rays.held_primitive[lane])
-            index = max(held if held >= 0 else primitive, 0)
-            rays.kept_row[lane] = index
-            prefetch(address_of(scene.primitives[index]))
-            if not mixed:
-                prefetch(address_of(scene.triangles[index]))
-
-    @inline
-    def triangles(rays, scene):
-        for lane in range(np.uint64(LANES)):
-            keep_scalar()
-            row = scene.primitives[np.int64(rays.kept_row[lane])]
-            index = select(row.shape == TRIANGLE, np.int64(row.index), np.int64(0))
-            rays.kept_row[lane] = index
-            prefetch(address_of(scene.triangles[index]))
-
-    @inline
-    def vertex(scene, index):
-        prefetch(address_of(scene.vertices) + vector * np.int64(index))
-        if smooth:
-            prefetch(address_of(scene.vertex_normals) + vector * np.int64(index))
-        if uvs:
-            prefetch(address_of(scene.vertex_uvs[index]))
-
-    @inline
-    def prefetch_triangles(rays, scene):
-        rows(rays, scene)
-        if mixed:
-            triangles(rays, scene)
-        for lane in range(np.uint64(LANES)):
-            keep_scalar()
-            row = scene.triangles[np.int64(rays.kept_row[lane])]
-            vertex(scene, row.a)
-            vertex(scene, row.b)
-            vertex(scene, row.c)
-
-    return prefetch_triangles
-
-
-@cache
 def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
     several_shapes = features.spheres or features.planes or len(features.analytic) > 0
     several_bsdfs, emission, power = len(features.bsdfs) > 1, features.emission, features.power_lights
     load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
     parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
-    triangles, prefetch_triangles = features.triangles, _make_prefetch(features, real)
+    triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
 
     @inline
     def load(rays, scene):
