@@ -103,8 +103,7 @@ class RayBatch(LaneRecord):
     light_choices = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
     shape_parameters = doubles(SHAPE_PARAMETERS)
     kept = doubles(8)  # what a stage keeps between its loops, as the next two
-    kept_row = integer()
-    kept_column = integer()
+    kept_row, kept_column = integer(), integer()
 
     # the light sample at the surface, and the shadow ray
     wi = vector()  # unit, towards the light
@@ -393,9 +392,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 
 __all__ = [
-    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow",
-    "EnvironmentRow", "LeafRow", "LightRow",
+    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS",
+    "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "EnvironmentRow", "LeafRow", "LightRow",
     "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
     "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
     "scene_table", "stack_bytes", "waiting_rays",
