@@ -18,7 +18,7 @@ FLOORS: dict[str, set[str]] = {
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
-    "stages": {*COMPILED, "compile.records", "features", "flatten", "integrators", "lane", "layout"},
+    "stages": {*COMPILED, "compile.records", "compile.simd", "features", "flatten", "integrators", "lane", "layout"},
     "driver": {*COMPILED, "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {"compile.jit", "driver", "features", "flatten", "layout", "queries", "stages"},
@@ -33,7 +33,9 @@ OUTSIDE: dict[str, set[str]] = {
     "layout": {"numpy"},
     "lane": {"numpy"},
     "integrators": {"numpy"},
-    "flatten": {"engines.scene", "engines.scene.light_bounds", "engines.scene.support", "numpy"},
+    "flatten": {
+        *("engines.scene", "engines.scene.light_bounds", "engines.scene.light_hierarchy", "engines.scene.support", "numpy")
+    },
     "stages": {"engines.choices", "engines.scene", "engines.scene.support", "engines.sobol_numbers", "numpy"},
     "driver": {"numpy"},
     "queries": {"numpy"},

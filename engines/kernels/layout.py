@@ -299,6 +299,9 @@ class SceneTable(Table):
     n_planes = scalar()
     n_analytic = scalar()
     n_lights = scalar()
+    n_unbounded_lights = scalar()
+    light_parts = scalar()  # lights without a box, and one more for the hierarchy
+    lit_through = scalar()  # 1 where some surface may be lit from behind, else 0
     environment_light = scalar()  # index of the environment among the lights, 0 where there is none
     environment_width = scalar()
     environment_height = scalar()
@@ -321,7 +324,13 @@ class SceneTable(Table):
     light_cdf = array(np.float64)  # by area, of each range of faces
     light_ranges = rows(RangeRow)
     light_cumulative = array(np.float64)  # by power; like the next one where the integrator chooses lights so
-    light_choices = array(REAL)  # 1 / the probability of each
+    light_choices = array(REAL)  # 1 / the probability of each, in a hierarchy of each without a box
+    # of a hierarchy of lights (`engines.kernels.flatten.light_samplers`)
+    light_nodes = array(REAL)  # eight children each
+    light_children = array(np.int32)  # eight a node: index of a node, or -1 - index of a light
+    light_parents = array(np.int32)  # 8 times the node's parent plus its place there, -1 of the root
+    light_places = array(np.int32)  # the same of each light, -1 of those in no node
+    unbounded_lights = array(np.int32)
     environment = vectors(np.float64)  # texels, times the radiance
     environment_pdf = array(np.float64)  # in (u, v)
     environment_rows = array(np.float64)  # cumulative
