@@ -13,8 +13,9 @@ COMPILED = {"compile.jit", "compile.values"}
 FLOORS: dict[str, set[str]] = {
     "compile": set(),
     "features": set(),
+    "light_rows": {"compile.records"},
     "program_rows": {"compile.records"},
-    "layout": {"compile.jit", "compile.records", "program_rows"},
+    "layout": {"compile.jit", "compile.records", "light_rows", "program_rows"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
@@ -29,6 +30,7 @@ FLOORS: dict[str, set[str]] = {
 OUTSIDE: dict[str, set[str]] = {
     "compile": {"engines.errors", "llvmlite", "numba", "numpy"},
     "features": set(),
+    "light_rows": {"numpy"},
     "program_rows": {"numpy"},
     "layout": {"numpy"},
     "lane": {"numpy"},

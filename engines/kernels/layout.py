@@ -31,10 +31,10 @@ from engines.kernels.compile.records import (
     vector,
     vectors,
 )
+from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRow, RangeRow
 from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
 BSDF_PARAMETERS = 15
-LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
@@ -228,35 +228,6 @@ class LeafRow(Row):
     """The parameters of a model, 0 where they are looked up."""
 
     bsdf = reals(BSDF_PARAMETERS)
-
-
-class LightRow(Row):
-    """Parameters depend on the kind: see `engines.kernels.flatten.lights`."""
-
-    kind = real()
-    color = vector()
-    two_sided = real()
-    parameters = reals(LIGHT_PARAMETERS)
-
-
-class EnvironmentRow(Row):
-    """How directions become places in an environment's image: y = v `rows` - `first_row` counts its rows; the local axes are
-    those of the image in the scene."""
-
-    dtype = np.float64
-    rows = real()
-    first_row = real()
-    x = vector()
-    y = vector()
-    z = vector()
-
-
-class RangeRow(Row):
-    """The faces of a mesh that is a light."""
-
-    dtype = np.int32
-    first = real()
-    count = real()
 
 
 class CameraRow(Row):
