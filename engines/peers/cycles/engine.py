@@ -48,7 +48,7 @@ ROUGHEST = 0.1
 within 0.1 % wherever the cosine is above 0.3, and at 0.3 no longer within 1 %."""
 LEAST_SIDE = 4
 DEEP = 32
-"""Segments of a path from which on it hardly matters that passing a surface is none in Cycles: at 6, half a percent was seen."""
+"""Segments of a path from which on it hardly matters that passing a surface is none there: at 6, half a percent was seen."""
 _ROUNDING = "the mean of a call is rounded to float32"
 
 
