@@ -9,6 +9,7 @@ import engines
 from engines.errors import ConfigError, Unsupported
 from engines.scene import Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.schema import yaml_file
+from harness.cli.options import DEFAULT_ENGINE
 from harness.view.coalescing_queue import MAX_WAITING, CoalescingQueue
 from harness.view.display import Tone, half_floats, rgba
 from harness.view.draggable import center, draggables, moved
@@ -123,6 +124,7 @@ def test_the_library_lists_scenes_and_refuses_paths_outside_its_folder(tmp_path)
 def test_the_menu_has_what_the_engines_list(tmp_path):
     listed = menu(Library(tmp_path))
     assert [e["name"] for e in listed["engines"]] == engines.engine_names()
+    assert listed["preferred"] == DEFAULT_ENGINE
     shader = next(s for s in listed["shaders"] if s["name"] == "path_tracer")
     kinds = {option["key"]: option for option in shader["options"]}
     assert kinds["direct"]["values"] == ["light", "bsdf", "mis"] and kinds["max_depth"]["kind"] == "integer"
