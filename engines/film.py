@@ -6,7 +6,7 @@ so that two halves of the image can be compared. Counts are per pixel: a stopped
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,19 @@ BYTES_A_PIXEL = 3 * 3 * 8 + 8
 """Of a film. An EXR of it takes four images in float64 and in float32 besides, while it is written."""
 BYTES_A_PIXEL_WRITTEN = BYTES_A_PIXEL + 4 * 3 * (8 + 4)
 
+Arrays = tuple[Image, Image, Image, NDArray[np.int64]]
+"""Sums, squares, even sums (height, width, 3), and counts (height, width)."""
+
+
+def _zeros(width: int, height: int) -> Arrays:
+    """The arrays of a film, all 0, in this process's own memory."""
+    colours = (np.zeros((height, width, 3)) for _ in range(3))
+    return (*colours, np.zeros((height, width), np.int64))  # type: ignore[return-value]
+
+
+allocate: Callable[[int, int], Arrays] = _zeros
+"""Makes the arrays of a film, all 0. A process that renders for another one puts them into memory that both share."""
+
 
 class Film:
     """Accumulates samples of a `height` x `width` image. Raises `ConfigError` where it would not fit into memory."""
@@ -30,10 +43,7 @@ class Film:
     def __init__(self, width: int, height: int) -> None:
         memory.require(BYTES_A_PIXEL * width * height, f"a film of {width}x{height} pixels")
         self.width, self.height = width, height
-        self.sums: Image = np.zeros((height, width, 3))
-        self.squares: Image = np.zeros((height, width, 3))
-        self.even_sums: Image = np.zeros((height, width, 3))
-        self.counts: NDArray[np.int64] = np.zeros((height, width), np.int64)
+        self.sums, self.squares, self.even_sums, self.counts = allocate(width, height)
         self.bad_samples = 0
         """Samples that were NaN or infinite; they count as black."""
         self._means = 0  # what `add_mean` was given, from its first mean of several samples on; single samples count too
@@ -67,8 +77,9 @@ class Film:
         self.even_sums.reshape(-1, 3)[where] += even * samples
         counts[where] += 1
 
-    def add_mean(self, image: Image, spp: int) -> None:
-        """Adds `image` (h, w, 3), the mean of `spp` samples of every pixel, none of which is known by itself.
+    def add_mean(self, image: Image, spp: int | NDArray[np.integer]) -> None:
+        """Adds `image` (h, w, 3), the mean of `spp` samples of every pixel, or of (h, w) numbers of them, none of which is
+        known by itself.
 
         Sums and counts are those of the samples. What they spread is seen between such means alone: `squares` are set so that
         `variance_of_mean` is unbiased from the second mean on, and NaN before; each mean counts as much as it has samples.
@@ -76,20 +87,22 @@ class Film:
         pixel that is not finite counts as black, and as `spp` bad samples. Raises ValueError.
         """
         image = np.asarray(image, np.float64)
-        if image.shape != self.sums.shape or spp < 1:
-            raise ValueError(f"an image of shape {image.shape} and {spp} samples: {self.sums.shape} and 1 or more are wanted")
-        if self._means == 0 and spp == 1:
+        counts = np.broadcast_to(np.asarray(spp), self.counts.shape)
+        low, high = counts.min(), counts.max()
+        if image.shape != self.sums.shape or low < 0 or high < 1:
+            raise ValueError(f"an image of shape {image.shape} and {high} samples: {self.sums.shape} and 1 or more are wanted")
+        if self._means == 0 and low == high == 1:
             self.add(image)
             return
         if self._means == 0:  # what is there are single samples
             self._means, self._between = self.spp, self.squares.copy()
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(image), axis=2)
-        self.bad_samples += spp * int((~good).sum())
-        image = np.where(good[:, :, None], image, 0.0)
+        self.bad_samples += int(counts[~good].sum())
+        image, weights = np.where(good[:, :, None], image, 0.0), counts[:, :, None]
         self._means += 1
-        self._between += spp * image**2
-        self.sums += spp * image
-        self.counts += spp
+        self._between += weights * image**2
+        self.sums += weights * image
+        self.counts += counts
         mean, count = self.mean(), self.counts[:, :, None]
         between = np.maximum(self._between - count * mean**2, 0.0) / max(self._means - 1, 1)
         spread = between if self._means > 1 else np.full_like(between, np.nan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,9 +14,15 @@ WORTH_ASKING = 1 << 28
 
 def machine_bytes() -> int:
     """The memory of this machine, or of its control group where that has less."""
-    import psutil
+    return min([_total(), *_control_group_limits()])
 
-    return min([psutil.virtual_memory().total, *_control_group_limits()])
+
+def _total() -> int:
+    try:
+        import psutil
+    except ImportError:  # in the environment of an engine
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return psutil.virtual_memory().total
 
 
 def limit_bytes() -> int:
@@ -40,12 +47,12 @@ def lacking_memory(needed: float) -> str:
     """Empty where `needed` more bytes fit into the memory of this machine and of this process, else why they do not."""
     if needed < WORTH_ASKING and _address_space() is None:
         return ""
-    import psutil
-
     total, has, own = machine_bytes(), "this machine has", _address_space()
-    left = None if own is None else own - psutil.Process().memory_info().vms
-    if left is not None and left < total:
-        total, has = left, "this process may take"
+    if own is not None:
+        import psutil
+
+        left = own - psutil.Process().memory_info().vms
+        total, has = (left, "this process may take") if left < total else (total, has)
     return f"would need {_gibibytes(needed)}: {has} {_gibibytes(total)}" if needed > total else ""
 
 

@@ -1,11 +1,15 @@
 """From a name to an engine: the entry-point group `raybench.engines`, ours built in, or `module:attribute`.
 
-A name that ends in .yaml or .yml is the file of a renderer that runs as a process: see `engines.external`.
+A name that ends in .yaml or .yml is the file of a renderer that runs as a process: see `engines.external`. What follows an @
+is the Python that runs the engine, `mitsuba@/path/to/environment`: see `engines.isolated`.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
+import re
+import sys
 import warnings
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -22,6 +26,9 @@ BUILT_IN = {
     "embree": "engines.embree:Engine",
     "embreex_batch": "engines.embreex_batch:Engine",
 }
+
+THIS = "this"
+"""The Python that runs this process, where one is named."""
 
 SPECIAL = {"dahlquist": "engines.dahlquist.engine:Engine"}
 """Engines that render one scene alone: asked for by name, but not among those that render any."""
@@ -40,23 +47,74 @@ def known_names() -> list[str]:
 def engine(name: Any) -> Engine:
     """The engine of a name, `module:attribute` or renderer's file; an object is returned as it is, a class is called.
 
+    A name may be followed by @ and a Python, see `interpreter`. An engine with such a one, and one whose class has
+    `own_process = True`, runs in a process of its own.
+
     Raises `UnknownName` for a name no one registered, `ConfigError` where what is there cannot be loaded or is none.
     """
     if not isinstance(name, str):
         return _made(name, getattr(name, "name", name))
     if is_file(name):
         return _described(name)
+    base, python = split(name)
+    made = _made(_loaded(base), base)
+    if python is None and not getattr(made, "own_process", False):
+        return made
+    apart = load_attribute("engines.isolated:Engine")
+    variable = f"RAYBENCH_{re.sub('[^A-Z0-9]', '_', made.name.upper())}_PYTHON"
+    named = python or os.environ.get(variable)
+    return apart(made, place(base), interpreter(named or THIS), bool(named))
+
+
+def make(place: str) -> Engine:
+    """The engine at `module:attribute`, in this process even where it asks for one of its own."""
+    return _made(load_attribute(place), place)
+
+
+def split(name: str) -> tuple[str, str | None]:
+    """An engine's name without the Python that is to run it, and that."""
+    base, sign, python = name.partition("@")
+    return base, python if sign else None
+
+
+def interpreter(text: str) -> str:
+    """The path of a Python: that of an environment's folder, an interpreter, or `this` one. Raises `ConfigError`."""
+    if text == THIS:
+        return sys.executable
+    path = os.path.abspath(os.path.expanduser(text))
+    if os.path.isdir(path):
+        inside = [os.path.join(path, *words) for words in (("bin", "python"), ("Scripts", "python.exe"))]
+        found = next(filter(os.path.isfile, inside), None)
+        if found is None:
+            raise ConfigError(f"{text}: there is no bin/python in it: the folder of a virtual environment is wanted")
+        return found
+    if not os.path.isfile(path):
+        raise ConfigError(f"{text}: does not exist: the folder of a virtual environment, or a Python, is wanted")
+    if not os.access(path, os.X_OK):
+        raise ConfigError(f"{text}: is no program: the folder of a virtual environment, or a Python, is wanted")
+    return path
+
+
+def place(name: str) -> str:
+    """The `module:attribute` of an engine's name. Raises `UnknownName`."""
     if ":" in name:
-        return _made(load_attribute(name), name)
-    if name in (ours := BUILT_IN | SPECIAL):
-        return _made(load_attribute(ours[name]), name)
+        return name
+    known = {point.name: point.value for point in _entry_points()} | BUILT_IN | SPECIAL
+    if name not in known:
+        raise UnknownName("engine", name, known_names())
+    return known[name]
+
+
+def _loaded(name: str) -> Any:
+    """What lies at the place of a name."""
+    if ":" in name or name in BUILT_IN | SPECIAL:
+        return load_attribute(place(name))
     for point in _entry_points():
         if point.name == name:
             try:
-                found = point.load()
+                return point.load()
             except (Exception, SystemExit) as error:
                 raise ConfigError(f"engine {name!r} ({point.value}): cannot be loaded: {error}") from error
-            return _made(found, name)
     raise UnknownName("engine", name, known_names())
 
 

@@ -57,6 +57,7 @@ class Engine:
 
     name = "mitsuba"
     lineage = "mitsuba"
+    packages = ("drjit", "mitsuba")
     variant = library.LLVM
     tracing_precision = "float32"
     not_promised: Mapping[str, str] = NOT_PROMISED

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike, fspath
 from os.path import isfile  # False, where Path.is_file raises for names that are too long
 from pathlib import Path
@@ -50,6 +50,11 @@ class Place:
 
     folder: Path
     allow_outside: bool = False
+    _roots: tuple[Path, ...] = field(init=False, repr=False, compare=False)
+    """The folders that files may lie in, resolved once: a scene may name tens of thousands of files."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_roots", tuple(root.resolve() for root in (self.folder, *scene_folders())))
 
     def find(self, node: Located, name: str, folder: Path | None = None) -> Path:
         """The file that `name`, written at `node`, means.
@@ -59,12 +64,11 @@ class Place:
         """
         what = "" if name == node.value else f"names {name[:80]!r}: "
         starts = [folder or self.folder, *scene_folders()]
-        roots = [root.resolve() for root in (self.folder, *scene_folders())]
         outside = False
         for start in starts:
             try:
                 found = (start / name).resolve()
-                if not (self.allow_outside or any(found.is_relative_to(root) for root in roots)):
+                if not (self.allow_outside or any(found.is_relative_to(root) for root in self._roots)):
                     outside = True
                 elif found.exists():
                     return found

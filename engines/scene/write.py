@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from engines.errors import ConfigError
@@ -61,6 +60,8 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
     Raises `ConfigError` where the folder cannot be written, and for plugins and sets of more spheres than a YAML file
     can hold.
     """
+    import yaml
+
     root = Path(folder)
     try:
         root.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@
 YAML as in the core schema of 1.2: `1e-3` is a number, `yes` and `on` are text, dates are text. Refused with file and
 line: duplicate keys, tags other than !!str, keys that are not text, several documents, recursive aliases, and whatever
 passes the limits below. Anchors, aliases and `<<` merges work. PyYAML's C loader is not used: it crashes on deep
-nesting; nothing here recurses without a cap.
+nesting; nothing here recurses without a cap. It is imported where text is read: scenes can be had without it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from os import PathLike, fspath
 from typing import Any
 
 import numpy as np
-import yaml
 
 from engines.errors import RaybenchError, SceneError, suggestion
 from engines.input_files import open_regular, unreadable
@@ -126,6 +125,8 @@ def read_yaml(path: str | PathLike[str], error: type[RaybenchError] = SceneError
 
 def parse_yaml(text: str, name: str = "", error: type[RaybenchError] = SceneError) -> Located:
     """The tree of YAML text; `name` stands before the line in messages."""
+    import yaml
+
     origin = Origin(name, error)
     try:
         root = _Composer(origin).compose(text)
@@ -193,6 +194,8 @@ class _Composer:
         self.aliases = self.nodes = 0
 
     def compose(self, text: str) -> _Node:
+        import yaml
+
         documents = 0
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
             line = event.start_mark.line + 1
@@ -204,8 +207,10 @@ class _Composer:
                 self._add(self._alias(event, line), line)
             elif isinstance(event, yaml.ScalarEvent):
                 self._scalar(event, line)
-            elif isinstance(event, (yaml.MappingStartEvent, yaml.SequenceStartEvent)):
-                self._start(event, line)
+            elif isinstance(event, yaml.MappingStartEvent):
+                self._start(event, line, {})
+            elif isinstance(event, yaml.SequenceStartEvent):
+                self._start(event, line, [])
             elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
                 self._end()
         if self.root is None or (self.root.value is None and not text.strip()):
@@ -220,7 +225,7 @@ class _Composer:
         if self.nodes > MAX_NODES:
             raise self._error(line, f"more than {MAX_NODES} values: put meshes into files of their own")
 
-    def _start(self, event: Any, line: int) -> None:
+    def _start(self, event: Any, line: int, empty: Any) -> None:
         self._count(line)
         if event.tag is not None and event.tag != "!":
             raise self._error(line, f"tag {event.tag!r}: tags are not allowed")
@@ -228,7 +233,7 @@ class _Composer:
             raise self._error(line, f"nested deeper than {MAX_DEPTH} levels")
         if self.open:
             self._refuse_as_key(line)
-        self.open.append((_Node({} if isinstance(event, yaml.MappingStartEvent) else [], line), event.anchor))
+        self.open.append((_Node(empty, line), event.anchor))
 
     def _end(self) -> None:
         node, anchor = self.open.pop()

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli import conversion, images
+from harness.cli import conversion, images, tracing
 from harness.cli.comparing import SeveralFolders, compare
 from harness.cli.options import (
     DEFAULT_ENGINE,
@@ -91,8 +91,14 @@ def run(
     """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
     from engines.errors import ConfigError
     from harness.cli import experiments
+    from harness.config import paths
+    from harness.config.trace import is_trace
     from harness.run.sweep import Options
 
+    if is_trace(paths.find("configs", config)):
+        if fresh or retry or fail_fast or cluster:
+            raise ConfigError(f"{config}: --fresh, --retry, --fail-fast and --cluster are of experiments: this compares rays")
+        raise typer.Exit(tracing.run_file(config, out, overrides or [], allow_imports, ["raybench", *sys.argv[1:]]))
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
     options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]], cluster)
@@ -280,6 +286,7 @@ def equivalence(
     raise typer.Exit(compare(options))
 
 
+command(CHECKS)(tracing.trace)
 command(FILES)(conversion.export)
 command(FILES, name="import")(conversion.import_)
 
@@ -294,16 +301,17 @@ def list_() -> None:
 
 @command(FILES)
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="[experiment|scene]", help="Of which files.")] = "experiment",
+    kind: Annotated[str, typer.Argument(metavar="[experiment|scene|trace]", help="Of which files.")] = "experiment",
 ) -> None:
-    """Print the JSON schema of experiment or scene files, for editors."""
+    """Print the JSON schema of experiment, scene or trace files, for editors."""
     import json
 
     from engines.errors import UnknownName
     from engines.scene import scene_schema
     from harness.config import experiment_schema
+    from harness.config.trace import trace_schema
 
-    schemas = {"experiment": experiment_schema, "scene": scene_schema}
+    schemas = {"experiment": experiment_schema, "scene": scene_schema, "trace": trace_schema}
     if kind not in schemas:
         raise UnknownName("kind of file", kind, schemas)
     typer.echo(json.dumps(schemas[kind](), indent=2))

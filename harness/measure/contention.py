@@ -9,6 +9,7 @@ a cell has more threads than there are cores, so that they wait for each other, 
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Iterable, Mapping
 from time import monotonic
@@ -35,8 +36,8 @@ RUN_QUEUE, CPU_TIME = "run queue", "cpu time"
 
 
 class Sample(NamedTuple):
-    """Seconds since boot that the usable cores were busy or stolen; processor time of this process and of its children that
-    have ended; involuntary context switches."""
+    """Seconds since boot that the usable cores were busy or stolen; processor time of this process and of all that it has
+    started; involuntary context switches of this process."""
 
     busy: float
     steal: float
@@ -48,7 +49,8 @@ class Disturbance:
     """Sums what happened on the machine between `start` and `stop`, over all the timed calls of a cell.
 
     `window` holds the moments (of `monotonic`) of the last call, `alive` the threads that there were after it. `off_clock` is
-    the processor time between one call and the next of threads other than the one that calls: nothing was asked of them.
+    the processor time between one call and the next of threads other than the one that calls, and of processes that were
+    started: nothing was asked of them.
     """
 
     def __init__(self) -> None:
@@ -108,16 +110,31 @@ def sample() -> Sample:
     usable = [cores[index] for index in usable_cores() if index < len(cores)]
     busy = sum(sum(core) - core.idle - getattr(core, "iowait", 0.0) - _counted_twice(core) for core in usable)
     steal = sum(getattr(core, "steal", 0.0) for core in usable)
-    switches, children = 0, 0.0
-    if resource:
-        ended = resource.getrusage(resource.RUSAGE_CHILDREN)  # renderers by process
-        switches, children = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw, ended.ru_utime + ended.ru_stime
-    return Sample(busy, steal, time.process_time() + children, switches)
+    switches = resource.getrusage(resource.RUSAGE_SELF).ru_nivcsw if resource else 0
+    return Sample(busy, steal, time.process_time() + below(), switches)
 
 
 def other_threads() -> float:
-    """Processor time of this process without that of the thread that calls."""
-    return time.process_time() - time.thread_time()
+    """Processor time of this process and of all that it has started, without that of the thread that calls."""
+    return time.process_time() - time.thread_time() + below()
+
+
+def below() -> float:
+    """Processor time of the processes that this one has started: of those that run, and of those that have ended."""
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN) if resource else None
+    running = sum(map(_processor_seconds, descendants(os.getpid())))
+    return running + (ended.ru_utime + ended.ru_stime if ended else 0.0)
+
+
+def _processor_seconds(pid: int) -> float:
+    """Processor time of a process and of its threads that have ended; 0 where it has ended."""
+    try:
+        if sys.platform == "linux":
+            return time.clock_gettime((~pid << 3) | 2)  # as clock_getcpuclockid(3) finds it: no ticks of 10 ms
+        times = psutil.Process(pid).cpu_times()
+        return times.user + times.system
+    except (OSError, psutil.Error):
+        return 0.0
 
 
 def own_waits() -> dict[int, int] | None:

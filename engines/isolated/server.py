@@ -1,0 +1,166 @@
+"""The side that holds the engine. Calls are served in the main thread, queries in a second one, `stop` in a third.
+
+Over the sockets come requests, (verb, arguments...), and go answers, ("done", result) or ("failed", error, traceback). Within a
+render ("pass", film) goes, and ("go",) or ("end",) comes. Where the other process has gone, this one ends.
+"""
+
+from __future__ import annotations
+
+import builtins
+import gc
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Sequence
+from typing import Any
+
+import engines.film
+from engines import errors
+from engines.isolated import films
+from engines.isolated.channel import Channel, Closed, Unreadable
+from engines.isolated.environment import described
+from engines.registry import make
+
+_PR_SET_PDEATHSIG = 1
+_LAST_SECONDS = 0.5
+"""What an idle process has left to end in, once its parent has gone or has closed the sockets."""
+
+
+class CallbackFailed(Exception):
+    """Ends a render whose `on_pass` raised in the other process, which knows the error."""
+
+
+class Server:
+    """One engine, and at most one renderer of it."""
+
+    def __init__(self, calls: Channel, queries: Channel, stops: Channel) -> None:
+        self._calls, self._queries, self._stops = calls, queries, stops
+        self._engine: Any = None
+        self._scene: Any = None
+        self._renderer: Any = None
+        self._block: films.Block | None = None
+
+    def serve(self) -> None:
+        """Answers until the other end is closed."""
+        threading.Thread(target=self._serve, args=(self._queries, self._query), daemon=True).start()
+        threading.Thread(target=self._hear_stops, daemon=True).start()
+        self._serve(self._calls, self._call)
+        self._renderer = self._engine = None
+
+    def _serve(self, channel: Channel, answer: Any) -> None:
+        while True:
+            try:
+                verb, *arguments = channel.receive()
+                if verb == "drop":
+                    self._renderer = self._block = None
+                else:
+                    _send(channel, "done", answer(verb, *arguments))
+            except Closed:
+                return
+            except Unreadable as error:
+                _send_failure(channel, errors.Unsupported(f"it cannot be had in the engine's own process: {error}"))
+            except BaseException as error:
+                _send_failure(channel, error)
+
+    def _hear_stops(self) -> None:
+        self._serve(self._stops, self._query)
+        time.sleep(_LAST_SECONDS)
+        os._exit(0)
+
+    # --- the main thread ---------------------------------------------------------------------------------------------
+
+    def _call(self, verb: str, *arguments: Any) -> Any:
+        return getattr(self, f"_call_{verb}")(*arguments)
+
+    def _call_make(self, target: str, folders: Sequence[str]) -> str:
+        sys.path += [folder for folder in folders if folder not in sys.path]
+        self._engine = make(target)
+        return str(self._engine.version)
+
+    def _call_environment(self) -> dict[str, str]:
+        return described(getattr(self._engine, "packages", None))
+
+    def _call_scene(self, scene: Any) -> None:
+        self._scene = scene
+
+    def _call_why_not(self, settings: Any) -> Any:
+        return self._engine.why_not(self._scene, settings)
+
+    def _call_prepare(self, settings: Any) -> None:
+        self._renderer = self._engine.prepare(self._scene, settings)
+        self._tell_film(self._renderer.film)
+
+    def _call_warm_up(self) -> None:
+        self._renderer.warm_up()
+
+    def _call_update(self, camera: Any, shapes: Any) -> None:
+        self._renderer.update(camera, shapes)
+        self._tell_film(self._renderer.film)
+
+    def _call_render(self, spp: int, passes: bool, collects: bool) -> None:
+        """`collects`: whether the garbage collector works in the process that asks; a clock may have put it to rest."""
+        if not collects:
+            gc.disable()
+        try:
+            self._tell_film(self._renderer.render(spp, self._on_pass) if passes else self._renderer.render(spp))
+        finally:
+            gc.enable()
+
+    def _on_pass(self, film: Any) -> None:
+        self._tell_film(film, "pass")
+        (answer,) = self._calls.receive()
+        if answer == "end":
+            raise CallbackFailed
+
+    def _tell_film(self, film: Any, kind: str = "film") -> None:
+        """Sees that the other process has the film, and tells it what does not lie in the memory that both share."""
+        block = films.block_of(film, self._block)
+        new = (block.width, block.height) if block is not self._block else None
+        self._calls.send((kind, new, film.bad_samples), None if new is None else block.descriptor)
+        self._block = block
+
+    # --- the other threads -------------------------------------------------------------------------------------------
+
+    def _query(self, verb: str, *arguments: Any) -> Any:
+        answer = getattr(self._renderer, verb)(*arguments)
+        return dict(answer) if verb == "counters" and hasattr(answer, "keys") else answer
+
+
+def _send(channel: Channel, *answer: Any) -> None:
+    try:
+        channel.send(answer)
+    except Closed:
+        raise
+    except Exception as error:
+        raise errors.RendererFailed(f"the engine's answer cannot be sent from its own process: {error}") from error
+
+
+def _send_failure(channel: Channel, error: BaseException) -> None:
+    """Sends an error: raybench's and Python's own as they are, others, which the other process may lack, as RendererFailed."""
+    kind = type(error)
+    home = {"engines.errors": errors, "builtins": builtins}.get(kind.__module__)
+    text = "".join(traceback.format_exception(error))
+    if home is None or getattr(home, kind.__name__, None) is not kind:
+        error = errors.RendererFailed(f"{kind.__name__}: {error}")
+    try:
+        channel.send(("failed", error, text))
+    except Closed:
+        return
+    except Exception:
+        channel.send(("failed", errors.RendererFailed(f"{kind.__name__}: (it cannot be sent)"), text))
+
+
+def serve(parent: int, dies_with_it: bool, *descriptors: int) -> None:
+    """Serves over three sockets until they are closed, or the process `parent` ends, as whose child this one was started."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that calls
+    if dies_with_it and sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    engines.film.allocate = films.allocate
+    channels = (Channel(socket.socket(fileno=each), lambda: os.getppid() == parent) for each in descriptors)
+    Server(*channels).serve()
