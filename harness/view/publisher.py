@@ -175,7 +175,7 @@ class Publisher:
         if interactive is None or film is None or not film.counts.all():
             raise ConfigError("there is no image to compare yet")
         if request.file is not None:
-            self._reference = reference_from_file(self._library.inside(request.file), interactive)
+            self._reference = reference_from_file(self._library.inside(request.file, "reference"), interactive)
         else:
             engine = self._view.provenance.get("engine", "this image")
             mean = film.mean().astype(np.float32)
