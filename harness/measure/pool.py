@@ -257,7 +257,7 @@ class Pool:
                 if did == "end":
                     threads = request["settings"]["threads"]
                     answer["machine"] = contention.judged(answer.get("machine", {}), threads, waited)
-                yield WorkerMessage(answer, self._film(worker, request, answer["spp"]) if did == "point" else None)
+                yield WorkerMessage(answer, self._film(worker, request, answer) if did == "point" else None)
                 deadline += monotonic() - began
                 kinds = ("point", "end")
                 if did == "point":
@@ -275,8 +275,8 @@ class Pool:
         worker.ask({"do": "reference", **request, **options})
         try:
             for _ in seeds:
-                seconds = self._receive(worker, request, FOREVER, "point")["seconds"]
-                yield self._film(worker, request, request["spp"]), seconds
+                answer = self._receive(worker, request, FOREVER, "point")
+                yield self._film(worker, request, {**answer, "spp": request["spp"]}), answer["seconds"]
                 worker.ask({"do": "go"})
         except GeneratorExit:
             worker.kill()
@@ -320,13 +320,13 @@ class Pool:
                 raise ConfigError(str(error)) from None
             raise WorkerFailed(f"its film could not be written there, though this process can: {error}") from None
 
-    def _film(self, worker: Worker, request: Mapping[str, Any], spp: int) -> Film:
-        """The film that a worker has left; raises `WorkerFailed` where it is none."""
+    def _film(self, worker: Worker, request: Mapping[str, Any], answer: Mapping[str, Any]) -> Film:
+        """The film that a worker has left and announced by `answer`; raises `WorkerFailed` where it is none."""
         from harness.measure.films import take
 
         settings = request["settings"]
         try:
-            return take(self.scratch, settings["width"], settings["height"], spp)
+            return take(self.scratch, settings["width"], settings["height"], answer["spp"], answer.get("overshoots") is True)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error

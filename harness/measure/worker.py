@@ -161,7 +161,7 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     counters: dict[str, float] = {}
     for point in points:
         timed = {"window": disturbance.window, "alive": disturbance.alive}
-        hand_over(pipes, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
+        hand_over(pipes, engine, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
     disturbance.rest()
     pipes.send(did="end", counters=counters, machine=disturbance.report())
@@ -181,7 +181,7 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
         renderer, _, _ = clock.prepare(engine, scene, settings)
         start = perf_counter()
         film = renderer.render(spp=request["spp"])
-        hand_over(pipes, film, request, request["spp"], seconds=perf_counter() - start, seed=seed)
+        hand_over(pipes, engine, film, request, request["spp"], seconds=perf_counter() - start, seed=seed)
     pipes.send(did="end")
 
 
@@ -236,16 +236,17 @@ def settings_of(request: dict[str, Any], seed: int, sampler: Any = None) -> Any:
     return engine_settings(settings, seed, request["allow_imports"])
 
 
-def hand_over(pipes: Pipes, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:
+def hand_over(pipes: Pipes, engine: Any, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:
     """Leaves the film's arrays in the file `request["scratch"]` and waits until the parent has used them."""
     from harness.measure.films import Unwritten, leave
 
+    overshoots, settings = bool(getattr(engine, "overshoots", False)), request["settings"]
     try:
-        leave(film, request["scratch"], request["settings"]["width"], request["settings"]["height"], spp)
+        leave(film, request["scratch"], settings["width"], settings["height"], spp, overshoots)
     except Unwritten as error:
         pipes.send(did="unwritten", message=str(error))
         os._exit(0)
-    pipes.send(did="point", spp=spp, **message)
+    pipes.send(did="point", spp=spp, overshoots=overshoots, **message)
     pipes.receive()
 
 
