@@ -3,7 +3,8 @@
 The peer's own call (`mitsuba.render`, evaluated and waited for; a session of LuxCore that runs until its count of samples is
 reached, with the look at it every millisecond that its own examples have) and `render` of the engine take turns in one process,
 on the same loaded scene with the same integrator, sampler, size and threads, in mirrored order (native, adapter, adapter,
-native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took.
+native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took. Cycles, in a process of
+its own (RAYBENCH_CYCLES_PYTHON), tells the seconds of its own render function, and takes the sampler sobol.
 A round is one such turn of four calls. The table gives the median rate of both, and the geometric mean over rounds of the
 seconds of the adapter over those of the peer, with the 95 % interval of Student's t for the logarithms: by processor time of
 the process, which other processes disturb least, and by the wall clock. A sampler with patterns is rendered in whole ones.
@@ -12,16 +13,22 @@ the process, which other processes disturb least, and by the wall clock. A sampl
 from __future__ import annotations
 
 import argparse
+import multiprocessing
+import os
+import platform
 import shlex
 import statistics
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
+
+import scipy.stats  # noqa: F401  libraries of C++ that are loaded after pyluxcore end the process
 
 import engines
 from harness.config import paths
-from tests.benchmarks.paired import interval, show_processor
+from tests.benchmarks.paired import interval
 
 SHADER = {"name": "path_tracer", "max_depth": 6, "rr_depth": 1000}
 
@@ -95,6 +102,24 @@ def luxcore_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> 
     return Pair(native, adapter)
 
 
+def told_rounds(
+    scene: engines.Scene, settings: engines.Settings, rounds: int, spp: int
+) -> list[tuple[Seconds, Seconds]]:
+    """Of cycles, whose Python is another one: two calls a round, as its own render function took them, and as they took
+    here, process boundary included. By the wall clock alone, which stands for both clocks."""
+    renderer = engines.engine("engines.peers.cycles:Engine").prepare(scene, settings)
+    renderer.warm_up()
+    found = []
+    for _ in range(rounds):
+        before, begin = renderer.counters()["native_seconds"], time.perf_counter()
+        for _ in range(2):
+            renderer.render(spp)
+        wall = time.perf_counter() - begin
+        native = renderer.counters()["native_seconds"] - before
+        found.append((Seconds(native, native), Seconds(wall, wall)))
+    return found
+
+
 PAIRS = {"mitsuba": mitsuba_pair, "luxcore": luxcore_pair}
 
 
@@ -128,9 +153,22 @@ def show(label: str, rounds: list[tuple[Seconds, Seconds]], paths_of_a_round: in
         print(line, flush=True)
 
 
+def machine() -> str:
+    """A line on processor and instruction set. Asked in a process of its own: pyluxcore and LLVM do not bear each other."""
+    from llvmlite import binding
+
+    from harness.measure.machine import cpu_model
+
+    features = binding.get_host_cpu_features()
+    widest = next((name for name in ("avx512f", "avx2", "avx", "sse2", "neon") if features.get(name)), "unknown")
+    return f"{cpu_model()}, {os.cpu_count()} cores, {widest} (LLVM target {binding.get_host_cpu_name()})"
+
+
 def show_head(given: argparse.Namespace) -> None:
-    show_processor()
-    print(f"{given.engine} {engines.engine(given.engine).version}")
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        print(pool.submit(machine).result())
+    version = engines.engine(given.engine).version
+    print(f"Python {platform.python_version()}, {given.engine} {version}, load {os.getloadavg()[0]:.1f}")
     command = shlex.join(["python", "-m", "tests.benchmarks.adapter_overhead", *sys.argv[1:]])
     print(
         f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}"
@@ -140,7 +178,7 @@ def show_head(given: argparse.Namespace) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--engine", choices=PAIRS, default="mitsuba")
+    parser.add_argument("--engine", choices=[*PAIRS, "cycles"], default="mitsuba")
     parser.add_argument("--scenes", nargs="+", default=["cornell_box"], metavar="NAME", help="names or paths")
     parser.add_argument("--samplers", nargs="+", default=["random"], metavar="NAME")
     parser.add_argument("--spp", nargs="+", type=int, default=[4, 16, 64], metavar="N", help="samples a pixel and call")
@@ -163,7 +201,10 @@ def main() -> None:
                 )
                 if reason := engine.why_not(scene, settings):
                     parser.error(reason)
-                rounds = measured(PAIRS[given.engine](scene, settings, spp), given.rounds, spp)
+                if given.engine == "cycles":
+                    rounds = told_rounds(scene, settings, given.rounds, spp)
+                else:
+                    rounds = measured(PAIRS[given.engine](scene, settings, spp), given.rounds, spp)
                 show(f"{name}, {sampler}, {spp} spp", rounds, 2 * spp * given.size**2)
 
 

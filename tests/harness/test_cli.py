@@ -222,7 +222,7 @@ def test_a_failed_cell_makes_exit_code_1_and_is_named(tmp_path):
 
 def test_list_names_everything():
     said = ended(raybench("list"), 0)
-    names = ["numpy", "numba", "embree", "path_tracer", "max_depth", "sobol", "bvh", "cornell_box", "quick", "aces"]
+    names = ["numpy", "numba", "embree", "path_tracer", "max_depth", "sobol", "bvh", "cornell_box", "lantern", "quick", "aces"]
     assert [name for name in names if name not in said] == []
 
 
