@@ -3,8 +3,8 @@
 The peer's own call (`mitsuba.render`, evaluated and waited for; a session of LuxCore that runs until its count of samples is
 reached, with the look at it every millisecond that its own examples have) and `render` of the engine take turns in one process,
 on the same loaded scene with the same integrator, sampler, size and threads, in mirrored order (native, adapter, adapter,
-native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took. Cycles, in a process of
-its own (RAYBENCH_CYCLES_PYTHON), tells the seconds of its own render function, and takes the sampler sobol.
+native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took. Cycles, in a process
+of its own (RAYBENCH_CYCLES_PYTHON), tells the seconds of its own render function, and takes the sampler sobol.
 A round is one such turn of four calls. The table gives the median rate of both, and the geometric mean over rounds of the
 seconds of the adapter over those of the peer, with the 95 % interval of Student's t for the logarithms: by processor time of
 the process, which other processes disturb least, and by the wall clock. A sampler with patterns is rendered in whole ones.

@@ -73,7 +73,7 @@ def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Pat
 def run(path: Path, out: Path, overrides: Sequence[str] = (), **options: Any) -> tuple[sweep.Outcome, Quiet]:
     """A sweep in this process, without derived files."""
     listener = Quiet()
-    made = planner.make(config.load(path, overrides), allow_imports=True)
+    made = planner.make(config.load(path, overrides), allow_imports=True, allow_outside=options.get("allow_outside", False))
     with store.locked(out):
         return sweep.run(made, out, sweep.Options(allow_imports=True, **options), listener), listener
 

@@ -53,7 +53,7 @@ def _make_sample(kinds: tuple[int, ...]) -> Any:
 
 
 @cache
-def _make_choose(selection: Selection, real: Any) -> Any:
+def _make_choose(selection: Selection) -> Any:
     """The function (rays, lane, scene) -> (index of the lane's light, -1 for none; what is left of the random number)."""
     every, many, power, hierarchy = selection
 
@@ -67,11 +67,7 @@ def _make_choose(selection: Selection, real: Any) -> Any:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_choices[lane] = scene.light_choices[chosen]
         elif hierarchy:
-            chosen, rest, choices = np.int64(-1), 0.0, np.inf
-            if rays.alive[lane] and not rays.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
-                u = np.float64(rays.draw[2, lane])
-                chosen, rest, choices = light_hierarchy.choose(scene, rays.point[lane], rays.geometric_normal[lane], u, real)
-            rays.light_choices[lane] = choices
+            chosen = np.int64(rays.light_kind[lane])
         elif many:
             scaled = rest * n
             chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
@@ -94,14 +90,16 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene
     holds of it: searches and plain loads, so in a loop of their own."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
-    meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection, real)
+    meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection)
+    choose_all = light_hierarchy.make_choose(real)
 
     @inline
     def load(rays, scene):
+        if hierarchy:
+            choose_all(rays, scene)
         for lane in range(np.uint64(LANES)):
             chosen, rest = choose_light(rays, lane, scene)
             if hierarchy and chosen < 0:
-                rays.light_kind[lane] = -1
                 continue
             row = scene.lights[chosen]
             kind = np.int32(row.kind)
