@@ -130,7 +130,8 @@ class EngineKind:
         return given
 
     def schema(self) -> Schema:
-        return {"anyOf": [{"enum": known_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}, _APART.schema()]}
+        apart = {**_APART.schema(), "title": "{name: ..., python: ...}"}
+        return {"anyOf": [{"enum": known_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}, apart]}
 
 
 @dataclass(frozen=True, slots=True)
