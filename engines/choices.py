@@ -110,7 +110,9 @@ SHADERS: dict[str, dict[str, Option]] = {
         "rr_depth": Option(5, "segments after which Russian roulette starts", integer(1, 1_000_000)),
         "direct": Option("mis", "how direct light is found", one_of("light", "bsdf", "mis")),
         "light_sampler": Option(
-            "uniform", "how one light is chosen at a vertex: evenly, or by its power", one_of("uniform", "power")
+            "uniform",
+            "how one light is chosen at a vertex: evenly, by power, or by a hierarchy",
+            one_of("uniform", "power", "bvh"),
         ),
     },
     "depth_map": {

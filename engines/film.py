@@ -77,8 +77,9 @@ class Film:
         self.even_sums.reshape(-1, 3)[where] += even * samples
         counts[where] += 1
 
-    def add_mean(self, image: Image, spp: int) -> None:
-        """Adds `image` (h, w, 3), the mean of `spp` samples of every pixel, none of which is known by itself.
+    def add_mean(self, image: Image, spp: int | NDArray[np.integer]) -> None:
+        """Adds `image` (h, w, 3), the mean of `spp` samples of every pixel, or of (h, w) numbers of them, none of which is
+        known by itself.
 
         Sums and counts are those of the samples. What they spread is seen between such means alone: `squares` are set so that
         `variance_of_mean` is unbiased from the second mean on, and NaN before; each mean counts as much as it has samples.
@@ -86,20 +87,22 @@ class Film:
         pixel that is not finite counts as black, and as `spp` bad samples. Raises ValueError.
         """
         image = np.asarray(image, np.float64)
-        if image.shape != self.sums.shape or spp < 1:
-            raise ValueError(f"an image of shape {image.shape} and {spp} samples: {self.sums.shape} and 1 or more are wanted")
-        if self._means == 0 and spp == 1:
+        counts = np.broadcast_to(np.asarray(spp), self.counts.shape)
+        low, high = counts.min(), counts.max()
+        if image.shape != self.sums.shape or low < 0 or high < 1:
+            raise ValueError(f"an image of shape {image.shape} and {high} samples: {self.sums.shape} and 1 or more are wanted")
+        if self._means == 0 and low == high == 1:
             self.add(image)
             return
         if self._means == 0:  # what is there are single samples
             self._means, self._between = self.spp, self.squares.copy()
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(image), axis=2)
-        self.bad_samples += spp * int((~good).sum())
-        image = np.where(good[:, :, None], image, 0.0)
+        self.bad_samples += int(counts[~good].sum())
+        image, weights = np.where(good[:, :, None], image, 0.0), counts[:, :, None]
         self._means += 1
-        self._between += spp * image**2
-        self.sums += spp * image
-        self.counts += spp
+        self._between += weights * image**2
+        self.sums += weights * image
+        self.counts += counts
         mean, count = self.mean(), self.counts[:, :, None]
         between = np.maximum(self._between - count * mean**2, 0.0) / max(self._means - 1, 1)
         spread = between if self._means > 1 else np.full_like(between, np.nan)

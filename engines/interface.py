@@ -136,6 +136,9 @@ class Engine(Protocol):
 
     Optional: `smooth_samplers`, the names of the samplers whose error falls smoothly with every sample, as that of independent
     samples does. Without it that is `random`. Errors of other samplers are not interpolated between measurements.
+
+    Optional: `overshoots`, true where `render` may leave more samples in the film than were asked for, because the renderer
+    stops by being asked whether it is done. The film counts them, and they are on the clock.
     """
 
     name: str
@@ -179,4 +182,39 @@ class HasPatterns(Protocol):
         """The smallest whole pattern of `sampler` with at least `spp` samples per pixel; None where the sampler has no
         patterns. `sampler` is plain data, `{"name": ..., option: value}`, as `Settings.sampler` takes it; `spp` is at
         least 1. The answer depends on these two alone, and does not fall as `spp` rises."""
+        ...
+
+
+@runtime_checkable
+class RayTracer(Protocol):
+    """One scene, ready to trace rays: `trace`, `occluded` and `counters` as `Renderer` has them."""
+
+    def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
+        """Closest hits; see `Renderer.trace`."""
+        ...
+
+    def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
+        """Whether anything is in the way; see `Renderer.occluded`."""
+        ...
+
+    def counters(self) -> Mapping[str, float]:
+        """At least: build_seconds, compile_seconds, accelerator_bytes."""
+        ...
+
+
+@runtime_checkable
+class HasTracer(Protocol):
+    """An optional part of `Engine`: one that traces rays, and need not render.
+
+    `raybench trace` asks these where they are there, else `why_not` and `prepare`. Where an engine renders nothing at all, its
+    `why_not` says so of every scene.
+    """
+
+    def why_not_tracer(self, scene: Scene, settings: Settings) -> str | None:
+        """None where `tracer` would work, else one sentence that says what is lacking. Of the settings `accelerator`, `threads`
+        and `precision` count; raises as `Engine.why_not` does."""
+        ...
+
+    def tracer(self, scene: Scene, settings: Settings) -> RayTracer:
+        """Builds what traces. Raises as `Engine.prepare` does."""
         ...

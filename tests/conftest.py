@@ -11,11 +11,13 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from tests.browser import PROGRAM, Browser
 
 os.environ["RAYBENCH_PLOTS"] = "svg"
 
+HERE = Path(__file__).resolve().parent
 IN_MEMORY = Path("/dev/shm")
 ROOM = 2 << 30
 """Bytes that must be free there: the tests of a whole session leave some hundred MiB."""
@@ -36,8 +38,31 @@ if "PYTEST_XDIST_WORKER" not in os.environ:  # its workers inherit the folders
     _references = tempfile.TemporaryDirectory(prefix="raybench-references-")
     os.environ["RAYBENCH_REFERENCES"] = _references.name
 
+providers._get_local_constants = lambda: providers._local_constants
+"""No constants of the sources among the examples: these would depend on which modules were imported before, and reading them
+all takes ten seconds."""
 settings.register_profile("raybench", derandomize=True, deadline=None)
 settings.load_profile("raybench")
+
+
+LONG = (
+    "docs/test_guides.py", "harness/test_results_from_elsewhere.py", "conformance/test_engines.py", "docs/test_extend.py",
+    "mitsuba/test_agreement.py", "harness/test_cheats.py", "harness/test_resume.py", "view/test_server.py",
+    "kernels/test_accelerators.py", "kernels/test_analytic_shapes.py", "test_features_agree.py", "harness/test_plots.py",
+    "harness/test_wrong_engines.py", "docs/test_pages.py", "view/test_race_page.py", "external/test_sweeps.py",
+    "fuzz/test_fuzz.py", "docs/test_site.py",
+)  # fmt: skip
+"""Files of few tests that take long. They start first: otherwise one worker has them left when the others are done."""
+
+
+def pytest_configure(config):
+    """The order is that of `pytest_collection_modifyitems`, and not pytest-xdist's, by the number of a file's tests."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items):
+    places = {HERE / name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: places.get(item.path, len(LONG)))
 
 
 @pytest.fixture(scope="module")

@@ -152,6 +152,14 @@ def test_the_variance_of_means_is_unbiased_whatever_their_samples():
     assert np.mean(found) == pytest.approx(1 / 7, rel=0.02)
 
 
+def test_means_of_different_numbers_of_samples_count_as_often_in_each_pixel():
+    film = Film(2, 1)
+    film.add_mean(np.array([[[1.0] * 3, [2.0] * 3]]), np.array([[3, 0]]))
+    film.add_mean(np.array([[[4.0] * 3, [6.0] * 3]]), np.array([[1, 2]]))
+    assert film.counts.tolist() == [[4, 2]]
+    assert film.mean()[0].tolist() == [[1.75] * 3, [6.0] * 3]
+
+
 def test_a_film_of_means_takes_no_samples_until_it_is_cleared():
     film = Film(2, 1)
     film.add_mean(np.ones((1, 2, 3)), 4)

@@ -87,6 +87,8 @@ ALLOWED: dict[str, set[str]] = {
     "engines.external": {*_BASE, "engines.adapters", "engines.export", "engines.image", "engines.schema", "engines.temporary"},
     "engines.isolated": {*_BASE, "engines.registry"},
     "engines.mitsuba": {*_BASE, "engines.temporary"},
+    "engines.peers": {*_BASE, "engines.adapters"},
+    "engines.open3d": _BASE,
     "engines.export": {*_BASE, "engines.image", "engines.mitsuba"},
     "engines": {
         *("engines.choices", "engines.errors", "engines.film", "engines.interface"),
@@ -102,6 +104,8 @@ ONLY_IN = {
     "numba": {"engines.kernels.compile"},
     "mitsuba": {"engines.mitsuba", "engines.scene.mitsuba_xml.bake_sky"},
     "drjit": {"engines.mitsuba"},
+    "pyluxcore": {"engines.peers"},
+    "open3d": {"engines.open3d"},
 }
 
 LONG_FILES: dict[str, str] = {}

@@ -17,7 +17,7 @@ LAYERS = (
     ("harness.store",),
     ("harness.measure",),
     ("harness.config",),
-    ("harness.verify",),
+    ("harness.verify", "harness.trace"),
     ("harness.statistics",),
     ("harness.metrics",),
     ("harness.source_hashes", "harness.hashing", "harness.processes"),

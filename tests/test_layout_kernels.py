@@ -13,12 +13,13 @@ COMPILED = {"compile.jit", "compile.values"}
 FLOORS: dict[str, set[str]] = {
     "compile": set(),
     "features": set(),
+    "light_rows": {"compile.records"},
     "program_rows": {"compile.records"},
-    "layout": {"compile.jit", "compile.records", "program_rows"},
+    "layout": {"compile.jit", "compile.records", "light_rows", "program_rows"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
-    "stages": {*COMPILED, "compile.records", "features", "flatten", "integrators", "lane", "layout"},
+    "stages": {*COMPILED, "compile.records", "compile.simd", "features", "flatten", "integrators", "lane", "layout"},
     "driver": {*COMPILED, "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {"compile.jit", "driver", "features", "flatten", "layout", "queries", "stages"},
@@ -29,11 +30,14 @@ FLOORS: dict[str, set[str]] = {
 OUTSIDE: dict[str, set[str]] = {
     "compile": {"engines.errors", "llvmlite", "numba", "numpy"},
     "features": set(),
+    "light_rows": {"numpy"},
     "program_rows": {"numpy"},
     "layout": {"numpy"},
     "lane": {"numpy"},
     "integrators": {"numpy"},
-    "flatten": {"engines.scene", "engines.scene.light_bounds", "engines.scene.support", "numpy"},
+    "flatten": {
+        *("engines.scene", "engines.scene.light_bounds", "engines.scene.light_hierarchy", "engines.scene.support", "numpy")
+    },
     "stages": {"engines.choices", "engines.scene", "engines.scene.support", "engines.sobol_numbers", "numpy"},
     "driver": {"numpy"},
     "queries": {"numpy"},

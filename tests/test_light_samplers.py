@@ -2,6 +2,7 @@
 as the NumPy engine does.
 """
 
+import itertools
 import math
 
 import numpy as np
@@ -29,9 +30,10 @@ from engines.scene import (
     Triangle,
 )
 from engines.scene.light_bounds import light_bounds, light_shares
+from engines.scene.light_hierarchy import light_hierarchy
 
 RNG = np.random.default_rng(7)
-CHOSEN = ["power"]
+CHOSEN = ["power", "bvh"]
 """Every value of `light_sampler` but `uniform`."""
 FLOOR, GLASS, LAMP, GLOW, DIM = range(5)
 MATERIALS = (
@@ -88,12 +90,12 @@ def test_numba_in_float64_equals_the_reference_however_lights_are_chosen(name):
         assert (difference < 1e-8).all(), np.argwhere(difference >= 1e-8)
 
 
-@pytest.mark.parametrize("direct", ["mis", "light", "bsdf"])
+@pytest.mark.parametrize("direct", ["mis", "light"])
 @pytest.mark.parametrize("name", CHOSEN)
 def test_the_mean_does_not_depend_on_how_lights_are_chosen(name, direct):
     """By z of every block of 6 x 6 pixels over pairs of independent images."""
     blocks = []
-    for seed in range(24):
+    for seed in range(12):
         shaders = [path_tracer(choice, direct=direct) for choice in ("uniform", name)]
         images = [render("numpy", every_light(), 4, seed=2 * seed + k, sampler="random", shader=shader)
                   for k, shader in enumerate(shaders)]  # fmt: skip
@@ -109,6 +111,78 @@ def test_a_light_alone_and_shaders_of_all_lights_are_left_as_they_are():
         settings = {"sampler": "sobol", "spp": 1}
         even, other = (render("numpy", lamp, shader=path_tracer(choice), **settings) for choice in ("uniform", name))
         assert np.array_equal(even, other)
+
+
+def vertices(n):
+    """Points (3, n) around the lights and unit normals (3, n)."""
+    rng = np.random.default_rng(3)
+    normal = rng.normal(size=(3, n))
+    return rng.uniform((-2.0, -2.0, 0.0), (2.0, 2.0, 2.5), (n, 3)).T, normal / np.linalg.norm(normal, axis=0)
+
+
+def context_of(scene, name):
+    return engines.engine("numpy").prepare(scene, Settings(shader=path_tracer(name)))._context
+
+
+@pytest.mark.parametrize("opaque", [True, False])
+@pytest.mark.parametrize("name", ["uniform", *CHOSEN])
+def test_lights_are_chosen_as_often_as_their_probability_says(name, opaque):
+    """At each point by 4096 numbers in equal steps: the share of each light is its probability, but for a step at each end."""
+    context, steps = context_of(every_light(opaque), name), 4096
+    count, sampler = context.lights.count, context.light_sampler
+    for point, normal in zip(*(vectors.T for vectors in vertices(60)), strict=True):
+        places = [np.repeat(vector[:, None], steps, axis=1) for vector in (point, normal)]
+        found = sampler.choose(*places, (np.arange(steps) + 0.5) / steps)
+        every = np.arange(count)
+        probability = 1.0 / sampler.choices(every, *(vector[:, :count] for vector in places))
+        assert (found.light < count).all() and (found.uc >= 0.0).all() and (found.uc < 1.0).all()
+        seen = np.bincount(found.light[found.light >= 0], minlength=count) / steps
+        assert np.abs(seen - probability).max() <= 1.0 / steps
+        assert probability.sum() + (found.light < 0).mean() == pytest.approx(1.0, abs=count / steps)
+        chosen = found.light >= 0
+        assert np.allclose(1.0 / found.choices[chosen], probability[found.light[chosen]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("opaque", [True, False])
+@pytest.mark.parametrize("name", CHOSEN)
+def test_every_light_that_reaches_a_surface_may_be_chosen(name, opaque):
+    context, n = context_of(every_light(opaque), name), 3000
+    rng, (point, normal) = np.random.default_rng(4), vertices(n)
+    for light in range(context.lights.count):
+        chosen = np.full(n, light)
+        sample = context.lights.sample(chosen, point, normal, *rng.random((3, n)))
+        reaches = (sample.weight > 0.0).any(axis=0)
+        if opaque:
+            reaches &= (normal * sample.wi).sum(axis=0) > 0.0
+        assert np.isfinite(context.light_sampler.choices(chosen, point, normal)[reaches]).all(), light
+
+
+def test_the_bounds_of_a_hierarchy_hold_all_lights_below():
+    """Of a thousand spheres and disks: each is in one place, powers add up, and spheres and cones hold those below."""
+    rng = np.random.default_rng(5)
+    normals = rng.normal((0.0, 0.0, 2.0), size=(300, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    disks = [Disk(tuple(rng.random(3)), tuple(normal), 0.02, LAMP) for normal in normals]
+    spheres = SphereSet(rng.random((700, 3)), rng.uniform(0.001, 0.1, 700), LAMP)
+    scene = Scene("many", CAMERA, MATERIALS, (spheres, *disks), (), "")
+    tree, bounds = light_hierarchy(scene), light_bounds(scene)
+    assert sorted(-1 - tree.child[(tree.child < 0) & (tree.power > 0.0)]) == list(range(1000))
+    power = np.zeros_like(tree.power)
+    for j, light in enumerate(bounds):
+        place, corners = int(tree.place[j]), np.array(list(itertools.product(*light.box.T)))
+        assert tree.child.flat[place] == -1 - j
+        while place >= 0:
+            node, slot = divmod(place, 8)
+            power[node, slot] += light.power
+            away = np.linalg.norm(corners - tree.center[node, slot], axis=1)
+            assert away.max() <= tree.radius[node, slot] * (1.0 + 1e-12)
+            axis = tree.axis[node, slot]
+            angle = math.atan2(np.linalg.norm(np.cross(light.axis, axis)), light.axis @ axis)
+            assert min(angle + light.spread, math.pi) <= tree.spread[node, slot] + 1e-9
+            assert light.reach <= tree.reach[node, slot]
+            assert node == 0 or tree.child.flat[tree.parent[node]] == node
+            place = int(tree.parent[node])
+    assert np.allclose(power, tree.power)
 
 
 def test_powers_are_what_lights_send_out():

@@ -6,12 +6,14 @@ from markdown import code, plain, table
 
 from harness.analysis import analyse, frames
 from harness.analysis.columns import ESTIMATES
+from harness.analysis.tracing import trace_table
 from harness.metrics import METRIC_MEANINGS
 from harness.report.tables import all_tables, changes
 from harness.report.tables.accelerators import accelerators
 from harness.report.tables.equivalence import accuracy
 from harness.report.tables.scaling import scaling
 from harness.store.results import results_of
+from harness.trace.records import TraceResults
 
 KINDS = {"text": "text", "flag": "true or false", "number": "number", "exact": "number", "count": "whole number",
          "percent": "share"}  # fmt: skip
@@ -28,6 +30,8 @@ def text() -> str:
     parts += [table(("Column", "Meaning"), [(code(key), plain(value)) for key, value in METRIC_MEANINGS.items()])]
     parts += ["## For people", "Each as `.csv`, `.md` and `.tex` in `tables/`."]
     parts += [_section(each.name, each) for each in people]
+    none = TraceResults(name="", time="", config={}, machine={}, entries=[])
+    parts += ["## Of rays", "The table of `raybench trace`.", _section("trace", trace_table(none))]
     return "\n\n".join(parts)
 
 

@@ -27,8 +27,8 @@ def _argument(param) -> str:
 
 
 def _row(param) -> tuple[str, str, str]:
-    """Name, meaning and default. A default that is no value stands at the end of the help, in brackets."""
-    meaning, _, default = (param.help or "").rstrip("]").partition("[default: ")
+    """Name, meaning and default. A default that is no value is given in words, as `show_default`."""
+    meaning, default = param.help or "", param.show_default if isinstance(param.show_default, str) else ""
     if not default and not getattr(param, "is_flag", False):
         default = "required" if param.required else str(param.default or "")
     if param.param_type_name == "argument":

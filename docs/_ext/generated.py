@@ -13,6 +13,7 @@ MAKERS = {
     "columns": columns.text,
     "experiment": schemas.experiment,
     "scene": schemas.scene,
+    "trace": schemas.trace,
     "library": library.names,
     "claims": library.claims,
     "plugin functions": library.plugin_functions,

@@ -103,11 +103,11 @@ def house() -> None:
 
 
 def ray() -> None:
-    d = Drawing(780, 390, "A ray's way through a batch of sixteen lanes")
+    d = Drawing(910, 390, "A ray's way through a batch of sixteen lanes")
     top = [
         ("draw", ["two numbers", "for the pixel"], AMBER), ("begin", ["the camera's", "ray"], AMBER),
         ("closest", ["distance and", "primitive"], BLUE), ("surface", ["point, normal,", "material"], GREEN),
-        ("draw", ["numbers of", "the vertex"], AMBER),
+        ("draw", ["numbers of", "the vertex"], AMBER), ("material", ["wrappers and", "textures"], GREEN),
     ]  # fmt: skip
     bottom = [
         ("finish", ["end, or the", "next segment"], GREEN), ("occluded", ["is the light", "visible?"], BLUE),
@@ -122,7 +122,7 @@ def ray() -> None:
         d.box(20 + 150 * k, 190, 120, 68, title, lines, fill)
         if k:
             d.arrow((20 + 150 * k, 224), (20 + 150 * k - 30, 224))
-    d.arrow((680, 118), (680, 188))
+    d.arrow((830, 118), (830, 224), (742, 224))
     d.arrow((110, 190), (110, 154), (380, 154), (380, 120))
     d.text(245, 148, "alive: the next segment", soft=True)
     d.arrow((50, 190), (50, 120))

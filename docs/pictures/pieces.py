@@ -44,7 +44,8 @@ def staged(piece: dict[str, Any]) -> dict[str, Any]:
         lights = [SKY]
         shapes.append(LAMP)
     return {
-        "raybench_scene": 1, "camera": CAMERA, "materials": MATERIALS | own, "shapes": shapes, "lights": lights,
+        "raybench_scene": 1, "camera": CAMERA, "textures": piece.get("textures", {}), "materials": MATERIALS | own,
+        "shapes": shapes, "lights": lights,
     }  # fmt: skip
 
 

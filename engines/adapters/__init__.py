@@ -5,10 +5,11 @@ stopping, updates, counters and the choice of settings come with them. See docs/
 """
 
 from engines.adapters.engine import AdapterEngine
-from engines.adapters.geometry import CameraFrame, FlatMesh, camera_frame, flat_meshes
+from engines.adapters.geometry import CameraFrame, FlatMesh, camera_frame, extent, flat_meshes, sphere_mesh
 from engines.adapters.image_renderer import MEANS_ALONE, ImageRenderer
 from engines.adapters.seeds import derive_seed
 
 __all__ = [
-    "MEANS_ALONE", "AdapterEngine", "CameraFrame", "FlatMesh", "ImageRenderer", "camera_frame", "derive_seed", "flat_meshes",
+    "MEANS_ALONE", "AdapterEngine", "CameraFrame", "FlatMesh", "ImageRenderer", "camera_frame", "derive_seed", "extent",
+    "flat_meshes", "sphere_mesh",
 ]  # fmt: skip

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.scene import Mesh, Orthographic, Perspective, Scene, ThinLens, Triangle
+from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, ThinLens, Triangle
 from engines.scene.bsdf import uses_uvs
-from engines.scene.geometry import has_area
+from engines.scene.geometry import face_normals, has_area, unit_rows
+from engines.scene.procedural.solids import tessellated_sphere
 from engines.scene.support import model_of
 
 Array = NDArray[np.float64]
@@ -36,14 +37,29 @@ class FlatMesh:
     uvs: Array | None = None
 
 
-def flat_meshes(scene: Scene) -> list[FlatMesh]:
+def extent(scene: Scene) -> float:
+    """The largest coordinate of anything finite in the scene, the camera included; at least 1e-3."""
+    reach = [np.abs(box).max() for shape in scene.shapes if (box := shape.bounds()) is not None]
+    reach += [np.abs(shape.point).max() for shape in scene.shapes if isinstance(shape, Plane)]
+    reach += [np.abs(getattr(scene.camera, name, BLACK)).max() for name in ("eye", "target")]
+    return float(max(1e-3, *reach))
+
+
+def sphere_mesh(subdivisions: int) -> tuple[Array, NDArray[np.int32]]:
+    """Vertices, which are the normals too, and 20 * 4^`subdivisions` faces of a unit sphere."""
+    made = tessellated_sphere(subdivisions, BLACK, 1.0)
+    return made.vertices, made.faces
+
+
+def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
     """All triangles and meshes of the scene, one mesh for each material (two where only some of it is smooth, or has uvs).
 
     Faces of zero area are left out. Where light depends on texture coordinates (`engines.scene.bsdf.uses_uvs`) every mesh has
-    them. Other shapes are the caller's: an engine lists in `AdapterEngine.shapes` the kinds that it takes.
+    them. Other shapes are the caller's: an engine lists in `AdapterEngine.shapes` the kinds that it takes. With a `gap` every
+    face that emits on both sides is two that emit on one, `gap` away from its place.
     """
     groups: dict[tuple[int, bool, bool], list[_Piece]] = {}
-    for piece in _pieces(scene):
+    for piece in _pieces(scene, gap):
         groups.setdefault((piece.material, piece.normals is not None, piece.uvs is not None), []).append(piece)
     found = []
     for index, ((material, _, _), pieces) in enumerate(sorted(groups.items())):
@@ -66,7 +82,7 @@ class _Piece(NamedTuple):
     uvs: Array | None
 
 
-def _pieces(scene: Scene) -> Iterator[_Piece]:
+def _pieces(scene: Scene, gap: float | None) -> Iterator[_Piece]:
     """The faces of each shape, of one material at a time, with the vertices that they use."""
     wanted = [uses_uvs(model_of(material)) for material in scene.materials]
     for shape in scene.shapes:
@@ -88,7 +104,20 @@ def _pieces(scene: Scene) -> Iterator[_Piece]:
                 order = order.reshape(-1, 3).astype(np.int32)
                 uvs = mesh.uvs[corners] if wanted[material] and mesh.uvs is not None else None
             normals = None if mesh.normals is None else mesh.normals[corners]
-            yield _Piece(material, mesh.vertices[corners], order, normals, uvs)
+            piece = _Piece(material, mesh.vertices[corners], order, normals, uvs)
+            two = gap is not None and scene.materials[material].emits and scene.materials[material].two_sided
+            yield from _two_sides(piece, gap or 0.0) if two else (piece,)
+
+
+def _two_sides(piece: _Piece, gap: float) -> Iterator[_Piece]:
+    """The faces moved to their front, and turned around and moved to their back."""
+    corners = piece.faces.reshape(-1)
+    normal = np.repeat(unit_rows(face_normals(piece.vertices, piece.faces)), 3, axis=0)
+    order = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    normals, uvs = (None if each is None else each[corners] for each in (piece.normals, piece.uvs))
+    yield _Piece(piece.material, piece.vertices[corners] + gap * normal, order, normals, uvs)
+    back = None if normals is None else -normals
+    yield _Piece(piece.material, piece.vertices[corners] - gap * normal, order[:, [0, 2, 1]], back, uvs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,6 +26,10 @@ MEANS_ALONE = {
 """Keys of claims of `engines.conformance`, with reasons: what a renderer of means of several samples cannot promise."""
 
 
+WATCHED = 16
+"""Samples a pixel between two calls of `on_pass`."""
+
+
 class ImageRenderer(ABC):
     """A scene with resolved settings, rendered by `image`. See `engines.interface.Renderer` for what the methods promise.
 
@@ -35,7 +39,8 @@ class ImageRenderer(ABC):
     """
 
     samples_a_pass: int | None = None
-    """Samples a pixel of an `image`, between which `stop` and `on_pass` act; None: all that a call of `render` asks for."""
+    """Samples a pixel of an `image`, between which `stop` and `on_pass` act; None: all that a call of `render` asks for, or at
+    most `WATCHED` for a call with `on_pass`."""
 
     def __init__(self, engine: Engine, scene: Scene, settings: Settings) -> None:
         """`settings` with every choice resolved. `engine.why_not` is asked before an update."""
@@ -52,9 +57,9 @@ class ImageRenderer(ABC):
         """Translates the scene, and builds what rendering needs. `update` calls it again, with another camera or shapes."""
 
     @abstractmethod
-    def image(self, spp: int, offset: int, seed: int) -> Image | tuple[Image, int] | None:
-        """The mean of `spp` new samples a pixel, (h, w, 3) linear radiance, row 0 at the top; with their true number, where
-        that may be another one; None only after `interrupt`.
+    def image(self, spp: int, offset: int, seed: int) -> Image | tuple[Image, int | NDArray[np.integer]] | None:
+        """The mean of `spp` new samples a pixel, (h, w, 3) linear radiance, row 0 at the top; with their true number, or (h, w)
+        numbers, where that may be another one (see `overshoots` in `engines.interface.Engine`); None only after `stop`.
 
         `offset` is the number of samples in the film, and so of the first new one. `seed`, in [1, 2^31), is the same in all
         calls: a renderer that cannot begin at a sample takes `derive_seed(seed, offset)`, or its samples would repeat.
@@ -82,7 +87,7 @@ class ImageRenderer(ABC):
             target = self.film.spp + spp
             while self.film.spp < target and not self.stopped.is_set():
                 missing = target - self.film.spp
-                samples = min(missing, self.samples_a_pass or missing)
+                samples = min(missing, self.samples_a_pass or (missing if on_pass is None else WATCHED))
                 found = self.image(samples, self.film.spp, self.seed)
                 if found is None:
                     if self.stopped.is_set():

@@ -13,6 +13,8 @@ from engines.conformance.subject import Declined, Subject, expect
 from engines.interface import Renderer
 from engines.scene import Scene
 
+EMISSION_ALONE = tuple({"name": "path_tracer", "max_depth": depth} for depth in (1, 2))
+"""Of a scene where nothing reflects: not every renderer has paths of one segment."""
 STANDARD_ERRORS = 5.0
 """A mean this far from the truth happens by chance once in 1.7 million."""
 
@@ -86,7 +88,7 @@ def images_are_upright(subject: Subject) -> None:
     """Row 0 is the top, column 0 the left of the camera's view, and colours keep their channels."""
     colours = {(-9, 1): "red", (0, 1): "green", (-9, 0): "blue", (0, 0): "grey"}
     quarters = [rectangle((x, x + 9), (9 * y - 8, 9 * y + 1), 0, name) for (x, y), name in colours.items()]
-    shaders = ({"name": "path_tracer", "max_depth": 1}, "whitted", "no_shadows", "albedo")
+    shaders = (*EMISSION_ALONE, "whitted", "no_shadows", "albedo")
     for renderer in _first(subject, scene(quarters), shaders, width=16, height=12):
         image = renderer.render(1).mean()
         for rows, columns, name, colour in (
@@ -125,7 +127,7 @@ def cameras_show_what_lies_along_their_rays(subject: Subject) -> None:
     for kind, (opening, place) in kinds.items():
         held = scene([_lamp_behind(2, 3, place)], type=kind, eye=[0, 0, 4], target=[0, 0, 0], **opening)
         try:
-            renderers = _first(subject, held, ({"name": "path_tracer", "max_depth": 1}, "whitted"))
+            renderers = _first(subject, held, (*EMISSION_ALONE, "whitted"))
         except Declined as reason:
             declined.append(reason)
             continue

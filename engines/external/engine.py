@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -130,6 +131,8 @@ def program(said: Description) -> str:
 
 class Renderer(ImageRenderer):
     """A scene for a program. `counters()["told_seconds"]` is the time that counts, over all calls of `render`."""
+
+    samples_a_pass = sys.maxsize  # a call is one process, whoever looks on
 
     def __init__(self, engine: Engine, said: Description, scene: Scene, settings: Settings) -> None:
         self._said = said

@@ -39,7 +39,8 @@ class SceneFeatures(NamedTuple):
     """Kinds of listed lights."""
     many_lights: bool = False
     power_lights: bool = False
-    """The integrator chooses lights by their power."""
+    """The integrator chooses lights by their power; light_hierarchy: by a hierarchy."""
+    light_hierarchy: bool = False
     turned_environment: bool = False
     """The environment's image is rotated."""
     mesh_lights: bool = False

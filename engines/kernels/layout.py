@@ -31,10 +31,10 @@ from engines.kernels.compile.records import (
     vector,
     vectors,
 )
+from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRow, RangeRow
 from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
 BSDF_PARAMETERS = 15
-LIGHT_PARAMETERS = 8
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
@@ -230,35 +230,6 @@ class LeafRow(Row):
     bsdf = reals(BSDF_PARAMETERS)
 
 
-class LightRow(Row):
-    """Parameters depend on the kind: see `engines.kernels.flatten.lights`."""
-
-    kind = real()
-    color = vector()
-    two_sided = real()
-    parameters = reals(LIGHT_PARAMETERS)
-
-
-class EnvironmentRow(Row):
-    """How directions become places in an environment's image: y = v `rows` - `first_row` counts its rows; the local axes are
-    those of the image in the scene."""
-
-    dtype = np.float64
-    rows = real()
-    first_row = real()
-    x = vector()
-    y = vector()
-    z = vector()
-
-
-class RangeRow(Row):
-    """The faces of a mesh that is a light."""
-
-    dtype = np.int32
-    first = real()
-    count = real()
-
-
 class CameraRow(Row):
     """`right` and `up` are scaled by half the width and height; for the arctangent map they are unit vectors, and the
     half angles are given. Two pixels' widths are `2 / width`, and the axis of view passes at `middle_x / 2` of the width, from
@@ -299,6 +270,9 @@ class SceneTable(Table):
     n_planes = scalar()
     n_analytic = scalar()
     n_lights = scalar()
+    n_unbounded_lights = scalar()
+    light_parts = scalar()  # lights without a box, and one more for the hierarchy
+    lit_through = scalar()  # 1 where some surface may be lit from behind, else 0
     environment_light = scalar()  # index of the environment among the lights, 0 where there is none
     environment_width = scalar()
     environment_height = scalar()
@@ -321,7 +295,13 @@ class SceneTable(Table):
     light_cdf = array(np.float64)  # by area, of each range of faces
     light_ranges = rows(RangeRow)
     light_cumulative = array(np.float64)  # by power; like the next one where the integrator chooses lights so
-    light_choices = array(REAL)  # 1 / the probability of each
+    light_choices = array(REAL)  # 1 / the probability of each, in a hierarchy of each without a box
+    # of a hierarchy of lights (`engines.kernels.flatten.light_samplers`)
+    light_nodes = array(REAL)  # eight children each
+    light_children = array(np.int32)  # eight a node: index of a node, or -1 - index of a light
+    light_parents = array(np.int32)  # 8 times the node's parent plus its place there, -1 of the root
+    light_places = array(np.int32)  # the same of each light, -1 of those in no node
+    unbounded_lights = array(np.int32)
     environment = vectors(np.float64)  # texels, times the radiance
     environment_pdf = array(np.float64)  # in (u, v)
     environment_rows = array(np.float64)  # cumulative

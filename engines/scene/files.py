@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike, fspath
 from os.path import isfile  # False, where Path.is_file raises for names that are too long
 from pathlib import Path
@@ -10,6 +10,8 @@ from pathlib import Path
 from engines.errors import SceneError, suggestion
 from engines.schema.yaml_file import Located
 
+SUFFIXES = (".yaml", ".yml", ".xml")
+"""Of scene files: of those with one name, the first is found."""
 _ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -21,7 +23,7 @@ def scene_folders() -> list[Path]:
 
 def scene_names() -> list[str]:
     """Bare names of all scenes in `scene_folders`."""
-    return sorted({file.stem for folder in scene_folders() for file in folder.glob("*.yaml")})
+    return sorted({file.stem for folder in scene_folders() for file in folder.iterdir() if file.suffix in SUFFIXES})
 
 
 def is_xml(path: str | PathLike[str]) -> bool:
@@ -33,15 +35,15 @@ def find_scene(path: str | PathLike[str]) -> Path:
     """The file of a path, or of a bare name (no folder, no suffix). Raises `SceneError` where there is none."""
     name = fspath(path)
     direct = Path(name)
-    bare = direct.name == name and direct.suffix.lower() not in (".yaml", ".yml", ".xml")
+    bare = direct.name == name and direct.suffix.lower() not in SUFFIXES
     if not bare or isfile(direct):
         return direct
     for folder in scene_folders():
-        for suffix in (".yaml", ".yml"):
+        for suffix in SUFFIXES:
             found = folder / (name + suffix)
             if isfile(found):
                 return found
-    raise SceneError(f"scene {name!r}: unknown scene: {suggestion(name, scene_names())}, or the path of a YAML file")
+    raise SceneError(f"scene {name!r}: unknown scene: {suggestion(name, scene_names())}, or the path of a file")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,11 @@ class Place:
 
     folder: Path
     allow_outside: bool = False
+    _roots: tuple[Path, ...] = field(init=False, repr=False, compare=False)
+    """The folders that files may lie in, resolved once: a scene may name tens of thousands of files."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_roots", tuple(root.resolve() for root in (self.folder, *scene_folders())))
 
     def find(self, node: Located, name: str, folder: Path | None = None) -> Path:
         """The file that `name`, written at `node`, means.
@@ -59,12 +66,11 @@ class Place:
         """
         what = "" if name == node.value else f"names {name[:80]!r}: "
         starts = [folder or self.folder, *scene_folders()]
-        roots = [root.resolve() for root in (self.folder, *scene_folders())]
         outside = False
         for start in starts:
             try:
                 found = (start / name).resolve()
-                if not (self.allow_outside or any(found.is_relative_to(root) for root in roots)):
+                if not (self.allow_outside or any(found.is_relative_to(root) for root in self._roots)):
                     outside = True
                 elif found.exists():
                     return found

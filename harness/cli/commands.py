@@ -9,23 +9,67 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli import conversion
+from harness.cli import conversion, images, tracing
 from harness.cli.comparing import SeveralFolders, compare
-from harness.cli.options import AllowCommands, AllowImports, AllowOutside, Config, Define, Folder, Out, References, Set
+from harness.cli.options import (
+    DEFAULT_ENGINE,
+    AllowCommands,
+    AllowImports,
+    Command,
+    Config,
+    Folder,
+    Group,
+    Out,
+    References,
+    Scene,
+    Set,
+    engines,
+    shipped,
+)
+from harness.cli.options import size as parse_size
 
 app = typer.Typer(
-    name="raybench", no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    name="raybench", cls=Group, no_args_is_help=True, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Races ray tracers to quality: the error of an image against the time it took.",
     epilog="Exit codes: 0 all is well; 1 a cell failed or timed out, or a regression was found; 2 the input "
     "cannot be used, or a file cannot be written; 130 interrupted.",
 )  # fmt: skip
 
-@app.command()
+EXPERIMENTS, RESULTS, IMAGES = "Experiments", "Results", "Images"
+CHECKS, FILES = "Checks of engines", "Scenes and names"
+"""The groups of commands in the help."""
+
+
+def command(group: str, cls: type[Command] = Command, name: str | None = None) -> Callable[[Any], Any]:
+    """Registers a function as a command in a group of the help."""
+    return app.command(name, cls=cls, rich_help_panel=group)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"raybench {version('raybench')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
+
+@command(EXPERIMENTS)
 def run(
     config: Config,
     out: Out = None,
@@ -47,15 +91,21 @@ def run(
     """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
     from engines.errors import ConfigError
     from harness.cli import experiments
+    from harness.config import paths
+    from harness.config.trace import is_trace
     from harness.run.sweep import Options
 
+    if is_trace(paths.find("configs", config)):
+        if fresh or retry or fail_fast or cluster:
+            raise ConfigError(f"{config}: --fresh, --retry, --fail-fast and --cluster are of experiments: this compares rays")
+        raise typer.Exit(tracing.run_file(config, out, overrides or [], allow_imports, ["raybench", *sys.argv[1:]]))
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
     options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]], cluster)
     raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
 
 
-@app.command()
+@command(EXPERIMENTS)
 def plan(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False, references: References = None,
@@ -66,7 +116,7 @@ def plan(
     experiments.plan(config, out, overrides or [], allow_imports, allow_commands)
 
 
-@app.command()
+@command(EXPERIMENTS)
 def reference(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False, references: References = None,
@@ -77,81 +127,19 @@ def reference(
     raise typer.Exit(experiments.reference(config, out, overrides or [], allow_imports, allow_commands))
 
 
-@app.command()
-def render(
-    scene: Annotated[str, typer.Argument(help="A scene: a path (.yaml, or Mitsuba's .xml), or a bare name from scenes/.")],
-    engine: Annotated[str, typer.Option(help="`raybench list` names them.")] = "numba",
-    shader: Annotated[
-        str,
-        typer.Option(help="A name, or '{name: path_tracer, max_depth: 6}'. [default: the scene's, else path_tracer]"),
-    ] = "",
-    sampler: Annotated[
-        str, typer.Option(help="A name, or a mapping with options. [default: sobol, or random where the engine lacks it]")
-    ] = "",
-    accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
-    threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
-    spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
-    size: Annotated[Optional[str], typer.Option(metavar="WxH", help="[default: the scene's]")] = None,  # noqa: UP045
-    seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
-    precision: Annotated[Optional[str], typer.Option(help="float64 or float32. [default: the engine's]")] = None,  # noqa: UP045
-    tone_mapper: Annotated[str, typer.Option(help="linear, srgb, reinhard, aces or module:attribute; for .png.")] = "srgb",
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="[default: <scene>.exr]")] = None,  # noqa: UP045
-    define: Define = None,
-    allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False,
-    allow_outside: AllowOutside = False,
-) -> None:
-    """Render one image: .exr (linear, with variance and both halves) or .png."""
-    from harness.cli.render import Request, parameters_of
-    from harness.cli.render import render as rendered
-
-    chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
-    rendered(
-        Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
-                allow_commands, allow_outside, parameters_of(define or []))
-    )  # fmt: skip
+command(IMAGES)(images.render)
+command(IMAGES)(images.dahlquist)
 
 
-@app.command()
-def dahlquist(
-    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "320x480",
-    calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
-    time_elapsed: Annotated[int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")] = 3000,
-    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
-    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
-    interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
-    exact: Annotated[bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")] = False,
-    redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
-    probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
-    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
-    background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
-    engine: Annotated[str, typer.Option(help="numpy or numba; the frames are the same.")] = "numba",
-    threads: Annotated[Optional[int], typer.Option(help="[default: every core]")] = None,  # noqa: UP045
-    animate: Annotated[
-        Optional[int],  # noqa: UP045
-        typer.Option(metavar="N", help="Write N frames, of that call and the next, to a folder, .gif or .mp4."),
-    ] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second of a .gif or .mp4.")] = 25.0,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="PNG; its alpha says 255 for a ball, 254 for the background.")
-    ] = Path("dahlquist.png"),
-) -> None:
-    """Draw what N. Dahlquist's Android ray tracer (2012) draws, byte for byte."""
-    from harness.cli.dahlquist import Request, draw
-
-    request = Request(
-        size, calls, time_elapsed, not no_reflections, not no_probe, interlaced, exact, redraw, probe, probe_image,
-        background_image, engine, threads, animate, fps, output,
-    )  # fmt: skip
-    draw(request)
-
-
-@app.command()
+@command(IMAGES)
 def view(
-    scene: Annotated[str, typer.Argument(help="A scene below the folder, or a bare name from scenes/.")] = "cornell_box",
+    scene: Annotated[
+        str,
+        typer.Argument(help="A scene below the folder, or a bare name from scenes/.", autocompletion=shipped("scenes")),
+    ] = "cornell_box",
     folder: Annotated[Path, typer.Option(help="What the page may read, and save races in.")] = Path("."),
-    engine: Annotated[str, typer.Option(help="The one chosen at first. [default: embree]")] = "",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="[default: one that is free]")] = 0,
+    engine: Annotated[str, typer.Option(help="The one chosen at first.", autocompletion=engines)] = DEFAULT_ENGINE,
+    port: Annotated[int, typer.Option(min=0, max=65535, show_default="one that is free")] = 0,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
     allow_imports: AllowImports = False,
     references: References = None,
@@ -162,13 +150,16 @@ def view(
     open_viewer(scene, folder, port, engine, allow_imports, browser=not no_browser)
 
 
-@app.command()
+@command(RESULTS)
 def report(
     folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
     chapter: Annotated[
         Optional[Path],  # noqa: UP045
-        typer.Option(metavar="DIR", help="Write the chapter there instead, a section a folder. [default folders: "
-                     "results/dissertation and results/dahlquist]"),
+        typer.Option(
+            metavar="DIR",
+            help="Write the chapter there instead, a section a folder; without folders about "
+            "results/dissertation and results/dahlquist.",
+        ),
     ] = None,
     references: References = None,
 ) -> None:
@@ -181,7 +172,7 @@ def report(
         results.chapter(folders or [], chapter)
 
 
-@app.command()
+@command(RESULTS)
 def rescore(
     folder: Folder,
     overrides: Annotated[
@@ -196,7 +187,7 @@ def rescore(
     results.rescore(folder, overrides or [], ["raybench", *sys.argv[1:]])
 
 
-@app.command()
+@command(RESULTS)
 def merge(
     folders: Annotated[list[Path], typer.Argument(help="Results folders.")],
     out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
@@ -208,7 +199,7 @@ def merge(
     results.merge(folders, out)
 
 
-@app.command()
+@command(RESULTS)
 def archive(
     folder: Folder,
     out: Annotated[Path, typer.Option("--out", help="A new folder, or an archive that is to be replaced.")],
@@ -220,7 +211,7 @@ def archive(
     results.archive(folder, out)
 
 
-@app.command()
+@command(RESULTS)
 def calibrate(folder: Folder, references: References = None) -> None:
     """Say how far a run's verdicts can be trusted, from its own noise. Exit code 1 where a figure is not what it must be."""
     from harness.cli import results
@@ -228,10 +219,10 @@ def calibrate(folder: Folder, references: References = None) -> None:
     raise typer.Exit(results.calibrate(folder))
 
 
-app.command(cls=SeveralFolders)(compare)
+command(RESULTS, SeveralFolders)(compare)
 
 
-@app.command()
+@command(EXPERIMENTS)
 def status(folder: Folder) -> None:
     """Say how far the run of a results folder is, and what failed."""
     from harness.cli import experiments
@@ -239,15 +230,16 @@ def status(folder: Folder) -> None:
     experiments.status(folder)
 
 
-@app.command()
+@command(CHECKS)
 def verify(
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
             "--engine",
             metavar="NAME",
-            help="An engine, ours or module:attribute, or all that are installed. May be repeated. "
-            "[default: numpy, numba, embree]",
+            help="An engine, ours or module:attribute, or all that are installed. May be repeated.",
+            show_default="numpy, numba, embree",
+            autocompletion=engines,
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
@@ -255,10 +247,10 @@ def verify(
         Optional[list[str]],  # noqa: UP045
         typer.Option("--case", metavar="ID", help="A case or a section alone. May be repeated."),
     ] = None,
-    out: Annotated[Optional[Path], typer.Option("--out", help="[default: results/verify]")] = None,  # noqa: UP045
+    out: Annotated[Optional[Path], typer.Option("--out", show_default="results/verify")] = None,  # noqa: UP045
     jobs: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option(min=1, help="Processes side by side. [default: one a core, 8 at most]"),
+        typer.Option(min=1, help="Processes side by side.", show_default="one a core, 8 at most"),
     ] = None,
     allow_imports: AllowImports = False,
 ) -> None:
@@ -269,13 +261,13 @@ def verify(
     raise typer.Exit(run_verify(VerifyOptions(engine or [], quick, only or [], out, jobs, allow_imports)))
 
 
-@app.command()
+@command(CHECKS)
 def equivalence(
-    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    scene: Scene,
     engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more; one twice is an A/A test.")],
     replicates: Annotated[int, typer.Option(help="Independent images an engine.")] = 16,
     spp: Annotated[int, typer.Option(help="Samples per pixel of each.")] = 16,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "64x64",
+    size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "64x64",
     shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
     margin: Annotated[float, typer.Option(help="Image means within this share of each other count as equal.")] = 0.005,
     tile_margin: Annotated[float, typer.Option(help="The same of tiles of 16x16 pixels.")] = 0.05,
@@ -294,11 +286,12 @@ def equivalence(
     raise typer.Exit(compare(options))
 
 
-app.command()(conversion.export)
-app.command(name="import")(conversion.import_)
+command(CHECKS)(tracing.trace)
+command(FILES)(conversion.export)
+command(FILES, name="import")(conversion.import_)
 
 
-@app.command(name="list")
+@command(FILES, name="list")
 def list_() -> None:
     """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""
     from harness.cli.listing import show
@@ -306,18 +299,19 @@ def list_() -> None:
     show()
 
 
-@app.command()
+@command(FILES)
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="[experiment|scene]", help="Of which files.")] = "experiment",
+    kind: Annotated[str, typer.Argument(metavar="[experiment|scene|trace]", help="Of which files.")] = "experiment",
 ) -> None:
-    """Print the JSON schema of experiment or scene files, for editors."""
+    """Print the JSON schema of experiment, scene or trace files, for editors."""
     import json
 
     from engines.errors import UnknownName
     from engines.scene import scene_schema
     from harness.config import experiment_schema
+    from harness.config.trace import trace_schema
 
-    schemas = {"experiment": experiment_schema, "scene": scene_schema}
+    schemas = {"experiment": experiment_schema, "scene": scene_schema, "trace": trace_schema}
     if kind not in schemas:
         raise UnknownName("kind of file", kind, schemas)
     typer.echo(json.dumps(schemas[kind](), indent=2))

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any, Optional
 
 import typer
-from typer.core import TyperCommand
+
+from harness.cli.options import Command
 
 
-class SeveralFolders(TyperCommand):
+class SeveralFolders(Command):
     """Takes several folders behind `--before` and `--after`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.options import AllowImports, AllowOutside, Define
+from harness.cli.options import AllowImports, AllowOutside, Define, Scene
 
 
 def export(
-    scene: Annotated[str, typer.Argument(help="A scene: a path, or a bare name from scenes/.")],
+    scene: Scene,
     to: Annotated[str, typer.Option("--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
     max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,

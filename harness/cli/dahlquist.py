@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
@@ -25,7 +24,7 @@ MAX_CALLS = 10_000_000
 class Request(NamedTuple):
     """The command line."""
 
-    size: str
+    size: tuple[int, int]
     calls: int
     time_elapsed: int
     reflections: bool
@@ -101,12 +100,9 @@ def _check(request: Request) -> None:
 
 
 def _tracer(request: Request) -> dahlquist.Tracer:
-    found = re.fullmatch(r"([0-9]{1,5})[xX]([0-9]{1,5})", request.size)
-    if found is None:
-        raise ConfigError(f"--size {request.size}: must look like 320x480")
     probe = dahlquist.read_picture(request.probe_image) if request.probe_image else dahlquist.PROBES[request.probe]()
     return dahlquist.Tracer(
-        int(found[1]), int(found[2]), engine=request.engine, threads=request.threads or len(machine.usable_cores()),
+        *request.size, engine=request.engine, threads=request.threads or len(machine.usable_cores()),
         reflections=request.reflections, environment=request.environment, interlaced=request.interlaced,
         exact=request.exact, probe=probe,
         background=dahlquist.read_picture(request.background_image) if request.background_image else None,

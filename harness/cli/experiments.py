@@ -74,8 +74,7 @@ def _warn(plan: Plan, console: Console) -> None:
 
 
 def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
-    counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
-    console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
+    """Prints what failed, the winners for each target, counts, and where the report is."""
     for cell, event in outcome.failures:
         words = f"{event['state']}: {progress.describe(cell)}: {event['message']}"
         console.print(words, style=progress.COLOURS[event["state"]], markup=False, soft_wrap=True)
@@ -83,6 +82,10 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
         console.print(words, style=progress.COLOURS["failed"], markup=False, soft_wrap=True)
     if outcome.failures or outcome.failed_verify_jobs:
         console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
+    if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
+        console.print(winners, end="", markup=False, soft_wrap=True)
+    counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
+    console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
 
 
 # --- plan -----------------------------------------------------------------------------------------------------------

@@ -1,16 +1,94 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands have, and what they share: completion, sizes, help without `<bool>`."""
 
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any, Optional
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-Config = Annotated[str, typer.Argument(help="An experiment: a path, or a bare name from configs/.")]
+DEFAULT_ENGINE = "embree"
+"""The engine of `render` and `view`; their threads are all usable cores."""
+
+
+def _untyped(params: list[Any]) -> list[Any]:
+    """Parameters of which the flags show no type in the help: they take no value."""
+    for param in params:
+        if getattr(param, "is_flag", False):
+            param.metavar = ""
+    return params
+
+
+class Command(TyperCommand):
+    """A command whose help gives flags no type."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _untyped(super().get_params(ctx))
+
+
+class Group(TyperGroup):
+    """The program, whose help gives flags no type."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return _untyped(super().get_params(ctx))
+
+
+def shipped(kind: str) -> Callable[[str], list[str]]:
+    """Completes the names of the scenes or configs that come with raybench."""
+
+    def complete(incomplete: str) -> list[str]:
+        from harness.config import paths
+
+        return [name for name in paths.shipped(kind) if name.startswith(incomplete)]
+
+    return complete
+
+
+def engines(incomplete: str) -> list[str]:
+    """Completes the names of engines."""
+    from engines.registry import engine_names
+
+    return [name for name in engine_names() if name.startswith(incomplete)]
+
+
+def choices(table: str) -> Callable[[str], list[str]]:
+    """Completes the names in a table of `engines.choices`, or of tone mappers."""
+
+    def complete(incomplete: str) -> list[str]:
+        from engines import choices, tonemap
+
+        names = tonemap.TONE_MAPPERS if table == "TONE_MAPPERS" else getattr(choices, table)
+        return [name for name in names if name.startswith(incomplete)]
+
+    return complete
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height in pixels, from `256x192`. Raises `ConfigError`."""
+    from engines.errors import ConfigError
+
+    found = re.fullmatch(r"([0-9]{1,5})[xX]([0-9]{1,5})", text)
+    if found is None:
+        raise ConfigError(f"--size {text}: must look like 256x256")
+    return int(found[1]), int(found[2])
+
+
+Config = Annotated[
+    str, typer.Argument(help="An experiment: a path, or a bare name from configs/.", autocompletion=shipped("configs"))
+]
+Scene = Annotated[
+    str,
+    typer.Argument(
+        help="A scene: a path (.yaml, or Mitsuba's .xml), or a bare name from scenes/.",
+        autocompletion=shipped("scenes"),
+    ),
+]
 Folder = Annotated[Path, typer.Argument(help="A results folder.")]
-Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder. [default: results/<name>]")]  # noqa: UP045
+Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/<name>")]  # noqa: UP045
 Set = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),

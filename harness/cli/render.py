@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -40,7 +39,7 @@ class Request(NamedTuple):
     chosen: Mapping[str, str]
     threads: int | None
     spp: int
-    size: str | None
+    size: tuple[int, int] | None
     seed: int
     precision: str | None
     tone_mapper: str
@@ -143,7 +142,7 @@ def _check_output(output: Path) -> None:
 
 def _settings(request: Request) -> dict[str, Any]:
     """The cell's plain data, as an experiment would have it."""
-    width, height = _size(request.size)
+    width, height = request.size or (None, None)
     tables = {"shader": SHADERS, "sampler": SAMPLERS}
     settings: dict[str, Any] = {
         "width": width, "height": height, "precision": request.precision,
@@ -160,17 +159,13 @@ def _settings(request: Request) -> dict[str, Any]:
     return settings
 
 
-def _size(text: str | None) -> tuple[int | None, int | None]:
-    if text is None:
-        return None, None
-    found = re.fullmatch(r"([0-9]{1,5})[xX]([0-9]{1,5})", text)
-    if found is None:
-        raise ConfigError(f"--size {text}: must look like 256x256")
-    return int(found[1]), int(found[2])
-
-
 def _provenance(
-    request: Request, settings: Mapping[str, Any], scene_hash: str, engine: Engine, seconds: float, warnings: Sequence[str]
+    request: Request,
+    settings: Mapping[str, Any],
+    scene_hash: str,
+    engine: Engine,
+    seconds: float,
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
     return {
         "scene": request.scene, "scene_hash": scene_hash, "engine": request.engine,

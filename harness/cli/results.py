@@ -14,6 +14,7 @@ from engines.errors import ConfigError
 from harness import store
 from harness.console import consoles
 from harness.store import atomic
+from harness.trace import records
 
 CHAPTER_FOLDERS = (Path("results/dissertation"), Path("results/dahlquist"))
 NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
@@ -37,9 +38,15 @@ def report(folders: Sequence[Path]) -> None:
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
-        require_results(folder)
+        if not (folder / records.FILE).exists():
+            require_results(folder)
     for folder in folders:
-        write_derived(folder)
+        if (folder / records.FILE).exists():
+            from harness.report.tracing import write_derived as write_trace
+
+            write_trace(folder)
+        else:
+            write_derived(folder)
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 

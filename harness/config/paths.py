@@ -24,8 +24,9 @@ def shipped(kind: str) -> dict[str, Path]:
     """Bare names with their files, sorted; the working directory's hide the others."""
     found: dict[str, Path] = {}
     for folder in folders(kind):
-        for path in sorted(folder.glob("*.y*ml")):
-            found.setdefault(path.stem, path)
+        for pattern in ("*.y*ml", "*.xml")[: 2 if kind == "scenes" else 1]:
+            for path in sorted(folder.glob(pattern)):
+                found.setdefault(path.stem, path)
     return dict(sorted(found.items()))
 
 

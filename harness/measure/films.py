@@ -28,7 +28,7 @@ class Unwritten(Exception):
     """The disk is full, say: no failure of the engine."""
 
 
-def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> None:
+def leave(film: Any, path: str | Path, width: int, height: int, spp: int, overshoots: bool = False) -> None:
     """Writes an engine's film into a file. Raises `RendererFailed` where it is not the film of the request, and
     `Unwritten` where the file cannot be written."""
     lacking = [part for part in PARTS if not hasattr(film, part)]
@@ -37,17 +37,18 @@ def leave(film: Any, path: str | Path, width: int, height: int, spp: int) -> Non
             f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is wanted"
         )
     parts = {part: getattr(film, part) for part in PARTS}
-    _refuse_unfit(parts, width, height, spp)
+    _refuse_unfit(parts, width, height, spp, overshoots)
     try:
         np.savez(path, **parts)
     except OSError as error:
         raise Unwritten(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def take(path: Path, width: int, height: int, spp: int) -> Film:
+def take(path: Path, width: int, height: int, spp: int, overshoots: bool = False) -> Film:
     """The film that a worker left, checked once more: engines share the worker's process and may have changed the file.
 
-    Raises `RendererFailed` where it is not a film of `height` x `width` pixels with `spp` samples each.
+    Raises `RendererFailed` where it is not a film of `height` x `width` pixels with `spp` samples each, or more from an engine
+    that `overshoots`.
     """
     try:
         with open_regular(path) as file, zipfile.ZipFile(file) as members:
@@ -60,21 +61,22 @@ def take(path: Path, width: int, height: int, spp: int) -> Film:
                 parts |= {"counts": arrays["counts"], "bad_samples": arrays["bad_samples"].item()}
     except Exception as error:  # what zipfile, zlib and NumPy raise for damaged files is no closed list
         raise RendererFailed(f"the worker's film cannot be read: {type(error).__name__}: {error}") from error
-    _refuse_unfit(parts, width, height, spp)
+    _refuse_unfit(parts, width, height, spp, overshoots)
     film = Film(width, height)
     film.sums, film.squares, film.even_sums = (np.asarray(parts[part], np.float64) for part in COLOURS)
     film.counts, film.bad_samples = np.asarray(parts["counts"], np.int64), int(parts["bad_samples"])
     return film
 
 
-def _refuse_unfit(parts: Mapping[str, Any], width: int, height: int, spp: int) -> None:
-    """Raises `RendererFailed` for arrays of another shape or kind, and for counts that are not `spp` everywhere."""
+def _refuse_unfit(parts: Mapping[str, Any], width: int, height: int, spp: int, overshoots: bool) -> None:
+    """Raises `RendererFailed` for arrays of another shape or kind, and for counts that are not `spp` everywhere, or less than
+    that."""
     for name in COLOURS:
         _refuse_array(name, parts[name], (height, width, 3), np.floating, "floating-point numbers")
     counts = parts["counts"]
     _refuse_array("counts", counts, (height, width), np.integer, "integers")
     low, high = int(counts.min()), int(counts.max())
-    if (low, high) != (spp, spp):
+    if low < spp or (high > spp and not overshoots):
         found = str(low) if low == high else f"{low} to {high}"
         raise RendererFailed(f"the engine's film.counts are {found}: {spp} is wanted, the samples requested")
     bad = parts["bad_samples"]

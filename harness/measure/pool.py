@@ -257,7 +257,7 @@ class Pool:
                 if did == "end":
                     threads = request["settings"]["threads"]
                     answer["machine"] = contention.judged(answer.get("machine", {}), threads, waited)
-                yield WorkerMessage(answer, self._film(worker, request, answer["spp"]) if did == "point" else None)
+                yield WorkerMessage(answer, self._film(worker, request, answer) if did == "point" else None)
                 deadline += monotonic() - began
                 kinds = ("point", "end")
                 if did == "point":
@@ -275,13 +275,35 @@ class Pool:
         worker.ask({"do": "reference", **request, **options})
         try:
             for _ in seeds:
-                seconds = self._receive(worker, request, FOREVER, "point")["seconds"]
-                yield self._film(worker, request, request["spp"]), seconds
+                answer = self._receive(worker, request, FOREVER, "point")
+                yield self._film(worker, request, {**answer, "spp": request["spp"]}), answer["seconds"]
                 worker.ask({"do": "go"})
         except GeneratorExit:
             worker.kill()
             raise
         worker.receive(FOREVER, "end")
+
+    def trace(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> dict[str, Any]:
+        """What a worker says of a set of rays that it has traced: its version, phases, `seconds` of `passes`, what disturbed
+        these (`machine`) and its `answers`. Raises `WorkerFailed` and `WorkerTimeout`."""
+        from harness.measure.tracing import read_answers
+
+        worker = self.worker(engine)
+        worker.threads = EndedThreads()
+        deadline = monotonic() + timeout_seconds
+        options = {"allow_imports": self._allow_imports, "answers": str(self.scratch)}
+        try:
+            worker.ask({"do": "trace", **request, **options})
+            found = worker.receive(deadline, "prepared") | worker.receive(deadline, "traced")
+            waited = worker.ended_waits(found.pop("window", (0.0, 0.0)), found.pop("alive", []))
+            end = worker.receive(deadline, "end")
+            machine = contention.judged(end.get("machine", {}), request["threads"], waited)
+            return {**found, "version": worker.version, "machine": machine, "answers": read_answers(self.scratch, request)}
+        except RaybenchError as error:
+            worker.kill()
+            raise WorkerFailed(str(error)) from error
+        finally:
+            worker.threads = None
 
     def _receive(self, worker: Worker, request: Mapping[str, Any], deadline: float, *kinds: str) -> dict[str, Any]:
         """The worker's next answer. Raises `ConfigError` where a film cannot be written, which is no failure of the cell,
@@ -298,13 +320,13 @@ class Pool:
                 raise ConfigError(str(error)) from None
             raise WorkerFailed(f"its film could not be written there, though this process can: {error}") from None
 
-    def _film(self, worker: Worker, request: Mapping[str, Any], spp: int) -> Film:
-        """The film that a worker has left; raises `WorkerFailed` where it is none."""
+    def _film(self, worker: Worker, request: Mapping[str, Any], answer: Mapping[str, Any]) -> Film:
+        """The film that a worker has left and announced by `answer`; raises `WorkerFailed` where it is none."""
         from harness.measure.films import take
 
         settings = request["settings"]
         try:
-            return take(self.scratch, settings["width"], settings["height"], spp)
+            return take(self.scratch, settings["width"], settings["height"], answer["spp"], answer.get("overshoots") is True)
         except RaybenchError as error:
             worker.kill()
             raise WorkerFailed(str(error)) from error

@@ -56,6 +56,7 @@ FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "prepared": dict.fromkeys(("load_seconds", "build_seconds", "compile_seconds"), NUMBER),
     "point": {"spp": (_count, "an integer above 0"), "seconds": NUMBER},
     "verified": {"results": (_is(list), "a list")},
+    "traced": {"seconds": NUMBER, "passes": (_count, "an integer above 0")},
     "end": {},
     "failed": {"message": (_is(str), "text")},
     "unwritten": {"message": (_is(str), "text")},

@@ -6,9 +6,10 @@ once. Where forking is not safe (other systems than Linux, or an engine that sta
 cell itself and ends, and the parent starts another.
 
 Requests:  {"do": "import", "engine"}   {"do": "cell", ...}   {"do": "reference", ...}   {"do": "go"}
-           {"do": "verify", "case", "precision", "accelerator", "quick"}
+           {"do": "verify", "case", "precision", "accelerator", "quick"}   {"do": "trace", ...}
 Answers:   {"did": "import", "seconds", "version", "code", "forks"}   {"did": "prepared", phases}   {"did": "point", ...}
-           {"did": "verified", "results"}   {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
+           {"did": "verified", "results"}   {"did": "traced", ...}
+           {"did": "end", ...}   {"did": "failed", "message"}   {"did": "idle", "status"}
            {"did": "unwritten", "message"}: a film could not be handed over, which is no failure of the engine
 After a point the child waits for "go": the parent measures the error while nothing renders.
 
@@ -124,7 +125,7 @@ def in_child(engine: Any, request: dict[str, Any], pipes: Pipes) -> int:
 def serve(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     """Answers one request; an exception becomes a message."""
     try:
-        {"cell": cell, "reference": reference, "verify": verify}[request["do"]](engine, request, pipes)
+        {"cell": cell, "reference": reference, "verify": verify, "trace": trace}[request["do"]](engine, request, pipes)
     except BaseException as error:  # sys.exit of an engine is a failure, too
         import contextlib
         import traceback
@@ -160,7 +161,7 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     counters: dict[str, float] = {}
     for point in points:
         timed = {"window": disturbance.window, "alive": disturbance.alive}
-        hand_over(pipes, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
+        hand_over(pipes, engine, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
     disturbance.rest()
     pipes.send(did="end", counters=counters, machine=disturbance.report())
@@ -180,7 +181,7 @@ def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
         renderer, _, _ = clock.prepare(engine, scene, settings)
         start = perf_counter()
         film = renderer.render(spp=request["spp"])
-        hand_over(pipes, film, request, request["spp"], seconds=perf_counter() - start, seed=seed)
+        hand_over(pipes, engine, film, request, request["spp"], seconds=perf_counter() - start, seed=seed)
     pipes.send(did="end")
 
 
@@ -194,6 +195,25 @@ def verify(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
     pipes.send(did="verified", results=[dict(result) for result in run_case(case, subject)])
     pipes.send(did="end")
+
+
+def trace(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
+    """Traces a set of rays again and again until `max_time_seconds` are on the clock, and leaves the answers to those rays
+    that are to be checked."""
+    from harness.measure import tracing
+    from harness.measure.contention import Disturbance
+
+    scene, load_seconds = loaded(request)
+    rays = tracing.read_rays(request["rays"])
+    tracer, build, first_call = tracing.prepare(engine, scene, request, rays)
+    pipes.send(did="prepared", load_seconds=load_seconds, build_seconds=build, compile_seconds=first_call)
+    disturbance = Disturbance()
+    seconds, passes = tracing.timed_passes(tracer, request, rays, disturbance)
+    disturbance.rest()
+    tracing.leave_answers(tracer, request, rays)
+    window = {"window": disturbance.window, "alive": disturbance.alive}
+    pipes.send(did="traced", seconds=seconds, passes=passes, **window)
+    pipes.send(did="end", machine=disturbance.report())
 
 
 def loaded(request: dict[str, Any]) -> tuple[Any, float]:
@@ -216,16 +236,17 @@ def settings_of(request: dict[str, Any], seed: int, sampler: Any = None) -> Any:
     return engine_settings(settings, seed, request["allow_imports"])
 
 
-def hand_over(pipes: Pipes, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:
+def hand_over(pipes: Pipes, engine: Any, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:
     """Leaves the film's arrays in the file `request["scratch"]` and waits until the parent has used them."""
     from harness.measure.films import Unwritten, leave
 
+    overshoots, settings = bool(getattr(engine, "overshoots", False)), request["settings"]
     try:
-        leave(film, request["scratch"], request["settings"]["width"], request["settings"]["height"], spp)
+        leave(film, request["scratch"], settings["width"], settings["height"], spp, overshoots)
     except Unwritten as error:
         pipes.send(did="unwritten", message=str(error))
         os._exit(0)
-    pipes.send(did="point", spp=spp, **message)
+    pipes.send(did="point", spp=spp, overshoots=overshoots, **message)
     pipes.receive()
 
 

@@ -7,12 +7,14 @@ from pathlib import Path
 from harness.analysis import analyse
 from harness.report.plots import write_plots
 from harness.report.tables import write_tables
+from harness.report.winners import winners_text
+from harness.store import WINNERS
 from harness.store.atomic import write_text
 from harness.store.results import load_results
 
 
 def write_derived(folder: str | Path) -> Path:
-    """(Re)writes points.csv, ttq.csv, phases.csv, tables/, plots/ and report.html; returns the report's path.
+    """(Re)writes points.csv, ttq.csv, phases.csv, winners.txt, tables/, plots/ and report.html; returns the report's path.
 
     Needs manifest, events and images alone, whatever is missing among them. Raises ConfigError without events.
     """
@@ -22,6 +24,7 @@ def write_derived(folder: str | Path) -> Path:
     analysis = analyse(results)
     tables = write_tables(analysis, results.folder)
     plots = write_plots(analysis, results.folder)
+    write_text(results.folder / WINNERS, winners_text(analysis))
     path = results.folder / "report.html"
     write_text(path, report_html(analysis, tables, plots))
     return path

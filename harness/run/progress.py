@@ -10,11 +10,12 @@ from typing import Any, Protocol
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-from rich.table import Column
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.text import Text
 
 from harness.plan.cells import Cell, flow
 
+BAR_WIDTH = 10
 COLOURS = {"done": "green", "failed": "red", "timeout": "yellow", "skipped": "dim", "outdated": "dim", "queued": "cyan"}
 
 
@@ -54,12 +55,12 @@ class Terminal:
 
     def __init__(self, console: Console) -> None:
         self.console = console
-        words = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True, overflow="ellipsis"))
         self._bar = Progress(
-            BarColumn(bar_width=20), MofNCompleteColumn(), TextColumn("{task.fields[left]}"), words,
+            BarColumn(BAR_WIDTH), TextColumn("{task.description}", markup=False),
             console=console, auto_refresh=False, transient=True, disable=not console.is_terminal,
         )  # fmt: skip
-        self._task = self._bar.add_task("", total=None, left="")
+        self._task = self._bar.add_task("", total=None)
+        self._left = ""
         self._number, self._total, self._words = 0, 0, ""
 
     def __enter__(self) -> Terminal:
@@ -73,18 +74,17 @@ class Terminal:
         self.console.print(escape(text), style="yellow", highlight=False, soft_wrap=True)
 
     def reference(self, name: str, done: int, wanted: int) -> None:
-        self._draw(f"reference {name}", done, wanted, "replicates")
+        self._draw(f"replicates of reference {name}", done, wanted)
         if not self.console.is_terminal and done in (0, wanted):
             self.console.print(f"reference {escape(name)}: {'begins' if done == 0 else 'ready'}", highlight=False)
 
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None:
         self._number, self._total, self._words = number, total, describe(cell)
-        self._draw(self._words, number, total, f"at most {duration(seconds_left)} left")
+        self._left = f"at most {duration(seconds_left)} left"
+        self._draw(f"{self._left}: {self._words}", number, total)
 
     def point(self, spp: int, seconds: float) -> None:
-        self._bar.update(self._task, description=f"{self._words}: {spp} spp in {duration(seconds)}")
-        if self.console.is_terminal:
-            self._bar.refresh()
+        self._draw(f"{self._left}: {spp} spp in {duration(seconds)}, {self._words}", self._number, self._total)
 
     def finished(self, cell: Cell, event: Mapping[str, Any]) -> None:
         state = event["state"]
@@ -98,11 +98,14 @@ class Terminal:
                                soft_wrap=True)  # fmt: skip
 
     def verify_job(self, name: str, number: int, total: int) -> None:
-        self._draw(f"verify {name}", number, total, "verify jobs")
+        self._draw(f"verify {name}", number, total)
         if not self.console.is_terminal:
             self.console.print(f"verify [{number + 1}/{total}] {name}", markup=False, highlight=False)
 
-    def _draw(self, words: str, done: int, total: int, left: str) -> None:
-        self._bar.update(self._task, description=words, completed=done, total=total, left=left)
+    def _draw(self, words: str, done: int, total: int) -> None:
+        """Draws the bar with a line of text, cut to the width of the terminal: rich would shorten the counts first."""
+        line = Text(f"{done}/{total} {words}")
+        line.truncate(self.console.width - BAR_WIDTH - 1, overflow="ellipsis")
+        self._bar.update(self._task, description=line.plain, completed=done, total=total)
         if self.console.is_terminal:
             self._bar.refresh()

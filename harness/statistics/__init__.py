@@ -1,6 +1,6 @@
 """Estimators that the verdicts rest on: pure functions of arrays, each with its formula, its source and an interval.
 
-    intervals    means and geometric means with Student's t
+    intervals    means and geometric means with Student's t, proportions
     convergence  error curves, their slopes over the samples that a scene's contestants share
     crossings    where an error curve reaches a target
     quality      censored time-to-quality, efficiency
@@ -18,7 +18,13 @@ from harness.statistics.convergence import Curve, Slope, common_samples, converg
 from harness.statistics.crossings import Bound, Crossing, Reading, find_crossing
 from harness.statistics.equivalence import Equivalence, equivalence
 from harness.statistics.fronts import ecdf, pareto_front
-from harness.statistics.intervals import Estimate, bounded_interval, geometric_interval, mean_interval
+from harness.statistics.intervals import (
+    Estimate,
+    bounded_interval,
+    geometric_interval,
+    mean_interval,
+    proportion_interval,
+)
 from harness.statistics.quality import QualityTime, crossing_seconds, efficiency, reading_of, time_to_quality
 from harness.statistics.ratios import Race, Ratio, noise_floor, race, twin_distance
 from harness.statistics.scaling import ParallelRow, amdahl_fit, parallel_speedups
@@ -58,6 +64,7 @@ __all__ = [
     "on_bias_floor",
     "parallel_speedups",
     "pareto_front",
+    "proportion_interval",
     "race",
     "reading_of",
     "time_to_quality",

@@ -15,6 +15,7 @@ from harness.statistics.equivalence import IMAGE_Z, TILE_Z
 from harness.statistics.intervals import mean_interval
 from harness.statistics.tiles import (
     TILE,
+    Differences,
     TileSample,
     differences_of,
     family_z,
@@ -133,7 +134,11 @@ def radiance_sample(images: Sequence[Image], reference: Reference, spp: Sequence
 
 def radiance_bias(sample: RadianceSample) -> BiasEstimate:
     """The estimate on image mean and tiles alone."""
-    found = differences_of(sample.tiles)
+    return bias_of(differences_of(sample.tiles), sample)
+
+
+def bias_of(found: Differences, sample: RadianceSample) -> BiasEstimate:
+    """`radiance_bias` from the differences of the sample's tiles."""
     image, tiles = relative(found.image, sample.image_scale), relative(found.tiles, sample.tile_scale)
     image_se = np.hypot(relative(found.image_se, sample.image_scale), ROUNDED)
     tiles_se = np.hypot(relative(found.tiles_se, sample.tile_scale), ROUNDED)

@@ -1,7 +1,7 @@
 """How often the rules of this package are wrong, and what they find, on synthetic contestants made of a run's own noise.
 
 Times are residuals of ln seconds, drawn anew for every contestant and block; images enter as tile means. What judges them are
-`race` and `radiance_bias`, which judge the run.
+`race` and `bias_of`, which judge the run.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.statistics.bias import RadianceSample, radiance_bias
+from harness.statistics.bias import RadianceSample, bias_of
 from harness.statistics.ratios import FEWEST_BLOCKS, MARGIN, Race, noise_floor, race, twin_distance
-from harness.statistics.tiles import relative
+from harness.statistics.tiles import Differences, differences_of, relative
 
 Array = NDArray[np.float64]
 
@@ -124,11 +124,12 @@ def bias_figures(samples: Sequence[RadianceSample], repetitions: int, rng: np.ra
     false_alarms = 0
     for repetition in range(repetitions):
         sample = _unbiased(samples[repetition % len(samples)], rng)
-        false_alarms += _biased(sample, 0.0)
+        found = differences_of(sample.tiles)
+        false_alarms += _biased(sample, found, 0.0)
         one_tile = np.zeros_like(sample.truth)
         one_tile[int(rng.integers(len(one_tile))), int(rng.integers(one_tile.shape[1]))] = 1.0
         for kind, shape in enumerate((sample.truth, one_tile * sample.tile_scale)):
-            at = bisect_left(BIASES, True, key=lambda bias, shape=shape: _biased(sample, bias * shape))
+            at = bisect_left(BIASES, True, key=lambda bias, shape=shape: _biased(sample, found, bias * shape))
             smallest[kind].append(BIASES[at] if at < len(BIASES) else math.inf)
     image, tile = (float(np.quantile(values, FOUND, method="inverted_cdf")) for values in smallest)
     found_image, found_tile = (sum(value <= share for value in values) / repetitions
@@ -152,7 +153,8 @@ def _unbiased(sample: RadianceSample, rng: np.random.Generator) -> RadianceSampl
     return sample._replace(tiles=tiles._replace(means=np.broadcast_to(drawn * scale + common, tiles.means.shape)))
 
 
-def _biased(sample: RadianceSample, bias: Array | float) -> bool:
-    """Whether a flag is raised with `bias`, in radiance, added to every block."""
-    tiles = sample.tiles._replace(means=sample.tiles.means + bias)
-    return bool(radiance_bias(sample._replace(tiles=tiles)).flags)
+def _biased(sample: RadianceSample, found: Differences, bias: Array | float) -> bool:
+    """Whether a flag is raised with `bias`, in radiance, added to every block: means move, and variances stay."""
+    weights = sample.tiles.sizes / sample.tiles.sizes.sum()
+    moved = found._replace(tiles=found.tiles + bias, image=found.image + (bias * weights).sum(axis=(0, 1)))
+    return bool(bias_of(moved, sample).flags)

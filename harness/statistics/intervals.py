@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit  # Student's quantiles; scipy.stats takes a second to import
+from scipy.special import betaincinv, stdtrit  # scipy.stats takes a second to import
 
 LEVEL = 0.95
 
@@ -71,6 +71,17 @@ def bounded_interval(low: Sequence[float], high: Sequence[float]) -> Estimate:
         math.inf if math.isinf(above.value) else above.value if single and below.value == 0 else above.high,
         below.n,
     )
+
+
+def proportion_interval(count: int, n: int, level: float = LEVEL) -> Estimate:
+    """count / n with the exact interval of Clopper and Pearson 1934. Where all or none were counted it has one end alone, at
+    the full level: of none in n, that is nearly 3 / n at 95 %. NaN where `n` is 0."""
+    if n == 0:
+        return NOTHING
+    tail = (1 - level) / (1 if count in (0, n) else 2)
+    low = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
+    return Estimate(count / n, low, high, n)
 
 
 def exp(value: float) -> float:

@@ -21,6 +21,7 @@ from harness.store.folder import (
     DERIVED,
     IMAGES,
     LOCK,
+    WINNERS,
     clear,
     derived_is_fresh,
     discard_images,
@@ -34,7 +35,7 @@ from harness.store.json_files import read_json, write_json
 from harness.store.reference_files import reference_arrays
 
 __all__ = [
-    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "Events", "check_results", "clear", "compress",
+    "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "WINNERS", "Events", "check_results", "clear", "compress",
     "derived_is_fresh", "discard_images", "events_file", "image_file", "image_path", "is_locked", "last_event", "latest_cells",
     "latest_verify_jobs", "locked", "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
 ]  # fmt: skip

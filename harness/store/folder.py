@@ -16,7 +16,8 @@ from harness.store.events import COMPRESSED, EVENTS, MANIFEST, events_file
 from harness.store.json_files import read_json
 
 LOCK, IMAGES = ".lock", "images"
-DERIVED = ("points.csv", "ttq.csv", "phases.csv", "tables", "plots", "report.html", "worker.log")
+WINNERS = "winners.txt"
+DERIVED = ("points.csv", "ttq.csv", "phases.csv", WINNERS, "tables", "plots", "report.html", "worker.log")
 
 
 def read_manifest(folder: str | Path) -> dict[str, Any]:

@@ -1,7 +1,9 @@
 """What an adapter costs its peer: `python -m tests.benchmarks.adapter_overhead [--engine mitsuba] [--spp N...] [--rounds N]`.
 
-The peer's own call (`mitsuba.render`, evaluated and waited for) and `render` of the engine take turns in one process, on the
-same loaded scene with the same integrator, sampler, size and threads, in mirrored order (native, adapter, adapter, native).
+The peer's own call (`mitsuba.render`, evaluated and waited for; a session of LuxCore that runs until its count of samples is
+reached, with the look at it every millisecond that its own examples have) and `render` of the engine take turns in one process,
+on the same loaded scene with the same integrator, sampler, size and threads, in mirrored order (native, adapter, adapter,
+native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took.
 A round is one such turn of four calls. The table gives the median rate of both, and the geometric mean over rounds of the
 seconds of the adapter over those of the peer, with the 95 % interval of Student's t for the logarithms: by processor time of
 the process, which other processes disturb least, and by the wall clock. A sampler with patterns is rendered in whole ones.
@@ -32,10 +34,10 @@ class Seconds(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """Both ways to take `spp` samples per pixel; each call waits until they are there."""
+    """Both ways to take `spp` samples per pixel; each call waits until they are there, and says how many there are."""
 
-    native: Callable[[], Any]
-    adapter: Callable[[], Any]
+    native: Callable[[], float]
+    adapter: Callable[[], float]
 
 
 def mitsuba_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
@@ -48,24 +50,57 @@ def mitsuba_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> 
     integrator = mi.load_dict(path_node(stage.settings.shader.options))
     seeds = iter(range(1, 1 << 32))
 
-    def native() -> None:
+    def native() -> float:
         image = mi.render(stage.loaded, integrator=integrator, spp=spp, seed=next(seeds))
         dr.eval(image)
         dr.sync_thread()
+        return spp
 
-    return Pair(native, lambda: renderer.render(spp))
+    def adapter() -> float:
+        renderer.render(spp)
+        return spp
+
+    return Pair(native, adapter)
 
 
-PAIRS = {"mitsuba": mitsuba_pair}
+def luxcore_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
+    from engines.peers.luxcore import Engine
+
+    renderer: Any = Engine().prepare(scene, settings)  # in this process: what its own process costs is another question
+    renderer.warm_up()
+    session = renderer._session
+    pixels = renderer.film.width * renderer.film.height
+
+    def samples() -> float:
+        session.UpdateStats()
+        return session.GetStats().Get("stats.renderengine.total.samplecount").GetFloat() / pixels
+
+    def native() -> float:
+        session.GetFilm().Clear()
+        session.EndSceneEdit()
+        while samples() < spp:
+            time.sleep(0.001)
+        session.BeginSceneEdit()
+        return samples()
+
+    def adapter() -> float:
+        before = float(renderer.film.counts.mean())
+        return float(renderer.render(spp).counts.mean()) - before
+
+    return Pair(native, adapter)
 
 
-def seconds_of(call: Callable[[], Any]) -> Seconds:
+PAIRS = {"mitsuba": mitsuba_pair, "luxcore": luxcore_pair}
+
+
+def seconds_of(call: Callable[[], float], spp: int) -> Seconds:
+    """Of `spp` samples, at the rate of those that the call took."""
     processor, wall = time.process_time(), time.perf_counter()
-    call()
-    return Seconds(time.process_time() - processor, time.perf_counter() - wall)
+    share = spp / call()
+    return Seconds((time.process_time() - processor) * share, (time.perf_counter() - wall) * share)
 
 
-def measured(pair: Pair, rounds: int) -> list[tuple[Seconds, Seconds]]:
+def measured(pair: Pair, rounds: int, spp: int) -> list[tuple[Seconds, Seconds]]:
     """Of each round, the seconds of two native calls and of two of the adapter."""
     for call in pair:
         call()
@@ -74,7 +109,7 @@ def measured(pair: Pair, rounds: int) -> list[tuple[Seconds, Seconds]]:
         first, second = (0, 1) if number % 2 == 0 else (1, 0)
         taken = {0: [], 1: []}
         for which in (first, second, second, first):
-            taken[which].append(seconds_of(pair[which]))
+            taken[which].append(seconds_of(pair[which], spp))
         found.append(tuple(Seconds(*map(sum, zip(*taken[which], strict=True))) for which in (0, 1)))
     return found
 
@@ -121,14 +156,14 @@ def main() -> None:
         scene = engines.load_scene(paths.find("scenes", name))
         for sampler in given.samplers:
             for wanted in given.spp:
-                whole = engine.full_pattern({"name": sampler}, wanted)
+                whole = engine.full_pattern({"name": sampler}, wanted) if given.engine == "mitsuba" else None
                 spp, chosen = (wanted, sampler) if whole is None else (whole.spp, whole.sampler)
                 settings = engines.Settings(
                     given.size, given.size, shader=SHADER, sampler=chosen, threads=given.threads, precision="float32"
                 )
                 if reason := engine.why_not(scene, settings):
                     parser.error(reason)
-                rounds = measured(PAIRS[given.engine](scene, settings, spp), given.rounds)
+                rounds = measured(PAIRS[given.engine](scene, settings, spp), given.rounds, spp)
                 show(f"{name}, {sampler}, {spp} spp", rounds, 2 * spp * given.size**2)
 
 

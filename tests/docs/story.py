@@ -96,6 +96,7 @@ def read(block: Block, here: str) -> None:
     import engines
     from engines.external.description import read as read_renderer
     from harness import config
+    from harness.config.trace import load_trace
 
     given = yaml.safe_load(block.body)
     base = {("scene",): SCENE, ("experiment",): EXPERIMENT}.get(block.words, {})
@@ -110,6 +111,8 @@ def read(block: Block, here: str) -> None:
         engines.load_scene(file, allow_imports=True)
     elif "raybench_experiment" in whole:
         config.load(file)
+    elif "raybench_trace" in whole:
+        load_trace(file)
     elif "raybench_renderer" in whole:
         read_renderer(file)
     else:

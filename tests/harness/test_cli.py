@@ -4,10 +4,15 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import version
+from io import StringIO
+from types import SimpleNamespace
 
 import pytest
+from rich.console import Console
 
 from engines.image import read_film_layers, read_provenance
+from harness.run import progress
 from tests.harness import sweeping
 from tests.harness.sweeping import raybench
 
@@ -41,8 +46,35 @@ def test_help_names_every_verb_and_the_exit_codes():
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_explains_itself(verb):
-    ended(raybench(verb, "--help"), 0)
+def test_every_verb_explains_itself_and_flags_have_no_type(verb):
+    said = ended(raybench(verb, "-h", COLUMNS="80"), 0)
+    assert "<bool>" not in said and "--help" in said
+
+
+def test_help_has_groups_and_the_version_is_the_package_s():
+    said = ended(raybench("-h", COLUMNS="80"), 0)
+    assert all(f"─ {group} ─" in said for group in ("Experiments", "Images", "Results")) and "─ Commands ─" not in said
+    assert ended(raybench("--version"), 0) == f"raybench {version('raybench')}\n"
+
+
+def test_the_shell_completes_commands_and_the_names_of_scenes():
+    def completed(line):
+        return raybench(_RAYBENCH_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(line.count(" "))).stdout
+
+    assert completed("raybench pla").split() == ["plan"]
+    assert "cornell_box" in completed("raybench render corn").split()
+
+
+@pytest.mark.parametrize("width", [80, 200])
+def test_progress_shows_counts_time_left_and_samples_whole_at_any_width(width):
+    out, settings = StringIO(), {"accelerator": {"name": "bvh"}, "shader": {"name": "path_tracer"}}
+    settings |= {"sampler": {"name": "sobol"}, "precision": "float32", "threads": 16}
+    cell = SimpleNamespace(scene=SimpleNamespace(name="a_long_scene"), engine_name="numba", settings=settings, seed=1, label="")
+    with progress.Terminal(Console(file=out, force_terminal=True, width=width, color_system=None)) as terminal:
+        terminal.cell(cell, 12, 340, 4000.0)
+        terminal.point(256, 3.2)
+    drawn = out.getvalue().rpartition("\r\x1b[2K")[0].rpartition("\r\x1b[2K")[2]
+    assert "12/340 at most 1 h 6 min left: 256 spp in 3 s, a_long_scene" in drawn and len(drawn) <= width
 
 
 def test_nothing_heavy_is_imported_for_help():
@@ -131,6 +163,8 @@ def finished(tmp_path_factory):
 def test_run_writes_its_files_where_the_name_says(finished):
     _, folder, done = finished
     assert "4 done, 2 skipped" in (said := ended(done, 0))
+    assert (folder / "results/small/winners.txt").read_text("utf-8") in done.stdout
+    assert "Fastest to each target in relMSE (ε = 0.01)" in done.stdout and "ball to 0.1: " in done.stdout
     assert "reference of ball 12x8 64 spp: too few samples: relMSE (ε = 0.01) 0.1 takes about" in said
     for name in ("manifest.json", "events.jsonl", "points.csv", "ttq.csv", "phases.csv", "report.html"):
         assert (folder / "results" / "small" / name).stat().st_size > 0
@@ -188,7 +222,7 @@ def test_a_failed_cell_makes_exit_code_1_and_is_named(tmp_path):
 
 def test_list_names_everything():
     said = ended(raybench("list"), 0)
-    names = ["numpy", "numba", "embree", "path_tracer", "max_depth", "sobol", "bvh", "cornell_box", "quick", "aces"]
+    names = ["numpy", "numba", "embree", "path_tracer", "max_depth", "sobol", "bvh", "cornell_box", "lantern", "quick", "aces"]
     assert [name for name in names if name not in said] == []
 
 

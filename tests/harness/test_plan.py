@@ -14,6 +14,7 @@ from engines.interface import FullPattern
 from engines.mitsuba import Engine as MitsubaEngine
 from harness import config
 from harness.config.paths import shipped
+from harness.config.trace import is_trace
 from harness.hashing import canonical_json, digest
 from harness.plan import planner, state
 from tests.harness import fake_engines, sweeping
@@ -289,7 +290,7 @@ def test_the_preimage_of_an_id_is_plain_data_and_complete(tmp_path):
         assert {"scene", "engine", "engine_version", "shader", "seed", "width", "schema"} <= set(cell.spec)
 
 
-@pytest.mark.parametrize("name", sorted(shipped("configs")))
+@pytest.mark.parametrize("name", sorted(name for name, path in shipped("configs").items() if not is_trace(path)))
 def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, monkeypatch, tmp_path):
     (tmp_path / "other").symlink_to(sys.prefix)
     monkeypatch.setenv("RAYBENCH_OTHER", str(tmp_path / "other"))

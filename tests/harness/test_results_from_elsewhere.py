@@ -10,6 +10,7 @@ import pytest
 
 from engines.errors import ConfigError
 from harness import store
+from harness.analysis import calibration
 from harness.store import confined
 from tests.harness import mutation, once, sweeping
 
@@ -294,8 +295,11 @@ SEEDS = 60
 
 
 @pytest.mark.parametrize("part", range(2))
-def test_mutated_folders_end_in_success_or_one_line(whole, tmp_path, part):
-    """Whatever is changed in events or manifest: every reader answers, or refuses in a line."""
+def test_mutated_folders_end_in_success_or_one_line(whole, tmp_path, part, monkeypatch):
+    """Whatever is changed in events or manifest: every reader answers, or refuses in a line. Calibrations are short."""
+    calibrate = calibration.calibrate
+    monkeypatch.setattr(calibration, "REPETITIONS", 10)
+    monkeypatch.setattr(calibration, "calibrate", lambda analysis, repetitions=0: calibrate(analysis, 10))
     refused = answered = 0
     for seed in range(part * SEEDS // 2, (part + 1) * SEEDS // 2):
         for _, _, said in mutation.outcomes(whole, tmp_path, seed):

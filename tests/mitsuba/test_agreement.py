@@ -18,7 +18,7 @@ ALPHA = 1e-4
 SIDE, REPLICATES, SPP = 24, 16, 8
 MANY = 200
 """Surfaces above which Mitsuba takes seconds to record each kernel, for each is a case of its own."""
-LONG = {"bathroom", "cabinet", "cafe", "desk_lamp", "living_room", "still_life"}
+LONG = {"bathroom", "cabinet", "cafe", "desk_lamp", "lantern", "living_room", "still_life"}
 """Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` stands for them."""
 WAVEFRONT, SCALAR = engines.engine("mitsuba"), engines.engine("mitsuba_scalar")
 

@@ -37,7 +37,8 @@ def test_every_shipped_scene_loads_without_warning_and_says_where_it_comes_from(
 
 
 def test_scenes_are_listed_by_bare_name():
-    assert len(SHIPPED) > 20 and set(SHIPPED) <= set(scene_names())
+    assert len(SHIPPED) > 20 and {*SHIPPED, "lantern"} <= set(scene_names())
+    assert engines.load_scene("lantern").source.endswith("lantern.xml")
 
 
 def test_the_gallery_shows_every_shipped_scene():

@@ -11,7 +11,7 @@ from PIL import Image
 
 import engines
 from engines.errors import SceneError
-from engines.scene import ImageTexture, Mask, Mixture, NormalMap
+from engines.scene import ImageTexture, Mask, Mixture, NormalMap, Principled
 from engines.scene.geometry import face_normals
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]}
@@ -177,6 +177,28 @@ def test_a_transform_takes_normals_by_its_inverse_transpose_and_keeps_the_front(
         load(tmp_path, {"file": "m.obj", "transform": np.eye(3), "scale": 2}, "plain")
 
 
+def test_an_mtl_with_roughness_and_metal_is_principled(tmp_path):
+    Image.fromarray(np.full((2, 2, 3), (255, 128, 0), np.uint8)).save(tmp_path / "wood.png")
+    Image.fromarray(np.full((2, 2), 51, np.uint8)).save(tmp_path / "holes.png")
+    (tmp_path / "m.mtl").write_text(
+        "newmtl brass\nKd 0.9 0.7 0.2\nKs 1 1 1\nKe 0 0 1\nPr 0.3\nPm 1\nNi 1.45\nillum 3\n"
+        "newmtl gel\nKd 0.5 0.5 2\nPr 3\nd 0.25\nNi 1\n"
+        "newmtl board\nKd 0.5 0.5 0.5\nPm 0\nmap_Kd wood.png\nmap_d holes.png\nnorm wood.png\nmap_Pr wood.png\n"
+    )
+    uses = "".join(f"usemtl {name}\nf 1/1 2/2 3/3\n" for name in ("brass", "gel", "board"))
+    (tmp_path / "m.obj").write_text("mtllib m.mtl\n" + SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\n" + uses)
+    given = {"raybench_scene": 1, "camera": CAMERA, "shapes": [{"mesh": {"file": "m.obj"}}]}
+    scene = engines.scene_from(given, folder=tmp_path)
+    brass, gel, board = scene.materials
+    assert brass.bsdf == Principled((0.9, 0.7, 0.2), 0.3, metallic=1.0, eta=1.45) and brass.emission == (0, 0, 1)
+    assert gel.bsdf == Principled((0.25, 0.25, 1.0), 1.0, eta=1.001, spec_trans=0.75)
+    paint = board.bsdf.of.of
+    assert isinstance(board.bsdf, Mask) and isinstance(board.bsdf.of, NormalMap) and (paint.roughness, paint.eta) == (0.5, 1.5)
+    assert isinstance(paint.base_color, ImageTexture) and paint.base_color.pixels[0, 0, 0] == 0.5 and paint.spec_trans == 0.0
+    assert "m.mtl: material 'gel' returns 2 of its light: scaled down to 1" in scene.warnings
+    assert "m.mtl: map_Pr is not read: material 'board'" in scene.warnings
+
+
 def test_maps_of_an_mtl(tmp_path):
     (tmp_path / "maps").mkdir()
     wood = np.full((2, 2, 3), (255, 128, 0), np.uint8)
@@ -212,7 +234,8 @@ def test_maps_of_an_mtl(tmp_path):
 
 @pytest.mark.parametrize("shape", [
     {"name": "rectangle", "corner": [0, 0, 0], "edge1": [2, 0, 0], "edge2": [0, 3, 0]}, {"name": "box"},
-    {"name": "terrain", "cells": 4}, {"name": "mount", "level": 2},
+    {"name": "terrain", "cells": 4}, {"name": "mount", "level": 2}, {"name": "torus_knot", "segments": 40, "sides": 5},
+    {"name": "teapot", "segments": 2},
 ])  # fmt: skip
 def test_procedural_shapes_have_texture_coordinates_where_a_texture_asks(shape):
     def made(material):

@@ -8,17 +8,47 @@ from engines.kernels.flatten.scene import FlatScene
 from engines.kernels.layout import SceneTable
 from engines.scene import EnvironmentLight, Scene
 from engines.scene.light_bounds import light_shares
+from engines.scene.light_hierarchy import LightHierarchy, light_hierarchy
+
+NODE_NUMBERS = 88
+"""Numbers of a node of the hierarchy, of eight children each: center, radius, axis, cosine and sine of the spread, cosine of
+the reach, power."""
 
 
 def bind_light_sampler(flat: FlatScene, scene: Scene, name: str) -> None:
     """Adds the tables of the light sampler `name`, and the feature that compiles it; nothing where there is no choice."""
     if name == "uniform" or not flat.features.many_lights:
         return
-    shares = light_shares(scene)
     environment = (j for j, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight))
     flat.bind(SceneTable.environment_light, next(environment, 0))
+    if name == "power":
+        _bind_power(flat, scene)
+    else:
+        _bind_hierarchy(flat, light_hierarchy(scene))
+
+
+def _bind_power(flat: FlatScene, scene: Scene) -> None:
+    shares = light_shares(scene)
     sums = np.cumsum(shares)
     flat.bind(SceneTable.light_cumulative, sums / sums[-1])
     with np.errstate(divide="ignore"):
         flat.bind(SceneTable.light_choices, (1.0 / shares).astype(flat.real))
     flat.features = flat.features._replace(power_lights=True)
+
+
+def _bind_hierarchy(flat: FlatScene, tree: LightHierarchy) -> None:
+    table, parts = SceneTable, tree.unbounded.size + int(tree.child.size > 0)
+    if not parts:  # all lights are black
+        return
+    columns = [*(tree.center - flat.center).transpose(2, 0, 1), tree.radius, *tree.axis.transpose(2, 0, 1)]
+    columns += [np.cos(tree.spread), np.sin(tree.spread), np.cos(tree.reach), tree.power]
+    flat.bind(table.light_nodes, np.stack(columns, axis=1).reshape(-1).astype(flat.real))
+    flat.bind(table.light_children, tree.child.reshape(-1).astype(np.int32))
+    flat.bind(table.light_parents, tree.parent.astype(np.int32))
+    flat.bind(table.light_places, tree.place.astype(np.int32))
+    flat.bind(table.unbounded_lights, tree.unbounded.astype(np.int32))
+    flat.bind(table.n_unbounded_lights, tree.unbounded.size)
+    flat.bind(table.light_parts, parts)
+    flat.bind(table.lit_through, int(tree.through))
+    flat.bind(table.light_choices, np.full(tree.place.size, parts, flat.real))
+    flat.features = flat.features._replace(light_hierarchy=True)

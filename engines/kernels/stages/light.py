@@ -14,7 +14,7 @@ from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3
 from engines.kernels.layout import LANES, ray_batch, scene_table
-from engines.kernels.stages import environment
+from engines.kernels.stages import environment, light_hierarchy
 from engines.kernels.stages.surface import load_vertices
 
 
@@ -27,6 +27,8 @@ class Selection(NamedTuple):
     """One of several."""
     power: bool
     """That one in proportion to power."""
+    hierarchy: bool
+    """That one by the hierarchy."""
 
 
 @cache
@@ -51,8 +53,8 @@ def _make_sample(kinds: tuple[int, ...]) -> Any:
 
 @cache
 def _make_choose(selection: Selection, real: Any) -> Any:
-    """The function (rays, lane, scene) -> (index of the lane's light, what is left of the random number in [0, 1))."""
-    every, many, power = selection
+    """The function (rays, lane, scene) -> (index of the lane's light, -1 for none; what is left of the random number)."""
+    every, many, power, hierarchy = selection
 
     @inline
     def choose_light(rays, lane, scene):
@@ -63,6 +65,12 @@ def _make_choose(selection: Selection, real: Any) -> Any:
         elif power:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_choices[lane] = scene.light_choices[chosen]
+        elif hierarchy:
+            chosen, rest, choices = np.int64(-1), 0.0, np.inf
+            if rays.alive[lane] and not rays.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
+                u = np.float64(rays.draw[2, lane])
+                chosen, rest, choices = light_hierarchy.choose(scene, rays.point[lane], rays.geometric_normal[lane], u, real)
+            rays.light_choices[lane] = choices
         elif many:
             scaled = rest * n
             chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
@@ -85,12 +93,15 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene
     holds of it: searches and plain loads, so in a loop of their own."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
-    meshes, choose_light = MESH in kinds, _make_choose(selection, real)
+    meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection, real)
 
     @inline
     def load(rays, scene):
         for lane in range(np.uint64(LANES)):
             chosen, rest = choose_light(rays, lane, scene)
+            if hierarchy and chosen < 0:
+                rays.light_kind[lane] = -1
+                continue
             row = scene.lights[chosen]
             kind = np.int32(row.kind)
             rays.light_kind[lane] = kind
@@ -119,7 +130,7 @@ def _load_face(rays, lane, scene, light, rest):
 
 def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
     zero, one, infinite = real(0), real(1), real(np.inf)
-    load, every, power = _make_load(kinds, selection, real), selection.every, selection.power
+    load, every, weighted = _make_load(kinds, selection, real), selection.every, selection.power or selection.hierarchy
     sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))
     image_environment = IMAGE_ENVIRONMENT in kinds
 
@@ -128,10 +139,10 @@ def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any)
         load(rays, scene)
         share = one if every else one / real(scene.n_lights)
         environment_share = share
-        if power:
+        if weighted:
             environment_share = one / scene.light_choices[scene.environment_light]
         for lane in range(np.uint64(LANES)):
-            if power:
+            if weighted:
                 share = one / rays.light_choices[lane]
             light = Light(
                 lane_numbers(rays.light_parameters, lane), rays.light_color[lane], rays.two_sided[lane],
@@ -181,7 +192,7 @@ def _image_environment(rays, scene, share, turned, real):
 def stage(features: SceneFeatures, every: bool, real: Any) -> Any:
     """The light stage; `every`: the lane's own light of all, instead of one chosen at random."""
     many = features.many_lights and not every
-    selection = Selection(every, many, many and features.power_lights)
+    selection = Selection(every, many, many and features.power_lights, many and features.light_hierarchy)
     return _stage(features.lights, selection, features.turned_environment, real)
 
 

@@ -22,7 +22,7 @@ from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, select3, to_float64
 from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
-from engines.kernels.stages import environment
+from engines.kernels.stages import environment, light_hierarchy
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
@@ -30,7 +30,7 @@ OFFSET_ULPS = 256.0
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
     *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment", "power_lights",
+    "turned_environment", "power_lights", "light_hierarchy",
 )  # fmt: skip
 
 
@@ -135,11 +135,21 @@ def _make_load_shape(features: SceneFeatures) -> Any:
     return load
 
 
+@inline
+def _choices(rays, lane, scene, primitive, light, real):
+    """1 / the probability with which the light that was hit would have been chosen at the vertex that the ray left, which
+    is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
+    if primitive < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
+        return 1.0
+    return light_hierarchy.choices(scene, light, rays.point[lane], rays.geometric_normal[lane], real)
+
+
 @cache
-def _make_load_hit(features: SceneFeatures) -> Any:
+def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
     several_shapes = features.spheres or features.planes or len(features.analytic) > 0
     several_bsdfs, emission, power = len(features.bsdfs) > 1, features.emission, features.power_lights
+    hierarchy = features.light_hierarchy
     load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
     parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
 
@@ -166,7 +176,9 @@ def _make_load_hit(features: SceneFeatures) -> Any:
             if parameters > 0:
                 light = row.light
                 rays.primitive_light[lane] = light
-                if power:
+                if hierarchy:
+                    rays.light_choices[lane] = _choices(rays, lane, scene, primitive, light, real)
+                elif power:
                     rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
                 light_row = scene.lights[light if light >= 0 else np.int32(0)]
                 for k in range(parameters):
@@ -283,8 +295,9 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
 
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
-    load, intersection = _make_load_hit(features), _make_intersection(features, real)
-    power, emission, tangents, area_lights = features.power_lights, features.emission, features.tangents, _area_lights(features)
+    load, intersection = _make_load_hit(features, real), _make_intersection(features, real)
+    weighted = features.power_lights or features.light_hierarchy
+    emission, tangents, area_lights = features.emission, features.tangents, _area_lights(features)
     listed_shapes, light_pdf_of = len(area_lights) > 0, _make_light_pdf(area_lights)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
@@ -294,7 +307,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         load(rays, scene)
         choices = real(scene.n_lights)
         environment_choices = choices
-        if power:
+        if weighted:
             environment_choices = scene.light_choices[scene.environment_light]
         offset_scale = real(scene.margins[0].offset)
         none = Vec3(zero, zero, zero)
@@ -316,7 +329,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                 if listed_shapes:
                     facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
                     parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
-                    if power:
+                    if weighted:
                         choices = rays.light_choices[lane]
                     light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, choices), zero)
             if constant_environment:

@@ -5,9 +5,12 @@ d < 1 (or Tr > 0) -> kt = Tf (1 - d), and kd is scaled by d; Ni -> ior where lig
 illum 5 and 7 -> fresnel. Ke -> emission, as it stands. Materials that would return more light than they get are scaled
 down, with a warning.
 
-map_Kd -> kd, times Kd unless that is 0. map_d -> the opacity of a mask, from the image's alpha where it has one; d counts no
-more. norm -> a normal map. Of their options -s, -o and -clamp count. Other maps, and images that cannot be read, are left out
-with a warning.
+Where Pr (roughness) or Pm (metallic) stand, the material is `principled`: Kd -> base_color, 1 - d -> spec_trans, Ni -> eta,
+by default 1.5; Ks, Tf and illum count no more.
+
+map_Kd -> kd or base_color, times Kd unless that is 0. map_d -> the opacity of a mask, from the image's alpha where it has one;
+d counts no more. norm -> a normal map. Of their options -s, -o and -clamp count. Other maps, and images that cannot be read,
+are left out with a warning.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ import numpy as np
 
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
-from engines.scene.bsdf import Bsdf, Mask, Mixture, NormalMap
+from engines.scene.bsdf import Bsdf, Mask, Mixture, NormalMap, Principled
 from engines.scene.materials import ENERGY_TOLERANCE, Material
 from engines.scene.textures import ImageTexture, largest
 from engines.scene.triple import BLACK, WHITE, Triple
@@ -30,8 +33,9 @@ from engines.schema.yaml_file import Located
 MIRRORS = (3, 5, 7)
 FRESNEL = (5, 7)
 MAX_BYTES = 16 * 2**20
+MOST_ETA = 100.0
 _COLORS = ("kd", "ks", "tf", "ke")
-_NUMBERS = ("d", "tr", "ni", "illum")
+_NUMBERS = ("d", "tr", "ni", "illum", "pr", "pm")
 
 MAPS = ("map_kd", "map_d", "norm")
 OTHER_MAPS = ("map_", "bump", "disp", "decal", "refl")
@@ -172,6 +176,16 @@ def _material(
     tint = kd if image is None or kd != BLACK else WHITE
     if image is not None:
         kd = _times(tint, largest(image))
+    if "pr" in values or "pm" in values:
+        factor = min(1.0, 1.0 / (max(kd) or 1.0))
+        tint = _scaled(tint, factor)
+        passing = 1.0 - opacity
+        bsdf = Principled(
+            tint if image is None else _tinted(image, tint), min(value("pr", 0.5), 1.0), metallic=min(value("pm", 0.0), 1.0),
+            eta=min(max(value("ni", 1.5), 1.001 if passing else 1.0), MOST_ETA), spec_trans=passing,
+        )  # fmt: skip
+        notes = [_scaled_down(file, name, max(kd))] if factor < 1.0 else []
+        return Material(name, emission=color("ke", BLACK), bsdf=_wrapped(bsdf, images)), notes
     material = Material(
         name=name,
         kd=_scaled(kd, opacity),
@@ -187,7 +201,7 @@ def _material(
         factor = 1 / most
         kd, ks, kt = (_scaled(color, factor) for color in (material.kd, material.ks, material.kt))
         material = replace(material, kd=kd, ks=ks, kt=kt)
-        notes = [f"{file.name}: material {name!r} returns {most:.3g} of its light: scaled down to 1"]
+        notes = [_scaled_down(file, name, most)]
     return _with_images(material, images, _scaled(tint, opacity * factor)), notes
 
 
@@ -198,12 +212,19 @@ def _with_images(material: Material, images: dict[str, ImageTexture], tint: Trip
     kd = material.kd
     if "map_kd" in images:
         kd = _tinted(images["map_kd"], tint)
-    bsdf: Bsdf = Mixture(kd, material.ks, material.kt, material.ior, material.fresnel)
+    bsdf = Mixture(kd, material.ks, material.kt, material.ior, material.fresnel)
+    return Material(material.name, emission=material.emission, bsdf=_wrapped(bsdf, images))
+
+
+def _wrapped(bsdf: Bsdf, images: dict[str, ImageTexture]) -> Bsdf:
+    """The BSDF with a normal map and with holes, as far as there are images."""
     if "norm" in images:
         bsdf = NormalMap(images["norm"], bsdf)
-    if "map_d" in images:
-        bsdf = Mask(images["map_d"], bsdf)
-    return Material(material.name, emission=material.emission, bsdf=bsdf)
+    return Mask(images["map_d"], bsdf) if "map_d" in images else bsdf
+
+
+def _scaled_down(file: Path, name: str, most: float) -> str:
+    return f"{file.name}: material {name!r} returns {most:.3g} of its light: scaled down to 1"
 
 
 def _tinted(image: ImageTexture, tint: Triple) -> ImageTexture:

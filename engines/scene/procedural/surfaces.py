@@ -102,7 +102,8 @@ def mount(level: int, size: float, height: float, roughness: float, seed: int, c
 def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: float, center: Triple) -> Faces:
     """A closed tube along the (p, q) torus knot about the z axis; p and q without common divisor give one knot.
 
-    The curve is (r cos p t, r sin p t, -sin q t) / 2 with r = cos q t + 2, scaled so that the ring has `radius`.
+    The curve is (r cos p t, r sin p t, -sin q t) / 2 with r = cos q t + 2, scaled so that the ring has `radius`. Texture
+    coordinate u goes along the tube, v around.
     """
     t = 2.0 * np.pi * np.arange(segments) / segments
     r = np.cos(q * t) + 2.0
@@ -125,7 +126,13 @@ def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: f
     vertices = (curve[:, None, :] + tube * ring).reshape(-1, 3) + np.array(center)
     index = np.arange(segments * sides, dtype=np.int32).reshape(segments, sides)
     ahead = np.roll(index, -1, axis=0)
-    return Faces(vertices, quads(index, np.roll(index, -1, axis=1), np.roll(ahead, -1, axis=1), ahead), "torus_knot")
+    faces = quads(index, np.roll(index, -1, axis=1), np.roll(ahead, -1, axis=1), ahead)
+
+    def uvs() -> NDArray[np.float64]:
+        corners = np.array([(0, 0), (0, 1), (1, 1), (0, 0), (1, 1), (1, 0)])  # as `quads` has them
+        return (np.moveaxis(np.indices((segments, sides)), 0, 2)[:, :, None] + corners).reshape(-1, 3, 2) / (segments, sides)
+
+    return Faces(vertices, faces, "torus_knot", uvs)
 
 
 _SIZE = Key(POSITIVE, "Length of a side.", 10.0, unit="metres")

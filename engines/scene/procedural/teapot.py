@@ -10,7 +10,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.procedural.generator import BYTES_PER_FACE, ORIGIN, ROTATE_Y, Faces, generator, grid_faces, turned
+from engines.scene.procedural.generator import (
+    BYTES_PER_FACE,
+    ORIGIN,
+    ROTATE_Y,
+    Faces,
+    generator,
+    grid_faces,
+    grid_uvs,
+    turned,
+)
 from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import POINT, POSITIVE, integer
@@ -81,7 +90,7 @@ def teapot(segments: int, center: Triple, height: float, rotate_y: float) -> Fac
     """`segments` squared quadrangles a patch, each two triangles, without those of no area at knob and bottom.
 
     Vertices that patches share are one. The surface is not closed: the lid lies loosely, handle and spout end inside the
-    body, and the spout is open.
+    body, and the spout is open. Every patch has the whole square of texture coordinates.
     """
     t = np.linspace(0.0, 1.0, segments + 1)
     bernstein = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
@@ -92,7 +101,11 @@ def teapot(segments: int, center: Triple, height: float, rotate_y: float) -> Fac
     _, first, same = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
     faces = same.astype(np.int32).ravel()[faces.reshape(-1, 3)]
     flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
-    return Faces(vertices[first] + np.array(center), faces[~flat], "teapot")
+
+    def uvs() -> NDArray[np.float64]:
+        return np.tile(grid_uvs(segments, segments)[grid_faces(segments, segments)], (32, 1, 1))[~flat]
+
+    return Faces(vertices[first] + np.array(center), faces[~flat], "teapot", uvs)
 
 
 GENERATORS = {

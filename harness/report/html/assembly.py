@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -24,6 +24,7 @@ from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
 from harness.statistics import QualityTime
 from harness.store.results import Contestant, Event, Results, point_error
+from harness.trace.records import TraceResults
 
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
@@ -54,6 +55,17 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
         metric=metric_title(results.metric), error_words=error_words(results.metric), evidence=evidence(analysis),
         style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
+    )  # fmt: skip
+
+
+def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
+    """The report of a comparison by rays as one document."""
+    question = str(results.config.get("question") or "")
+    return _environment().get_template("trace.html.j2").render(
+        title=results.name, question=question, table=table,
+        plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
+        machine=machine_words("", results.machine), time=results.time, command=" ".join(results.command),
+        config=json.dumps(results.config, indent=2), style=Markup(_asset("report.css")), scripts=Markup(_asset("table.js")),
     )  # fmt: skip
 
 
@@ -204,16 +216,16 @@ def _machines(analysis: Analysis) -> list[str]:
     """The measured cells' environments in words: more than one must not share a time axis in silence."""
     results = analysis.results
     found = sorted({str(cell.get("env_id")) for cell in results.cells if cell["state"] == "done"})
-    return [_machine_words(env_id, results.environments.get(env_id, {}).get("preimage") or {}) for env_id in found]
+    return [machine_words(env_id, results.environments.get(env_id, {}).get("preimage") or {}) for env_id in found]
 
 
-def _machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
+def machine_words(env_id: str, preimage: Mapping[str, Any]) -> str:
     """`1a2b3c4d: AMD EPYC 7763, 2 cores, Linux 6.8, Python 3.12`, as far as it is known."""
     cores, system = preimage.get("usable_cores"), f"{preimage.get('system', '')} {preimage.get('kernel', '')}".strip()
     python = preimage.get("python")
     parts = [preimage.get("cpu"), f"{cores} cores" if cores else "", system, f"Python {python}" if python else ""]
     words = ", ".join(str(word) for word in parts if word)
-    return f"{env_id[:8]}: {words}" if words else env_id[:8]
+    return ": ".join(filter(None, [env_id[:8], words]))
 
 
 def _state_counts(analysis: Analysis) -> dict[str, int]:

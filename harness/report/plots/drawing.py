@@ -44,9 +44,14 @@ def count_figures(analysis: Analysis) -> int:
 
 def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
     """Draws the results of the suite, without any results folder."""
+    return draw_sketches(stability.sketches(findings), target)
+
+
+def draw_sketches(sketches: Sequence[Sketch], target: Path) -> list[Plot]:
+    """Draws those that their results allow."""
     target.mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context(cast(Any, STYLE)):
-        figures = [(sketch, sketch.make()) for sketch in stability.sketches(findings)]
+        figures = [(sketch, sketch.make()) for sketch in sketches]
         return [Plot(sketch.name, sketch.title, sketch.description, save(figure, target, sketch.name))
                 for sketch, figure in figures if figure is not None]  # fmt: skip
 

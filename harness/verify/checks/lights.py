@@ -109,7 +109,7 @@ def light_choice(subject: Subject) -> Iterator[Measurement]:
     received = [forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)), 6 * forms.sphere(0.1, away, math.acos(0.5 / away)),
                 0.7 * 2.0 / 5**1.5, 0.05 * 0.8]  # fmt: skip
     truth = 0.8 / math.pi * sum(received)
-    for choice in ("power",):
+    for choice in ("power", "bvh"):
         for direct in STRATEGIES:
             view = point_view((0.5, 3.0, -3.0), ORIGIN, 32)
             shader = {**path_tracer(2, direct), "light_sampler": choice}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -34,7 +33,7 @@ class EquivalenceOptions(NamedTuple):
     engines: Sequence[str]
     replicates: int = 16
     spp: int = 16
-    size: str = "64x64"
+    size: tuple[int, int] = (64, 64)
     shader: str = "path_tracer"
     margins: Margins = DEFAULT_MARGINS
     seed: int = 1
@@ -50,7 +49,9 @@ def compare(options: EquivalenceOptions) -> int:
     if options.replicates < 2:
         raise ConfigError(f"--replicates {options.replicates}: two or more are needed")
     if not (0 < options.margins.image <= 1 and 0 < options.margins.tile <= 1):
-        raise ConfigError(f"--margin {options.margins.image:g} --tile-margin {options.margins.tile:g}: must be in (0, 1]")
+        raise ConfigError(
+            f"--margin {options.margins.image:g} --tile-margin {options.margins.tile:g}: must be in (0, 1]"
+        )
     allow_here(options.allow_imports)
     for name in options.engines:
         require_imports(name, options.allow_imports)
@@ -78,10 +79,7 @@ def compare(options: EquivalenceOptions) -> int:
 
 def settings_of(options: EquivalenceOptions) -> dict[str, Any]:
     """The settings of every image, as a worker process reads them."""
-    found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", options.size)
-    if found is None:
-        raise ConfigError(f"--size {options.size}: must look like 64x64")
-    width, height = int(found[1]), int(found[2])
+    width, height = options.size
     return {"width": width, "height": height, "shader": {"name": options.shader}, "sampler": {"name": "random"},
             "accelerator": {"name": "auto"}, "precision": None, "threads": 1}  # fmt: skip
 
@@ -107,7 +105,7 @@ def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, rep
 
 
 def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, str, Equivalence]]) -> None:
-    stdout = consoles()[0]
+    stdout, (width, height) = consoles()[0], options.size
     names = ("A", "B", "(B - A) / A", "95 % interval", "means at most", "tiles at most", "verdict")
     table = Table(*names, box=None, header_style="dim", pad_edge=False)
     for first, second, found in rows:
@@ -122,7 +120,7 @@ def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, s
     image, tile = options.margins
     seeds = "in pairs of one seed" if options.same_seeds else "each with its own seed"
     note = (
-        f"{scene.name}, {options.size}, {options.replicates} images of {options.spp} spp per engine, {seeds}. "
+        f"{scene.name}, {width}x{height}, {options.replicates} images of {options.spp} spp per engine, {seeds}. "
         f"Equivalent: the image means differ by at most {100 * image:g} % and no tile of 16x16 pixels by more than "
         f"{100 * tile:g} %, in any channel (95 %). Different: surely more than one of these, with 1 % false alarms for "
         f"{'the pair' if len(rows) == 1 else 'all pairs together'}."

@@ -1,4 +1,4 @@
-"""How one light of many is chosen at a vertex: evenly, or in proportion to power."""
+"""Lights chosen evenly, or in proportion to their power."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from engines.choices import Choice
 from engines.numpy_reference.distribution import first_above, rest
 from engines.numpy_reference.vectors import Array, Indices
-from engines.scene import Scene
-from engines.scene.light_bounds import light_shares
 
 
 class ChosenLight(NamedTuple):
@@ -68,10 +65,3 @@ class PowerLightSampler:
     def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
         return self._choices[light]
 
-
-def light_sampler(scene: Scene, shader: Choice, count: int) -> LightSampler:
-    """What chooses among the `count` lights of a scene for a shader; evenly where it has no such option."""
-    name = "uniform" if shader.plugin is not None else shader.options.get("light_sampler", "uniform")
-    if name == "uniform" or count < 2:
-        return UniformLightSampler(count)
-    return PowerLightSampler(light_shares(scene))

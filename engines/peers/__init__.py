@@ -1,0 +1,1 @@
+"""Renderers of others as engines, each an optional extra."""

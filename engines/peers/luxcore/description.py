@@ -1,0 +1,148 @@
+"""A scene in LuxCore's terms: its properties, and meshes.
+
+Spheres are instances of one finely tessellated mesh with interpolated normals; disks, cylinders and planes are meshes, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engines.adapters import camera_frame, extent, flat_meshes, sphere_mesh
+from engines.interface import Settings
+from engines.peers.luxcore.materials import Properties, material_properties
+from engines.scene import (
+    Cylinder,
+    DirectionalLight,
+    Disk,
+    EnvironmentLight,
+    Light,
+    Perspective,
+    Plane,
+    PointLight,
+    Scene,
+    Sphere,
+    SphereSet,
+    ThinLens,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.integer]
+SUBDIVISIONS = 6
+"""Of the icosahedron that stands for a sphere: 81,920 faces, 5e-5 radii within the sphere at most."""
+SEGMENTS = 1024
+"""Of the polygons that stand for disks and cylinders, which lie 5e-6 radii within them."""
+PLANE_EXTENTS = 1e3
+"""Half the side of the square that stands for a plane, in extents of the rest of the scene."""
+GAP = 1e-5
+"""Half the distance between the two surfaces that stand for one that emits on both sides, in extents of the scene."""
+NEAR, FAR = 1e-4, 1e7
+"""Where the camera's rays begin and end without a `clip`, in extents of the scene."""
+
+
+class Shape(NamedTuple):
+    """A mesh, or an instance of one that was given before: then `vertices` is None, and `transformation` (4, 4) its place."""
+
+    name: str
+    material: int
+    mesh: str
+    vertices: Array | None = None
+    faces: Indices | None = None
+    normals: Array | None = None
+    uvs: Array | None = None
+    transformation: Array | None = None
+
+
+def shapes(scene: Scene) -> Iterator[Shape]:
+    """All shapes of the scene."""
+    size = extent(scene)
+    for mesh in flat_meshes(scene, gap=GAP * size):
+        yield Shape(mesh.name, mesh.material, mesh.name, mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
+    ball = None
+    for index, shape in enumerate(scene.shapes):
+        name = f"shape_{index}"
+        if isinstance(shape, (Sphere, SphereSet)):
+            one = isinstance(shape, Sphere)
+            centers, radii = ([shape.center], [shape.radius]) if one else (shape.centers, shape.radii)
+            for part, (center, radius) in enumerate(zip(centers, radii, strict=True)):
+                given = () if ball else sphere_mesh(SUBDIVISIONS)
+                ball = "ball"
+                placed = np.diag([radius, radius, radius, 1.0])
+                placed[:3, 3] = center
+                vertices, faces = given or (None, None)
+                yield Shape(f"{name}_{part}", shape.material, ball, vertices, faces, vertices, transformation=placed)
+        elif isinstance(shape, (Plane, Disk, Cylinder)):
+            yield Shape(name, shape.material, name, *_flat_or_round(shape, size))
+
+
+def _flat_or_round(shape: Plane | Disk | Cylinder, size: float) -> tuple[Array, Indices, Array | None]:
+    """Vertices, faces and normals."""
+    turn = 2.0 * np.pi * np.arange(SEGMENTS) / SEGMENTS
+    first = np.arange(SEGMENTS)
+    second = (first + 1) % SEGMENTS
+    if isinstance(shape, Cylinder):
+        axis = np.subtract(shape.p1, shape.p0)
+        u, v = _tangents(axis / np.linalg.norm(axis))
+        around = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
+        ring = shape.radius * around
+        faces = np.concatenate([
+            np.stack([first, second, second + SEGMENTS], 1), np.stack([first, second + SEGMENTS, first + SEGMENTS], 1),
+        ])  # fmt: skip
+        return np.concatenate([shape.p0 + ring, shape.p1 + ring]), faces, np.concatenate([around, around])
+    u, v = _tangents(np.array(shape.normal))
+    if isinstance(shape, Plane):
+        half = PLANE_EXTENTS * size
+        corners = np.array([shape.point + half * (a * u + b * v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+        return corners, np.array([[0, 1, 2], [0, 2, 3]]), None
+    rim = shape.center + shape.radius * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
+    faces = np.stack([np.full(SEGMENTS, SEGMENTS), first, second], 1)
+    return np.concatenate([rim, [shape.center]]), faces, None
+
+
+def _tangents(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors that make a right-handed frame with `normal`."""
+    away = np.eye(3)[np.argmin(np.abs(normal))]
+    u = np.cross(away, normal)
+    u /= np.linalg.norm(u)
+    return u, np.cross(normal, u)
+
+
+def properties(scene: Scene, settings: Settings) -> Properties:
+    """Camera, materials and lights."""
+    found = {f"camera.{key}": value for key, value in _camera(scene, settings).items()}
+    for index, material in enumerate(scene.materials):
+        found |= {f"materials.m{index}.{key}": value for key, value in material_properties(material).items()}
+    for index, light in enumerate(scene.lights):
+        found |= {f"lights.l{index}.{key}": value for key, value in _light(light).items()}
+    return {f"scene.{key}": value for key, value in found.items()}
+
+
+def _camera(scene: Scene, settings: Settings) -> Properties:
+    camera, frame = scene.camera, camera_frame(scene, settings)
+    assert isinstance(camera, (Perspective, ThinLens))
+    left, right, bottom, top = frame.window
+    row = (top - bottom) / settings.size(scene)[1]  # its film is one row of pixels off
+    near, far = camera.clip
+    size = extent(scene)
+    lens = isinstance(camera, ThinLens)
+    return {
+        "type": "perspective", "lookat.orig": frame.origin.tolist(), "lookat.target": (frame.origin + frame.forward).tolist(),
+        "up": frame.up.tolist(), "fieldofview": 90.0, "screenwindow": [left, right, bottom - row, top - row],
+        "cliphither": max(near, NEAR * size), "clipyon": FAR * size if math.isinf(far) else far,
+        "lensradius": float(camera.aperture_radius) if lens else 0.0,
+        "focaldistance": float(camera.focus_distance) if lens else 1.0,
+        "autofocus.enable": False, "autovolume.enable": False,
+    }  # fmt: skip
+
+
+def _light(light: Light) -> Properties:
+    if isinstance(light, PointLight):
+        return {"type": "point", "position": list(light.position), "color": list(light.intensity), "gain": [4.0 * math.pi] * 3}
+    if isinstance(light, DirectionalLight):
+        return {"type": "sharpdistant", "direction": list(light.direction), "color": list(light.irradiance), "gain": [1.0] * 3}
+    assert isinstance(light, EnvironmentLight)
+    return {"type": "constantinfinite", "color": list(light.radiance), "gain": [1.0] * 3}

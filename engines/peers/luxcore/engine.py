@@ -1,0 +1,94 @@
+"""What LuxCoreRender takes of raybench's scenes and settings, and what it cannot promise."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+from engines.adapters import MEANS_ALONE, AdapterEngine
+from engines.interface import Settings
+from engines.peers.luxcore.materials import material_lacks
+from engines.peers.luxcore.renderer import Renderer
+from engines.scene import (
+    Conductor,
+    Cylinder,
+    Dielectric,
+    Diffuse,
+    DirectionalLight,
+    Disk,
+    EnvironmentLight,
+    Mesh,
+    Mixture,
+    Perspective,
+    Plane,
+    PointLight,
+    Scene,
+    Sphere,
+    SphereSet,
+    ThinLens,
+    Triangle,
+)
+
+_TIMING = "how many samples a pixel has beyond those asked for is a matter of timing"
+_SHARED = "its threads take turns at one stream of pixels: images are equal in distribution only"
+
+
+class Engine(AdapterEngine):
+    """LuxCoreRender's PATHCPU with its sampler RANDOM: a box filter of one pixel, lights chosen uniformly (each triangle of an
+    area light is one), no clamping, no adaptive sampling, no caches, no denoiser. Float32.
+
+    There is no Russian roulette: LuxCore's is biased beside multiple importance sampling (2.4 % in a closed box of albedo 1/2
+    from the third segment on), so that `rr_depth` below `max_depth` is declined. It stops by being polled: pixels have up to
+    a few samples more than were asked for, which the film counts.
+    """
+
+    name = lineage = "luxcore"
+    module, install = "pyluxcore", "pip install 'raybench[luxcore]'"
+    renderer = Renderer
+    own_process = True  # its allocator (TBB) and numba's do not bear each other
+    overshoots = True
+    shapes = (Triangle, Mesh, Sphere, SphereSet, Disk, Cylinder, Plane)
+    materials = (Mixture, Diffuse, Dielectric, Conductor)
+    lights = (PointLight, DirectionalLight, EnvironmentLight)
+    cameras = (Perspective, ThinLens)
+    camera_keys = ("principal_point", "clip")
+    two_sided = True
+    takes_shaders = {"path_tracer": {"direct": ("mis",), "max_depth": range(2, 1001)}}  # noqa: RUF012
+    not_promised = {  # noqa: RUF012
+        **MEANS_ALONE,
+        "a_split_render_is_the_same": "every call begins another stream of random numbers",
+        "warm_up_leaves_the_film_untouched": _TIMING,
+        "threads_change_nothing": _SHARED,
+        "seeds_matter": _TIMING,
+        "on_pass_sees_the_film_grow": _TIMING,
+        "a_render_is_not_disturbed": _TIMING,
+        "update_takes_the_size_of_the_camera": _SHARED,
+        "lossless_glass_is_invisible_in_a_furnace": "it chooses between reflection and refraction by another probability than "
+        "Fresnel's, so that single paths do not carry 1, but their mean",
+        "stop_in_a_callback_ends_the_render": _TIMING,
+        "stop_at_rest_does_nothing": _TIMING,
+        "update_of_the_camera_starts_anew": _SHARED,
+        "update_of_the_shapes_starts_anew": _SHARED,
+    }
+
+    @property
+    def version(self) -> str:  # type: ignore[override]
+        """The adapter's and that of the package, "none" where that is not installed."""
+        try:
+            return f"1+{metadata.version('pyluxcore')}"
+        except metadata.PackageNotFoundError:
+            return "1+none"
+
+    def lacks(self, scene: Scene, settings: Settings) -> str | None:
+        """Roulette, materials without an exact counterpart, lights of other shapes than triangles, environments of images."""
+        options = settings.shader.options
+        if options["rr_depth"] < options["max_depth"]:
+            return "LuxCore's Russian roulette is biased, it brightens images: rr_depth must be max_depth or more"
+        for material in scene.materials:
+            if found := material_lacks(material):
+                return f"material {material.name!r}: LuxCore has no exact counterpart of {found}"
+        if any(isinstance(light, EnvironmentLight) and light.image is not None for light in scene.lights):
+            return "LuxCore's environments of images are not translated"
+        for shape in scene.shapes:
+            if not isinstance(shape, (Triangle, Mesh)) and scene.materials[shape.material].emits:
+                return f"LuxCore has area lights of triangles only, not of the kind {type(shape).__name__}"
+        return None

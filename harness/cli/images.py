@@ -1,0 +1,102 @@
+"""The commands `raybench render` and `raybench dahlquist`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+
+from harness.cli.options import DEFAULT_ENGINE, AllowCommands, AllowImports, AllowOutside, Define, Scene, engines
+from harness.cli.options import choices as named
+from harness.cli.options import size as parse_size
+
+
+def render(
+    scene: Scene,
+    engine: Annotated[
+        str, typer.Option(help="`raybench list` names them.", autocompletion=engines)
+    ] = DEFAULT_ENGINE,
+    shader: Annotated[
+        str,
+        typer.Option(
+            help="A name, or '{name: path_tracer, max_depth: 6}'.",
+            show_default="the scene's, else path_tracer",
+            autocompletion=named("SHADERS"),
+        ),
+    ] = "",
+    sampler: Annotated[
+        str,
+        typer.Option(
+            help="A name, or a mapping with options.",
+            show_default="sobol, or random where the engine lacks it",
+            autocompletion=named("SAMPLERS"),
+        ),
+    ] = "",
+    accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
+    threads: Annotated[Optional[int], typer.Option(show_default="every core")] = None,  # noqa: UP045
+    spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
+    size: Annotated[
+        Optional[Any],  # noqa: UP045
+        typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="the scene's"),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
+    precision: Annotated[Optional[str], typer.Option(help="float64 or float32.", show_default="the engine's")] = None,  # noqa: UP045
+    tone_mapper: Annotated[
+        str,
+        typer.Option(
+            help="linear, srgb, reinhard, aces or module:attribute; for .png.", autocompletion=named("TONE_MAPPERS")
+        ),
+    ] = "srgb",
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", show_default="<scene>.exr")] = None,  # noqa: UP045
+    define: Define = None,
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
+) -> None:
+    """Render one image: .exr (linear, with variance and both halves) or .png."""
+    from harness.cli.render import Request, parameters_of
+    from harness.cli.render import render as rendered
+
+    chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
+    rendered(
+        Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
+                allow_commands, allow_outside, parameters_of(define or []))
+    )  # fmt: skip
+
+
+def dahlquist(
+    size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "320x480",
+    calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
+    time_elapsed: Annotated[
+        int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")
+    ] = 3000,
+    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
+    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
+    interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")
+    ] = False,
+    redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
+    probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
+    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
+    background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
+    engine: Annotated[str, typer.Option(help="numpy or numba; the frames are the same.")] = "numba",
+    threads: Annotated[Optional[int], typer.Option(show_default="every core")] = None,  # noqa: UP045
+    animate: Annotated[
+        Optional[int],  # noqa: UP045
+        typer.Option(metavar="N", help="Write N frames, of that call and the next, to a folder, .gif or .mp4."),
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second of a .gif or .mp4.")] = 25.0,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="PNG; its alpha says 255 for a ball, 254 for the background.")
+    ] = Path("dahlquist.png"),
+) -> None:
+    """Draw what N. Dahlquist's Android ray tracer (2012) draws, byte for byte."""
+    from harness.cli.dahlquist import Request, draw
+
+    request = Request(
+        size, calls, time_elapsed, not no_reflections, not no_probe, interlaced, exact, redraw, probe, probe_image,
+        background_image, engine, threads, animate, fps, output,
+    )  # fmt: skip
+    draw(request)

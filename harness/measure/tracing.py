@@ -1,0 +1,144 @@
+"""Rays on the clock: sets of rays traced through `trace` and `occluded`, in a worker process, with the answers kept.
+
+A first call that does not count compiles what the engine compiles. Each pass over the set is then a timed interval of its
+own, by the only clock (`measure.clock`).
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from engines.errors import RendererFailed, Unsupported
+from engines.interface import Engine, HasTracer, RayTracer, Settings
+from engines.scene import Scene
+from harness.config.settings import plugin_or_choice
+from harness.measure import clock
+from harness.measure.contention import Disturbance
+
+FIRST_RAYS = 16_384
+"""Rays of the call that does not count: enough for engines that share large sets among threads."""
+LEAST_PASSES = 2
+Arrays = Mapping[str, Any]
+
+
+def write_rays(path: Path, rays: Any, checked: Any, hard: Any) -> None:
+    """Leaves a set (origins, directions, t_max) for workers, the indices of the rays whose answers are wanted, and the
+    hard rays."""
+    sets = {f"{prefix}{name}": array for prefix, each in (("", rays), ("hard_", hard))
+            for name, array in zip(("origins", "directions", "t_max"), each, strict=True)}  # fmt: skip
+    np.savez(path, checked=checked, **sets)
+
+
+def read_rays(path: str) -> Arrays:
+    """What `write_rays` has left."""
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:
+    """Why an engine cannot trace rays in a scene, or None."""
+    if isinstance(engine, HasTracer):
+        return engine.why_not_tracer(scene, _settings(settings, allow_imports))
+    found = [engine.why_not(scene, each) for each in _choices(engine, settings, allow_imports)]
+    return None if None in found else found[0]
+
+
+def _settings(wanted: Mapping[str, Any], allow_imports: bool, **more: Any) -> Settings:
+    accelerator = plugin_or_choice(wanted["accelerator"], allow_imports)
+    return Settings(accelerator=accelerator, precision=wanted["precision"], threads=wanted["threads"], **more)
+
+
+def _choices(engine: Engine, wanted: Mapping[str, Any], allow_imports: bool) -> list[Settings]:
+    """Settings with any shader and sampler: which one does not matter for single rays."""
+    from harness.verify.subject import shaders_and_samplers
+
+    return [_settings(wanted, allow_imports, **each) for each in shaders_and_samplers(engine)]
+
+
+def make_tracer(engine: Engine, scene: Scene, wanted: Mapping[str, Any], allow_imports: bool) -> RayTracer:
+    """What traces rays. Raises `Unsupported` in the engine's words where there is none."""
+    if isinstance(engine, HasTracer):
+        return engine.tracer(scene, _settings(wanted, allow_imports))
+    choices = _choices(engine, wanted, allow_imports)
+    reasons = [engine.why_not(scene, each) for each in choices]
+    if None not in reasons:
+        raise Unsupported(reasons[0] or "")
+    return engine.prepare(scene, choices[reasons.index(None)])
+
+
+def prepare(engine: Engine, scene: Scene, request: Mapping[str, Any], rays: Arrays) -> tuple[RayTracer, float, float]:
+    """A tracer, the seconds that building it took, and those of its first call."""
+    start = perf_counter()
+    tracer = make_tracer(engine, scene, request, request["allow_imports"])
+    built = perf_counter()
+    _answer(tracer, request, rays, slice(0, FIRST_RAYS))
+    return tracer, built - start, perf_counter() - built
+
+
+def timed_passes(
+    tracer: RayTracer, request: Mapping[str, Any], rays: Arrays, disturbance: Disturbance
+) -> tuple[float, int]:
+    """Seconds and number of the passes over the whole set."""
+    count = len(rays["t_max"])
+    batch = request["batch"] or count
+    parts = [slice(first, first + batch) for first in range(0, count, batch)]
+
+    def one_pass(spp: int) -> Any:
+        for part in parts:
+            _call(tracer, request)(rays["origins"][part], rays["directions"][part], rays["t_max"][part])
+
+    seconds, passes = 0.0, 0
+    while passes < LEAST_PASSES or seconds < request["max_time_seconds"]:
+        seconds, passes = seconds + clock.timed_call(one_pass, 1, disturbance)[1], passes + 1
+    return seconds, passes
+
+
+def _call(tracer: RayTracer, request: Mapping[str, Any]) -> Any:
+    return tracer.occluded if request["set"] == "shadow" else tracer.trace
+
+
+def leave_answers(tracer: RayTracer, request: Mapping[str, Any], rays: Arrays) -> None:
+    """Writes the answers to the rays to be checked, traced among all others, and to the hard rays."""
+    whole = _answer(tracer, request, rays, slice(None))
+    hard = {name.removeprefix("hard_"): array for name, array in rays.items() if name.startswith("hard_")}
+    kept = {name: array[rays["checked"]] for name, array in whole.items()}
+    np.savez(request["answers"].removesuffix(".npz"), **kept,
+             **{f"hard_{name}": array for name, array in _answer(tracer, request, hard, slice(None)).items()})  # fmt: skip
+
+
+def _answer(tracer: RayTracer, request: Mapping[str, Any], rays: Arrays, part: slice) -> dict[str, Any]:
+    """An engine's answers as arrays; raises `RendererFailed` where they are not what the interface says."""
+    given = [rays[name][part] for name in ("origins", "directions", "t_max")]
+    found: Any = _call(tracer, request)(*given)
+    if request["set"] == "shadow":
+        arrays = {"blocked": np.asarray(found)}
+    else:
+        arrays = {name: np.asarray(getattr(found, name)) for name in ("t", "shape", "primitive")}
+    for name, array in arrays.items():
+        if array.shape != (len(given[2]),):
+            raise RendererFailed(f"its answers to {len(given[2])} rays have {name} of shape {array.shape}")
+    return arrays
+
+
+def read_answers(path: Path, request: Mapping[str, Any]) -> Arrays:
+    """What `leave_answers` has written: `blocked`, or `t`, `shape` and `primitive`, each also with `hard_` before it. Raises
+    `RendererFailed` where that is something else."""
+    names = ("blocked",) if request["set"] == "shadow" else ("t", "shape", "primitive")
+    sizes = {"": request["checked"], "hard_": request["hard"]}
+    kinds = {"t": np.float64, "blocked": np.bool_}
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {f"{prefix}{name}": file[f"{prefix}{name}"].astype(kinds.get(name, np.int64), casting="same_kind")
+                     for name in names for prefix in sizes}  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise RendererFailed(f"its answers cannot be read: {type(error).__name__}: {error}") from error
+    for name, array in found.items():
+        if array.shape != (sizes["hard_" if name.startswith("hard_") else ""],):
+            raise RendererFailed(f"its answers have {name} of shape {array.shape}")
+    return found

@@ -1,0 +1,114 @@
+"""The engine luxcore, in a process of its own: its conformance, its images against numba's, and what it declines."""
+
+import importlib.util
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings, Unsupported
+from engines.conformance import check_engine
+from engines.peers.luxcore import Engine
+from harness.config import paths
+from harness.statistics.equivalence import equivalence
+
+NAME = "engines.peers.luxcore:Engine"
+DEEP = {"name": "path_tracer", "max_depth": 8, "rr_depth": 8}
+SETTINGS = Settings(32, 32, shader=DEEP, sampler="random", precision="float32", threads=2, seed=3)
+installed = pytest.mark.skipif(importlib.util.find_spec("pyluxcore") is None, reason="pip install 'raybench[luxcore]'")
+
+
+def scene(**material):
+    return engines.scene_from({
+        "raybench_scene": 1, "name": "plain", "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+        "materials": {"it": material or {"kd": 0.5}},
+        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "it"}],
+        "lights": [{"environment": {"radiance": 1}}],
+    })  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def luxcore():
+    return engines.engine(NAME)
+
+
+def replicates(engine, held, count=6, spp=24):
+    """(count, h, w, 3) independent images, and the renderer."""
+    renderer = engine.prepare(held, SETTINGS)
+    sums, counts = [np.zeros((32, 32, 3))], [np.zeros((32, 32), int)]
+    for _ in range(count):
+        film = renderer.render(spp)
+        sums.append(film.sums.copy())
+        counts.append(film.counts.copy())
+    return np.diff(sums, axis=0) / np.diff(counts, axis=0)[..., None], renderer
+
+
+def test_nothing_of_luxcore_is_imported_before_it_is_used():
+    script = f"import engines, sys; engines.engine({NAME!r}).accelerators(); print('pyluxcore' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_what_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
+    monkeypatch.delitem(sys.modules, "pyluxcore", raising=False)
+    assert "pip install 'raybench[luxcore]'" in str(Engine().why_not(scene(), SETTINGS))
+
+
+@pytest.mark.parametrize(
+    ("material", "shader", "words"),
+    [
+        ({"kd": 0.5}, {**DEEP, "rr_depth": 5}, "roulette"),
+        ({"kd": 0.5}, {**DEEP, "max_depth": 1}, "max_depth from 2 to"),
+        ({"kt": 0.9, "ior": 1.9}, DEEP, "Fresnel"),
+        ({"kd": 0.4, "ks": 0.5}, DEEP, "beside a diffuse lobe"),
+        ({"conductor": {"metal": "Au"}}, DEEP, "smooth metal"),
+        ({"conductor": {"reflectance": 0.9, "alpha": 0.1}}, DEEP, "rough conductors"),
+        ({"dielectric": {"alpha": 0.1}}, DEEP, "rough glass"),
+        ({"emission": 2}, DEEP, "triangles only"),
+    ],
+)
+def test_what_has_no_exact_counterpart_is_declined(material, shader, words):
+    with pytest.raises(Unsupported, match=words):
+        Engine().prepare(scene(**material), Settings(8, 8, shader=shader, sampler="random"))
+
+
+@installed
+def test_luxcore_conforms(luxcore):
+    found = check_engine(luxcore)
+    assert [str(finding) for finding in found if finding.verdict == "broken"] == []
+    held = {finding.key for finding in found if finding.ok}
+    assert {"images_are_upright", "the_furnace_is_uniform", "stop_from_a_thread_ends_the_render"} <= held
+
+
+@installed
+@pytest.mark.parametrize(("name", "power"), [("cornell_box", 0.05), ("cornell_mesh", 0.05), ("two_spheres", 0.08)])
+def test_luxcore_and_numba_make_the_same_image(luxcore, name, power):
+    """`power`: the bound on the difference of the image means that the test must reach."""
+    held = engines.load_scene(paths.find("scenes", name))
+    theirs, renderer = replicates(luxcore, held)
+    found = equivalence(list(replicates(engines.engine("numba"), held)[0]), list(theirs))
+    assert found.verdict != "different", found
+    assert found.image_bound < power, f"a test that could have seen nothing: {found}"
+    assert renderer.counters()["bad_samples"] == 0
+
+
+@installed
+def test_the_film_counts_what_pixels_have(luxcore):
+    renderer = luxcore.prepare(scene(), SETTINGS)
+    for total in (40, 80):
+        film = renderer.render(40)
+        assert film.counts.min() >= total
+        np.testing.assert_allclose(film.counts.mean() - total, renderer.counters()["surplus_samples"], rtol=1e-9)
+    assert np.isfinite(film.variance_of_mean()).all()
+
+
+@installed
+def test_calls_do_not_repeat_their_samples_and_seeds_matter(luxcore):
+    lit = scene()
+    (one, two), _ = replicates(luxcore, lit, 2, 8)
+    assert (one != two).any()
+    other = luxcore.prepare(lit, Settings(32, 32, shader=DEEP, sampler="random", seed=4)).render(8).mean()
+    assert (one != other).any()
