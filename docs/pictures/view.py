@@ -25,9 +25,10 @@ def rendered(page: Browser, scene: str, size: tuple[int, int], spp: int) -> None
 
 
 def view(page: Browser, address: str) -> None:
-    page.open(address, 1280, 1000)
+    page.open(address, 1280, 900)
     page.wait_for(READY)
     rendered(page, "two_spheres", (400, 300), 96)
+    page.click("#toggle-histogram")
     page.point(*page.spot(0.4, 0.6))
     page.wait_for("raybench.probe")
 

@@ -43,7 +43,8 @@ class Engine:
     def __getattr__(self, name: str) -> Any:
         if name == "local":  # before it is set
             raise AttributeError(name)
-        return getattr(self.local, name)
+        found = getattr(self.local, name)
+        return {"why_not_tracer": self._why_not_tracer, "tracer": self._tracer}.get(name, found)
 
     @cached_property
     def version(self) -> str:
@@ -71,6 +72,14 @@ class Engine:
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
         return Renderer(self._processes, scene, settings)
 
+    def _why_not_tracer(self, scene: Scene, settings: Settings) -> str | None:
+        with self._processes.lent() as process:
+            _send_scene(process, scene)
+            return process.call("why_not_tracer", settings)
+
+    def _tracer(self, scene: Scene, settings: Settings) -> interface.RayTracer:
+        return Renderer(self._processes, scene, settings, "tracer")
+
 
 class Renderer:
     """A renderer whose work is done in another process; its film lies in memory that both share.
@@ -78,14 +87,15 @@ class Renderer:
     `stop` and the queries are heard there by threads of their own: an engine that holds Python's global lock hears them late.
     """
 
-    def __init__(self, processes: _Processes, scene: Scene, settings: Settings) -> None:
+    def __init__(self, processes: _Processes, scene: Scene, settings: Settings, verb: str = "prepare") -> None:
+        """`verb`: `prepare`, or `tracer` for one that traces rays alone."""
         self._guard = CallGuard()  # in a forked process calls are refused
         self._on_pass: OnPass | None = None
         self._callback_error: BaseException | None = None
         process = processes.take()
         try:
             _send_scene(process, scene)
-            process.call("prepare", settings, told=self._told)
+            process.call(verb, settings, told=self._told)
         except BaseException:
             processes.give_back(process)
             raise

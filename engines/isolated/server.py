@@ -94,6 +94,12 @@ class Server:
         self._renderer = self._engine.prepare(self._scene, settings)
         self._tell_film(self._renderer.film)
 
+    def _call_why_not_tracer(self, settings: Any) -> Any:
+        return self._engine.why_not_tracer(self._scene, settings)
+
+    def _call_tracer(self, settings: Any) -> None:
+        self._renderer = self._engine.tracer(self._scene, settings)
+
     def _call_warm_up(self) -> None:
         self._renderer.warm_up()
 

@@ -25,6 +25,7 @@ COLUMNS = [
     Column("primitives", "Triangles, spheres and other shapes of the scene.", "count"),
     Column("rays", "Set of rays: camera, shadow or incoherent."),
     Column("engine", "Engine; twin: the A/A twin of the baseline."),
+    Column("version", "Version of the engine."),
     Column("accelerator", "Accelerator."),
     Column("precision", "Precision setting; empty: the engine's own."),
     Column("threads", "Threads of the engine.", "count"),
@@ -110,10 +111,9 @@ def _ratios(group: Sequence[Entry], same_within: float) -> list[Ratio | None]:
 
 
 def _row(entry: Entry, ratio: Ratio | None) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        key: getattr(entry, key) for key in ("scene", "primitives", "rays", "accelerator", "precision", "threads", "state",
-                                             "message", "unstable")
-    } | {"engine": f"{entry.engine} (twin)" if entry.twin else entry.engine}  # fmt: skip
+    same = ("scene", "primitives", "rays", "version", "accelerator", "precision", "threads", "state", "message", "unstable")
+    row: dict[str, Any] = {key: getattr(entry, key) for key in same}
+    row["engine"] = f"{entry.engine} (twin)" if entry.twin else entry.engine
     row["verdict"] = "baseline" if entry.baseline else ratio.verdict if ratio else ""
     if ratio:
         row["ratio"] = Estimate(*ratio[:4])

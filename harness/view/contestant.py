@@ -20,6 +20,7 @@ from harness.metrics import as_error
 from harness.plan.cells import WARM_UP_SEED, Cell
 from harness.run.recorder import CellRecord, Recorder
 from harness.statistics import crossing_seconds
+from harness.statistics.convergence import CLEAR_ERRORS
 from harness.store.results import curve_of, point_error
 
 FINISHED = ("reached", "at_first")
@@ -88,13 +89,14 @@ class Contestant:
             self._next_checkpoint = next(self._checkpoints, self.spp + 1)
 
     def crossings(self) -> list[dict[str, Any]]:
-        """When each target was reached, as in reports."""
+        """When each target was reached, and whether the noise of the reference leaves that in doubt, as in reports."""
         metric, cell = self._recorder.metric, self.cell
         kind = {"smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible}
         curve, found = curve_of({"points": self._record.points, **kind}, metric), []
         for target in self._recorder.plan.experiment.quality.targets or ():
             crossing = crossing_seconds(curve, as_error(metric, target))
-            found.append({"target": target, "seconds": crossing.x.high, "state": crossing.state})
+            reliable = crossing.noise <= 1 / CLEAR_ERRORS
+            found.append({"target": target, "seconds": crossing.x.high, "state": crossing.state, "reliable": reliable})
         return found
 
     def finish(self) -> None:

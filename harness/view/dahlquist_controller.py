@@ -33,8 +33,8 @@ ORIGINAL = (
     ("640x640, 1 core, background redrawn", 23.0e-3, 17.8e6),
     ("1920x1080, 2 cores, background redrawn", 48.2e-3, 43.0e6),
 )
-"""(configuration, seconds per call, primary rays/s) of the original, compiled with -O3 -march=native, on two cores at 2.1 GHz,
-with reflections and environment, without interlacing."""
+"""(configuration, seconds per whole frame, primary rays/s) of the original, compiled with -O3 -march=native, on two cores at
+2.1 GHz, with reflections and environment, without interlacing."""
 
 
 class DahlquistController:
@@ -47,7 +47,7 @@ class DahlquistController:
         self._switches = requests.SwitchesRequest(type="switches")
         self._seconds: deque[float] = deque(maxlen=60)
         self._call_times: deque[float] = deque(maxlen=120)
-        self._running, self._seq = False, 0
+        self._running, self._seq, self._threads = False, 0, 1
         self._unacknowledged, self._acknowledged = 0, threading.Condition()
 
     def receive(self, request: Any) -> None:
@@ -103,7 +103,7 @@ class DahlquistController:
     def _prepare(self, request: requests.DahlquistRequest) -> None:
         self._running = False
         self._send(packed({"type": "state", "state": "busy", "activity": "compiling", "seq": self._seq}))
-        threads = requests.limited_threads(request.threads)
+        self._threads = threads = requests.limited_threads(request.threads)
         self._tracer = dahlquist.Tracer(request.width, request.height, engine=request.engine, threads=threads)
         self._tracer.call(0)
         self._apply_switches()
@@ -160,9 +160,10 @@ class DahlquistController:
         fields |= {"activity": "", "memory_bytes": psutil.Process().memory_info().rss}
         if self._tracer is not None and len(self._seconds) > 1:
             height, width, _ = self._tracer.frame.shape
-            rays = width * height / (2 if self._tracer.interlaced else 1)
-            seconds = median(self._seconds)
+            calls = 2 if self._tracer.interlaced else 1  # of a whole frame
+            seconds = calls * median(self._seconds)
             span = self._call_times[-1] - self._call_times[0]
-            fields |= {"call_seconds": seconds, "rays_per_second": rays / seconds, "size": f"{width}x{height}",
-                     "frames_per_second": (len(self._call_times) - 1) / span if span else None}  # fmt: skip
+            fields |= {"frame_seconds": seconds, "rays_per_second": width * height / seconds, "size": f"{width}x{height}",
+                     "calls_per_frame": calls, "redraw": self._switches.redraw, "threads": self._threads,
+                     "frames_per_second": (len(self._call_times) - 1) / span / calls if span else None}  # fmt: skip
         self._send(packed(fields))

@@ -67,9 +67,9 @@ class Library:
         self.find(given)
         return given
 
-    def inside(self, name: str) -> Path:
+    def inside(self, name: str, what: str = "scene") -> Path:
         """The path of `name` below the folder, which need not exist. Raises `ConfigError` where it leaves the folder."""
-        return confined.inside(self.folder, name, "scene").resolve()
+        return confined.inside(self.folder, name, what).resolve()
 
 
 def _is_scene(path: Path) -> bool:

@@ -19,6 +19,10 @@ from harness.view.library import Library
 from harness.view.requests import MAX_PIXELS, MAX_SIDE, MAX_SPP
 
 PREFERRED = "embree"
+COMPILED = ("numba", "embree", "embreex_batch")
+"""Engines with kernels that are compiled at their first use, and then read from a cache."""
+FIRST_COMPILE_SECONDS = 30
+"""About the time that this takes (docs/view.md)."""
 PROBE_SCENE = {
     "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
     "materials": {"white": {"kd": 0.5}}, "lights": [{"point": {"position": [0, 3, 3], "intensity": 4}}],
@@ -34,6 +38,7 @@ def menu(library: Library) -> dict[str, Any]:
         "engines": listed, "shaders": _table(SHADERS), "samplers": _table(SAMPLERS), "tone_mappers": list(TONE_MAPPERS),
         "scenes": library.names(), "cores": len(machine.usable_cores()),
         "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["problem"]), listed[0]["name"]),
+        "first_compile": dict.fromkeys(COMPILED, FIRST_COMPILE_SECONDS),
         "limits": {"side": MAX_SIDE, "pixels": MAX_PIXELS, "spp": MAX_SPP},
     }  # fmt: skip
 

@@ -23,7 +23,9 @@ from harness.processes import one_line
 from harness.view import requests
 from harness.view.coalescing_queue import CoalescingQueue
 from harness.view.display import Tone, rgba
+from harness.view.error_map import EPSILON, ErrorReference, false_colours, reference_from_file, view_of
 from harness.view.interactive_scene import InteractiveScene, camera_fields
+from harness.view.library import Library
 from harness.view.messages import error_message, packed
 from harness.view.yaml_export import scene_yaml
 
@@ -35,7 +37,7 @@ STATE_SECONDS = 0.25
 TICK_SECONDS, IDLE_TICK_SECONDS = 0.02, 0.1
 MAX_UNACKNOWLEDGED = 2
 """Frames that the page has not acknowledged yet, at most; a slow page gets fewer frames."""
-ANSWERED_AT_ONCE = ("probe", "tone", "save", "yaml", "ack")
+ANSWERED_AT_ONCE = ("probe", "tone", "reference", "save", "yaml", "ack")
 
 
 @dataclass
@@ -70,10 +72,14 @@ class ViewState:
 class Publisher:
     """Publishes a `ViewState`. `tick` is called some fifty times a second during a render."""
 
-    def __init__(self, send: Callable[[bytes], None], view: ViewState, tick: Callable[[], None]) -> None:
-        self._send, self._view, self._tick = send, view, tick
+    def __init__(
+        self, send: Callable[[bytes], None], view: ViewState, tick: Callable[[], None], library: Library
+    ) -> None:  # fmt: skip
+        self._send, self._view, self._tick, self._library = send, view, tick, library
         self._requests = CoalescingQueue()
         self._tone = Tone()
+        self._show = "image"
+        self._reference: ErrorReference | None = None
         self._frame_lock = threading.Lock()
         self._unacknowledged = 0
         self._shown = -1
@@ -121,9 +127,23 @@ class Publisher:
             self._unacknowledged += 1
             fields = {"width": film.width, "height": film.height, "spp": film.spp, "preview": preview}
             fields |= {"seq": self._view.seq, "handles": interactive.handles()}
-            self._send(packed({"type": "frame", **fields}, rgba(film, self._tone)))
+            pixels = None if preview else self._error_map(film, interactive, fields)
+            self._send(packed({"type": "frame", **fields}, pixels or rgba(film, self._tone)))
             self._shown = version
             return True
+
+    def _error_map(self, film: Film, interactive: InteractiveScene, fields: dict[str, Any]) -> bytes | None:
+        """The error map where it is wanted and there is a reference of this view; adds its mean to `fields`."""
+        reference = self._reference
+        if self._show != "error" or reference is None:
+            return None
+        if reference.view != view_of(interactive):
+            self._reference = None
+            self._send(packed({"type": "reference", "name": None, "why": "its view is not that of the image any more"}))
+            return None
+        error = reference.error((film.sums / np.maximum(film.counts, 1)[:, :, None]).astype(np.float32))
+        fields |= {"error": float(error.mean(dtype=np.float64)), "epsilon": EPSILON}
+        return false_colours(error)
 
     def state(self) -> None:
         """Sends the state: activity, times and rates."""
@@ -146,8 +166,22 @@ class Publisher:
         self._unacknowledged = max(0, self._unacknowledged - 1)
 
     def _on_tone(self, request: requests.ToneRequest) -> None:
-        self._tone = Tone(request.mapper, request.exposure)
+        self._tone, self._show = Tone(request.mapper, request.exposure), request.show
         self._view.version += 1
+
+    def _on_reference(self, request: requests.ReferenceRequest) -> None:
+        """Keeps the image as the reference of the error map, or reads one."""
+        interactive, film = self._view.interactive, self._view.full_film()
+        if interactive is None or film is None or not film.counts.all():
+            raise ConfigError("there is no image to compare yet")
+        if request.file is not None:
+            self._reference = reference_from_file(self._library.inside(request.file, "reference"), interactive)
+        else:
+            engine = self._view.provenance.get("engine", "this image")
+            mean = film.mean().astype(np.float32)
+            self._reference = ErrorReference(mean, view_of(interactive), f"{engine}, {film.spp} samples per pixel")
+        self._view.version += 1
+        self._send(packed({"type": "reference", "name": self._reference.name}))
 
     def _on_probe(self, request: requests.ProbeRequest) -> None:
         """Sends the mean of a pixel, the variance of that mean and its standard error, by channel."""

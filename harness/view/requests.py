@@ -92,8 +92,17 @@ class ProbeRequest(Request):
 
 
 class ToneRequest(Request):
+    """How the film is displayed: tone mapped, or as an error map against the reference."""
+
+    show: Literal["image", "error"] = "image"
     mapper: Text
     exposure: Annotated[float, Field(ge=-20, le=20)] = 0.0
+
+
+class ReferenceRequest(Request):
+    """Sets the reference of the error map: an EXR file below the folder, or else the image as it is."""
+
+    file: Text | None = None
 
 
 class SaveRequest(Request):
@@ -126,7 +135,7 @@ class DahlquistRequest(Request):
 class SwitchesRequest(Request):
     reflections: bool = True
     environment: bool = True
-    interlaced: bool = True
+    interlaced: bool = False
     redraw: bool = False
     speed: Annotated[int, Field(ge=0, le=100)] = 8
 
@@ -150,7 +159,8 @@ class PlainRequest(Request):
 
 REQUESTS: dict[str, type[Request]] = {
     "open": OpenRequest, "camera": CameraRequest, "pick": PickRequest, "drag": DragRequest, "probe": ProbeRequest,
-    "tone": ToneRequest, "save": SaveRequest, "race": RaceRequest, "dahlquist": DahlquistRequest, "hold": HoldRequest,
+    "tone": ToneRequest, "reference": ReferenceRequest,
+    "save": SaveRequest, "race": RaceRequest, "dahlquist": DahlquistRequest, "hold": HoldRequest,
     "switches": SwitchesRequest, "touch": TouchRequest, "move": TouchRequest, "release": TouchRequest, "stop": PlainRequest,
     "resume": PlainRequest, "yaml": PlainRequest, "ack": PlainRequest,
 }  # fmt: skip

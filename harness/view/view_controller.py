@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from engines.errors import ConfigError, RaybenchError, Unsupported
-from engines.interface import Settings
+from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
 from engines.registry import names_a_program
 from engines.scene import CustomCamera, Orthographic, Scene, load_scene
@@ -32,6 +32,8 @@ from harness.view.publisher import ANSWERED_AT_ONCE, Publisher, ViewState
 
 REST_SECONDS = 0.15
 """The full image starts after this time without a camera move or drag."""
+MAX_PIXELS_BESIDE = 1 << 20
+"""Images up to this size are prepared while the old one is still held."""
 CHUNK_SECONDS = 0.1
 """Render time between two looks at the queue of requests."""
 
@@ -43,7 +45,7 @@ class ViewController:
         self._send, self._library, self._allow_imports = send, library, allow_imports
         self._work = CoalescingQueue()
         self._view = ViewState()
-        self._publisher = Publisher(send, self._view, self._interrupt)
+        self._publisher = Publisher(send, self._view, self._interrupt, library)
         self._rays_before = 0.0
         self._moved_at: float | None = None
         self._chunk = 1
@@ -113,17 +115,24 @@ class ViewController:
             raise Unsupported(refusal)
         for warning in scene.warnings:
             self._send(packed({"type": "warning", "text": warning}))
-        before = self._view.interactive = self._view.film = None  # frees old renderers before new ones are made
-        try:
-            interactive = InteractiveScene(scene, engine, settings, self._set_activity)
-        except MemoryError as error:
-            raise ConfigError("there is not enough memory for this scene at this size") from error
+        before = None
+        interactive = self._prepared(scene, engine, settings)
         interactive.offsets = offsets
         self._view.interactive, self._view.provenance = interactive, provenance
         self._view.target_spp, self._view.seconds = request.spp, 0.0
         self._describe(request.scene, interactive)
         self._render_preview()
         self._moved_at = monotonic() - REST_SECONDS
+
+    def _prepared(self, scene: Scene, engine: Engine, settings: Settings) -> InteractiveScene:
+        """The new image. The old one stays until that is made, so that it survives an error; large ones are freed before."""
+        width, height = settings.size(scene)
+        if width * height > MAX_PIXELS_BESIDE:
+            self._view.interactive = self._view.film = None
+        try:
+            return InteractiveScene(scene, engine, settings, self._set_activity)
+        except MemoryError as error:
+            raise ConfigError("there is not enough memory for this scene at this size") from error
 
     def _settings(self, request: requests.OpenRequest, scene: Scene) -> tuple[Settings, dict[str, Any]]:
         """The settings of a request within the limits, and the provenance for saved images."""

@@ -12,6 +12,7 @@ the process, which other processes disturb least, and by the wall clock. A sampl
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import os
 import platform
 import shlex
@@ -19,7 +20,10 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
+
+import scipy.stats  # noqa: F401  libraries of C++ that are loaded after pyluxcore end the process
 
 import engines
 from harness.config import paths
@@ -123,14 +127,20 @@ def show(label: str, rounds: list[tuple[Seconds, Seconds]], paths_of_a_round: in
         print(line, flush=True)
 
 
-def show_head(given: argparse.Namespace) -> None:
+def machine() -> str:
+    """A line on processor and instruction set. Asked in a process of its own: pyluxcore and LLVM do not bear each other."""
     from llvmlite import binding
 
     from harness.measure.machine import cpu_model
 
     features = binding.get_host_cpu_features()
     widest = next((name for name in ("avx512f", "avx2", "avx", "sse2", "neon") if features.get(name)), "unknown")
-    print(f"{cpu_model()}, {os.cpu_count()} cores, {widest} (LLVM target {binding.get_host_cpu_name()})")
+    return f"{cpu_model()}, {os.cpu_count()} cores, {widest} (LLVM target {binding.get_host_cpu_name()})"
+
+
+def show_head(given: argparse.Namespace) -> None:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        print(pool.submit(machine).result())
     version = engines.engine(given.engine).version
     print(f"Python {platform.python_version()}, {given.engine} {version}, load {os.getloadavg()[0]:.1f}")
     command = shlex.join(["python", "-m", "tests.benchmarks.adapter_overhead", *sys.argv[1:]])

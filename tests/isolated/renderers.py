@@ -105,3 +105,27 @@ class Lit:
 
     def counters(self) -> dict[str, float]:
         return dict.fromkeys(("build_seconds", "compile_seconds", "accelerator_bytes", "bad_samples"), 0.0)
+
+
+class RaysAlone:
+    """Traces rays, with numpy's answers, and renders nothing."""
+
+    name, version = "rays_alone", "1"
+    own_process = True
+
+    def accelerators(self) -> dict[str, dict[str, Any]]:
+        return {"auto": {}}
+
+    def why_not(self, scene: Scene, settings: Settings) -> str | None:
+        return "it traces rays and renders nothing"
+
+    def prepare(self, scene: Scene, settings: Settings) -> Any:
+        raise Unsupported(self.why_not(scene, settings))
+
+    def why_not_tracer(self, scene: Scene, settings: Settings) -> str | None:
+        return None if scene.shapes else f"nothing is there, says {os.getpid()}"
+
+    def tracer(self, scene: Scene, settings: Settings) -> Any:
+        if reason := self.why_not_tracer(scene, settings):
+            raise Unsupported(reason)
+        return NumPy().prepare(scene, settings)

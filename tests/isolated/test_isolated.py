@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from engines import ConfigError, Settings, Unsupported
 from engines.conformance import concurrency, rendering
 from engines.conformance.subject import Subject
 from engines.errors import RendererFailed, UnknownName
+from engines.interface import HasTracer
 from engines.isolated.channel import dumped, loaded
 from tests.isolated.environments import environment
 from tests.isolated.renderers import FOREIGN, KILLED, REPLACED, SLEEPING
@@ -55,6 +57,18 @@ def test_the_image_is_that_of_the_engine_in_this_process(apart, scene):
 def test_claims_about_calls_from_threads_and_callbacks_hold(apart, claim):
     with Subject(apart) as subject:
         claim(subject)
+
+
+def test_an_engine_that_only_traces_does_so_there(scene):
+    alone = engines.engine("tests.isolated.renderers:RaysAlone")
+    assert isinstance(alone, HasTracer) and not isinstance(engines.engine(APART), HasTracer)
+    assert alone.why_not_tracer(scene, settings()) is None
+    refused = alone.why_not_tracer(replace(scene, shapes=()), settings())
+    assert refused and not refused.endswith(str(os.getpid()))
+    rays = np.zeros((3, 3)), np.array([[0, 0, -1.0], [0, 1, 0], [1, 1, 1]])
+    ours, theirs = (made.trace(*rays) for made in (engines.engine("numpy").prepare(scene, settings()),
+                                                   alone.tracer(scene, settings())))  # fmt: skip
+    assert np.array_equal(ours.t, theirs.t) and np.array_equal(ours.shape, theirs.shape)
 
 
 def test_an_array_that_the_engine_replaces_is_copied(apart, scene):

@@ -63,7 +63,7 @@ def test_what_is_not_installed_is_named(monkeypatch):
         ({"kd": 0.5}, {**DEEP, "rr_depth": 5}, "roulette"),
         ({"kd": 0.5}, {**DEEP, "max_depth": 1}, "max_depth from 2 to"),
         ({"kt": 0.9, "ior": 1.9}, DEEP, "Fresnel"),
-        ({"kd": 0.4, "ks": 0.5}, DEEP, "beside a diffuse lobe"),
+        ({"kd": [0.9, 0, 0], "ks": [0, 0.9, 0]}, DEEP, "more than 1"),
         ({"conductor": {"metal": "Au"}}, DEEP, "smooth metal"),
         ({"conductor": {"reflectance": 0.9, "alpha": 0.1}}, DEEP, "rough conductors"),
         ({"dielectric": {"alpha": 0.1}}, DEEP, "rough glass"),

@@ -14,7 +14,7 @@ def demo(browser, viewer):
     browser.wait_for("window.raybench && raybench.menu")
     for name, value in {"engine": "numpy", "width": 64, "height": 64}.items():
         browser.set(f"#{name}", value)
-    browser.wait_for("document.getElementById('canvas').width === 64 && raybench.status.call_seconds")
+    browser.wait_for("document.getElementById('canvas').width === 64 && raybench.status.frame_seconds")
     return browser
 
 
@@ -27,6 +27,9 @@ def test_it_moves_and_shows_its_rates_beside_those_of_the_original(demo):
 
 
 def test_speed_zero_stands_still_and_switches_change_the_picture(demo):
+    demo.set("#interlaced", True)
+    demo.wait_for("raybench.status.calls_per_frame === 2")  # the table compares whole frames
+    assert "two interlaced calls" in demo.evaluate("document.getElementById('own-name').textContent")
     demo.set("#interlaced", False)
     demo.set("#speed", 0)
     time.sleep(1.5)  # the spheres follow with a delay

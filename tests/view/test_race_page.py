@@ -42,6 +42,21 @@ def test_contestants_use_their_budget_and_reach_the_target_that_they_can_reach(r
         assert contestant["points"][-1][1] < contestant["points"][0][1]
     text = raced.evaluate("document.querySelector('.contestant').textContent")
     assert "✓ target 0.5" in text and "not reached" in text
+    warning = raced.evaluate("document.getElementById('warnings').textContent")
+    assert "too few samples" in warning and "1e-07" in warning
+
+
+def test_a_target_is_undecided_for_all_where_the_reference_s_noise_reaches_the_error_of_one(raced):
+    script = """(() => { const [first, second] = raybench.contestants;
+        const crossings = first.crossings;
+        first.crossings = [{target: 0.5, seconds: 1, state: "reached", reliable: false}];
+        raybench.show();
+        const texts = [first.list.textContent, second.list.textContent];
+        first.crossings = crossings;
+        raybench.show();
+        return texts; })()"""
+    for text in raced.evaluate(script):
+        assert "✓" not in text and "target 0.5: undecided, the reference is too noisy" in text
 
 
 def test_images_error_maps_and_plot_are_drawn(raced):

@@ -9,9 +9,13 @@ import engines
 from engines.errors import ConfigError, Unsupported
 from engines.scene import Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.schema import yaml_file
+from harness.cli.options import DEFAULT_ENGINE
+from harness.metrics import Reference, measure
+from harness.report.html.assembly import colour_maps
 from harness.view.coalescing_queue import MAX_WAITING, CoalescingQueue
 from harness.view.display import Tone, half_floats, rgba
 from harness.view.draggable import center, draggables, moved
+from harness.view.error_map import EPSILON, ErrorReference, false_colours
 from harness.view.library import Library
 from harness.view.menu import menu
 from harness.view.messages import header_of, packed
@@ -123,6 +127,7 @@ def test_the_library_lists_scenes_and_refuses_paths_outside_its_folder(tmp_path)
 def test_the_menu_has_what_the_engines_list(tmp_path):
     listed = menu(Library(tmp_path))
     assert [e["name"] for e in listed["engines"]] == engines.engine_names()
+    assert listed["preferred"] == DEFAULT_ENGINE
     shader = next(s for s in listed["shaders"] if s["name"] == "path_tracer")
     kinds = {option["key"]: option for option in shader["options"]}
     assert kinds["direct"]["values"] == ["light", "bsdf", "mis"] and kinds["max_depth"]["kind"] == "integer"
@@ -161,6 +166,17 @@ def test_the_queue_keeps_the_last_request_of_a_key_and_a_limited_number_of_other
 def test_messages_keep_bytes_and_replace_numbers_that_json_lacks():
     message = packed({"type": "x", "values": [math.nan, math.inf, 1.5], "name": "é"}, b"\x00\xff")
     assert header_of(message) == {"type": "x", "values": [None, None, 1.5], "name": "é"} and message.endswith(b"\x00\xff")
+
+
+def test_the_error_map_is_that_of_the_metric_and_a_pixel_without_an_error_is_magenta():
+    reference, mean = np.random.default_rng(3).exponential(0.5, (2, 12, 12, 3)).astype(np.float32)
+    error = ErrorReference(reference, (), "").error(mean)
+    known = measure(mean, Reference(reference, reference, reference, reference, 2), EPSILON)[f"relmse_e{EPSILON:g}"]
+    assert error.mean(dtype=np.float64) == pytest.approx(known, rel=1e-5)
+    error[0, :3] = (np.nan, 1e-5, 1.0)
+    shown = np.frombuffer(false_colours(error), np.uint8).reshape(12, 12, 4)[0]
+    assert shown[0].tolist() == [255, 0, 255, 255]
+    assert shown[1].tolist()[:3] == colour_maps()["magma"][0] and shown[2].tolist()[:3] == colour_maps()["magma"][-1]
 
 
 @pytest.mark.parametrize("mapper", ["srgb", "linear", "reinhard", "aces"])

@@ -20,8 +20,7 @@ REST = "['finished', 'stopped'].includes(raybench.state)"
 ERROR = "document.getElementById('error')"
 
 
-RESET = """(() => { raybench.settingsForm.selected = {shader: {name: 'path_tracer', max_depth: 6}, sampler: {name: 'sobol'},
-    accelerator: {name: 'auto'}}; raybench.settingsForm.build('numpy'); raybench.input.choose('');
+RESET = """(() => { raybench.settingsForm.reset('numpy'); raybench.input.choose('');
   const values = {scene: 'ball.yaml', width: '', height: '', 'target-spp': 2, seed: 1, mapper: 'srgb', exposure: 0};
   for (const [id, value] of Object.entries(values)) document.getElementById(id).value = value;
   document.getElementById('exposure').dispatchEvent(new Event('input'));
@@ -148,6 +147,52 @@ def test_a_refusal_of_an_engine_is_an_error_message(page):
     finished(page, 2)
 
 
+def test_an_invalid_entry_is_a_message_and_keeps_the_image(page):
+    before = page.evaluate(PIXELS)
+    page.set("#width", 0)
+    assert "greater than or equal to 1" in page.evaluate(f"{ERROR}.textContent")
+    assert page.evaluate(PIXELS) == before and page.evaluate("raybench.state") == "finished"
+    page.set("#width", 24)
+    page.wait_for("document.getElementById('canvas').width === 24")
+    finished(page, 2)
+    assert page.evaluate(f"{ERROR}.hidden")
+
+
+def test_options_are_remembered_and_a_choice_that_an_engine_lacks_is_announced_and_comes_back(page):
+    page.set("#render-settings [name='shader.max_depth']", 3)
+    page.set("#render-settings [name=shader]", "albedo")
+    page.set("#render-settings [name=shader]", "path_tracer")
+    assert page.evaluate("raybench.settingsForm.value().shader.max_depth") == 3
+    finished(page, 2)
+    engines_ = "raybench.menu.engines.find(engine => engine.name === 'numba').refusals.sampler"
+    choose = "(() => {{ const form = raybench.settingsForm; form.engine.value = '{}'; form.offer(); return [" \
+        "form.value().sampler.name, form.notice.textContent]; }})()"  # fmt: skip
+    page.evaluate(f"{engines_} = {{sobol: 'not this one'}}")
+    name, notice = page.evaluate(choose.format("numba"))
+    assert name != "sobol" and notice == f"numba has no sampler sobol: {name} is used."
+    assert page.evaluate(choose.format("numpy")) == ["sobol", "numpy has the sampler sobol: it is used again."]
+    page.evaluate(f"{engines_} = {{}}")
+
+
+def test_the_error_map_compares_with_a_kept_image_of_the_same_view(page):
+    page.press("e")
+    assert "needs a reference" in page.evaluate(f"{ERROR}.textContent")
+    page.click("#keep-reference")
+    page.wait_for("raybench.frame.error === 0")
+    assert "0.00" in page.evaluate("document.getElementById('scale').textContent")
+    first = canvas(page)
+    page.set("#seed", 2)
+    page.wait_for("raybench.frame.error > 0 && raybench.state === 'finished'")
+    assert first.max() < 10 < canvas(page).max()
+    page.click("#toggle-histogram")
+    page.evaluate("document.getElementById('canvas').focus()")
+    page.press("ArrowLeft")
+    page.wait_for("!raybench.reference.name && document.getElementById('show').value === 'image'")
+    finished(page, 2)
+    page.wait_for("raybench.shares.black < 1")
+    page.click("#toggle-histogram")
+
+
 def test_a_bad_scene_is_an_error_message_with_its_line(page):
     page.set("#scene", "bad.yaml")
     page.wait_for(f"!{ERROR}.hidden")
@@ -247,13 +292,14 @@ def test_the_probe_shows_value_variance_and_error(page, tmp_path):
     assert probe["variance"] == pytest.approx(layers.variance[at], rel=1e-4, abs=1e-12)
     assert probe["error"] == pytest.approx(np.sqrt(probe["variance"]), rel=1e-9)
     assert "standard error" in page.evaluate("document.getElementById('probe').textContent")
+    assert page.evaluate("document.getElementById('probe').classList.contains('top')")  # it does not hide the probed pixel
     page.evaluate("document.getElementById('canvas').focus()")
     page.press("p")
     page.wait_for("raybench.probe.x === 24 && raybench.probe.y === 18")
     page.press("ArrowRight")
     page.wait_for("raybench.probe.x === 25")
     page.click("#restart")  # the probed image is replaced
-    page.wait_for("document.getElementById('probe').textContent.startsWith('Point')")
+    page.wait_for("document.getElementById('probe').hidden")
 
 
 def test_images_are_saved_and_open_again(page, tmp_path):
@@ -264,6 +310,20 @@ def test_images_are_saved_and_open_again(page, tmp_path):
     probe = read_provenance(exr)
     assert probe["engine"] == "numpy" and probe["spp"] == 2 and probe["camera"]["eye"] == [0, 1, 5]
     assert np.abs(engines.film.to_bitmap(read_image(exr)).astype(int) - shown).max() <= 1
+
+
+def test_the_address_holds_settings_and_camera(browser, viewer):
+    settings = {"scene": "deep/other.yaml", "engine": "numpy", "shader": "path_tracer", "shader.max_depth": 2, "width": 24,
+                "height": 20, "spp": 3, "exposure": 1, "camera": "1,1,5,0,1,0,0,1,0"}  # fmt: skip
+    browser.open(f"{viewer.address}#{'&'.join(f'{key}={value}' for key, value in settings.items())}")
+    browser.wait_for("window.raybench && raybench.settingsForm && raybench.opened")
+    finished(browser, 3)
+    assert browser.evaluate("document.title").startswith("another ball") and canvas(browser).shape == (20, 24, 3)
+    assert browser.evaluate("raybench.input.orbit.eye") == [1, 1, 5]
+    browser.set("#seed", 7)
+    finished(browser, 3)
+    address = browser.evaluate("decodeURIComponent(location.hash)")
+    assert all(f"{key}={value}" in address for key, value in {**settings, "seed": 7}.items())
 
 
 @pytest.mark.parametrize("name", ["view.html", "race.html", "dahlquist.html"])

@@ -115,7 +115,7 @@ def properties(scene: Scene, settings: Settings) -> Properties:
     """Camera, materials and lights."""
     found = {f"camera.{key}": value for key, value in _camera(scene, settings).items()}
     for index, material in enumerate(scene.materials):
-        found |= {f"materials.m{index}.{key}": value for key, value in material_properties(material).items()}
+        found |= {f"materials.{key}": value for key, value in material_properties(f"m{index}", material).items()}
     for index, light in enumerate(scene.lights):
         found |= {f"lights.l{index}.{key}": value for key, value in _light(light).items()}
     return {f"scene.{key}": value for key, value in found.items()}

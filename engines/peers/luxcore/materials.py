@@ -23,20 +23,32 @@ def material_lacks(material: Material) -> str | None:
         diffuse, mirror, glass = (weights != BLACK for weights in (bsdf.kd, bsdf.ks, bsdf.kt))
         if glass and (diffuse or not bsdf.fresnel):
             return "refraction without Fresnel's equations, or beside a diffuse lobe"
-        if mirror and not glass and (diffuse or bsdf.fresnel):
-            return "a mirror beside a diffuse lobe, or one with Fresnel's equations and without refraction"
+        if mirror and not glass and bsdf.fresnel:
+            return "a mirror with Fresnel's equations and without refraction"
+        if mirror and diffuse and max(_rgb(bsdf.kd)) + max(_rgb(bsdf.ks)) > 1.0:
+            return "a diffuse and a mirror lobe whose largest components add up to more than 1"
     return None
 
 
-def material_properties(material: Material) -> Properties:
-    """The material without its name: type and parameters, emission included."""
-    found = _model(model_of(material))
+def material_properties(name: str, material: Material) -> Properties:
+    """The material called `name`, emission included, and before it what it is made of."""
+    bsdf = model_of(material)
+    if isinstance(bsdf, Mixture) and BLACK not in (bsdf.kd, bsdf.ks):
+        kd, ks = _rgb(bsdf.kd), _rgb(bsdf.ks)
+        share = max(ks) / (max(kd) + max(ks))
+        lobes = {"diffuse": ("matte", "kd", kd, 1.0 - share), "mirror": ("mirror", "kr", ks, share)}
+        found: Properties = {}
+        for part, (kind, key, color, weight) in lobes.items():
+            found |= {f"{name}_{part}.type": kind, f"{name}_{part}.{key}": [value / weight for value in color]}
+        whole: Properties = {"type": "mix", "material1": f"{name}_diffuse", "material2": f"{name}_mirror", "amount": share}
+    else:
+        found, whole = {}, _model(bsdf)
     if material.emits:
-        found |= {
+        whole |= {
             "emission": list(material.emission), "emission.gain": [1.0] * 3,
             "emission.directlightsampling.type": "ENABLED",  # left to itself it stops at many triangles
         }  # fmt: skip
-    return found
+    return found | {f"{name}.{key}": value for key, value in whole.items()}
 
 
 def _model(bsdf: Bsdf) -> Properties:

@@ -58,9 +58,11 @@ function state(header) {
   const running = ["busy", "waiting"].includes(header.state);
   byId("stop").disabled = !running;
   byId("start").disabled = running;
-  if (!header.call_seconds) return;
-  byId("own-name").textContent = `here, ${header.size}`;
-  byId("own-call").textContent = duration(header.call_seconds);
+  if (!header.frame_seconds) return;
+  const background = header.redraw ? "redrawn" : "kept";
+  const halves = header.calls_per_frame === 2 ? ", two interlaced calls" : "";
+  byId("own-name").textContent = `here, ${header.size}, ${header.threads} threads, background ${background}${halves}`;
+  byId("own-frame").textContent = duration(header.frame_seconds);
   byId("own-rays").textContent = count(header.rays_per_second);
   byId("own-frames").textContent = header.frames_per_second ? header.frames_per_second.toFixed(1) : "–";
 }

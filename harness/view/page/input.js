@@ -7,15 +7,17 @@ const ORBIT_STEP = 0.09; // radians per key press
 const DRAG_STEP = 8; // pixels of the image per key press
 
 export class ImageInput {
-  constructor(canvas, overlay, chooser, socket, toggle) {
-    Object.assign(this, { canvas, overlay, chooser, socket, toggle });
+  // `toggle` stops and starts the render, `changed` is called after moves of the camera.
+  constructor(canvas, overlay, chooser, socket, toggle, changed) {
+    Object.assign(this, { canvas, overlay, chooser, socket, toggle, changed });
+    this.moved = false; // whether the camera is another than that of the scene file
     this.orbit = null;
     this.draggables = [];
     this.pointers = new Map();
     this.dragged = null; // {id, dx, dy}: the object, and the offset from the pointer to its centre
     this.pendingPick = null; // a press whose pick has not been answered
     this.cursor = null; // the pixel that the keyboard probes
-    this.sendCamera = throttled(() => this.socket.send(this.orbit.request()));
+    this.sendCamera = throttled(() => { this.socket.send(this.orbit.request()); this.settle(); });
     this.sendDrag = throttled((position) => this.socket.send({ type: "drag", ...position }));
     this.sendProbe = throttled((position) => this.socket.send({ type: "probe", ...position }));
     this.listen();
@@ -179,7 +181,14 @@ export class ImageInput {
   moveCamera(move) {
     if (!this.orbit) return;
     move();
+    this.moved = true;
     this.sendCamera();
+  }
+
+  // Calls `changed` once after a series of moves: browsers limit how often an address changes.
+  settle() {
+    clearTimeout(this.settling);
+    this.settling = setTimeout(this.changed, 300);
   }
 
   // ---- keys

@@ -34,7 +34,7 @@ function markPath(kind, x, y, r) {
   return `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
 }
 
-// Contestants: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state}]}].
+// Contestants: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state, reliable}]}].
 export function drawPlot(svg, contestants, targets) {
   const width = Math.max(svg.clientWidth, 240); // drawn at its display size, so that text keeps its size
   const height = Math.min(Math.max(0.45 * width, 260), 460);
@@ -77,7 +77,7 @@ function drawContestant(svg, contestant, index, px, py) {
   const path = places.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
   svg.append(element("path", { d: path, fill: "none", style: `stroke: ${colour}`, "stroke-width": 2 }));
   for (const [x, y] of places) svg.append(element("path", { d: markPath(index, x, y, 3), style: `fill: ${colour}` }));
-  for (const crossing of contestant.crossings.filter((c) => c.state === "reached" || c.state === "at_first")) {
+  for (const crossing of contestant.crossings.filter((c) => c.reliable && (c.state === "reached" || c.state === "at_first"))) {
     const [x, y] = [px(Math.log10(crossing.seconds)), py(Math.log10(crossing.target))];
     svg.append(element("path", { d: markPath(index, x, y, 8), fill: "none", style: `stroke: ${colour}`, "stroke-width": 2.5 }));
   }

@@ -8,6 +8,7 @@ const MIN_CONTESTANTS = 2;
 const MAX_CONTESTANTS = 4;
 const DEFAULTS = [["embree", {}], ["numba", {}], ["embree", { sampler: { name: "random" } }], ["numpy", {}]];
 const page = { settingsForms: [], contestants: [], targets: [], state: "idle", references: [] };
+page.show = () => page.contestants.filter((one) => one.points.length).forEach((one) => one.list.replaceChildren(...resultItems(one)));
 window.raybench = page;
 
 const socket = new WorkerSocket("race", {
@@ -91,6 +92,7 @@ function contestant(header, bytes) {
   paint(contestant.image, "radiance", radiance, null);
   paint(contestant.error, "error", radiance, page.references[header.contestant]);
   contestant.list.replaceChildren(...resultItems(contestant));
+  page.show();
   page.contestants.forEach((other) => other.box.classList.toggle("running", other === contestant && !contestant.done));
   drawPlot(byId("plot"), page.contestants, page.targets);
 }
@@ -108,6 +110,14 @@ function paint(canvas, view, radiance, other) {
   context.putImageData(image, 0, 0);
 }
 
+const isReached = (crossing) => crossing.state === "reached" || crossing.state === "at_first";
+
+// Whether the reference's noise leaves in doubt when a contestant reached the target: then there is no winner.
+function isUndecided(target) {
+  return page.contestants.flatMap((contestant) => contestant.crossings)
+    .some((crossing) => crossing.target === target && isReached(crossing) && !crossing.reliable);
+}
+
 function resultItems(contestant) {
   const last = contestant.points.at(-1);
   const texts = [
@@ -118,10 +128,13 @@ function resultItems(contestant) {
   const items = texts.map((text) => { const item = document.createElement("li"); item.textContent = text; return item; });
   for (const crossing of contestant.crossings) {
     const item = document.createElement("li");
-    const reached = crossing.state === "reached" || crossing.state === "at_first";
-    item.className = reached ? "reached" : "";
+    const reached = isReached(crossing);
+    const undecided = reached && isUndecided(crossing.target);
+    item.className = undecided ? "undecided" : reached ? "reached" : "";
     const time = `${crossing.state === "at_first" ? "at most " : ""}${duration(crossing.seconds)}`;
-    item.textContent = reached ? `✓ target ${crossing.target} in ${time}` : `target ${crossing.target}: ${contestant.done ? "not reached" : "open"}`;
+    if (undecided) item.textContent = `? target ${crossing.target}: undecided, the reference is too noisy: give it more samples`;
+    else if (reached) item.textContent = `✓ target ${crossing.target} in ${time}`;
+    else item.textContent = `target ${crossing.target}: ${contestant.done ? "not reached" : "open"}`;
     items.push(item);
   }
   return items;
@@ -172,9 +185,8 @@ function addContestant() {
   const [engine, given] = DEFAULTS[page.settingsForms.length];
   const known = page.menu.engines.some((one) => one.name === engine && !one.problem);
   const first = page.settingsForms.length === 0 && document.body.dataset.engine;
-  const form = new SettingsForm(place, page.menu, `Contestant ${page.settingsForms.length + 1}`, first || (known ? engine : page.menu.preferred));
-  Object.assign(form.selected, given);
-  form.offer();
+  const chosen = first || (known ? engine : page.menu.preferred);
+  const form = new SettingsForm(place, page.menu, `Contestant ${page.settingsForms.length + 1}`, chosen, given);
   page.settingsForms.push(form);
   writeButtons();
 }

@@ -1,11 +1,19 @@
 // Controls for an engine and its settings, made from the worker's menu.
 
 const KINDS = ["shader", "sampler", "accelerator"];
+const CHOICES = {
+  shader: "what is computed along a camera ray",
+  sampler: "where the random numbers of a sample come from",
+  accelerator: "the structure in which intersections are searched",
+};
 
 function labelled(text, control, title) {
   const label = document.createElement("label");
   label.append(`${text} `, control);
-  if (title) label.title = title;
+  if (title) {
+    label.title = title;
+    control.setAttribute("aria-description", title);
+  }
   return label;
 }
 
@@ -33,24 +41,41 @@ function optionControl(option, value) {
   return made;
 }
 
+const FIRST = { shader: { name: "path_tracer", max_depth: 6 }, sampler: { name: "sobol" }, accelerator: { name: "auto" } };
+
 export class SettingsForm {
-  constructor(place, menu, legend, engine = menu.preferred) {
-    this.menu = menu;
-    this.place = place;
-    this.legend = legend;
-    this.selected = { shader: { name: "path_tracer", max_depth: 6 }, sampler: { name: "sobol" }, accelerator: { name: "auto" } };
-    this.build(engine);
+  // `wanted` are the names that the user chose, which an engine may lack; `remembered` are the options of every choice so far.
+  constructor(place, menu, legend, engine = menu.preferred, given = {}) {
+    Object.assign(this, { menu, place, legend });
+    this.reset(engine, given);
+  }
+
+  reset(engine, given = {}) {
+    this.wanted = {};
+    this.remembered = { shader: {}, sampler: {}, accelerator: {} };
+    for (const kind of KINDS) this.choose(kind, FIRST[kind]);
+    for (const kind of KINDS) if (given[kind]) this.choose(kind, given[kind]);
+    this.build(engine, given);
+  }
+
+  choose(kind, { name, ...options }) {
+    this.wanted[kind] = name;
+    this.remembered[kind][name] = options;
+  }
+
+  engineFields() {
+    return this.menu.engines.find((known) => known.name === this.engine.value);
   }
 
   tables() {
-    const engine = this.menu.engines.find((known) => known.name === this.engine.value);
+    const engine = this.engineFields();
     return {
       shader: this.menu.shaders, accelerator: engine.accelerators,
       sampler: [...this.menu.samplers, ...engine.samplers.filter((own) => !this.menu.samplers.some((known) => known.name === own.name))],
     };
   }
 
-  build(engineName) {
+  build(engineName, given = {}) {
     const fieldset = document.createElement("fieldset");
     const legend = document.createElement("legend");
     legend.textContent = this.legend;
@@ -63,50 +88,79 @@ export class SettingsForm {
     this.engine.addEventListener("change", () => this.offer());
     this.choices = document.createElement("div");
     this.threads = document.createElement("input");
-    Object.assign(this.threads, { name: "threads", type: "number", min: 1, max: this.menu.cores, value: this.menu.cores });
-    this.precision = select(["engine's own", "float32", "float64"]);
+    Object.assign(this.threads, { name: "threads", type: "number", min: 1, max: this.menu.cores, value: given.threads ?? this.menu.cores });
+    this.precision = select(["engine's own", "float32", "float64"], given.precision);
     this.precision.name = "precision";
     const pair = document.createElement("div");
     pair.className = "pair";
-    pair.append(labelled("Threads", this.threads), labelled("Precision", this.precision));
-    fieldset.append(legend, labelled("Engine", this.engine), this.choices, pair);
+    pair.append(
+      labelled("Threads", this.threads, `threads that render: an integer in [1, ${this.menu.cores}]`),
+      labelled("Precision", this.precision, "precision of the computation; an engine may have one only"),
+    );
+    this.notice = document.createElement("p");
+    this.notice.className = "notice";
+    this.notice.setAttribute("role", "status");
+    fieldset.append(legend, labelled("Engine", this.engine), this.notice, this.choices, pair);
     this.place.replaceChildren(fieldset);
     this.offer();
   }
 
-  // Offers the shaders, samplers and accelerators of the engine; keeps earlier choices that still exist.
+  // Offers the shaders, samplers and accelerators of the engine. A wanted one that it lacks is replaced, which the notice
+  // says; it is chosen again with an engine that has it.
   offer() {
     const tables = this.tables();
-    const refusals = this.menu.engines.find((known) => known.name === this.engine.value).refusals;
+    const { name: engine, refusals } = this.engineFields();
+    const before = this.controls ?? {};
+    const forced = [];
     this.controls = {};
     this.choices.replaceChildren();
     for (const kind of KINDS) {
       const names = tables[kind].map((choice) => choice.name);
       const refused = refusals[kind] ?? {};
       const able = names.filter((name) => !refused[name]);
-      const chosen = able.includes(this.selected[kind].name) ? this.selected[kind].name : able[0] ?? names[0];
+      const wanted = this.wanted[kind];
+      const chosen = able.includes(wanted) ? wanted : able[0] ?? names[0];
+      if (chosen !== wanted) forced.push(`${engine} has no ${kind} ${wanted}: ${chosen} is used.`);
+      else if (before[kind] && before[kind].control.value !== wanted) forced.push(`${engine} has the ${kind} ${wanted}: it is used again.`);
       const control = select(names, chosen);
       for (const option of control.options) Object.assign(option, { disabled: option.value in refused, title: refused[option.value] ?? "" });
       control.name = kind;
       const options = document.createElement("div");
       options.className = "options";
-      control.addEventListener("change", () => this.offerOptions(kind, control.value, options, {}));
-      this.choices.append(labelled(kind[0].toUpperCase() + kind.slice(1), control), options);
+      control.addEventListener("change", () => {
+        this.wanted[kind] = control.value;
+        this.notice.textContent = "";
+        this.offerOptions(kind, control.value, options);
+      });
+      this.choices.append(labelled(kind[0].toUpperCase() + kind.slice(1), control, CHOICES[kind]), options);
       this.controls[kind] = { control, options: {} };
-      this.offerOptions(kind, chosen, options, this.selected[kind]);
+      this.offerOptions(kind, chosen, options);
     }
+    this.notice.textContent = forced.join(" ");
   }
 
-  offerOptions(kind, name, place, given) {
+  offerOptions(kind, name, place) {
     const choice = this.tables()[kind].find((known) => known.name === name);
+    const given = this.remembered[kind][name] ?? {};
     const made = {};
     place.replaceChildren(...choice.options.map((option) => {
-      made[option.key] = optionControl(option, given[option.key] ?? option.default);
-      made[option.key].name = `${kind}.${option.key}`;
-      return labelled(option.key, made[option.key], `${option.description}: ${option.accepts}`);
+      const input = optionControl(option, option.key in given ? given[option.key] : option.default);
+      input.name = `${kind}.${option.key}`;
+      input.addEventListener("change", () => this.remember(kind, name, option, input));
+      made[option.key] = input;
+      const standard = option.default === null ? "none" : String(option.default);
+      return labelled(option.key, input, `${option.description} (${option.accepts}; default: ${standard})`);
     }));
     place.hidden = choice.options.length === 0;
     this.controls[kind].options = made;
+  }
+
+  remember(kind, name, option, input) {
+    try {
+      (this.remembered[kind][name] ??= {})[option.key] = input.read();
+    } catch {
+      // not a value: `value` throws where it is needed
+    }
   }
 
   // The settings for a request. Throws where an option cannot be read.
@@ -123,7 +177,6 @@ export class SettingsForm {
           throw new Error(`${kind}.${key}: ${input.value} cannot be read`);
         }
       }
-      this.selected[kind] = settings[kind];
     }
     return settings;
   }

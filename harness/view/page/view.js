@@ -1,19 +1,24 @@
 // The page with one image: controls, the image while it is refined, and the state.
 
 import { WorkerSocket, byId, count, download, duration, showError, themeButton } from "./socket.js";
+import { drawHistogram } from "./histogram.js";
 import { Orbit } from "./orbit.js";
 import { SettingsForm } from "./settings_form.js";
 import { ImageInput } from "./input.js";
+import { Preparation } from "./preparation.js";
+import { readAddress, writeAddress } from "./url_settings.js";
 
 const canvas = byId("canvas");
 const context = canvas.getContext("2d", { alpha: false });
-const page = { state: "idle", settingsForm: null, opened: null, frames: 0, input: null };
+const page = { state: "idle", settingsForm: null, opened: null, frames: 0, input: null, pixels: null };
+const given = readAddress();
+const preparation = new Preparation(canvas, byId("busy"));
 window.raybench = page; // for tests and other scripts
 
 const socket = new WorkerSocket("view", {
-  menu, opened, scene, frame, state, probe, picked: (header) => page.input.picked(header),
-  error: (header) => showError(header.text),
-  worker_lost: (header) => { page.opened = null; showError(header.text); },
+  menu, opened, scene, frame, state, probe, reference, picked: (header) => page.input.picked(header),
+  error: (header) => { settled(); showError(header.text); },
+  worker_lost: (header) => { page.opened = null; settled(); showError(header.text); },
   warning: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("warnings").append(item); },
   file: (header, bytes) => { page.saved = { name: header.name, size: bytes.byteLength, bytes }; download(header.name, bytes, "application/octet-stream"); },
   yaml: copyText,
@@ -26,19 +31,41 @@ function menu(header) {
   const first = page.settingsForm === null;
   if (!first) return; // a new worker after a lost one: the page keeps its settings
   page.menu = header;
-  page.settingsForm = new SettingsForm(byId("render-settings"), header, "Renderer", document.body.dataset.engine || header.preferred);
+  const able = (name) => header.engines.some((engine) => engine.name === name && !engine.problem);
+  const engine = [given.settings.engine, document.body.dataset.engine].find(able) ?? header.preferred;
+  page.settingsForm = new SettingsForm(byId("render-settings"), header, "Renderer", engine, given.settings);
   byId("scenes").append(...header.scenes.map((name) => new Option(name)));
   byId("mapper").append(...header.tone_mappers.map((name) => new Option(name, name, false, name === "srgb")));
   byId("scene").value = document.body.dataset.scene;
   byId("target-spp").max = header.limits.spp;
   for (const side of ["width", "height"]) byId(side).max = header.limits.side;
+  for (const [key, id] of Object.entries(FIELDS)) if (key in given.fields) byId(id).value = given.fields[key];
+  if ("exposure" in given.fields || "mapper" in given.fields) tone();
   open(false);
 }
 
+const FIELDS = { scene: "scene", width: "width", height: "height", spp: "target-spp", seed: "seed", mapper: "mapper", exposure: "exposure" };
+
+function remember() {
+  if (page.settingsForm === null) return;
+  const fields = Object.fromEntries(Object.entries(FIELDS).map(([key, id]) => [key, byId(id).value]));
+  try {
+    writeAddress(fields, page.settingsForm.value(), page.input.moved ? page.input.orbit : null);
+  } catch {
+    // an option that cannot be read: the address keeps its last settings
+  }
+}
+
+// The new image has come, or an error in its place.
+function settled() {
+  page.expecting = false;
+  preparation.end();
+}
+
 function opened(header) {
+  page.expecting = false;
   page.opened = header;
-  canvas.width = header.width;
-  canvas.height = header.height;
+  if (canvas.width !== header.width || canvas.height !== header.height) Object.assign(canvas, { width: header.width, height: header.height });
   byId("picture").style.setProperty("--aspect", header.width / header.height);
   document.title = `${header.name} – raybench view`;
   canvas.setAttribute("aria-label", `${header.name}, ${header.width} by ${header.height} pixels`);
@@ -46,6 +73,12 @@ function opened(header) {
 
 function scene(header) {
   page.input.scene(header.camera ? new Orbit(header.camera) : null, header.draggables);
+  if (given.camera && page.input.orbit) {
+    const { height, ...pose } = given.camera;
+    Object.assign(page.input.orbit, pose, page.input.orbit.height && height ? { height } : {});
+    page.input.moveCamera(() => {});
+  }
+  given.camera = null;
 }
 
 let preview = null;
@@ -62,6 +95,11 @@ function frame(header, bytes) {
     context.imageSmoothingQuality = "high";
     context.drawImage(preview, 0, 0, canvas.width, canvas.height);
   }
+  if (!page.expecting) preparation.end(); // frames of the old image may still arrive
+  if (header.error === undefined) page.pixels = bytes;
+  showHistogram();
+  byId("scale").hidden = header.error === undefined;
+  if (header.error !== undefined) writeScale(header);
   page.frames += 1;
   page.frame = { ...header, time: performance.now() };
   page.input.showHandles(header.handles);
@@ -73,6 +111,7 @@ function state(header) {
   page.status = header;
   if (byId("state").textContent !== header.state) byId("state").textContent = header.state;
   byId("activity").textContent = header.activity;
+  preparation.state(header, page.menu?.first_compile[page.settingsForm?.engine.value]);
   const resting = !["busy", "waiting"].includes(header.state);
   byId("stop").disabled = resting;
   byId("start").disabled = !resting;
@@ -82,7 +121,7 @@ function state(header) {
   const done = header.spp ?? 0;
   if (page.probe && done < page.probe.spp) { // the probed image was replaced
     page.probe = null;
-    byId("probe").textContent = UNPROBED;
+    byId("probe").hidden = true;
   }
   byId("spp").textContent = header.spp === undefined ? "–" : `${done} of ${header.target_spp}`;
   byId("progress").value = header.target_spp ? done / header.target_spp : 0;
@@ -94,17 +133,51 @@ function state(header) {
   byId("memory").textContent = count(header.memory_bytes, "B");
 }
 
-const UNPROBED = byId("probe").textContent;
-
 function probe(header) {
   page.probe = header;
   const text = (values) => values.map((value) => (value === null ? "?" : Number(value).toPrecision(3))).join(" ");
   const total = header.mean.reduce((a, b) => a + b, 0);
   const error = header.error.reduce((a, b) => a + (b ?? NaN), 0);
   const relative = total > 0 && error === error ? ` (${((100 * error) / total).toPrecision(2)} %)` : "";
+  byId("probe").hidden = false;
+  const low = header.y > canvas.height / 2;
+  byId("probe").classList.toggle("top", low);
+  byId("histogram").classList.toggle("bottom", low); // never over the probe
   byId("probe").textContent =
-    `(${header.x}, ${header.y}) after ${header.spp} samples: ${text(header.mean)} | variance of the mean ${text(header.variance)}` +
-    ` | standard error ${text(header.error)}${relative}`;
+    `(${header.x}, ${header.y}), ${header.spp} samples\nmean           ${text(header.mean)}\n` +
+    `var. of mean   ${text(header.variance)}\nstandard error ${text(header.error)}${relative}`;
+}
+
+function reference(header) {
+  page.reference = header;
+  const dropped = `None: the reference was dropped, for ${header.why}.`;
+  byId("reference-state").textContent = header.name ? `Reference: ${header.name}.` : dropped;
+  if (!header.name) showError("The error map ended: the reference shows another view. Keep an image of this view.");
+  if (header.name) byId("show").value = "error";
+  else byId("show").value = "image";
+  tone();
+}
+
+function writeScale(header) {
+  byId("scale").replaceChildren(document.createElement("i"),
+    `relative squared error, 1e-5 to 1, logarithmic; mean (relMSE, ε = ${header.epsilon}) ${header.error.toPrecision(3)}, ` +
+    `the noise of the reference included`);
+}
+
+function showHistogram() {
+  if (!byId("histogram").hidden && page.pixels) page.shares = drawHistogram(byId("histogram"), new Uint8ClampedArray(page.pixels));
+}
+
+function toggleHistogram() {
+  const box = byId("histogram");
+  box.hidden = !box.hidden;
+  byId("toggle-histogram").setAttribute("aria-pressed", String(!box.hidden));
+  showHistogram();
+}
+
+function fullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else byId("viewport").requestFullscreen().catch((error) => showError(`full screen: ${error.message}`));
 }
 
 async function copyText(header) {
@@ -125,17 +198,31 @@ function number(id) {
   return byId(id).value === "" ? null : Number(byId(id).value);
 }
 
+// The first control with a value that cannot be used; the image stays as it is until it is corrected.
+function invalid() {
+  const found = Array.from(byId("form").elements).find((control) => control.willValidate && !control.validity.valid);
+  if (!found) return null;
+  const label = found.labels[0]?.firstChild.textContent.trim() ?? found.name;
+  return `${label}: ${found.validationMessage} The image is still that of the last valid settings.`;
+}
+
 function open(keepEdits) {
   if (page.settingsForm === null) return;
-  showError(null);
+  const problem = invalid();
+  showError(problem);
+  if (problem) return;
   byId("warnings").replaceChildren();
+  if (!keepEdits) page.input.moved = false;
   try {
     const request = { type: "open", scene: byId("scene").value.trim(), settings: page.settingsForm.value(), keep_edits: keepEdits };
     request.width = number("width");
     request.height = number("height");
     request.spp = number("target-spp") ?? 256;
     request.seed = number("seed") ?? 1;
+    preparation.begin();
+    page.expecting = true;
     socket.send(request);
+    remember();
   } catch (error) {
     showError(error.message);
   }
@@ -150,7 +237,20 @@ function start() {
 function tone() {
   const exposure = Number(byId("exposure").value);
   byId("exposure-value").textContent = `${exposure > 0 ? "+" : ""}${exposure} EV`;
-  socket.send({ type: "tone", mapper: byId("mapper").value, exposure });
+  socket.send({ type: "tone", mapper: byId("mapper").value, exposure, show: byId("show").value });
+  remember();
+}
+
+// The error map needs a reference: without one the page says how to get one.
+function chooseView(name) {
+  if (name === "error" && !page.reference?.name) {
+    byId("show").value = "image";
+    showError("The error map needs a reference: let an image get many samples and press Keep this image, or name an EXR file.");
+    return;
+  }
+  showError(null);
+  byId("show").value = name;
+  tone();
 }
 
 function toggle() {
@@ -158,8 +258,22 @@ function toggle() {
   else start();
 }
 
-page.input = new ImageInput(canvas, byId("handles"), byId("moves"), socket, toggle);
+function shortcut(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea, dialog")) return;
+  const exposure = byId("exposure");
+  const step = (sign) => () => { exposure.value = Number(exposure.value) + sign * Number(exposure.step); tone(); };
+  const act = {
+    "?": () => byId("keys").showModal(), h: toggleHistogram, f: fullScreen, "[": step(-1), "]": step(1),
+    e: () => chooseView(byId("show").value === "error" ? "image" : "error"),
+  }[event.key];
+  if (!act) return;
+  act();
+  event.preventDefault();
+}
+
+page.input = new ImageInput(canvas, byId("handles"), byId("moves"), socket, toggle, remember);
 themeButton();
+document.addEventListener("keydown", shortcut);
 byId("start").addEventListener("click", start);
 byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
 byId("restart").addEventListener("click", () => open(true));
@@ -167,8 +281,18 @@ byId("reset").addEventListener("click", () => open(false));
 for (const kind of ["png", "exr"]) byId(`save-${kind}`).addEventListener("click", () => socket.send({ type: "save", kind }));
 byId("copy-yaml").addEventListener("click", () => socket.send({ type: "yaml" }));
 for (const id of ["mapper", "exposure"]) byId(id).addEventListener("input", tone);
+byId("show").addEventListener("change", () => chooseView(byId("show").value));
+byId("toggle-histogram").addEventListener("click", toggleHistogram);
+byId("full-screen").addEventListener("click", fullScreen);
+byId("show-keys").addEventListener("click", () => byId("keys").showModal());
+byId("keep-reference").addEventListener("click", () => { showError(null); socket.send({ type: "reference" }); });
+byId("reference-file").addEventListener("change", (event) => {
+  showError(null);
+  if (event.target.value.trim()) socket.send({ type: "reference", file: event.target.value.trim() });
+});
 byId("form").addEventListener("change", (event) => {
-  if (!["mapper", "exposure", "moves"].includes(event.target.id)) open(event.target.id !== "scene");
+  if (!["moves", "reference-file"].includes(event.target.id)) open(event.target.id !== "scene");
 });
 byId("form").addEventListener("submit", (event) => { event.preventDefault(); open(true); });
+addEventListener("hashchange", () => location.reload());
 addEventListener("pagehide", () => { socket.close(); });

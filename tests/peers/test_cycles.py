@@ -1,0 +1,158 @@
+"""The engine cycles: its shapes and lookups, what it declines; where there is a Python with bpy, conformance and images."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import engines
+from engines import Settings, Unsupported
+from engines.conformance import check_engine
+from engines.peers.cycles import Engine, geometry
+from engines.peers.cycles.nodes import _tall, looked_up
+from engines.scene import Disk, EnvironmentLight, Plane
+from harness.config import paths
+from harness.statistics.equivalence import equivalence
+
+NAME = "engines.peers.cycles:Engine"
+PATH = {"name": "path_tracer", "max_depth": 8, "rr_depth": 8}
+SETTINGS = Settings(32, 32, shader=PATH, sampler="sobol", precision="float32", threads=2, seed=3)
+has_bpy = "RAYBENCH_CYCLES_PYTHON" in os.environ or importlib.util.find_spec("bpy") is not None
+installed = pytest.mark.skipif(not has_bpy, reason="RAYBENCH_CYCLES_PYTHON names no environment with bpy")
+
+
+def scene(shape=None, light=None, **material):
+    return engines.scene_from({
+        "raybench_scene": 1, "name": "plain", "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+        "textures": {"wide": {"image": np.full((2, 2, 3), 1.5, np.float32)}, "half": {"checkerboard": {}}},
+        "materials": {"it": material or {"kd": 0.5}},
+        "shapes": [{**(shape or {"sphere": {"center": [0, 0, 0], "radius": 1}}), "material": "it"}],
+        "lights": [{"environment": light or {"radiance": 1}}],
+    })  # fmt: skip
+
+
+def normals(vertices, faces):
+    corners = np.asarray(vertices)[faces]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def test_a_disk_of_triangles_has_the_area_and_the_front_of_the_disk():
+    found = normals(*geometry.fan(Disk((1.0, 2.0, 3.0), (0.6, 0.0, -0.8), 2.0, 0)))
+    np.testing.assert_allclose(found.sum(axis=0) / 2, 4 * np.pi * np.array([0.6, 0.0, -0.8]), atol=1e-12)
+
+
+def test_a_sphere_of_triangles_has_the_area_of_the_sphere_and_faces_outwards():
+    vertices, faces, smooth = geometry.tessellated(geometry.Balls(0, np.array([[1.0, 2.0, 3.0]]), np.array([0.5])))
+    found = normals(vertices, faces)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1).sum() / 2, np.pi, rtol=1e-12)
+    assert (np.einsum("ij,ij->i", found, smooth[faces[:, 0]]) > 0).all()
+
+
+def test_rings_of_a_plane_cover_it_and_have_its_front():
+    plane = Plane((0.0, 1.0, 0.0), (0.0, 0.6, 0.8), 0)
+    found = normals(*geometry.rings(plane, 2.0))
+    half = 2.0 * geometry.GROWTH ** (geometry.RINGS - 1)
+    np.testing.assert_allclose(found.sum(axis=0) / 2, (2 * half) ** 2 * np.array(plane.normal), rtol=1e-9, atol=1.0)
+    assert (found @ plane.normal > 0).all()
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_an_environment_is_looked_up_where_raybench_does(mirror):
+    axes = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    rotation = axes * np.sign(np.linalg.det(axes)) * np.array([[mirror], [1.0], [1.0]])
+    matrix, flipped = looked_up(EnvironmentLight((1.0, 1.0, 1.0), None, tuple(map(tuple, rotation))))
+    assert flipped == (mirror < 0) and np.linalg.det(matrix) > 0
+    for direction in np.random.default_rng(6).normal(size=(20, 3)):
+        x, y, z = rotation.T @ direction / np.linalg.norm(direction)
+        there = matrix @ direction / np.linalg.norm(direction)
+        u = 0.5 - np.arctan2(there[1], there[0]) / (2 * np.pi)  # Blender's
+        u = 1 - u if flipped else u
+        assert np.isclose((np.arctan2(x, -z) / (2 * np.pi) - u + 0.5) % 1, 0.5)
+        assert np.isclose(np.arcsin(there[2]), np.pi / 2 - np.arccos(y))
+        assert np.isfinite(z)
+
+
+def test_an_image_of_few_rows_gets_more_that_lie_between_them():
+    image = np.random.default_rng(7).random((8, 4, 3))
+    tall = _tall(image)
+    times = len(tall) // len(image)
+    assert len(tall) >= 256 and times % 2 == 1
+    np.testing.assert_array_equal(tall[times // 2 :: times], image)
+    np.testing.assert_allclose(tall[times], image[0] + (image[1] - image[0]) * (times // 2 + 1) / times, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("held", "shader", "words"),
+    [
+        (scene(kt=0.9, ior=1.9), PATH, "without Fresnel"),
+        (scene(plastic={}), PATH, "Plastic"),
+        (scene(conductor={"metal": "Au", "alpha": 0.3}), PATH, "roughness above 0.1"),
+        (scene(conductor={"metal": "Au", "alpha": [0.1, 0.2]}), PATH, "each tangent"),
+        (scene(conductor={"metal": "Au", "specular_reflectance": 0.5}), PATH, "has a factor"),
+        (scene(dielectric={"alpha": 0.1, "specular_reflectance": 0.5}), PATH, "with a tint"),
+        (scene(null={}), PATH, "no segments there"),
+        (scene(kd="half"), PATH, "not on a Sphere"),
+        (scene(kd="wide"), PATH, "leave the range"),
+        (scene({"cylinder": {"p0": [0, 0, 0], "p1": [0, 1, 0], "radius": 1}}), PATH, "Cylinder"),
+        (scene(light={"image": np.ones((4, 8, 3)), "rows": "poles"}), PATH, "poles"),
+        (scene(), {**PATH, "direct": "bsdf"}, "direct mis"),
+        (scene(), {**PATH, "max_depth": 2000}, "max_depth from 1 to"),
+        (scene(), "whitted", "no shader whitted"),
+    ],
+)
+def test_what_has_no_exact_counterpart_is_declined(held, shader, words):
+    with pytest.raises(Unsupported, match=words):
+        Engine().prepare(held, Settings(8, 8, shader=shader, sampler="sobol"))
+
+
+def test_what_is_not_installed_is_named(monkeypatch):
+    monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
+    monkeypatch.delitem(sys.modules, "bpy", raising=False)
+    assert "docs/guides/cycles.md" in str(Engine().why_not(scene(), SETTINGS))
+
+
+def test_nothing_of_blender_is_imported_before_it_is_used():
+    script = f"import engines, sys; engines.engine({NAME!r}).accelerators(); print('bpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+@installed
+def test_cycles_conforms():
+    found = check_engine(engines.engine(NAME))
+    assert [str(finding) for finding in found if finding.verdict == "broken"] == []
+    held = {finding.key for finding in found if finding.verdict == "holds"}
+    assert {"images_are_upright", "the_furnace_is_uniform", "threads_change_nothing"} <= held
+
+
+def replicates(engine, held, count=6, spp=32):
+    """(count, h, w, 3) images of other seeds."""
+    made = (
+        engine.prepare(held, Settings(32, 32, shader=PATH, sampler="sobol", threads=2, seed=k)) for k in range(count)
+    )
+    return [renderer.render(spp).mean() for renderer in made]
+
+
+@installed
+@pytest.mark.parametrize(("name", "power"), [("cornell_box", 0.05), ("cornell_mesh", 0.05), ("two_spheres", 0.08)])
+def test_cycles_and_numba_make_the_same_image(name, power):
+    """`power`: the bound on the difference of the image means that the test must reach."""
+    held = engines.load_scene(paths.find("scenes", name))
+    found = equivalence(replicates(engines.engine("numba"), held), replicates(engines.engine(NAME), held))
+    assert found.verdict != "different", found
+    assert found.image_bound < power, f"a test that could have seen nothing: {found}"
+
+
+@installed
+def test_calls_continue_the_sequence_and_seeds_matter():
+    whole, split, other = (
+        engines.engine(NAME).prepare(scene(), Settings(32, 32, shader=PATH, sampler="sobol", seed=seed))
+        for seed in (3, 3, 4)
+    )
+    split.render(3)
+    image = whole.render(8).mean()
+    np.testing.assert_allclose(split.render(5).mean(), image, rtol=1e-5)
+    assert (other.render(8).mean() != image).any()
