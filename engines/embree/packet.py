@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.memory import address_of, array_at
+from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.processor import has_feature
 from engines.kernels.compile.records import LANES, Row, Table, real, rows, scalar, table_view
-from engines.kernels.compile.simd import prefetch
 from engines.kernels.compile.values import call_function
 from engines.kernels.layout import ACCELERATOR
 

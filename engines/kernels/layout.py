@@ -102,6 +102,8 @@ class RayBatch(LaneRecord):
     light_color = vector()
     light_choices = real()  # 1 / the probability with which this light would be chosen, where it differs between lights
     shape_parameters = doubles(SHAPE_PARAMETERS)
+    kept = doubles(8)  # what a stage keeps between its loops, as the next two
+    kept_row, kept_column = integer(), integer()
 
     # the light sample at the surface, and the shadow ray
     wi = vector()  # unit, towards the light
@@ -315,11 +317,12 @@ class SceneTable(Table):
 
     # where some material in use has a program
     programs = array(np.int32)  # a material: its first node, -1 for none
+    program_textures = array(np.int32)  # a material: some images that its program may read, -1 for none
     nodes = rows(NodeRow)
     leaves = rows(LeafRow)
     lookups = rows(LookupRow)
     textures = rows(TextureRow)
-    texels = array(np.int64)  # addresses of the images, float32
+    texels = array(np.int64)  # addresses of the images
     vertex_uvs = rows(UVRow)
 
     # set by the renderer
@@ -369,9 +372,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 
 __all__ = [
-    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow",
-    "EnvironmentRow", "LeafRow", "LightRow",
+    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS",
+    "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "EnvironmentRow", "LeafRow", "LightRow",
     "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
     "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
     "scene_table", "stack_bytes", "waiting_rays",

@@ -30,7 +30,8 @@ class LookupRow(Row):
 
 
 class TextureRow(Row):
-    """Of an image: texels, filter and wrap; of a checkerboard: its two colours. Then the matrix of `to_uv`."""
+    """Of an image: texels, filter and wrap; of a checkerboard: its two colours. Then the matrix of `to_uv`, and whether the
+    image has a palette (`engines.kernels.flatten.palettes`)."""
 
     dtype = np.float64
     kind = real()
@@ -42,6 +43,7 @@ class TextureRow(Row):
     to_uv = reals(6)
     a = vector()
     b = vector()
+    indexed = real()
 
 
 class UVRow(Row):

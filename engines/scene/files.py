@@ -77,6 +77,6 @@ class Place:
             except (OSError, ValueError, RuntimeError) as problem:
                 raise node.refuse(f"{what}not a usable path: {getattr(problem, 'strerror', None) or problem}") from problem
         if outside:
-            wanted = "move it there, or --allow-outside of render, import and export"
+            wanted = "move it there, or run with --allow-outside"
             raise node.refuse(f"{what}lies outside the scene's folder {self.folder}: {wanted}")
         raise node.refuse(f"{what}no such file: looked in {', '.join(dict.fromkeys(map(str, starts)))}")

@@ -21,8 +21,10 @@ from harness.cli.options import (
     DEFAULT_ENGINE,
     AllowCommands,
     AllowImports,
+    AllowOutside,
     Command,
     Config,
+    Define,
     Folder,
     Group,
     Out,
@@ -82,6 +84,7 @@ def run(
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="Stop at the first cell that fails.")] = False,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
     cluster: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(metavar="ADDRESS", help="Render on the machines behind a Dask scheduler, as tcp://host:8786."),
@@ -101,30 +104,31 @@ def run(
         raise typer.Exit(tracing.run_file(config, out, overrides or [], allow_imports, ["raybench", *sys.argv[1:]]))
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
-    options = Options(retry is not None, fail_fast, allow_imports, allow_commands, ["raybench", *sys.argv[1:]], cluster)
+    allowed = allow_imports, allow_commands, allow_outside
+    options = Options(retry is not None, fail_fast, *allowed, ["raybench", *sys.argv[1:]], cluster)
     raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
 
 
 @command(EXPERIMENTS)
 def plan(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False, references: References = None,
+    allow_commands: AllowCommands = False, allow_outside: AllowOutside = False, references: References = None,
 ) -> None:  # fmt: skip
     """Show what an experiment would do: every configuration, its state, why it is skipped, and how long it may take."""
     from harness.cli import experiments
 
-    experiments.plan(config, out, overrides or [], allow_imports, allow_commands)
+    experiments.plan(config, out, overrides or [], (allow_imports, allow_commands, allow_outside))
 
 
 @command(EXPERIMENTS)
 def reference(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False, references: References = None,
+    allow_commands: AllowCommands = False, allow_outside: AllowOutside = False, references: References = None,
 ) -> None:  # fmt: skip
     """Render the references of an experiment, and nothing else. Those that are there are kept or extended."""
     from harness.cli import experiments
 
-    raise typer.Exit(experiments.reference(config, out, overrides or [], allow_imports, allow_commands))
+    raise typer.Exit(experiments.reference(config, out, overrides or [], (allow_imports, allow_commands, allow_outside)))
 
 
 command(IMAGES)(images.render)
@@ -142,12 +146,13 @@ def view(
     port: Annotated[int, typer.Option(min=0, max=65535, show_default="one that is free")] = 0,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
     allow_imports: AllowImports = False,
+    allow_outside: AllowOutside = False,
     references: References = None,
 ) -> None:
     """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
     from harness.view import open_viewer
 
-    open_viewer(scene, folder, port, engine, allow_imports, browser=not no_browser)
+    open_viewer(scene, folder, port, engine, allow_imports, allow_outside, browser=not no_browser)
 
 
 @command(RESULTS)
@@ -273,16 +278,20 @@ def equivalence(
     tile_margin: Annotated[float, typer.Option(help="The same of tiles of 16x16 pixels.")] = 0.05,
     seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
     same_seeds: Annotated[bool, typer.Option("--same-seeds", help="Same seeds for all: shared noise cancels.")] = False,
+    define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
 ) -> None:
     """Bound how far the images of engines lie apart, in the mean and in any tile. Exit code 1 where they are different."""
+    from harness.cli.render import parameters_of
     from harness.statistics.equivalence import Margins
     from harness.verify.commands.equivalence import EquivalenceOptions, compare
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
-    margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands)
-    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed)
+    margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands, allow_outside)
+    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed,
+                                 parameters_of(define or []))  # fmt: skip
     raise typer.Exit(compare(options))
 
 

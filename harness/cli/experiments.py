@@ -26,6 +26,9 @@ from harness.run import certificates, progress, reference_samples, references, s
 from harness.run.sweep import Options, Outcome
 from harness.store import reference_files
 
+Allowed = tuple[bool, bool, bool]
+"""Whether imports, commands and files outside of a scene's folder are allowed."""
+
 
 def results_folder(experiment: Experiment, out: Path | None) -> Path:
     """Where an experiment's results go: `out`, else `results/` and its name as a folder's name."""
@@ -44,7 +47,7 @@ def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, opt
             if fresh:
                 store.clear(folder)
             _refuse_merged(folder)
-            plan = planner.make(experiment, options.allow_imports, options.allow_commands)
+            plan = planner.make(experiment, options.allow_imports, options.allow_commands, options.allow_outside)
             _warn(plan, stderr)
             with progress.Terminal(stderr) as terminal:
                 outcome = sweep.run(plan, folder, options, terminal)
@@ -92,11 +95,11 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
 
 
 def plan(
-    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+    given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed
 ) -> None:  # fmt: skip
     """Prints the configurations of an experiment with their states, and how long what is left may take."""
     stdout, stderr = consoles()
-    made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
+    made, folder = _planned(given, out, overrides, allowed, stderr)
     experiment = made.experiment
     events = store.read_events(folder) if store.events_file(folder) else []
     latest = store.latest_cells(events)
@@ -120,12 +123,12 @@ def plan(
 
 
 def _planned(
-    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool, console: Console
+    given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed, console: Console
 ) -> tuple[Plan, Path]:  # fmt: skip
     """The plan of an experiment, its warnings said, and its results folder."""
-    allow_here(allow_imports)
+    allow_here(allowed[0])
     experiment = config.load(given, overrides)
-    made = planner.make(experiment, allow_imports, allow_commands)
+    made = planner.make(experiment, *allowed)
     _warn(made, console)
     return made, results_folder(experiment, out)
 
@@ -172,15 +175,15 @@ def _columns(cell: Cell) -> tuple[str, ...]:
 
 
 def reference(
-    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, allow_commands: bool = False
+    given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed
 ) -> int:  # fmt: skip
     """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
     stdout, stderr = consoles()
-    made, folder = _planned(given, out, overrides, allow_imports, allow_commands, stderr)
+    made, folder = _planned(given, out, overrides, allowed, stderr)
     root, most_bytes = reference_files.cache_folder(), made.experiment.limits.memory_bytes
     failed = 0
     try:
-        with store.locked(folder), Pool(allow_imports, folder / "worker.log", most_bytes) as pool:
+        with store.locked(folder), Pool(allowed[0], folder / "worker.log", most_bytes) as pool:
             for wanted in made.references.values():
                 where = wanted.folder(root)
                 name = wanted.describe()

@@ -64,7 +64,8 @@ def plain(combination: Mapping[str, Any]) -> dict[str, Any]:
         for key, value in combination.items()
     }
     scene = combination["scene"]
-    return {**found, "scene": {"name": scene.name, "path": paths.shown(Path(scene.path))}}
+    parameters = {"parameters": dict(scene.parameters)} if scene.parameters else {}
+    return {**found, "scene": {"name": scene.name, "path": paths.shown(Path(scene.path)), **parameters}}
 
 
 def expand(top: Given, settings: Mapping[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:

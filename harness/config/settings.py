@@ -27,7 +27,9 @@ from engines.registry import (
     names_a_program,
 )  # fmt: skip
 from engines.registry import engine as engine_of
+from engines.scene import Scene, load_scene
 from engines.schema.keys import Key, Record, Schema
+from engines.schema.kinds import Kind
 from engines.schema.yaml_file import Located, locate
 from harness.config import paths
 from harness.config.validators import DURATION, NAME, RESOLUTION, Checked, OrNull, finite, integer, mapping, one_of
@@ -47,21 +49,56 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class SceneFile:
-    """A scene as an experiment names it: `name` in tables, `path` on disk."""
+    """A scene as an experiment names it: `name` in tables, `path` on disk, names and values of a Mitsuba file's parameters, and
+    whether files outside of its folder may be read."""
 
     name: str
     path: str
+    parameters: tuple[tuple[str, str], ...] = ()
+    allow_outside: bool = False
 
     @property
     def names(self) -> tuple[str, str]:
         """The names by which a filter finds it."""
         return self.name, Path(self.path).stem
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """What a request of a worker says beside its path."""
+        parameters = {"scene_parameters": dict(self.parameters)} if self.parameters else {}
+        return {**parameters, **({"allow_outside": True} if self.allow_outside else {})}
+
+    def load(self, allow_imports: bool) -> Scene:
+        return load_scene(self.path, allow_imports, self.allow_outside, dict(self.parameters), natively=True)
+
+
+def _parameters(node: Located) -> tuple[tuple[str, str], ...]:
+    found = []
+    for name, child in mapping(node).items():
+        if not name.isidentifier() or isinstance(child.value, (dict, list, bool, type(None))):
+            raise child.refuse("a number or a word is wanted, under the name of a parameter")
+        found.append((name, str(child.value)))
+    return tuple(sorted(found))
+
+
+_SCENE = Record("A Mitsuba file, with values of its parameters.", {
+    "file": Key(NAME, "Path of the file beside the experiment, or a bare name."),
+    "parameters": Key(
+        Kind(_parameters, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}),
+        "Values of $name in the file, by name.",
+    ),
+})  # fmt: skip
+
 
 class SceneKind:
-    """A bare name from `scenes/`, or a path beside `context`, the experiment's folder."""
+    """A bare name from `scenes/`, a path beside `context`, the experiment's folder, or a mapping with parameters."""
 
     def read(self, node: Located, context: Any = None) -> SceneFile:
+        if isinstance(node.value, dict):
+            given = _SCENE.read(node, context)
+            found, parameters = self.read(given.at("file"), context), given["parameters"]
+            values = ", ".join(f"{name}={value}" for name, value in parameters)
+            return replace(found, name=f"{found.name} {values}", parameters=parameters)
         given = NAME.read(node)
         try:
             path = paths.find("scenes", given, context)
@@ -71,7 +108,7 @@ class SceneKind:
         return SceneFile(given if bare else path.stem, str(path))
 
     def schema(self) -> Schema:
-        return NAME.schema()
+        return {"anyOf": [NAME.schema(), _SCENE.schema()]}
 
 
 class PythonKind:
@@ -194,7 +231,10 @@ BUDGET = Budget(**_changes(_BUDGET.read(locate({})).values))
 
 DIVISIONS = ("closed", "open")
 SETTINGS = {
-    "scene": Key(SceneKind(), "Name of a scene in scenes/, or path of a scene file beside the experiment.", None),
+    "scene": Key(
+        SceneKind(),
+        "Name of a scene in scenes/, path of a scene file beside the experiment, or a Mitsuba file with parameters.", None,
+    ),
     "engine": Key(EngineKind(), "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None),
     "shader": Key(ChoiceKind("shader", choices.SHADERS), "Name of a shader, or {name: ..., option: value}.", "path_tracer"),
     "sampler": Key(ChoiceKind("sampler", choices.SAMPLERS), "Name of a sampler, or {name: ..., option: value}.", "sobol"),

@@ -221,7 +221,8 @@ def loaded(request: dict[str, Any]) -> tuple[Any, float]:
     from engines.scene import load_scene
 
     start = perf_counter()
-    scene = load_scene(request["scene_path"], allow_imports=request["allow_imports"], natively=True)
+    outside, parameters = request.get("allow_outside", False), request.get("scene_parameters")
+    scene = load_scene(request["scene_path"], request["allow_imports"], outside, parameters, natively=True)
     seconds = perf_counter() - start
     if scene.identity != request["scene_hash"]:
         raise RuntimeError(f"{request['scene_path']}: the scene has changed since the run began")

@@ -58,6 +58,9 @@ class Cell:
         engine = _engine_word(self.engine)
         plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")} | {"sampler": self.sampler(spp)}
         words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
+        for name, value in self.scene.parameters:
+            words += ["-D", f"{name}={value}"]
+        words += ["--allow-outside"] if self.scene.allow_outside else []
         for kind, choice in plain.items():
             words += [f"--{kind}", flow(choice)]
         words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
@@ -72,7 +75,7 @@ class Cell:
     def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
         """The request that a worker gets for this cell."""
         return {
-            "scene_path": self.scene.path, "scene_hash": self.scene_hash, "settings": dict(self.settings),
+            "scene_path": self.scene.path, **self.scene.options, "scene_hash": self.scene_hash, "settings": dict(self.settings),
             "seed": self.seed, "warm_up_seed": self.seed + WARM_UP_SEED,
             "schedule": Schedule.of(checkpoints, self.budget)._asdict(),
             "patterns": [asdict(each) for each in self.patterns],

@@ -19,7 +19,7 @@ from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.registry import lineage_of, load_attribute
-from engines.scene import Scene, load_scene
+from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.paths import shown
@@ -44,9 +44,11 @@ REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
 """Claims of `engines.conformance` that make an image a function of seed and samples."""
 
 
-def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False) -> Plan:
+def make(
+    experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False, allow_outside: bool = False
+) -> Plan:  # fmt: skip
     """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
-    known = _Known(experiment, allow_imports, allow_commands)
+    known = _Known(experiment, allow_imports, allow_commands, allow_outside)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
     _one_division(experiment, found)
@@ -59,8 +61,7 @@ def make(experiment: Experiment, allow_imports: bool = False, allow_commands: bo
         cells += [replace(cell, order=len(cells) + index) for index, cell in enumerate(members)]
     unique = {cell.cell_id: cell for cell in reversed(cells)}
     cells = [cell for cell in cells if unique[cell.cell_id] is cell]
-    scenes = {path: scene.warnings for path, scene in known.scenes.items()}
-    warned = [f"{shown(Path(path))}: {warning}" for path, messages in scenes.items() for warning in messages]
+    warned = [f"{shown(Path(file.path))}: {text}" for file, scene in known.scenes.items() for text in scene.warnings]
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     _pairs_exist(experiment, configurations)
     compared = {str(combination["engine"]): None for combination in experiment.combinations}
@@ -106,8 +107,8 @@ def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None
 class _Known:
     """Every engine and scene that the experiment names, loaded once."""
 
-    def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool) -> None:
-        self.allow_imports = allow_imports
+    def __init__(self, experiment: Experiment, allow_imports: bool, allow_commands: bool, allow_outside: bool) -> None:
+        self.allow_imports, self.allow_outside = allow_imports, allow_outside
         names = dict.fromkeys(str(combination["engine"]) for combination in experiment.combinations)
         self.engines: dict[str, Engine] = {}
         certify = experiment.reference.certify
@@ -119,10 +120,12 @@ class _Known:
         self.names = names_of(self.engines)
         self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
-        paths = dict.fromkeys(combination["scene"].path for combination in experiment.combinations)
-        self.scenes: dict[str, Scene] = {
-            path: load_scene(path, allow_imports=allow_imports, natively=True) for path in paths
-        }
+        files = dict.fromkeys(self.file(combination) for combination in experiment.combinations)
+        self.scenes: dict[SceneFile, Scene] = {file: file.load(allow_imports) for file in files}
+
+    def file(self, combination: Mapping[str, Any]) -> SceneFile:
+        """The scene's file, as it may be read."""
+        return replace(combination["scene"], allow_outside=self.allow_outside)
 
     def code(self, name: str) -> str:
         """The hash of an engine's code."""
@@ -197,8 +200,8 @@ def _configured(
     experiment: Experiment, combination: Mapping[str, Any], known: _Known
 ) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
-    file: SceneFile = combination["scene"]
-    scene, engine = known.scenes[file.path], known.engines[combination["engine"]]
+    file = known.file(combination)
+    scene, engine = known.scenes[file], known.engines[combination["engine"]]
     accelerator, lacking = known.accelerator(combination["engine"], combination["accelerator"])
     width, height = combination["resolution"] or scene.camera.resolution
     memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
@@ -305,7 +308,7 @@ def _reference(
     render_settings["threads"] = threads
     planned = PlannedReference(
         file.name, file.path, scene.identity, spec, render_settings, lineage_of(engine),
-        margins=Margins(**experiment.equivalence),
+        margins=Margins(**experiment.equivalence), scene_options=file.options,
     )  # fmt: skip
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 
@@ -354,10 +357,10 @@ def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[C
     """The configurations, and one of every scene again under a second label: what two equal ones differ in is noise."""
     if not experiment.aa_twin:
         return configurations
-    scenes: dict[str, list[Cell]] = {}
+    scenes: dict[Any, list[Cell]] = {}
     for cell in configurations:
         if not cell.skip:
-            scenes.setdefault(cell.scene.path, []).append(cell)
+            scenes.setdefault((cell.scene.path, cell.scene.parameters), []).append(cell)
     return [*configurations, *(replace(_twinned(experiment, cells), label=AA_LABEL) for cells in scenes.values())]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,6 +42,8 @@ class PlannedReference:
     lineage: str = ""
     certifier: Certifier | None = None
     margins: Margins = DEFAULT_MARGINS
+    scene_options: Mapping[str, Any] = field(default_factory=dict)
+    """`SceneFile.options`."""
 
     @property
     def reference_id(self) -> str:

@@ -105,7 +105,8 @@ def replicates(
     """The reference's image under each seed, with the seconds it took; by another engine, with other settings and samples,
     where these are named."""
     request = {
-        "scene_path": wanted.scene_path, "scene_hash": wanted.scene_hash, "settings": dict(settings or wanted.settings),
+        "scene_path": wanted.scene_path, **wanted.scene_options, "scene_hash": wanted.scene_hash,
+        "settings": dict(settings or wanted.settings),
         "spp": spp or wanted.spec["replicate_spp"],
     }  # fmt: skip
     yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))

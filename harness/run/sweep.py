@@ -47,6 +47,7 @@ class Options:
     fail_fast: bool = False
     allow_imports: bool = False
     allow_commands: bool = False
+    allow_outside: bool = False
     command: Sequence[str] = ()
     cluster: str | None = None
 

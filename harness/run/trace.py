@@ -13,7 +13,7 @@ import numpy as np
 from engines.errors import ConfigError, RaybenchError
 from engines.registry import engine as engine_of
 from engines.registry import is_file
-from engines.scene import Mesh, Scene, SphereSet, load_scene
+from engines.scene import Mesh, Scene, SphereSet
 from engines.temporary import TemporaryFolder
 from harness.config.settings import SceneFile, require_imports
 from harness.config.trace import TraceExperiment
@@ -95,7 +95,7 @@ def _prepared(
 ) -> list[tuple[Entry, _Task | None]]:  # fmt: skip
     """The entries of a scene, each with what is to be done for it unless its engine declines."""
     note(f"{file.name}: rays and exact answers")
-    scene = load_scene(file.path, allow_imports=allow_imports, natively=True)
+    scene = file.load(allow_imports)
     truth, found = Truth(scene), []
     hard = hard_rays(truth, experiment.hard, experiment.seed)
     for kind in experiment.rays:
@@ -133,8 +133,8 @@ def _contestants(
                 state="skipped" if reason else "done", message=reason or "",
             )  # fmt: skip
             request = {
-                "scene_path": of.scene.path, "scene_hash": of.scene_hash, "rays": str(of.file), "set": of.kind,
-                "accelerator": wanted["accelerator"], "precision": wanted["precision"], "threads": threads,
+                "scene_path": of.scene.path, **of.scene.options, "scene_hash": of.scene_hash, "rays": str(of.file),
+                "set": of.kind, "accelerator": wanted["accelerator"], "precision": wanted["precision"], "threads": threads,
                 "batch": experiment.batch, "max_time_seconds": experiment.max_time_seconds, "checked": checked,
                 "hard": len(of.hard.t_max),
             }  # fmt: skip

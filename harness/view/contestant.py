@@ -10,7 +10,6 @@ from typing import Any
 from engines.film import Film
 from engines.interface import Renderer
 from engines.registry import engine as engine_of
-from engines.scene import load_scene
 from harness.config.settings import engine_settings
 from harness.measure import clock
 from harness.measure.contention import Disturbance, judged
@@ -41,7 +40,7 @@ class Contestant:
     def prepare(self) -> None:
         """Measures load, build and compile times with one renderer, as `measure` does; races with a second one."""
         start = perf_counter()
-        scene = load_scene(self.cell.scene.path, allow_imports=self._allow_imports, natively=True)
+        scene = self.cell.scene.load(self._allow_imports)
         load = perf_counter() - start
         engine, seed = engine_of(self.cell.engine), self.cell.seed
         warm = engine_settings(self.cell.settings, seed + WARM_UP_SEED, self._allow_imports)

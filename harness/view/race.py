@@ -62,7 +62,9 @@ class Replicates:
             self._renderer.stop()
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
-        scene = load_scene(request["scene_path"], allow_imports=self._allow_imports, natively=True)
+        scene = load_scene(
+            request["scene_path"], self._allow_imports, request.get("allow_outside", False), natively=True
+        )
         for seed in seeds:
             settings = engine_settings(request["settings"], seed, self._allow_imports)
             self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
@@ -77,12 +79,13 @@ class Race:
     """A running race; `folder` becomes its results folder. Raises `RaybenchError` for a request that cannot be raced."""
 
     def __init__(
-        self, request: requests.RaceRequest, scene: Path, folder: Path, allow_imports: bool, send: Callable[..., None]
+        self, request: requests.RaceRequest, scene: Path, folder: Path, allowed: tuple[bool, bool], send: Callable[..., None]
     ) -> None:  # fmt: skip
-        self.folder, self._allow_imports = folder, allow_imports
+        """`allowed`: imports, and files outside of the scene's folder."""
+        self.folder, (allow_imports, allow_outside) = folder, allowed
         located = locate(_experiment(request, scene), "race", ConfigError)
         experiment = config.parse(located, scene.parent, "race", "raybench view")
-        self.plan: Plan = planner.make(experiment, allow_imports)
+        self.plan: Plan = planner.make(experiment, allow_imports, allow_outside=allow_outside)
         skipped = next((cell.skip for cell in self.plan.cells if cell.skip), None)
         if skipped:
             raise ConfigError(skipped)
@@ -91,7 +94,7 @@ class Race:
         for warning in self.plan.warnings:
             send("warning", text=warning)
         self._events = store.Events(folder)
-        options = Options(allow_imports=allow_imports, command=["raybench", "view"])
+        options = Options(allow_imports=allow_imports, allow_outside=allow_outside, command=["raybench", "view"])
         self.sweep = Sweep(self.plan, folder, options, Listener(send), self._events)
         self.replicates = Replicates(allow_imports)
         cells = sorted(self.plan.cells, key=lambda cell: _index_of(cell, request.contestants))

@@ -28,8 +28,11 @@ from harness.view.race import Race, Stopped
 class RaceController:
     """Runs the races of a tab. Results are in the folder `scratch`, beside other results, until they are saved by name."""
 
-    def __init__(self, send: Callable[[bytes], None], library: Library, scratch: Path, allow_imports: bool) -> None:
-        self._send, self._library, self._scratch, self._allow_imports = send, library, scratch, allow_imports
+    def __init__(
+        self, send: Callable[[bytes], None], library: Library, scratch: Path, allow_imports: bool, allow_outside: bool = False
+    ) -> None:  # fmt: skip
+        self._send, self._library, self._scratch = send, library, scratch
+        self._allowed = allow_imports, allow_outside
         self._work = CoalescingQueue()
         self._stopped = threading.Event()
         self._race: Race | None = None
@@ -91,7 +94,7 @@ class RaceController:
         for settings in request.contestants:
             if names_a_program(settings.engine):
                 raise ConfigError(f"{settings.engine}: external renderers are not run from a page")
-        race = self._race = Race(request, scene, self._scratch, self._allow_imports, self._send_message)
+        race = self._race = Race(request, scene, self._scratch, self._allowed, self._send_message)
         self._send_message("contestants", names=race.names, targets=request.targets, width=request.width, height=request.height)
         try:
             self._set_state("busy", "rendering the reference")

@@ -41,8 +41,10 @@ CHUNK_SECONDS = 0.1
 class ViewController:
     """Runs the page of one image."""
 
-    def __init__(self, send: Callable[[bytes], None], library: Library, allow_imports: bool) -> None:
-        self._send, self._library, self._allow_imports = send, library, allow_imports
+    def __init__(
+        self, send: Callable[[bytes], None], library: Library, allow_imports: bool, allow_outside: bool = False
+    ) -> None:  # fmt: skip
+        self._send, self._library, self._allow_imports, self._allow_outside = send, library, allow_imports, allow_outside
         self._work = CoalescingQueue()
         self._view = ViewState()
         self._publisher = Publisher(send, self._view, self._interrupt, library)
@@ -102,7 +104,7 @@ class ViewController:
     def _on_open(self, request: requests.OpenRequest) -> None:
         """Loads the scene and renders a preview; the full image follows."""
         self._set_busy("loading")
-        scene = load_scene(self._library.find(request.scene), allow_imports=self._allow_imports)
+        scene = load_scene(self._library.find(request.scene), self._allow_imports, self._allow_outside)
         scene = replace(scene, native=None)  # a file that Mitsuba takes as it is could not be edited
         settings, provenance = self._settings(request, scene)
         engine = engine_of(request.settings.engine)

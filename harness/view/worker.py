@@ -110,19 +110,20 @@ def controller_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Co
     from harness.view.library import Library
 
     library, allow_imports = Library(Path(begin["folder"])), bool(begin["allow_imports"])
+    allow_outside = bool(begin["allow_outside"])
     if allow_imports:
         sys.path.insert(0, os.getcwd())
     if begin["page"] == "race":
         from harness.view.race_controller import RaceController
 
-        return RaceController(send, library, Path(begin["scratch"]), allow_imports)
+        return RaceController(send, library, Path(begin["scratch"]), allow_imports, allow_outside)
     if begin["page"] == "dahlquist":
         from harness.view.dahlquist_controller import DahlquistController
 
         return DahlquistController(send)
     from harness.view.view_controller import ViewController
 
-    return ViewController(send, library, allow_imports)
+    return ViewController(send, library, allow_imports, allow_outside)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 The peer's own call (`mitsuba.render`, evaluated and waited for; a session of LuxCore that runs until its count of samples is
 reached, with the look at it every millisecond that its own examples have) and `render` of the engine take turns in one process,
 on the same loaded scene with the same integrator, sampler, size and threads, in mirrored order (native, adapter, adapter,
-native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took.
+native). Where a peer takes more samples than it was asked for, seconds are those of a sample that it took. Cycles, in a process
+of its own (RAYBENCH_CYCLES_PYTHON), tells the seconds of its own render function, and takes the sampler sobol.
 A round is one such turn of four calls. The table gives the median rate of both, and the geometric mean over rounds of the
 seconds of the adapter over those of the peer, with the 95 % interval of Student's t for the logarithms: by processor time of
 the process, which other processes disturb least, and by the wall clock. A sampler with patterns is rendered in whole ones.
@@ -44,27 +45,34 @@ class Pair(NamedTuple):
     adapter: Callable[[], float]
 
 
-def mitsuba_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
+def mitsuba_native(renderer: Any) -> Callable[[int], float]:
+    """Mitsuba's own render call of so many samples per pixel, with what a warm renderer of its engine has loaded."""
     from engines.mitsuba.shaders import path_node
 
-    renderer: Any = engines.engine("mitsuba").prepare(scene, settings)
-    renderer.warm_up()
     stage = renderer._stage
     mi, dr = stage.mi, stage.dr
     integrator = mi.load_dict(path_node(stage.settings.shader.options))
     seeds = iter(range(1, 1 << 32))
 
-    def native() -> float:
+    def native(spp: int) -> float:
         image = mi.render(stage.loaded, integrator=integrator, spp=spp, seed=next(seeds))
         dr.eval(image)
         dr.sync_thread()
         return spp
 
+    return native
+
+
+def mitsuba_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
+    renderer: Any = engines.engine("mitsuba").prepare(scene, settings)
+    renderer.warm_up()
+    native = mitsuba_native(renderer)
+
     def adapter() -> float:
         renderer.render(spp)
         return spp
 
-    return Pair(native, adapter)
+    return Pair(lambda: native(spp), adapter)
 
 
 def luxcore_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> Pair:
@@ -92,6 +100,24 @@ def luxcore_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> 
         return float(renderer.render(spp).counts.mean()) - before
 
     return Pair(native, adapter)
+
+
+def told_rounds(
+    scene: engines.Scene, settings: engines.Settings, rounds: int, spp: int
+) -> list[tuple[Seconds, Seconds]]:
+    """Of cycles, whose Python is another one: two calls a round, as its own render function took them, and as they took
+    here, process boundary included. By the wall clock alone, which stands for both clocks."""
+    renderer = engines.engine("engines.peers.cycles:Engine").prepare(scene, settings)
+    renderer.warm_up()
+    found = []
+    for _ in range(rounds):
+        before, begin = renderer.counters()["native_seconds"], time.perf_counter()
+        for _ in range(2):
+            renderer.render(spp)
+        wall = time.perf_counter() - begin
+        native = renderer.counters()["native_seconds"] - before
+        found.append((Seconds(native, native), Seconds(wall, wall)))
+    return found
 
 
 PAIRS = {"mitsuba": mitsuba_pair, "luxcore": luxcore_pair}
@@ -144,13 +170,15 @@ def show_head(given: argparse.Namespace) -> None:
     version = engines.engine(given.engine).version
     print(f"Python {platform.python_version()}, {given.engine} {version}, load {os.getloadavg()[0]:.1f}")
     command = shlex.join(["python", "-m", "tests.benchmarks.adapter_overhead", *sys.argv[1:]])
-    print(f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}")
+    print(
+        f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}"
+    )
     print(f"{'million paths/s':34}{'clock':11}{'native':>9}{'adapter':>9}{'seconds':>11}   95 % interval of the ratio")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--engine", choices=PAIRS, default="mitsuba")
+    parser.add_argument("--engine", choices=[*PAIRS, "cycles"], default="mitsuba")
     parser.add_argument("--scenes", nargs="+", default=["cornell_box"], metavar="NAME", help="names or paths")
     parser.add_argument("--samplers", nargs="+", default=["random"], metavar="NAME")
     parser.add_argument("--spp", nargs="+", type=int, default=[4, 16, 64], metavar="N", help="samples a pixel and call")
@@ -173,7 +201,10 @@ def main() -> None:
                 )
                 if reason := engine.why_not(scene, settings):
                     parser.error(reason)
-                rounds = measured(PAIRS[given.engine](scene, settings, spp), given.rounds, spp)
+                if given.engine == "cycles":
+                    rounds = told_rounds(scene, settings, given.rounds, spp)
+                else:
+                    rounds = measured(PAIRS[given.engine](scene, settings, spp), given.rounds, spp)
                 show(f"{name}, {sampler}, {spp} spp", rounds, 2 * spp * given.size**2)
 
 

@@ -132,7 +132,8 @@ def show(rounds: list[tuple[dict[str, float], dict[str, float]]]) -> None:
     print("base, this: median million paths a second of process time")
 
 
-def show_machine() -> None:
+def show_processor() -> None:
+    """The processor and the widest vectors of which machine code is made, the load beside it."""
     import llvmlite
     from llvmlite import binding
 
@@ -142,6 +143,10 @@ def show_machine() -> None:
     widest = next((name for name in ("avx512f", "avx2", "avx", "sse2", "neon") if features.get(name)), "unknown")
     print(f"{cpu_model()}, {os.cpu_count()} cores, {widest} (LLVM target {binding.get_host_cpu_name()})")
     print(f"Python {platform.python_version()}, llvmlite {llvmlite.__version__}, load {os.getloadavg()[0]:.1f}")
+
+
+def show_machine() -> None:
+    show_processor()
     command = shlex.join(["python", "-m", "tests.benchmarks.paired", *sys.argv[1:]])
     print(f"{SIDE}x{SIDE} pixels, depth {DEPTH}, one thread: {command}")
 
@@ -149,7 +154,9 @@ def show_machine() -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("base", type=Path, metavar="BASE")
-    parser.add_argument("--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES))
+    parser.add_argument(
+        "--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES)
+    )
     parser.add_argument("--rounds", type=int, default=6, help="2 or more")
     parser.add_argument("--seconds", type=float, default=0.15, help="of one render")
     parser.add_argument("--images", action="store_true", help="compare films bit for bit, time nothing")
@@ -159,7 +166,9 @@ def main() -> None:
     if given.job:
         return work(base, given.job)
     if not (base / "engines" / "__init__.py").exists() or given.rounds < 2:
-        parser.error(f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are wanted")
+        parser.error(
+            f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are wanted"
+        )
     if given.images:
         before, now = (ask(checkout, task="images", cases=given.scenes) for checkout in (base, HERE))
         for name in given.scenes:

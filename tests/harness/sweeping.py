@@ -73,7 +73,8 @@ def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Pat
 
 def run(path: Path, out: Path, overrides: Sequence[str] = (), **options: Any) -> tuple[sweep.Outcome, Quiet]:
     """A sweep in this process, without derived files."""
-    return run_plan(planner.make(config.load(path, overrides), allow_imports=True), out, **options)
+    made = planner.make(config.load(path, overrides), allow_imports=True, allow_outside=options.get("allow_outside", False))
+    return run_plan(made, out, **options)
 
 
 def run_plan(made: Plan, out: Path, **options: Any) -> tuple[sweep.Outcome, Quiet]:

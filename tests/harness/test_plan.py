@@ -318,3 +318,38 @@ def test_an_engine_that_cannot_list_its_accelerators_is_an_error_that_names_it(t
     monkeypatch.setattr(fake_engines.Other, "accelerators", answer)
     with pytest.raises(RaybenchError, match=message):
         planned(tmp_path)
+
+
+def test_a_mitsuba_file_is_read_with_parameters_and_outside_of_its_folder_where_that_is_allowed(tmp_path):
+    """Two values of a parameter are two scenes; the command and the request of a cell repeat what was given."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "out.xml").write_text('<scene version="3.0.0"><shape type="sphere"><emitter type="area"/></shape></scene>')
+    (tmp_path / "in" / "s.xml").write_text(
+        '<scene version="3.0.0"><default name="side" value="1"/><sensor type="perspective"/><include filename="../out.xml"/>'
+        '<shape type="sphere"><float name="radius" value="$side"/></shape></scene>'
+    )
+    given = "[in/s.xml, {file: in/s.xml, parameters: {side: 2}}]"
+    text = sweeping.EXPERIMENT.replace("scene: ball.yaml\n", "").replace("matrix: {", f"matrix: {{scene: {given}, ")
+    experiment = config.load(sweeping.write(tmp_path, text))
+    with pytest.raises(RaybenchError, match=r"lies outside the scene's folder .* run with --allow-outside"):
+        planner.make(experiment, allow_imports=True)
+    plan = planner.make(experiment, allow_imports=True, allow_outside=True)
+    cells = {cell.scene.name: cell for cell in plan.cells}
+    assert set(cells) == {"s", "s side=2"} and len({cell.scene_hash for cell in cells.values()}) == 2
+    assert "-D side=2 --allow-outside" in cells["s side=2"].command(4)
+    request = cells["s side=2"].request(experiment.checkpoints)
+    assert (request["scene_parameters"], request["allow_outside"]) == ({"side": "2"}, True)
+    assert {wanted.scene_options["allow_outside"] for wanted in plan.references.values()} == {True}
+    (outcome, _) = sweeping.run(tmp_path / "small.yaml", tmp_path / "out", allow_outside=True)
+    assert outcome.states == {"done": 8}
+
+
+@pytest.mark.parametrize(("given", "words"), [
+    ("{file: ball.yaml, parameters: {side: [1]}}", "a number or a word is wanted"),
+    ("{file: ball.yaml, parameters: {side: 1}}", "parameters are for Mitsuba's XML files"),
+    ("{file: ball.yaml}", "parameters"),
+])  # fmt: skip
+def test_parameters_that_make_no_sense_are_refused(tmp_path, given, words):
+    path = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("ball.yaml", given))
+    with pytest.raises(RaybenchError, match=words):
+        planner.make(config.load(path), allow_imports=True)

@@ -7,6 +7,7 @@ from scipy import special
 
 from engines.choices import Choice
 from engines.kernels.compile.jit import inline
+from engines.kernels.lane.arctan import arctan2
 from engines.kernels.lane.exponential import erfcx, exp, log
 from engines.kernels.lane.fresnel import refract
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn, tangents
@@ -30,6 +31,24 @@ def test_sine_and_cosine_of_a_turn_are_within_two_ulps_of_one(real):
         exact = want(2 * np.pi * u.astype(np.float64))
         assert got.dtype == real
         assert np.abs(got - exact).max() < 4 * np.finfo(real).eps
+
+
+@njit
+def _angles(y, x):
+    found = np.empty_like(y)
+    for i in range(len(y)):
+        found[i] = arctan2(y[i], x[i])
+    return found
+
+
+@pytest.mark.parametrize("real", TYPES)
+def test_the_angle_of_a_point_in_the_plane_is_within_two_ulps(real):
+    x, y = np.random.default_rng(3).normal(size=(2, 20_000)).astype(real)
+    x, y = np.concatenate([x, [0, 0, 1, -1, 1e-20, 0]]).astype(real), np.concatenate([y, [1, -1, 0, 0, -1, 0]]).astype(real)
+    exact = np.arctan2(y.astype(np.float64), x.astype(np.float64))
+    got = _angles(y, x)
+    assert got.dtype == real
+    assert np.all(np.abs(got - exact) <= 2 * np.finfo(real).eps * np.abs(exact))
 
 
 @njit

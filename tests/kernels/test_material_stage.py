@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from engines.kernels.flatten import flatten
+from engines.kernels.flatten.palettes import BYTES, indexed
 from engines.kernels.flatten.shapes import PLANE
 from engines.kernels.integrators.interface import Uses
 from engines.kernels.layout import LANES, RayBatch, SceneTable
@@ -284,9 +285,24 @@ def test_scenes_without_wrappers_and_textures_have_no_material_stage_and_no_memo
 
 
 def test_images_are_read_where_the_scene_holds_them_and_counted_once():
-    pixels = np.ones((64, 64, 3), np.float32)
+    pixels = np.random.default_rng(1).random((64, 64, 3), np.float32)
     once = flattened(Mixture(kd=ImageTexture(pixels)), UPWARDS)
     both = Blend(ImageTexture(pixels), Mixture(kd=ImageTexture(pixels, "nearest")), Mixture(ks=ImageTexture(pixels)))
     twice = flattened(both, UPWARDS)
     assert set(twice.arrays[SceneTable.texels]) == {pixels.ctypes.data}
     assert pixels.nbytes < once.bytes <= twice.bytes < pixels.nbytes + 4096
+
+
+def test_an_image_of_256_different_numbers_takes_a_byte_each_and_gives_the_same_bits_as_one_of_more():
+    rng = np.random.default_rng(2)
+    numbers = np.append(rng.random(255, np.float32), np.float32(np.nan))
+    image = numbers[rng.integers(0, 256, (32, 32, 3))]
+    small = indexed(image)
+    assert small is not None and small.nbytes == BYTES + image.size
+    assert np.array_equal(small[:BYTES].view(np.float32)[small[BYTES:]], image.reshape(-1), equal_nan=True)
+    image, more = np.nan_to_num(image), np.nan_to_num(image)
+    more[16:] = rng.random((16, 32, 3), np.float32)  # below what the lanes read
+    assert indexed(more) is None
+    u, v = rng.random(LANES), rng.uniform(0.05, 0.4, LANES)
+    few, many = (shaded(Mixture(kd=ImageTexture(pixels)), u, v)["bsdf"] for pixels in (image, more))
+    assert np.array_equal(few, many) and np.ptp(few[:3]) > 0.1

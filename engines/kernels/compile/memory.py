@@ -144,3 +144,17 @@ def address_of(typing, array):
         return builder.ptrtoint(arguments[0], WORD)
 
     return types.int64(array), generate
+
+
+@intrinsic
+def prefetch(typing, address):
+    """Starts loading the cache line at `address` and does not wait for it."""
+
+    def generate(context, builder, signature, arguments):
+        byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
+        name, kind = "llvm.prefetch.p0", ir.FunctionType(ir.VoidType(), [byte, word, word, word])
+        found = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        builder.call(found, [builder.inttoptr(arguments[0], byte), *(ir.Constant(word, k) for k in (0, 3, 1))])
+        return context.get_dummy_value()
+
+    return types.void(types.int64), generate

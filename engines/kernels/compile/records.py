@@ -29,10 +29,11 @@ from engines.kernels.compile.fields import (
     vectors,
 )
 from engines.kernels.compile.lanes import LaneField, LaneRecord, lane_numbers, lane_view
-from engines.kernels.compile.memory import array_at
+from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.tables import Row, Table, table_view
 
 __all__ = [
-    "LANES", "REAL", "Field", "LaneField", "LaneRecord", "Row", "Table", "array", "array_at", "bits_of", "doubles", "flag",
-    "integer", "lane_numbers", "lane_view", "real", "reals", "rows", "scalar", "table_view", "vector", "vectors",
+    "LANES", "REAL", "Field", "LaneField", "LaneRecord", "Row", "Table", "address_of", "array", "array_at", "bits_of",
+    "doubles", "flag", "integer", "lane_numbers", "lane_view", "prefetch", "real", "reals", "rows", "scalar", "table_view",
+    "vector", "vectors",
 ]  # fmt: skip

@@ -293,17 +293,3 @@ def store8(typing, array, index, value):
         return context.get_dummy_value()
 
     return types.void(array, types.int64, Simd(array.dtype)), generate
-
-
-@intrinsic
-def prefetch(typing, address):
-    """Starts loading the cache line at `address` and does not wait for it."""
-
-    def generate(context, builder, signature, arguments):
-        byte, word = ir.IntType(8).as_pointer(), ir.IntType(32)
-        name, kind = "llvm.prefetch.p0", ir.FunctionType(ir.VoidType(), [byte, word, word, word])
-        found = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
-        builder.call(found, [builder.inttoptr(arguments[0], byte), *(ir.Constant(word, k) for k in (0, 3, 1))])
-        return context.get_dummy_value()
-
-    return types.void(types.int64), generate

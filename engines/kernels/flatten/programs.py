@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
@@ -26,6 +27,8 @@ IMAGE, CHECKERBOARD = range(2)
 REPEAT, CLAMP, MIRROR = range(3)
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 NONE = -1
+PREFETCHED = 4
+"""Images of a program whose texels are prefetched."""
 THROUGH = 1
 """Stands for the second part of a bump or normal map whose models let light through."""
 _BLACK = Mixture()
@@ -75,13 +78,14 @@ class Programs:
         self.leaves: list[list[float]] = []
         self.lookups: list[list[float]] = []
         self.textures: list[list[float]] = []
-        self.pixels: list[NDArray[np.float32]] = []
-        """Of each texture, in the order of `textures`; empty of those that have none."""
+        self.pixels: list[NDArray[Any]] = []
+        """Of each texture, in the order of `textures`, float32 or as `palettes.indexed` gives them; empty of those that have
+        none."""
         self.tables: list[float] = [1]
         """Those of all BSDFs, one behind the other, after how many numbers they are."""
         self._places: dict[Table, int] = {}
         self._kept: dict[int, tuple[Any, int]] = {}
-        self._images: dict[int, NDArray[np.float32]] = {}
+        self._images: dict[int, NDArray[Any]] = {}
         self.first = np.full(max(len(materials), 1), NONE, np.int32)
         for index in self.used:
             if self._wanted(index):
@@ -145,26 +149,28 @@ class Programs:
     def _texture(self, texture: Texture) -> int:
         if id(texture) in self._kept:
             return self._kept[id(texture)][1]
-        pixels = np.zeros((0, 0, 1), np.float32)
+        pixels = np.zeros(0, np.float32)
         if isinstance(texture, Checkerboard):
             row = TextureRow.packed(kind=CHECKERBOARD, to_uv=texture.to_uv, a=texture.a, b=texture.b)
         else:
             pixels = self._pixels(texture)
-            height, width, channels = pixels.shape
+            height, width, channels = texture.pixels.shape
             row = TextureRow.packed(
                 kind=IMAGE, width=width, height=height, channels=channels, nearest=texture.filter == "nearest",
-                wrap=WRAPS[texture.wrap], to_uv=texture.to_uv,
+                wrap=WRAPS[texture.wrap], to_uv=texture.to_uv, indexed=pixels.dtype == np.uint8,
             )  # fmt: skip
         self.textures.append(row)
         self.pixels.append(pixels)
         self._kept[id(texture)] = texture, len(self.textures) - 1
         return len(self.textures) - 1
 
-    def _pixels(self, texture: ImageTexture) -> NDArray[np.float32]:
-        """The scene's own memory where it can be read as it is."""
+    def _pixels(self, texture: ImageTexture) -> NDArray[Any]:
+        """Indexed where it has few different numbers; else the scene's own memory where it can be read as it is."""
         found = self._images.get(id(texture.pixels))
         if found is None:
-            found = self._images[id(texture.pixels)] = np.ascontiguousarray(texture.pixels, np.float32)
+            image = np.ascontiguousarray(texture.pixels, np.float32)
+            small = palettes.indexed(image)
+            found = self._images[id(texture.pixels)] = image if small is None else small
         return found
 
     @property
@@ -186,6 +192,24 @@ class Programs:
                 bsdf=self._constants(leaf), emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
             )
         return rows
+
+    def images(self) -> NDArray[np.int32]:
+        """(n, PREFETCHED) of all materials, at least one row: images that the program may read, NONE after them."""
+        found = np.full((len(self.first), PREFETCHED), NONE, np.int32)
+        for row, first in zip(found, self.first, strict=True):
+            if first >= 0:
+                own = [texture for texture in dict.fromkeys(self._textures_of(first)) if self.pixels[texture].size]
+                row[: len(own)] = own[:PREFETCHED]
+        return found
+
+    def _textures_of(self, node: int) -> list[int]:
+        """Those of a node and of all that it leads to."""
+        kind, first, second, texture, value = (int(number) for number in self.nodes[node])
+        if kind == LEAF:
+            column = [*LookupRow.fields].index("texture")
+            return [int(row[column]) for row in self.lookups[texture : texture + value]]
+        parts = [first, second] if kind in (SIDES, BLEND) else [first]
+        return [texture] * (texture >= 0) + [found for part in parts for found in self._textures_of(part)]
 
     def features(self) -> dict[str, Any]:
         """The features that the materials in use bring."""

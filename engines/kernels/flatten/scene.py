@@ -133,6 +133,7 @@ def _bind_programs(flat: FlatScene, geometry: Geometry, programs: Programs) -> N
         return
     table = SceneTable
     flat.bind(table.programs, programs.first)
+    flat.bind(table.program_textures, programs.images())
     flat.bind(table.nodes, np.array(programs.nodes))
     flat.bind(table.leaves, np.reshape(programs.leaves, (-1, LeafRow.size)).astype(flat.real))
     flat.bind(table.lookups, np.reshape(programs.lookups, (-1, LookupRow.size)))

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.lane.vector import Vec3, dot
+from engines.kernels.compile.records import address_of, prefetch
+from engines.kernels.compile.values import const, select
+from engines.kernels.lane.arccos import arccos
+from engines.kernels.lane.arctan import arctan2
+from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
+
+TEXEL_BYTES = 24
 
 
 @inline
@@ -22,9 +31,16 @@ def first_above(values, start, n, u):
 
 
 @inline
-def first_above_guided(values, start, guide, n, u):
-    """The same, begun at the entry of a guide table for `u`: a step or two on average (Chen and Asau 1974)."""
-    index = int(guide[start + max(min(int(u * n), n - 1), 0)])
+def guide_entry(n, u):
+    """The index of the entry of a guide table (n,) that says where the search for `u` begins."""
+    return max(min(int(u * n), n - 1), 0)
+
+
+@inline
+def first_above_from(values, start, first, n, u):
+    """The same as `first_above`, from the index `first` on, at which or beyond which it lies: a step or two on average, where
+    `first` comes from a guide table (Chen and Asau 1974)."""
+    index = int(first)
     while index < n - 1 and not values[start + index] > u:
         index += 1
     return index
@@ -32,16 +48,18 @@ def first_above_guided(values, start, guide, n, u):
 
 @inline
 def direction_to_uv(x, y, z):
-    """(u, v) in [0, 1] of a unit direction: -z at u = 0, +z at 1/2, +y at v = 0."""
-    u = math.atan2(x, -z) / (2.0 * math.pi)
-    return u - math.floor(u), math.acos(min(1.0, max(-1.0, y))) / math.pi
+    """(u, v) in [0, 1] of a unit direction: -z at u = 0, +z at 1/2, +y at v = 0. Vector code, as is the way back."""
+    one, u = const(1.0, y), arctan2(x, -z) * const(0.5 / math.pi, y)
+    y = select(y < one, select(y > -one, y, -one), one)
+    return u - np.floor(u), arccos(y) * const(1.0 / math.pi, y)
 
 
 @inline
 def uv_to_direction(u, v):
-    phi, theta = 2.0 * math.pi * u, math.pi * v
-    sine = math.sin(theta)
-    return Vec3(math.sin(phi) * sine, math.cos(theta), -math.cos(phi) * sine)
+    """(direction, sine of its angle to the y axis)."""
+    sine_phi, cosine_phi = sin_cos_turn(u)
+    sine, cosine = sin_cos_turn(v * const(0.5, v))
+    return Vec3(sine_phi * sine, cosine, -cosine_phi * sine), sine
 
 
 @inline
@@ -56,22 +74,56 @@ def to_scene(axes, d):
     return axes.x * d.x + axes.y * d.y + axes.z * d.z
 
 
+class Texels(NamedTuple):
+    """The four texels around a place on an image, by index, and how near the place is to the right and the lower ones."""
+
+    left: int
+    right: int
+    above: int
+    below: int
+    fx: float
+    fy: float
+
+
 @inline
-def radiance(image, width, height, axes, u, v):
-    """Bilinear between texel centres; columns wrap, rows clamp. float64. NaN, of a direction that is NaN, reads some texel."""
+def texels_at(width, height, axes, u, v):
+    """Columns wrap, rows clamp. `above` and `below` are where rows begin. NaN, of a direction that is NaN, gives some texel."""
     x, y = u * width - 0.5, v * axes.rows - axes.first_row
     left, top = math.floor(x), math.floor(y)
-    fx, fy = x - left, y - top
-    x0, x1 = int(left) % width, (int(left) + 1) % width
-    y0, y1 = min(max(int(top), 0), height - 1), max(min(int(top) + 1, height - 1), 0)
-    above = image[y0 * width + x0] * (1.0 - fx) + image[y0 * width + x1] * fx
-    below = image[y1 * width + x0] * (1.0 - fx) + image[y1 * width + x1] * fx
-    return above * (1.0 - fy) + below * fy
+    x0, y0 = int(left), min(max(int(top), 0), height - 1)
+    x0 = min(max(x0 + width if x0 < 0 else x0, 0), width - 1)
+    x1, y1 = x0 + 1 if x0 + 1 < width else 0, max(min(int(top) + 1, height - 1), 0)
+    return Texels(x0, x1, y0 * width, y1 * width, x - left, y - top)
 
 
 @inline
-def pdf_solid_angle(density, width, height, u, v):
-    """Of the texel that holds (u, v), per solid angle; 0 at the poles, and of NaN."""
+def radiance(image, at):
+    """Bilinear between texel centres, in float64."""
+    above = image[at.above + at.left] * (1.0 - at.fx) + image[at.above + at.right] * at.fx
+    below = image[at.below + at.left] * (1.0 - at.fx) + image[at.below + at.right] * at.fx
+    return above * (1.0 - at.fy) + below * at.fy
+
+
+@inline
+def texel_of(width, height, u, v):
+    """The index of the texel that holds (u, v)."""
     column, row = max(min(int(u * width), width - 1), 0), max(min(int(v * height), height - 1), 0)
-    sine = math.sin(math.pi * v)
-    return density[row * width + column] / (2.0 * math.pi * math.pi * sine) if sine > 0.0 else 0.0
+    return row * width + column
+
+
+@inline
+def pdf_solid_angle(density, sine):
+    """From the density in (u, v); 0 at the poles."""
+    return density / (2.0 * math.pi * math.pi * sine) if sine > 0.0 else 0.0
+
+
+@inline
+def prefetch_texels(scene, axes, u, v):
+    """Starts loading what `radiance` and the pdf read at (u, v)."""
+    width, height = scene.environment_width, scene.environment_height
+    at, texels = texels_at(width, height, axes, u, v), address_of(scene.environment)
+    prefetch(texels + TEXEL_BYTES * (at.above + at.left))
+    prefetch(texels + TEXEL_BYTES * (at.above + at.right + 1) - 1)
+    prefetch(texels + TEXEL_BYTES * (at.below + at.left))
+    prefetch(texels + TEXEL_BYTES * (at.below + at.right + 1) - 1)
+    prefetch(address_of(scene.environment_pdf) + 8 * texel_of(width, height, u, v))

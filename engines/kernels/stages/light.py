@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.records import lane_numbers
+from engines.kernels.compile.records import address_of, lane_numbers, prefetch
+from engines.kernels.compile.values import lowest_bit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
-from engines.kernels.lane.vector import Vec3
+from engines.kernels.lane.vector import Vec3, select3, to_real
 from engines.kernels.layout import LANES, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy
 from engines.kernels.stages.surface import load_vertices
@@ -52,7 +53,7 @@ def _make_sample(kinds: tuple[int, ...]) -> Any:
 
 
 @cache
-def _make_choose(selection: Selection, real: Any) -> Any:
+def _make_choose(selection: Selection) -> Any:
     """The function (rays, lane, scene) -> (index of the lane's light, -1 for none; what is left of the random number)."""
     every, many, power, hierarchy = selection
 
@@ -66,11 +67,7 @@ def _make_choose(selection: Selection, real: Any) -> Any:
             chosen, rest = _by_power(scene, n, rest)
             rays.light_choices[lane] = scene.light_choices[chosen]
         elif hierarchy:
-            chosen, rest, choices = np.int64(-1), 0.0, np.inf
-            if rays.alive[lane] and not rays.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
-                u = np.float64(rays.draw[2, lane])
-                chosen, rest, choices = light_hierarchy.choose(scene, rays.point[lane], rays.geometric_normal[lane], u, real)
-            rays.light_choices[lane] = choices
+            chosen = np.int64(rays.light_kind[lane])
         elif many:
             scaled = rest * n
             chosen = max(min(np.int64(scaled), n - 1), 0)  # a draw that is NaN must not leave the list
@@ -93,14 +90,16 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene
     holds of it: searches and plain loads, so in a loop of their own."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
-    meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection, real)
+    meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection)
+    choose_all = light_hierarchy.make_choose(real)
 
     @inline
     def load(rays, scene):
+        if hierarchy:
+            choose_all(rays, scene)
         for lane in range(np.uint64(LANES)):
             chosen, rest = choose_light(rays, lane, scene)
             if hierarchy and chosen < 0:
-                rays.light_kind[lane] = -1
                 continue
             row = scene.lights[chosen]
             kind = np.int32(row.kind)
@@ -162,31 +161,78 @@ def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any)
 
 
 @inline
+def _lanes_on_environment(rays):
+    """A word with a bit for each lane that has chosen the environment and is on a surface."""
+    lanes = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        chosen = (rays.light_kind[lane] == IMAGE_ENVIRONMENT) & rays.alive[lane] & (not rays.miss[lane])
+        lanes |= np.int64(1 if chosen else 0) << np.int64(lane)
+    return lanes
+
+
+@inline
+def _choose_places(rays, scene, axes, lanes):
+    """Keeps (u, v) on the environment's image, drawn by texel. Hardly a table of an image is in a near cache: each loop
+    prefetches what the next one reads."""
+    rows, columns, guide = scene.environment_rows, scene.environment_columns, scene.environment_column_guide
+    width, height = scene.environment_width, scene.environment_height
+    todo = lanes
+    while todo != 0:
+        lane = np.uint64(lowest_bit(todo))
+        todo &= todo - 1
+        u0, u1 = np.float64(rays.draw[0, lane]), np.float64(rays.draw[1, lane])
+        first = scene.environment_row_guide[environment.guide_entry(height, u1)]
+        row = environment.first_above_from(rows, 0, first, height, u1)
+        below = rows[row - 1] if row > 0 else 0.0
+        rays.kept[1, lane] = (row + (u1 - below) / (rows[row] - below)) / height
+        rays.kept_row[lane] = row
+        prefetch(address_of(guide) + 4 * (row * width + environment.guide_entry(width, u0)))
+    todo = lanes
+    while todo != 0:
+        lane = np.uint64(lowest_bit(todo))
+        todo &= todo - 1
+        start = np.int64(rays.kept_row[lane]) * width
+        first = np.int64(guide[start + environment.guide_entry(width, np.float64(rays.draw[0, lane]))])
+        rays.kept_column[lane] = first
+        prefetch(address_of(columns) + 8 * (start + first))
+        prefetch(address_of(columns) + 8 * (start + first - 1))
+    todo = lanes
+    while todo != 0:
+        lane = np.uint64(lowest_bit(todo))
+        todo &= todo - 1
+        start, u0 = np.int64(rays.kept_row[lane]) * width, np.float64(rays.draw[0, lane])
+        column = environment.first_above_from(columns, start, rays.kept_column[lane], width, u0)
+        below = columns[start + column - 1] if column > 0 else 0.0
+        u = (column + (u0 - below) / (columns[start + column] - below)) / width
+        rays.kept[0, lane] = u
+        environment.prefetch_texels(scene, axes, u, rays.kept[1, lane])
+
+
+@inline
 def _image_environment(rays, scene, share, turned, real):
     """Samples of the environment's image replace what the vector loop left in the lanes that chose it and are on a
     surface."""
-    rows, columns = scene.environment_rows, scene.environment_columns
-    row_guide, column_guide = scene.environment_row_guide, scene.environment_column_guide
-    width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
+    lanes = _lanes_on_environment(rays)
+    if lanes == 0:
+        return
+    axes, width, height = scene.environment_map[0], scene.environment_width, scene.environment_height
+    _choose_places(rays, scene, axes, lanes)
     for lane in range(np.uint64(LANES)):
-        if rays.light_kind[lane] == IMAGE_ENVIRONMENT and rays.alive[lane] and not rays.miss[lane]:
-            u0, u1 = np.float64(rays.draw[0, lane]), np.float64(rays.draw[1, lane])
-            row = environment.first_above_guided(rows, 0, row_guide, height, u1)
-            below = rows[row - 1] if row > 0 else 0.0
-            v = (row + (u1 - below) / (rows[row] - below)) / height
-            column = environment.first_above_guided(columns, row * width, column_guide, width, u0)
-            below = columns[row * width + column - 1] if column > 0 else 0.0
-            u = (column + (u0 - below) / (columns[row * width + column] - below)) / width
-            radiance = environment.radiance(scene.environment, width, height, axes, u, v)
-            pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v) * np.float64(share)
-            scale = 1.0 / pdf if pdf > 0.0 else 0.0
-            wi = environment.uv_to_direction(u, v)
-            if turned:
-                wi = environment.to_scene(axes, wi)
-            rays.wi[lane] = wi
-            rays.light_distance[lane] = real(np.inf)
-            rays.li[lane] = radiance * scale
-            rays.light_sample_pdf[lane] = pdf
+        wi, sine = environment.uv_to_direction(rays.kept[0, lane], rays.kept[1, lane])
+        if turned:
+            wi = environment.to_scene(axes, wi)
+        rays.kept[2, lane] = sine
+        rays.wi[lane] = select3((lanes >> np.int64(lane)) & 1 != 0, to_real(wi, real), rays.wi[lane])
+    while lanes != 0:
+        lane = np.uint64(lowest_bit(lanes))
+        lanes &= lanes - 1
+        u, v, sine = rays.kept[0, lane], rays.kept[1, lane], rays.kept[2, lane]
+        radiance = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
+        density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
+        pdf = environment.pdf_solid_angle(density, sine) * np.float64(share)
+        rays.light_distance[lane] = real(np.inf)
+        rays.li[lane] = radiance * (1.0 / pdf if pdf > 0.0 else 0.0)
+        rays.light_sample_pdf[lane] = pdf
 
 
 def stage(features: SceneFeatures, every: bool, real: Any) -> Any:

@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.simd import lane as number
 from engines.kernels.compile.simd import load8, splat
-from engines.kernels.compile.values import select
+from engines.kernels.compile.values import lowest_bit, select
 from engines.kernels.flatten.light_samplers import NODE_NUMBERS
+from engines.kernels.layout import LANES
 
 WIDTH = 8
-_BELOW_ONE = 1.0 - 2.0**-53
 
 
 @inline
@@ -55,50 +57,117 @@ def _shares(scene, node, p, normal, real):
     return select(lit, load8(rows, first + 80) * emitted * incident / square, zero)
 
 
-@inline
-def _total(shares):
-    total = 0.0
-    for k in range(WIDTH):
-        total += np.float64(number(shares, k))
-    return total
+class Sums(NamedTuple):
+    """Sums of the first one, two, ... eight numbers."""
+
+    a: float
+    b: float
+    c: float
+    d: float
+    e: float
+    f: float
+    g: float
+    total: float
 
 
 @inline
-def choose(scene, p, normal, u, real):
-    """(index of the light that `u` chooses, -1 for none; what is left of u, in [0, 1); 1 / the probability)."""
-    parts, unbounded = scene.light_parts, scene.n_unbounded_lights
-    scaled = u * parts
-    part = max(min(np.int64(scaled), parts - 1), 0)
-    rest, probability = scaled - part, 1.0 / parts
-    if part < unbounded:
-        return np.int64(scene.unbounded_lights[part]), rest, np.float64(parts)
-    node = np.int64(0)
-    while True:
-        shares = _shares(scene, node, p, normal, real)
-        total = _total(shares)
-        if not total > 0.0:
-            return np.int64(-1), rest, np.inf
-        target, slot, running, below, share = rest * total, np.int64(0), 0.0, 0.0, 1.0
-        for k in range(WIDTH):
-            own = np.float64(number(shares, k))
-            taken = (own > 0.0) & (running <= target)
-            slot, below, share = select(taken, k, slot), select(taken, running, below), select(taken, own, share)
-            running += own
-        rest = min((target - below) / share, _BELOW_ONE)
-        probability *= share / total
-        child = np.int64(scene.light_children[node * WIDTH + slot])
-        if child < 0:
-            return -1 - child, rest, 1.0 / probability
-        node = child
+def _sums(shares):
+    a = np.float64(number(shares, 0))
+    b = a + np.float64(number(shares, 1))
+    c = b + np.float64(number(shares, 2))
+    d = c + np.float64(number(shares, 3))
+    e = d + np.float64(number(shares, 4))
+    f = e + np.float64(number(shares, 5))
+    g = f + np.float64(number(shares, 6))
+    return Sums(a, b, c, d, e, f, g, g + np.float64(number(shares, 7)))
+
+
+@inline
+def _past(target, edge, slot, begin):
+    """The slot after `edge`, and where it begins, where the target is not below the edge."""
+    past = target >= edge
+    return slot + select(past, 1, 0), select(past, edge, begin)
+
+
+@inline
+def _slot(sums, target):
+    """(the slot whose share holds the target, where the share begins)."""
+    slot, begin = _past(target, sums.a, np.int64(0), 0.0)
+    slot, begin = _past(target, sums.b, slot, begin)
+    slot, begin = _past(target, sums.c, slot, begin)
+    slot, begin = _past(target, sums.d, slot, begin)
+    slot, begin = _past(target, sums.e, slot, begin)
+    slot, begin = _past(target, sums.f, slot, begin)
+    return _past(target, sums.g, slot, begin)
+
+
+@inline
+def _start(rays, scene, lane):
+    """Chooses a light without a box, or the tree's root; returns whether the lane goes through the tree. A lane that samples
+    no light has -1."""
+    light, parts, goes = np.int64(-1), scene.light_parts, False
+    rays.light_choices[lane] = np.inf
+    if rays.alive[lane] and not rays.miss[lane] and rays.depth[lane] < scene.options[0]:  # max_depth
+        scaled = np.float64(rays.draw[2, lane]) * parts
+        part = max(min(np.int64(scaled), parts - 1), 0)
+        goes = part >= scene.n_unbounded_lights
+        light = np.int64(0) if goes else np.int64(scene.unbounded_lights[part])
+        rays.draw[2, lane] = scaled - part
+        rays.light_choices[lane] = parts
+    rays.light_kind[lane] = light
+    return goes
+
+
+@inline
+def _descend(rays, scene, lane, real, below_one):
+    """Goes from the lane's node to a child, or to a light; returns whether it goes on."""
+    node, u = np.int64(rays.light_kind[lane]), np.float64(rays.draw[2, lane])
+    shares = _shares(scene, node, rays.point[lane], rays.geometric_normal[lane], real)
+    sums = _sums(shares)
+    target = u * sums.total
+    slot, start = _slot(sums, target)
+    share = np.float64(number(shares, slot))
+    if not share > 0.0:  # no child may send light
+        rays.light_kind[lane] = -1
+        rays.light_choices[lane] = np.inf
+        return False
+    rest = (target - start) / share
+    rays.draw[2, lane] = select(rest < below_one, rest, below_one)
+    rays.light_choices[lane] = np.float64(rays.light_choices[lane]) * (sums.total / share)
+    child = np.int64(scene.light_children[node * WIDTH + slot])
+    rays.light_kind[lane] = child if child >= 0 else -1 - child
+    return child >= 0
+
+
+@cache
+def make_choose(real: Any) -> Any:
+    """The function (rays, scene) that chooses each lane's light: its index, or -1 for none, as `light_kind`, 1 / the
+    probability, and what is left of the draw. Lanes take turns, so that the processor works on one while another waits
+    for a root."""
+    below_one = 1.0 - float(np.finfo(real).epsneg)
+
+    @inline
+    def choose(rays, scene):
+        waiting = np.int64(0)
+        for lane in range(np.uint64(LANES)):
+            waiting |= np.int64(1 if _start(rays, scene, lane) else 0) << np.int64(lane)
+        while waiting != 0:
+            turn, waiting = waiting, np.int64(0)
+            while turn != 0:
+                lane = np.uint64(lowest_bit(turn))
+                turn &= turn - 1
+                waiting |= np.int64(1 if _descend(rays, scene, lane, real, below_one) else 0) << np.int64(lane)
+
+    return choose
 
 
 @inline
 def choices(scene, light, p, normal, real):
-    """1 / the probability with which `choose` gives the light."""
+    """1 / the probability with which the light is chosen at the point p."""
     probability, place = 1.0 / scene.light_parts, np.int64(scene.light_places[light])
     while place >= 0 and probability > 0.0:
         shares = _shares(scene, place // WIDTH, p, normal, real)
         share = np.float64(number(shares, place % WIDTH))
-        probability *= share / _total(shares) if share > 0.0 else 0.0
+        probability *= share / _sums(shares).total if share > 0.0 else 0.0
         place = np.int64(scene.light_parents[place // WIDTH])
     return 1.0 / probability if probability > 0.0 else np.inf

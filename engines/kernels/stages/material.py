@@ -14,9 +14,10 @@ import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
+from engines.kernels.compile.values import lowest_bit
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lookups import LUMINANCE
-from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
+from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, PREFETCHED, SIDES, THROUGH
 from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
 from engines.kernels.integrators.interface import Uses
 from engines.kernels.lane import tilt
@@ -25,7 +26,7 @@ from engines.kernels.lane.shapes.coordinates import Coordinates
 from engines.kernels.lane.shapes.triangle import VertexUV
 from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
-from engines.kernels.stages.textures import color_at, gradient_at, luminance
+from engines.kernels.stages.textures import color_at, gradient_at, luminance, prefetch_texels
 
 _FEATURES = (
     "triangles", "spheres", "planes", "analytic", "tangents", "textures", "uvs", "choices", "masks", "tilts",
@@ -212,19 +213,61 @@ def _look_up(rays, lane, scene, leaf, at):
 # ---- the stage ---------------------------------------------------------------------------------------------------------
 
 
+@cache
+def _make_locate(features: SceneFeatures) -> Any:
+    """The function (rays, scene, lanes) that keeps the coordinates of the hits of these lanes, and prefetches texels that
+    their programs may read there."""
+    coordinates, textures = _make_coordinates(features), features.textures
+
+    @inline
+    def locate(rays, scene, lanes):
+        while lanes != 0:
+            lane = np.uint64(lowest_bit(lanes))
+            lanes &= lanes - 1
+            at = coordinates(rays, lane, scene)
+            rays.kept[0, lane], rays.kept[1, lane] = at.u, at.v
+            rays.kept[2, lane], rays.kept[3, lane], rays.kept[4, lane] = at.dp_du.x, at.dp_du.y, at.dp_du.z
+            rays.kept[5, lane], rays.kept[6, lane], rays.kept[7, lane] = at.dp_dv.x, at.dp_dv.y, at.dp_dv.z
+            if textures:
+                first = PREFETCHED * np.int64(scene.primitives[rays.primitive[lane]].material)
+                for k in range(PREFETCHED):
+                    texture = scene.program_textures[first + k]
+                    if texture < 0:
+                        break
+                    prefetch_texels(scene, texture, at.u, at.v)
+
+    return locate
+
+
+@inline
+def _coordinates(rays, lane):
+    """Those that are kept."""
+    u, v, a, b, c, d, e, f = lane_numbers(rays.kept, lane)
+    return Coordinates(u, v, Vec3(a, b, c), Vec3(d, e, f))
+
+
+@inline
+def _lanes_with_program(rays, scene):
+    """A word with a bit for each lane whose hit has a program, of which the first node is kept."""
+    lanes = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        if rays.alive[lane] and not rays.miss[lane]:
+            first = scene.programs[scene.primitives[rays.primitive[lane]].material]
+            rays.kept_row[lane] = first
+            lanes |= np.int64(1 if first >= 0 else 0) << np.int64(lane)
+    return lanes
+
+
 def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
     """`several`: the scene has several models."""
     textures, uvs, tangents = features.textures, features.uvs, features.tangents
     choices, masks, tilts = features.choices, features.masks, features.tilts
     located, below_one = textures or uvs or tangents, 1.0 - float(np.finfo(real).epsneg)
-    coordinates, walk = _make_coordinates(features), _make_walk(features)
+    locate, walk = _make_locate(features), _make_walk(features)
 
     @inline
     def shade(rays, lane, scene, first):
-        none = Vec3(0.0, 0.0, 0.0)
-        at = Coordinates(0.0, 0.0, none, none)
-        if located:
-            at = coordinates(rays, lane, scene)
+        at = _coordinates(rays, lane)  # of what nobody reads, where nothing is located
         ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
         frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv, True)
         u = np.float64(rays.draw[3, lane])
@@ -262,11 +305,13 @@ def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
                 if tilts:
                     rays.untilted_normal[lane] = rays.normal[lane]
                     rays.outer_normal[lane] = rays.normal[lane]
-        for lane in range(np.uint64(LANES)):
-            if rays.alive[lane] and not rays.miss[lane]:
-                first = scene.programs[scene.primitives[rays.primitive[lane]].material]
-                if first >= 0:
-                    shade(rays, lane, scene, np.int64(first))
+        lanes = _lanes_with_program(rays, scene)
+        if located:
+            locate(rays, scene, lanes)
+        while lanes != 0:
+            lane = np.uint64(lowest_bit(lanes))
+            lanes &= lanes - 1
+            shade(rays, lane, scene, np.int64(rays.kept_row[lane]))
 
     return material
 

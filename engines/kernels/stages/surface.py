@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, keep_scalar, select
+from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
-from engines.kernels.lane.vector import Vec3, dot, extent, select3, to_float64
+from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
 from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy
+from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
@@ -30,7 +31,7 @@ OFFSET_ULPS = 256.0
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
     *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment", "power_lights", "light_hierarchy",
+    "turned_environment", "uvs", "power_lights", "light_hierarchy",
 )  # fmt: skip
 
 
@@ -152,9 +153,12 @@ def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
     hierarchy = features.light_hierarchy
     load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
     parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
+    triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
 
     @inline
     def load(rays, scene):
+        if triangles and scene.n_triangles > NEAR_TRIANGLES:
+            prefetch_triangles(rays, scene)
         for lane in range(np.uint64(LANES)):
             keep_scalar()
             primitive, held = rays.primitive[lane], rays.held_primitive[lane]
@@ -345,17 +349,31 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
 @inline
 def _image_environment(rays, scene, choices, turned, real):
-    """Radiance of the rays that miss, from the environment's image: scalar code, in a loop of its own."""
+    """Radiance of the rays that miss, from the environment's image: prefetched, then read by scalar code."""
+    lanes = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        lanes |= np.int64(1 if rays.miss[lane] & rays.alive[lane] else 0) << np.int64(lane)
+    if lanes == 0:
+        return
     width, height, axes = scene.environment_width, scene.environment_height, scene.environment_map[0]
     for lane in range(np.uint64(LANES)):
-        if rays.miss[lane]:
-            d = to_float64(rays.direction[lane])
-            if turned:
-                d = environment.to_image(axes, d)
-            u, v = environment.direction_to_uv(d.x, d.y, d.z)
-            rays.emission[lane] = environment.radiance(scene.environment, width, height, axes, u, v)
-            pdf = environment.pdf_solid_angle(scene.environment_pdf, width, height, u, v)
-            rays.light_pdf[lane] = real(pdf) / choices
+        d = to_float64(rays.direction[lane])
+        if turned:
+            d = environment.to_image(axes, d)
+        u, v = environment.direction_to_uv(d.x, d.y, d.z)
+        rays.kept[0, lane], rays.kept[1, lane], rays.kept[2, lane] = u, v, sin_cos_turn(0.5 * v)[0]
+    todo = lanes
+    while todo != 0:
+        lane = np.uint64(lowest_bit(todo))
+        todo &= todo - 1
+        environment.prefetch_texels(scene, axes, rays.kept[0, lane], rays.kept[1, lane])
+    while lanes != 0:
+        lane = np.uint64(lowest_bit(lanes))
+        lanes &= lanes - 1
+        u, v = rays.kept[0, lane], rays.kept[1, lane]
+        rays.emission[lane] = environment.radiance(scene.environment, environment.texels_at(width, height, axes, u, v))
+        density = scene.environment_pdf[environment.texel_of(width, height, u, v)]
+        rays.light_pdf[lane] = real(environment.pdf_solid_angle(density, rays.kept[2, lane])) / choices
 
 
 def stage(features: SceneFeatures, real: Any) -> Any:

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.records import array_at
+from engines.kernels.compile.records import array_at, prefetch
+from engines.kernels.flatten import palettes
 from engines.kernels.flatten.programs import CHECKERBOARD, CLAMP, REPEAT
 from engines.kernels.lane.vector import Vec3
 
@@ -27,25 +28,50 @@ def luminance(color):
 
 @inline
 def _wrapped(index, n, wrap):
-    """The texel that stands at a whole number, inside the image or not."""
+    """The texel that stands at a whole number, a float, inside the image or not."""
     size = np.float64(n)
     if wrap == REPEAT:
-        index -= math.floor(index / size) * size
+        index -= np.floor(index / size) * size
     elif wrap != CLAMP:
-        index -= math.floor(index / (2.0 * size)) * (2.0 * size)
+        index -= np.floor(index / (2.0 * size)) * (2.0 * size)
         if index >= size:
             index = 2.0 * size - 1.0 - index
     return np.int64(min(max(index, 0.0), size - 1.0))
 
 
+class Corners(NamedTuple):
+    """Where the texels around a point begin among the numbers of an image, each the sum of a row's start and a column's; and
+    how near the point is to the right and the lower ones."""
+
+    left: int
+    right: int
+    above: int
+    below: int
+    fx: float
+    fy: float
+
+
 @inline
-def _texel(texels, row, x, y):
-    """The colour of a texel, by whole numbers that may lie outside."""
-    wrap, channels = np.int64(row.wrap), np.int64(row.channels)
-    column, line = _wrapped(x, np.int64(row.width), wrap), _wrapped(y, np.int64(row.height), wrap)
-    first = (line * np.int64(row.width) + column) * channels
-    step = np.int64(1) if channels == 3 else np.int64(0)
-    return Vec3(np.float64(texels[first]), np.float64(texels[first + step]), np.float64(texels[first + 2 * step]))
+def _corners(row, x, y):
+    """Around a point in texels, counted from the centre of the first one; both finite."""
+    width, height, wrap, channels = np.int64(row.width), np.int64(row.height), np.int64(row.wrap), np.int64(row.channels)
+    left, top = np.floor(x), np.floor(y)
+    return Corners(
+        _wrapped(left, width, wrap) * channels, _wrapped(left + 1.0, width, wrap) * channels,
+        _wrapped(top, height, wrap) * width * channels, _wrapped(top + 1.0, height, wrap) * width * channels,
+        x - left, y - top,
+    )  # fmt: skip
+
+
+@inline
+def _texel(address, row, first):
+    """The colour of the texel that begins at a number of the image at `address`."""
+    second = first + (np.int64(1) if row.channels == 3.0 else np.int64(0))
+    third, numbers = 2 * second - first, array_at(address, np.float32)
+    if row.indexed != 0.0:  # the numbers are a palette
+        places = array_at(address + palettes.BYTES, np.uint8)
+        first, second, third = np.int64(places[first]), np.int64(places[second]), np.int64(places[third])
+    return Vec3(np.float64(numbers[first]), np.float64(numbers[second]), np.float64(numbers[third]))
 
 
 @inline
@@ -63,18 +89,17 @@ def color_at(scene, texture, u, v):
     if np.int64(row.kind) == CHECKERBOARD:
         odd_u, odd_v = at.x - math.floor(at.x) > 0.5, at.y - math.floor(at.y) > 0.5
         return row.a if odd_u == odd_v else row.b
-    texels = array_at(scene.texels[texture], np.float32)
+    texels = scene.texels[texture]
     x, y = at.x * row.width, at.y * row.height
     if not (math.isfinite(x) and math.isfinite(y)):
-        return _texel(texels, row, 0.0, 0.0)
+        return _texel(texels, row, 0)
     if row.nearest != 0.0:
-        return _texel(texels, row, math.floor(x), math.floor(y))
-    x, y = x - 0.5, y - 0.5
-    left, top = math.floor(x), math.floor(y)
-    fx, fy = x - left, y - top
-    above = _texel(texels, row, left, top) * (1.0 - fx) + _texel(texels, row, left + 1.0, top) * fx
-    below = _texel(texels, row, left, top + 1.0) * (1.0 - fx) + _texel(texels, row, left + 1.0, top + 1.0) * fx
-    return above * (1.0 - fy) + below * fy
+        corners = _corners(row, x, y)
+        return _texel(texels, row, corners.above + corners.left)
+    at = _corners(row, x - 0.5, y - 0.5)
+    above = _texel(texels, row, at.above + at.left) * (1.0 - at.fx) + _texel(texels, row, at.above + at.right) * at.fx
+    below = _texel(texels, row, at.below + at.left) * (1.0 - at.fx) + _texel(texels, row, at.below + at.right) * at.fx
+    return above * (1.0 - at.fy) + below * at.fy
 
 
 @inline
@@ -85,12 +110,27 @@ def gradient_at(scene, texture, u, v):
     x, y = at.x * row.width - 0.5, at.y * row.height - 0.5
     if row.nearest != 0.0 or not (math.isfinite(x) and math.isfinite(y)):
         return Place(0.0, 0.0)
-    texels = array_at(scene.texels[texture], np.float32)
-    left, top = math.floor(x), math.floor(y)
-    fx, fy = x - left, y - top
-    h00, h10 = luminance(_texel(texels, row, left, top)), luminance(_texel(texels, row, left + 1.0, top))
-    h01, h11 = luminance(_texel(texels, row, left, top + 1.0)), luminance(_texel(texels, row, left + 1.0, top + 1.0))
-    du = row.width * ((1.0 - fy) * (h10 - h00) + fy * (h11 - h01))
-    dv = row.height * ((1.0 - fx) * (h01 - h00) + fx * (h11 - h10))
+    texels = scene.texels[texture]
+    c = _corners(row, x, y)
+    h00, h10 = luminance(_texel(texels, row, c.above + c.left)), luminance(_texel(texels, row, c.above + c.right))
+    h01, h11 = luminance(_texel(texels, row, c.below + c.left)), luminance(_texel(texels, row, c.below + c.right))
+    du = row.width * ((1.0 - c.fy) * (h10 - h00) + c.fy * (h11 - h01))
+    dv = row.height * ((1.0 - c.fx) * (h01 - h00) + c.fx * (h11 - h10))
     m = row.to_uv
     return Place(m[0] * du + m[3] * dv, m[1] * du + m[4] * dv)
+
+
+@inline
+def prefetch_texels(scene, texture, u, v):
+    """Starts loading what `color_at` and `gradient_at` read there."""
+    row = scene.textures[texture]
+    at = _place(row, u, v)
+    x, y = at.x * row.width - 0.5, at.y * row.height - 0.5
+    if math.isfinite(x) and math.isfinite(y):
+        corners, texels, size = _corners(row, x, y), scene.texels[texture], 4
+        if row.indexed != 0.0:
+            texels, size = texels + palettes.BYTES, 1
+        prefetch(texels + size * (corners.above + corners.left))
+        prefetch(texels + size * (corners.above + corners.right + 2))
+        prefetch(texels + size * (corners.below + corners.left))
+        prefetch(texels + size * (corners.below + corners.right + 2))

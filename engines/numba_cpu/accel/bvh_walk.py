@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.memory import address_of, array_at
+from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.records import Table, array, table_view
 from engines.kernels.compile.simd import (
     as_bits,
@@ -23,7 +23,6 @@ from engines.kernels.compile.simd import (
     iota,
     load8,
     lowest,
-    prefetch,
     splat,
     store8,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import math
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class BlenderScene:
         self.bpy = _blender()
         self.data = self.bpy.data
         self.size = settings.size(scene)
+        self.seconds = 0.0  # that Cycles itself took to render
         self.made: list[Any] = []
         self.scene = self.data.scenes.new("raybench")
         self.scene.render.engine = "CYCLES"
@@ -62,6 +64,7 @@ class BlenderScene:
         cycles.seed, cycles.sample_offset, cycles.sample_subset_length = seed, offset, spp
         self.scene.update_tag()  # or the session that is kept takes the numbers of its first render
         self.bpy.ops.render.render(scene=self.scene.name)
+        self.seconds += _captured["seconds"]
         width, height = self.size
         return _captured.pop("pixels").reshape(height, width, 4)[::-1, :, :3]
 
@@ -238,7 +241,9 @@ def _blender() -> Any:
         native = addon.render
 
         def render(engine: Any, depsgraph: Any) -> None:
+            begin = perf_counter()
             native(engine, depsgraph)
+            _captured["seconds"] = perf_counter() - begin
             found = engine.get_result().layers[0].passes["Combined"]
             pixels = np.empty(engine.resolution_x * engine.resolution_y * 4, np.float32)
             found.rect.foreach_get(pixels)

@@ -36,6 +36,10 @@ class Renderer(ImageRenderer):
             raise RuntimeError(f"Cycles takes at most {MOST_SAMPLES} samples a pixel")
         return self._blender.render(samples, offset, seed).astype(float), samples
 
+    def counters(self) -> dict[str, float]:
+        """With `native_seconds`, those that Cycles' own render function took since the scene was built."""
+        return {**super().counters(), "native_seconds": self._blender.seconds if self._blender else 0.0}
+
     def _free(self) -> None:
         if self._blender is not None:
             self._blender.free()

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +15,10 @@ from rich.table import Table
 
 from engines.errors import ConfigError, RendererFailed, UnknownName
 from engines.registry import is_known, known_names
-from engines.scene import Scene, load_scene
+from engines.scene import Scene
 from harness.analysis.equivalence import bound, describe
 from harness.config import paths
-from harness.config.settings import require_commands, require_imports
+from harness.config.settings import SceneFile, require_commands, require_imports
 from harness.console import allow_here, consoles
 from harness.measure.pool import Pool, WorkerFailed
 from harness.statistics import Equivalence, equivalence
@@ -40,6 +41,8 @@ class EquivalenceOptions(NamedTuple):
     same_seeds: bool = False
     allow_imports: bool = False
     allow_commands: bool = False
+    allow_outside: bool = False
+    parameters: Mapping[str, str] = MappingProxyType({})
 
 
 def compare(options: EquivalenceOptions) -> int:
@@ -59,8 +62,9 @@ def compare(options: EquivalenceOptions) -> int:
         if not is_known(name):
             raise UnknownName("engine", name, known_names())
     path = paths.find("scenes", options.scene)
-    scene, settings = load_scene(path, allow_imports=options.allow_imports, natively=True), settings_of(options)
-    request = {"scene_path": str(path), "scene_hash": scene.identity, "settings": settings, "spp": options.spp}
+    file = SceneFile(options.scene, str(path), tuple(options.parameters.items()), options.allow_outside)
+    scene, settings = file.load(options.allow_imports), settings_of(options)
+    request = {"scene_path": file.path, **file.options, "scene_hash": scene.identity, "settings": settings, "spp": options.spp}
     apart = 0 if options.same_seeds else options.replicates
     with tempfile.TemporaryDirectory() as folder, Pool(options.allow_imports, Path(folder) / "worker.log") as pool:
         images = [
