@@ -72,9 +72,19 @@ def make(place: str) -> Engine:
 
 
 def split(name: str) -> tuple[str, str | None]:
-    """An engine's name without the Python that is to run it, and that."""
-    base, sign, python = name.partition("@")
+    """An engine's name without the Python that is to run it, and that Python, or None."""
+    base, sign, python = (name, "", "") if is_file(name) else name.partition("@")
     return base, python if sign else None
+
+
+def names_a_program(name: str) -> bool:
+    """Whether an engine's name says what is to be run: a renderer's file, or a Python other than this one."""
+    return is_file(name) or split(name)[1] not in (None, THIS)
+
+
+def is_known(name: str) -> bool:
+    """Whether `engine` would look for more than a name that nobody has registered."""
+    return is_file(name) or ":" in name or split(name)[0] in known_names()
 
 
 def interpreter(text: str) -> str:

@@ -1,7 +1,8 @@
 """The code of engines and plugins as hashes, part of a cell's spec: results of an edited engine are outdated.
 
 What the code of something imported is, `engines.source_files` says. An engine may name more in `source_files()`, as the
-engine of a renderer's file does with the program's scripts.
+engine of a renderer's file does with the program's scripts. Where an engine runs in an environment that the user has
+chosen, what is installed there counts as its code.
 """
 
 from __future__ import annotations
@@ -15,15 +16,24 @@ from typing import Any
 from engines.errors import ConfigError
 from engines.interface import Engine
 from engines.source_files import INSTALLED, OWN, code_files, digest
+from harness.hashing import digest as data_digest
 
 
 def engine_code(engine: Engine, name: str) -> str:
     """The hash of an engine's code; `name` is what the config calls it."""
+    environment = environment_of(engine)
+    engine = getattr(engine, "local", engine)  # that passes calls on to another process
     kind = type(engine)
     bases = [base.__module__ for base in kind.__mro__[1:]]
     # Base classes may come from large libraries, whose versions are those of the environment.
     modules = [*_own_modules(engine, name), *(base for base in bases if not _installed(base))]
-    return digest([*code_files(_paths(modules)), *_named(engine)])
+    files = digest([*code_files(_paths(modules)), *_named(engine)])
+    return data_digest([files, environment]) if environment else files
+
+
+def environment_of(engine: Engine) -> dict[str, str]:
+    """What an engine says of the environment that the user has chosen for it: names and versions; empty for this process's."""
+    return dict(getattr(engine, "environment", None) or {})
 
 
 def plugin_code(plugin: Any, name: str) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
+from engines.registry import split
 from engines.schema.keys import Given, Key, Record, Schema
 from engines.schema.yaml_file import Located
 from harness.config.settings import SETTINGS
@@ -78,7 +79,8 @@ def condition(key: str, node: Located) -> Condition:
         options = [condition(key, child) for child in listing(node, 1)]
         return lambda found: any(option(found) for option in options)
     if not isinstance(value, dict):
-        return lambda found: _same(found, value)
+        names = _engine_names if key == "engine" else lambda found: (found,)
+        return lambda found: any(_same(name, value) for name in names(found))
     if key in CHOICES and not any(name in COMPARISONS for name in value):
         inner = {name: condition(f"{key}.{name}", child) for name, child in value.items()}
         return lambda found: all(name in found and test(found[name]) for name, test in inner.items())
@@ -88,6 +90,11 @@ def condition(key: str, node: Located) -> Condition:
     if key in ("scene", "engine", "resolution", "precision", "division", *CHOICES):
         raise node.refuse("bounds are for numbers: a name, a glob or a list is wanted")
     return lambda found: is_number(found) and all(COMPARISONS[name](found, x) for name, x in bounds.items())
+
+
+def _engine_names(found: Any) -> tuple[Any, ...]:
+    """An engine's name as it is written, and without the Python that runs it."""
+    return (found, split(found)[0]) if isinstance(found, str) else (found,)
 
 
 def _same(found: Any, wanted: Any) -> bool:

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from engines.errors import suggestion
-from engines.registry import is_file
+from engines.registry import is_file, split
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, Kind
 from engines.schema.yaml_file import Located
@@ -121,8 +121,8 @@ class ReferenceConfig:
 def _reference(given: Given, context: Any) -> ReferenceConfig:
     """Refuses engines that give no variance between samples."""
     for key in ("engine", "certify"):
-        if given[key] and is_file(given[key]):
-            raise given.at(key).refuse("a renderer by process is raced, but makes no reference")
+        if given[key] and (is_file(given[key]) or split(given[key])[1]):
+            raise given.at(key).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
     if given["certify"] == given["engine"]:
         raise given.at("certify").refuse(f"another engine than the reference's, {given['engine']}, is wanted")
     return ReferenceConfig(**given.values)

@@ -16,7 +16,16 @@ from typing import Any
 from engines import choices
 from engines.errors import ConfigError, RaybenchError, suggestion
 from engines.interface import Settings
-from engines.registry import BUILT_IN, engine_names, is_file, known_names, load_attribute
+from engines.registry import (
+    BUILT_IN,
+    THIS,
+    engine_names,
+    interpreter,
+    is_file,
+    known_names,
+    load_attribute,
+    names_a_program,
+)  # fmt: skip
 from engines.registry import engine as engine_of
 from engines.scene import Scene, load_scene
 from engines.schema.keys import Key, Record, Schema
@@ -102,10 +111,51 @@ class SceneKind:
         return {"anyOf": [NAME.schema(), _SCENE.schema()]}
 
 
-class EngineKind:
-    """An engine's name, `module:attribute`, or a renderer's file beside `context` or in the working directory."""
+class PythonKind:
+    """A Python as `engines.registry` takes it behind an engine's name.
+
+    A relative path is beside `context` or in the working directory, and $NAME is a variable of the environment: so a config
+    need not name a place of one machine.
+    """
 
     def read(self, node: Located, context: Any = None) -> str:
+        text = os.path.expandvars(NAME.read(node))
+        if "$" in text:
+            raise node.refuse("the variable is not set: the folder of a virtual environment, or a Python, is wanted")
+        if text == THIS:
+            return text
+        places = [os.path.join(place, os.path.expanduser(text)) for place in (context or "", Path.cwd())]
+        found = os.path.abspath(next(filter(os.path.exists, places), places[-1]))
+        try:
+            interpreter(found)
+        except ConfigError as error:
+            raise node.origin.error(f"{node.where} = {node.value!r}: {error}") from error
+        return found
+
+    def schema(self) -> Schema:
+        return NAME.schema()
+
+
+_APART = Record("An engine in a process of its own, with a Python of the user's choice.", {
+    "name": Key(NAME, "Name of the engine, or module:attribute."),
+    "python": Key(
+        PythonKind(), "Folder of the virtual environment, or the Python, that runs the engine; `this` is raybench's own. "
+        "$NAME stands for a variable of the environment.",
+    ),
+})  # fmt: skip
+
+
+class EngineKind:
+    """An engine's name, `module:attribute`, or a renderer's file beside `context` or in the working directory; or a mapping
+    with a name and a Python, which becomes `name@python`."""
+
+    def read(self, node: Located, context: Any = None) -> str:
+        if isinstance(node.value, dict):
+            given = _APART.read(node, context)
+            name = self.read(given.at("name"), context)
+            if is_file(name):
+                raise given.at("name").refuse("a renderer's file names its own program: an engine in Python is wanted")
+            return f"{name}@{given['python']}"
         given = NAME.read(node)
         if is_file(given):
             for place in (context or "", Path.cwd()):
@@ -117,7 +167,8 @@ class EngineKind:
         return given
 
     def schema(self) -> Schema:
-        return {"anyOf": [{"enum": known_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}]}
+        apart = {**_APART.schema(), "title": "{name: ..., python: ...}"}
+        return {"anyOf": [{"enum": known_names()}, {"type": "string", "pattern": r":|\.ya?ml$"}, apart]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,8 +283,8 @@ def plugin_or_choice(given: Mapping[str, Any], allow_imports: bool) -> Any:
 
 
 def require_commands(name: str, allowed: bool) -> None:
-    """Refuses an engine that is a program unless that was allowed on the command line."""
-    if is_file(name) and not allowed:
+    """Refuses an engine that is a program, or for which one is named, unless that was allowed on the command line."""
+    if names_a_program(name) and not allowed:
         raise ConfigError(f"{name}: names a program to be run; run with --allow-commands if you trust it")
 
 

@@ -10,7 +10,7 @@ from shlex import quote
 from typing import Any
 
 from engines.interface import FullPattern
-from engines.registry import is_file
+from engines.registry import is_file, names_a_program, split
 from harness.config import Checkpoints, Experiment, paths
 from harness.config.settings import Budget, SceneFile
 from harness.measure.schedule import Schedule
@@ -55,7 +55,7 @@ class Cell:
 
     def command(self, spp: int) -> str:
         """The command that renders `spp` samples of this cell again, to the bit."""
-        engine = _from_here(Path(self.engine)) if is_file(self.engine) else self.engine
+        engine = _engine_word(self.engine)
         plain = {kind: self.settings[kind] for kind in ("shader", "sampler", "accelerator")} | {"sampler": self.sampler(spp)}
         words = ["raybench", "render", _scene_word(self.scene), "--engine", engine]
         for name, value in self.scene.parameters:
@@ -65,7 +65,7 @@ class Cell:
             words += [f"--{kind}", flow(choice)]
         words += ["--threads", str(self.settings["threads"]), "--precision", self.settings["precision"]]
         words += ["--size", f"{self.settings['width']}x{self.settings['height']}", "--seed", str(self.seed)]
-        words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if is_file(self.engine) else [])]
+        words += ["--spp", str(spp), "-o", "image.exr", *(["--allow-commands"] if names_a_program(self.engine) else [])]
         return " ".join(quote(word) for word in words)
 
     def sampler(self, spp: int) -> Mapping[str, Any]:
@@ -99,6 +99,14 @@ def _scene_word(scene: SceneFile) -> str:
     if scene.name in (known := paths.shipped("scenes")) and known[scene.name].resolve() == path:
         return scene.name
     return _from_here(path)
+
+
+def _engine_word(engine: str) -> str:
+    """An engine for a command line, the path in it as short as it can be written here."""
+    if is_file(engine):
+        return _from_here(Path(engine))
+    name, python = split(engine)
+    return f"{name}@{_from_here(Path(python))}" if names_a_program(engine) and python else engine
 
 
 def _from_here(path: Path) -> str:

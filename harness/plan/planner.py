@@ -18,7 +18,7 @@ from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
-from engines.registry import is_file, lineage_of, load_attribute
+from engines.registry import lineage_of, load_attribute
 from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
@@ -30,10 +30,11 @@ from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
 from harness.plan import certifiers
 from harness.plan.cells import Cell, Plan, flow
+from harness.plan.names import names_of
 from harness.plan.patterns import full_patterns
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
-from harness.source_hashes import engine_code, plugin_code
+from harness.source_hashes import engine_code, environment_of, plugin_code
 from harness.statistics.equivalence import Margins
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
@@ -116,6 +117,7 @@ class _Known:
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
             _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+        self.names = names_of(self.engines)
         self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
         files = dict.fromkeys(self.file(combination) for combination in experiment.combinations)
@@ -217,13 +219,13 @@ def _configured(
     patterns = None if skip else full_patterns(engine, settings["sampler"], Schedule.of(experiment.checkpoints, budget))
     if patterns == ():
         skip = f"no whole pattern of its sampler has at most {budget.max_spp} samples per pixel, the budget.max_spp"
-    by_place = ":" in combination["engine"] or is_file(combination["engine"])
-    named = engine.name if by_place else combination["engine"]
+    named = known.names[combination["engine"]]
     spec = {
         "schema": SCHEMA_VERSION, "scene": scene.identity, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
         "checkpoints": experiment.checkpoints.describe(), "label": None,
         "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
+        **({"environment": environment} if (environment := environment_of(engine)) else {}),
         **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
     }  # fmt: skip
     cell = Cell(

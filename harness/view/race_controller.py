@@ -13,7 +13,7 @@ from typing import Any
 import psutil
 
 from engines.errors import ConfigError, RaybenchError
-from engines.registry import is_file
+from engines.registry import names_a_program
 from harness.processes import one_line
 from harness.view import requests
 from harness.view.coalescing_queue import CoalescingQueue
@@ -92,7 +92,7 @@ class RaceController:
         self._set_state("busy", "reading the scene")
         scene = self._library.find(request.scene)
         for settings in request.contestants:
-            if is_file(settings.engine):
+            if names_a_program(settings.engine):
                 raise ConfigError(f"{settings.engine}: external renderers are not run from a page")
         race = self._race = Race(request, scene, self._scratch, self._allowed, self._send_message)
         self._send_message("contestants", names=race.names, targets=request.targets, width=request.width, height=request.height)

@@ -17,7 +17,7 @@ import numpy as np
 from engines.errors import ConfigError, RaybenchError, Unsupported
 from engines.interface import Engine, Settings
 from engines.registry import engine as engine_of
-from engines.registry import is_file
+from engines.registry import names_a_program
 from engines.scene import CustomCamera, Orthographic, Scene, load_scene
 from harness.config.settings import engine_settings, require_imports
 from harness.measure import clock
@@ -140,7 +140,7 @@ class ViewController:
         """The settings of a request within the limits, and the provenance for saved images."""
         given = request.settings
         require_imports(given.engine, self._allow_imports)
-        if is_file(given.engine):
+        if names_a_program(given.engine):
             raise ConfigError(f"{given.engine}: external renderers are not run from a page")
         plain = {
             "shader": given.shader, "sampler": given.sampler, "accelerator": given.accelerator, "precision": given.precision,

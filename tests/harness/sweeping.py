@@ -10,6 +10,7 @@ from typing import Any
 
 from harness import config, store
 from harness.plan import planner
+from harness.plan.cells import Plan
 from harness.run import sweep
 from tests import forked
 
@@ -72,8 +73,13 @@ def write(folder: Path, text: str = EXPERIMENT, name: str = "small.yaml") -> Pat
 
 def run(path: Path, out: Path, overrides: Sequence[str] = (), **options: Any) -> tuple[sweep.Outcome, Quiet]:
     """A sweep in this process, without derived files."""
-    listener = Quiet()
     made = planner.make(config.load(path, overrides), allow_imports=True, allow_outside=options.get("allow_outside", False))
+    return run_plan(made, out, **options)
+
+
+def run_plan(made: Plan, out: Path, **options: Any) -> tuple[sweep.Outcome, Quiet]:
+    """The sweep of a plan."""
+    listener = Quiet()
     with store.locked(out):
         return sweep.run(made, out, sweep.Options(allow_imports=True, **options), listener), listener
 

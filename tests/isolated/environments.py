@@ -16,7 +16,7 @@ def environment(folder: Path, version: str, **constants: float) -> Path:
     venv.create(folder, symlinks=True, with_pip=False)
     packages = folder / "lib" / f"python{sys.version_info[0]}.{sys.version_info[1]}" / "site-packages"
     (packages / "ours.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
-    values = {"RADIANCE": 0.5, "NOISE": 0.1, "SECONDS": 0.0, **constants}
+    values = {"RADIANCE": 1.0, "NOISE": 0.1, "SECONDS": 0.0, **constants}
     (packages / MODULE).write_text("".join(f"{name} = {value}\n" for name, value in values.items()))
     named = packages / f"lantern-{version}.dist-info"
     named.mkdir()

@@ -17,6 +17,7 @@ from engines.interface import Settings
 from engines.numpy_reference import Engine as NumPy
 from engines.numpy_reference.renderer import Renderer
 from engines.scene import Scene
+from tests.harness.fake_engines import truth
 
 KILLED, FOREIGN, REPLACED, SLEEPING = 91, 92, 93, 94
 """Depths of the shader that stand for a failure of `render`."""
@@ -63,7 +64,7 @@ class Apart(NumPy):
 
 
 class Lantern:
-    """Renders one colour with the noise that the package says, in the time that it says."""
+    """Renders the image of `fake_engines`, with the noise that the package says, in the time that it says."""
 
     name = "lantern"
     packages = ("lantern",)
@@ -96,7 +97,7 @@ class Lit:
     def render(self, spp: int, on_pass: Any = None) -> Film:
         for _ in range(spp):
             noise = self._generator.normal(0.0, self.lantern.NOISE, self.film.sums.shape)
-            self.film.add(self.lantern.RADIANCE + noise)
+            self.film.add(self.lantern.RADIANCE * truth(self.film.width, self.film.height) + noise)
             time.sleep(self.lantern.SECONDS)
         return self.film
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from engines.errors import ConfigError, RendererFailed, UnknownName
-from engines.registry import is_file, known_names
+from engines.registry import is_known, known_names
 from engines.scene import Scene
 from harness.analysis.equivalence import bound, describe
 from harness.config import paths
@@ -59,7 +59,7 @@ def compare(options: EquivalenceOptions) -> int:
     for name in options.engines:
         require_imports(name, options.allow_imports)
         require_commands(name, options.allow_commands)
-        if ":" not in name and not is_file(name) and name not in known_names():
+        if not is_known(name):
             raise UnknownName("engine", name, known_names())
     path = paths.find("scenes", options.scene)
     file = SceneFile(options.scene, str(path), tuple(options.parameters.items()), options.allow_outside)

@@ -103,7 +103,7 @@ def _engines(options: VerifyOptions, stderr: Console) -> list[EngineInfo]:
         require_imports(name, options.allow_imports)
         if registry.is_file(name):
             raise ConfigError(f"{name}: an external renderer traces no single rays: use `raybench equivalence`")
-        if ":" not in name and name not in registry.known_names():
+        if not registry.is_known(name):
             raise UnknownName("engine", name, registry.known_names())
     installed = registry.engine_names()
     others = [name for name in installed if name not in DEFAULT_ENGINES]
