@@ -10,7 +10,6 @@ from engines import conformance
 from engines.conformance import (
     CLAIMS,
     Finding,
-    asking,
     assert_conforms,
     check_engine,
     concurrency,
@@ -25,15 +24,9 @@ from tests.conformance.small_engine import Engine, Renderer
 
 
 @pytest.mark.parametrize("name", engines.engine_names())
-def test_the_engine_conforms_with_all_that_it_lists(name, monkeypatch):
+def test_the_engine_conforms_with_all_that_it_lists(name):
     if name.startswith("mitsuba"):
         pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
-    if name == "numba":
-        # Whole, it renders thirty scenes with kernels of their own; tests/test_engines_agree.py renders such scenes.
-        rendering_all = asking.why_not_and_prepare_agree
-        monkeypatch.setattr(conformance, "CLAIMS", (rendering_all,))
-        assert_conforms(engines.engine(name))
-        monkeypatch.setattr(conformance, "CLAIMS", tuple(claim for claim in CLAIMS if claim is not rendering_all))
     # Mitsuba compiles each of hundreds of scenes; embree has numba's kernels around its intersector, compiled once more
     assert_conforms(engines.engine(name), quick=name in ("mitsuba", "mitsuba_scalar", "embree"))
 
