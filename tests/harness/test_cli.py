@@ -188,7 +188,9 @@ def test_plan_shows_states_reasons_and_time(finished):
     said = ended(raybench("plan", path, "--allow-imports", *more, cwd=folder), 0)
     assert "9 cells in 3 blocks: 4 done, 2 queued, 3 skipped" in said
     assert "it never feels like it" in said and "2 to measure:" in said and "as measured before" in said
-    assert "reference of ball 12x8 64 spp" in said and "ready; too few samples: relMSE (ε = 0.01) 0.1 takes about" in said
+    assert "reference of ball 12x8 64 spp" in said and "samples: relMSE (ε = 0.01) 0.1 takes about" in said
+    hard = ended(raybench("plan", path, "--allow-imports", "--set", "quality.targets=[1.0e-6]", cwd=folder), 0)
+    assert "ready; too few samples: relMSE (ε = 0.01) 1e-06 takes about" in hard
     easy = ended(raybench("plan", path, "--allow-imports", "--set", "quality.targets=[1.0]", cwd=folder), 0)
     assert "ready; enough samples: relMSE (ε = 0.01) 1 takes about" in easy
 
