@@ -22,7 +22,6 @@ from engines.conformance import (
 from engines.errors import UnknownName
 from tests.conformance.small_engine import Engine, Renderer
 
-
 ELSEWHERE = ("cycles", "luxcore", "open3d")
 """Peers whose own tests examine them, where they are installed."""
 
