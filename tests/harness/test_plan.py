@@ -300,7 +300,7 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, mon
     assert experiment.warnings == ()
     made = planner.make(experiment, allow_commands=True)
     unsaid = [warning for warning in made.warnings if "dropped, as the expected image" not in warning]  # of XML scenes
-    assert not unsaid and not [cell.skip for cell in made.cells if cell.skip]
+    assert not unsaid and not [cell.skip for cell in made.cells if cell.skip and "is not installed" not in cell.skip]
 
 
 @pytest.mark.parametrize(
