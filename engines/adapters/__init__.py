@@ -4,12 +4,12 @@ A renderer with a Python API that returns images needs two small classes, `Adapt
 stopping, updates, counters and the choice of settings come with them. See docs/extend/peer.md.
 """
 
-from engines.adapters.engine import AdapterEngine
-from engines.adapters.geometry import CameraFrame, FlatMesh, camera_frame, extent, flat_meshes, sphere_mesh
+from engines.adapters.engine import AdapterEngine, version_with
+from engines.adapters.geometry import CameraFrame, FlatMesh, camera_frame, extent, flat_meshes, sphere_mesh, tangents
 from engines.adapters.image_renderer import MEANS_ALONE, ImageRenderer
 from engines.adapters.seeds import derive_seed
 
 __all__ = [
     "MEANS_ALONE", "AdapterEngine", "CameraFrame", "FlatMesh", "ImageRenderer", "camera_frame", "derive_seed", "extent",
-    "flat_meshes", "sphere_mesh",
+    "flat_meshes", "sphere_mesh", "tangents", "version_with",
 ]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import replace
-from importlib import util
+from importlib import metadata, util
 from typing import Any
 
 from engines.adapters.image_renderer import ImageRenderer
@@ -18,6 +18,14 @@ from engines.scene.support import members, model_of, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
 """What cameras have besides their kind, with the value that asks for nothing."""
+
+
+def version_with(package: str, adapter: str = "1") -> str:
+    """An engine's version: the adapter's and that of an installed package, as in "1+5.0.1", or "1+none" where it is missing."""
+    try:
+        return f"{adapter}+{metadata.version(package)}"
+    except metadata.PackageNotFoundError:
+        return f"{adapter}+none"
 
 
 class AdapterEngine:
@@ -164,4 +172,4 @@ def _listed(values: Container[Any]) -> str:
     return " or ".join(map(str, values)) if isinstance(values, (tuple, list)) else str(values)
 
 
-__all__ = ["CAMERA_KEYS", "AdapterEngine"]
+__all__ = ["CAMERA_KEYS", "AdapterEngine", "version_with"]

@@ -45,6 +45,13 @@ def extent(scene: Scene) -> float:
     return float(max(1e-3, *reach))
 
 
+def tangents(normal: Array) -> tuple[Array, Array]:
+    """Unit vectors u, v with u x v = `normal`, a unit vector."""
+    u = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
+    u /= np.linalg.norm(u)
+    return u, np.cross(normal, u)
+
+
 def sphere_mesh(subdivisions: int) -> tuple[Array, NDArray[np.int32]]:
     """Vertices, which are the normals too, and 20 * 4^`subdivisions` faces of a unit sphere."""
     made = tessellated_sphere(subdivisions, BLACK, 1.0)

@@ -95,7 +95,7 @@ class Renderer:
         process = processes.take()
         try:
             _send_scene(process, scene)
-            process.call(verb, settings, told=self._told)
+            process.call(verb, settings, on_film=self._take_film)
         except BaseException:
             processes.give_back(process)
             raise
@@ -112,7 +112,7 @@ class Renderer:
         with self._guard.rendering():
             self._on_pass, self._callback_error = on_pass, None
             try:
-                self._process.call("render", spp, on_pass is not None, gc.isenabled(), told=self._told)
+                self._process.call("render", spp, on_pass is not None, gc.isenabled(), on_film=self._take_film)
             except Exception:
                 if self._callback_error is None:
                     raise
@@ -123,7 +123,7 @@ class Renderer:
                 raise error
             return self.film
 
-    def _told(self, kind: str, block: Block | None, bad_samples: Any) -> bool:
+    def _take_film(self, kind: str, block: Block | None, bad_samples: Any) -> bool:
         if block is not None:
             self.film = film_in(block)
         self.film.bad_samples = bad_samples
@@ -140,7 +140,7 @@ class Renderer:
 
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         with self._guard.updating():
-            self._process.call("update", camera, None if shapes is None else tuple(shapes), told=self._told)
+            self._process.call("update", camera, None if shapes is None else tuple(shapes), on_film=self._take_film)
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
         with self._guard.tracing():

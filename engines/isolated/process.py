@@ -29,7 +29,7 @@ _THEIRS = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONUSERBASE")
 """Variables that lead a Python to packages of another environment."""
 
 
-Told = Callable[[str, Block | None, Any], bool]
+OnFilm = Callable[[str, Block | None, Any], bool]
 
 
 def _go_on(kind: str, block: Block | None, bad_samples: Any) -> bool:
@@ -70,11 +70,11 @@ class Process:
             self.end()
             raise
 
-    def call(self, verb: str, *arguments: Any, told: Told = _go_on) -> Any:
-        """The answer to a call. `told(kind, block, bad samples)` hears of films on the way to it, and says whether to go on;
+    def call(self, verb: str, *arguments: Any, on_film: OnFilm = _go_on) -> Any:
+        """The answer to a call. `on_film(kind, block, bad samples)` hears of films on the way to it, and says whether to go on;
         `block` is None where the memory is that of before."""
         with self._call_lock:
-            return self._ask(self._calls, (verb, *arguments), told)
+            return self._ask(self._calls, (verb, *arguments), on_film)
 
     def query(self, verb: str, *arguments: Any) -> Any:
         """The answer to a query, which is served beside a call."""
@@ -91,7 +91,7 @@ class Process:
         with contextlib.suppress(RendererFailed), self._stop_lock:
             self._ask(self._stops, ("stop",))
 
-    def _ask(self, channel: Channel, request: tuple[Any, ...], told: Told = _go_on) -> Any:
+    def _ask(self, channel: Channel, request: tuple[Any, ...], on_film: OnFilm = _go_on) -> Any:
         self._require_owner()
         try:
             with self._unharmed():
@@ -104,7 +104,7 @@ class Process:
                         break
                     kind, size, bad_samples = answer
                     block = None if size is None else Block(size[0], size[1], channel.receive_descriptor())
-                    go_on = told(kind, block, bad_samples)
+                    go_on = on_film(kind, block, bad_samples)
                     if kind == "pass":
                         channel.send(("go" if go_on else "end",))
         except Closed:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -86,12 +85,13 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allow_imports: boo
     from harness.console import allow_here, consoles
     from harness.report.tracing import show, write
     from harness.run import trace as run_trace
+    from harness.store import make_out
     from harness.trace.records import text_of
 
     stdout, stderr = consoles()
     allow_here(allow_imports)
     folder = out or Path("results") / experiment.name
-    _make(folder)
+    make_out(folder)
     try:
         with stderr.status("trace") as status:
 
@@ -118,15 +118,3 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allow_imports: boo
 def _code(entries: Sequence[Mapping[str, Any]]) -> int:
     states = {entry["state"] for entry in entries}
     return 1 if states & {"failed", "timeout"} else 0 if "done" in states else 2
-
-
-def _make(folder: Path) -> None:
-    """Makes the folder before the work, so that a wrong one is an error at once."""
-    from engines.errors import ConfigError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"--out {folder}: {error.strerror}: name a folder that can be written to") from error
-    if not os.access(folder, os.W_OK):
-        raise ConfigError(f"--out {folder}: cannot be written to")

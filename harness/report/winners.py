@@ -28,8 +28,13 @@ def _lines(analysis: Analysis) -> Iterator[str]:
 
 
 def _line(verdicts: list[Verdict], index: int) -> str:
-    found = possible_winners(verdicts, index)
     reached = [verdict for verdict in verdicts if verdict.warm[index].reached]
+    unranked = sum(bool(verdict.disqualified) for verdict in reached)
+    return _fastest(verdicts, index, reached) + (f"; {unranked} flagged, so not ranked" if unranked else "")
+
+
+def _fastest(verdicts: list[Verdict], index: int, reached: list[Verdict]) -> str:
+    found = possible_winners(verdicts, index)
     if not found:
         return "none of those that reached it is ranked" if reached else "not reached"
     if len(found) > 1:

@@ -29,6 +29,7 @@ from harness.store.folder import (
     image_path,
     is_locked,
     locked,
+    make_out,
     read_manifest,
 )
 from harness.store.json_files import read_json, write_json
@@ -37,5 +38,5 @@ from harness.store.reference_files import reference_arrays
 __all__ = [
     "DERIVED", "EVENTS", "IMAGES", "LOCK", "MANIFEST", "TORN", "WINNERS", "Events", "check_results", "clear", "compress",
     "derived_is_fresh", "discard_images", "events_file", "image_file", "image_path", "is_locked", "last_event", "latest_cells",
-    "latest_verify_jobs", "locked", "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
+    "latest_verify_jobs", "locked", "make_out", "read_events", "read_json", "read_manifest", "reference_arrays", "write_json",
 ]  # fmt: skip

@@ -68,6 +68,16 @@ def clear(folder: Path) -> None:
             raise ConfigError(f"{path}: cannot be removed: {error.strerror}") from error
 
 
+def make_out(folder: Path) -> None:
+    """Makes the folder of `--out` before the work, so that a wrong one is an error at once. Raises `ConfigError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: {error.strerror}: name a folder that can be written to") from error
+    if not os.access(folder, os.W_OK):
+        raise ConfigError(f"--out {folder}: cannot be written to")
+
+
 def derived_is_fresh(folder: Path) -> bool:
     """Whether the report, which is written last, is younger than all that it is made from."""
     try:

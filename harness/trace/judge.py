@@ -52,8 +52,8 @@ class Judge:
         item = np.where(hit, self._truth.item_of(shape, primitive), -1)
         right = ~hit & (exact.item < 0)
         right |= hit & (item == exact.item) & self._close(t, exact, np.arange(len(t)))
-        doubtful = np.flatnonzero(~right)
-        right[doubtful] = self._excused(doubtful, hit, t, item)
+        unconfirmed = np.flatnonzero(~right)
+        right[unconfirmed] = self._within_tolerance(unconfirmed, hit, t, item)
         wrong = ~right
         met = exact.item >= 0
         with np.errstate(invalid="ignore"):
@@ -98,10 +98,10 @@ class Judge:
         ends[1 : count // 2 + 1] += self._tolerance[index] / self._length[index]
         return self._truth.closest(o + self._tolerance[index] * shifts, np.tile(d, (count, 1)), ends)
 
-    def _excused(self, doubtful: Index, hit: NDArray[np.bool_], t: Array, item: Index) -> list[bool]:
+    def _within_tolerance(self, unconfirmed: Index, hit: NDArray[np.bool_], t: Array, item: Index) -> list[bool]:
         """Whether answers are those of a shifted ray."""
         found = []
-        for index in doubtful:
+        for index in unconfirmed:
             shifted = self._shifted(int(index))
             if not hit[index]:
                 found.append(bool((shifted.item < 0).any()))

@@ -152,7 +152,7 @@ def _shadow_rays(scene: Scene, truth: Truth, points: Array, normals: Array, rng:
     emitters = [*scene.lights, *(shape for shape in scene.shapes if _emits(scene, shape))]
     makers = [maker for each in emitters if (maker := _maker(each)) is not None]
     if not makers:
-        raise ConfigError(f"{scene.name}: has no light that shadow rays could go to: rays 'shadow' are not to be had")
+        raise ConfigError(f"{scene.name}: has no light that shadow rays could go to: the set 'shadow' cannot be made")
     which, count = rng.integers(len(makers), size=len(points)), len(points)
     targets, directions, distant = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool)
     for number, maker in enumerate(makers):

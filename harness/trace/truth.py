@@ -57,7 +57,7 @@ class Truth:
 
     def __init__(self, scene: Scene) -> None:
         corners: list[Array] = [np.zeros((0, 3, 3))]
-        balls: list[Array] = [np.zeros((0, 4))]
+        spheres: list[Array] = [np.zeros((0, 4))]
         self.others: list[Other] = []
         named: list[tuple[int, Index, int]] = []
         for index, shape in enumerate(scene.shapes):
@@ -66,20 +66,20 @@ class Truth:
                 corners.append(_corners(shape))
                 count, kind = len(corners[-1]), TRIANGLE
             elif isinstance(shape, Sphere | SphereSet):
-                balls.append(_balls(shape))
-                count, kind = len(balls[-1]), SPHERE
+                spheres.append(_sphere_rows(shape))
+                count, kind = len(spheres[-1]), SPHERE
             else:
                 self.others.append(shape)
             named.append((index, np.arange(count), kind))
-        self.corners, self.balls = np.concatenate(corners), np.concatenate(balls)
+        self.corners, self.spheres = np.concatenate(corners), np.concatenate(spheres)
         self.items = _items(named)
         self._first = [np.flatnonzero(self.items.kind == kind) for kind in (TRIANGLE, SPHERE, OTHER)]
-        self.largest = _largest(self.corners, self.balls, self.others)
+        self.largest = _largest(self.corners, self.spheres, self.others)
         self._levels = _hierarchy(*self._boxes(), PADDING * self.largest)
 
     def _boxes(self) -> tuple[Array, Array]:
         """Lowest and highest coordinates (n, 3) of triangles and spheres, in that order."""
-        centers, radii = self.balls[:, :3], self.balls[:, 3:]
+        centers, radii = self.spheres[:, :3], self.spheres[:, 3:]
         low = np.concatenate([self.corners.min(axis=1), centers - radii])
         return low, np.concatenate([self.corners.max(axis=1), centers + radii])
 
@@ -97,8 +97,8 @@ class Truth:
 
     def _offer(self, found: Closest, ray: Index, box: Index, o: Array, d: Array, t_max: Array) -> None:
         """Decides which of these pairs of a ray and a triangle or sphere meet, and takes over the nearest."""
-        is_ball = box >= len(self.corners)
-        lines, faces = ray[~is_ball], box[~is_ball]
+        is_sphere = box >= len(self.corners)
+        lines, faces = ray[~is_sphere], box[~is_sphere]
         near = _may_cross(self.corners[faces], o[lines], d[lines])
         lines, faces = lines[near], faces[near]
         if lines.size:
@@ -108,11 +108,11 @@ class Truth:
             self._take(
                 found, lines, self._first[TRIANGLE][faces], np.where(inside, t.astype(np.float64), np.inf), t_max
             )
-        lines, spheres = ray[is_ball], box[is_ball] - len(self.corners)
+        lines, which = ray[is_sphere], box[is_sphere] - len(self.corners)
         if lines.size:
-            roots = oracle.sphere_roots(self.balls[spheres, :3], self.balls[spheres, 3], o[lines], d[lines])
+            roots = oracle.sphere_roots(self.spheres[which, :3], self.spheres[which, 3], o[lines], d[lines])
             for root in roots:
-                self._take(found, lines, self._first[SPHERE][spheres], root.astype(np.float64), t_max)
+                self._take(found, lines, self._first[SPHERE][which], root.astype(np.float64), t_max)
 
     def _take(self, found: Closest, ray: Index, item: Index, t: Array, t_max: Array) -> None:
         good = np.flatnonzero((t > 0) & (t < t_max[ray]) & (t < found.t[ray]))
@@ -140,10 +140,10 @@ class Truth:
         """(n, 3) unit normals of items at points (n, 3); 0 of a triangle without area."""
         found = np.zeros((len(item), 3))
         kind, place = self.items.kind[item], self.items.place[item]
-        face, ball = kind == TRIANGLE, kind == SPHERE
+        face, sphere = kind == TRIANGLE, kind == SPHERE
         a, b, c = (self.corners[place[face], k] for k in range(3))
         found[face] = unit(np.cross(b - a, c - a))
-        found[ball] = unit(points[ball] - self.balls[place[ball], :3])
+        found[sphere] = unit(points[sphere] - self.spheres[place[sphere], :3])
         for index in np.flatnonzero(kind == OTHER):
             shape = self.others[place[index]]
             if isinstance(shape, Cylinder):
@@ -160,10 +160,10 @@ class Truth:
         found = np.full(len(item), np.inf)
         kind = np.where(item < 0, -1, self.items.kind[item])
         place = np.where(item < 0, 0, self.items.place[item])
-        face, ball = kind == TRIANGLE, kind == SPHERE
+        face, sphere = kind == TRIANGLE, kind == SPHERE
         found[face] = triangle_distance(self.corners[place[face]], points[face])
-        off = np.linalg.norm(points[ball] - self.balls[place[ball], :3], axis=1)
-        found[ball] = np.abs(off - self.balls[place[ball], 3])
+        off = np.linalg.norm(points[sphere] - self.spheres[place[sphere], :3], axis=1)
+        found[sphere] = np.abs(off - self.spheres[place[sphere], 3])
         for index in np.flatnonzero(kind == OTHER):
             found[index] = _other_distance(self.others[place[index]], points[index])
         return found
@@ -270,16 +270,16 @@ def _corners(shape: Mesh | Triangle) -> Array:
     return shape.vertices[shape.faces]
 
 
-def _balls(shape: Sphere | SphereSet) -> Array:
+def _sphere_rows(shape: Sphere | SphereSet) -> Array:
     """(n, 4) centers and radii."""
     if isinstance(shape, Sphere):
         return np.array([[*shape.center, shape.radius]])
     return np.concatenate([shape.centers, shape.radii[:, None]], axis=1)
 
 
-def _largest(corners: Array, balls: Array, others: Sequence[Other]) -> float:
+def _largest(corners: Array, spheres: Array, others: Sequence[Other]) -> float:
     """The largest coordinate of anything that has bounds, by size, and of the points that planes go through."""
-    sizes = [np.abs(corners).max(initial=0.0), (np.abs(balls[:, :3]) + balls[:, 3:]).max(initial=0.0)]
+    sizes = [np.abs(corners).max(initial=0.0), (np.abs(spheres[:, :3]) + spheres[:, 3:]).max(initial=0.0)]
     sizes += [np.abs(np.asarray(shape.point if isinstance(shape, Plane) else shape.bounds())).max() for shape in others]
     return float(max(sizes)) or 1.0
 

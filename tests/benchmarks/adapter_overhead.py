@@ -154,7 +154,7 @@ def show(label: str, rounds: list[tuple[Seconds, Seconds]], paths_of_a_round: in
 
 
 def machine() -> str:
-    """A line on processor and instruction set. Asked in a process of its own: pyluxcore and LLVM do not bear each other."""
+    """A line on processor and instruction set. Asked in a process of its own: pyluxcore and LLVM conflict."""
     from llvmlite import binding
 
     from harness.measure.machine import cpu_model

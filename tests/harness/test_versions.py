@@ -1,4 +1,4 @@
-"""The same engine from two environments: two contestants, told apart by what is installed there."""
+"""The same engine from two environments is two contestants, identified by what is installed there."""
 
 import json
 import shutil

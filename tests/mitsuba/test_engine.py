@@ -12,17 +12,9 @@ from engines import Settings, UnknownName
 from engines.mitsuba import Engine, ScalarEngine, library
 from engines.mitsuba.patterns import ROUNDED
 from engines.mitsuba.seeds import seed_of
+from tests.plain_scene import plain_scene
 
 installed = pytest.mark.skipif(library.lacking(library.LLVM) is not None, reason=str(library.lacking(library.LLVM)))
-
-
-def _plain(**material):
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "plain", "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "materials": {"it": material or {"kd": 0.5}},
-        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "it"}],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
 
 
 def test_nothing_of_mitsuba_is_imported_before_it_is_used():
@@ -35,7 +27,7 @@ def test_nothing_of_mitsuba_is_imported_before_it_is_used():
 
 def test_what_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr(library.util, "find_spec", lambda name: None)
-    reason = Engine().why_not(_plain(), Settings(sampler="random"))
+    reason = Engine().why_not(plain_scene(), Settings(sampler="random"))
     assert "pip install 'raybench[mitsuba]'" in str(reason)
 
 
@@ -44,8 +36,8 @@ def test_a_missing_libllvm_is_named_and_the_scalar_variant_works(monkeypatch):
     import drjit
 
     monkeypatch.setattr(drjit, "has_backend", lambda backend: False)
-    assert "DRJIT_LIBLLVM_PATH" in str(Engine().why_not(_plain(), Settings(sampler="random")))
-    assert ScalarEngine().why_not(_plain(), Settings(sampler="random")) is None
+    assert "DRJIT_LIBLLVM_PATH" in str(Engine().why_not(plain_scene(), Settings(sampler="random")))
+    assert ScalarEngine().why_not(plain_scene(), Settings(sampler="random")) is None
 
 
 @installed
@@ -58,7 +50,7 @@ def test_a_missing_libllvm_is_named_and_the_scalar_variant_works(monkeypatch):
     ],
 )
 def test_materials_without_counterpart_are_declined(material, words):
-    reason = Engine().why_not(_plain(**material), Settings(sampler="random"))
+    reason = Engine().why_not(plain_scene(**material), Settings(sampler="random"))
     assert reason is not None
     assert "'it'" in reason
     assert words in reason
@@ -75,12 +67,12 @@ def test_materials_without_counterpart_are_declined(material, words):
     ],
 )
 def test_settings_without_counterpart_are_declined(settings, words):
-    assert words in str(Engine().why_not(_plain(), Settings(**{"sampler": "random", **settings})))
+    assert words in str(Engine().why_not(plain_scene(), Settings(**{"sampler": "random", **settings})))
 
 
 def test_unknown_samplers_are_refused_with_mitsubas_own_among_the_known():
     with pytest.raises(UnknownName, match="multijitter"):
-        Engine().prepare(_plain(), Settings(sampler="multijiter"))
+        Engine().prepare(plain_scene(), Settings(sampler="multijiter"))
 
 
 @installed
@@ -108,7 +100,7 @@ def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler, lan
     films = []
     for split in ((25,), (1, 3, 21)):
         monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", lanes)
-        renderer = Engine().prepare(_plain(), Settings(6, 5, sampler=sampler, seed=3))
+        renderer = Engine().prepare(plain_scene(), Settings(6, 5, sampler=sampler, seed=3))
         for spp in split:
             renderer.render(spp)
         films.append(renderer.film)
@@ -162,7 +154,7 @@ def test_a_chosen_pattern_is_repeated_and_the_largest_too():
 @installed
 def test_a_pattern_that_stop_ends_is_dropped_whole(monkeypatch):
     monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", 64)
-    renderer = Engine().prepare(_plain(), Settings(6, 5, sampler={"name": "multijitter", "sample_count": 16}))
+    renderer = Engine().prepare(plain_scene(), Settings(6, 5, sampler={"name": "multijitter", "sample_count": 16}))
     renderer.render(16)
     sums, passes = renderer.film.sums.copy(), renderer._passes
     launch = passes._launch
@@ -199,7 +191,7 @@ def test_every_sample_of_every_pixel_has_a_stream_of_its_own():
 @installed
 @pytest.mark.parametrize("size", [(1, 1), (9, 7), (5, 8), (2, 65)])
 def test_independent_samples_are_launched_in_strips_that_hold_every_pixel(size):
-    passes = Engine().prepare(_plain(), Settings(*size, sampler="random"))._passes
+    passes = Engine().prepare(plain_scene(), Settings(*size, sampler="random"))._passes
     mi, dr = passes._stage.mi, passes._stage.dr
     x, y = (np.array(of, int) for of in passes._from_strips(dr.arange(mi.UInt32, size[0] * size[1])))
     assert sorted(y * size[0] + x) == list(range(size[0] * size[1]))

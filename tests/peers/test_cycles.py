@@ -45,7 +45,7 @@ def test_a_disk_of_triangles_has_the_area_and_the_front_of_the_disk():
 
 
 def test_a_sphere_of_triangles_has_the_area_of_the_sphere_and_faces_outwards():
-    vertices, faces, smooth = geometry.tessellated(geometry.Balls(0, np.array([[1.0, 2.0, 3.0]]), np.array([0.5])))
+    vertices, faces, smooth = geometry.tessellated(geometry.SphereGroup(0, np.array([[1.0, 2.0, 3.0]]), np.array([0.5])))
     found = normals(vertices, faces)
     np.testing.assert_allclose(np.linalg.norm(found, axis=1).sum() / 2, np.pi, rtol=1e-12)
     assert (np.einsum("ij,ij->i", found, smooth[faces[:, 0]]) > 0).all()

@@ -13,20 +13,12 @@ from engines.conformance import check_engine
 from engines.peers.luxcore import Engine
 from harness.config import paths
 from harness.statistics.equivalence import equivalence
+from tests.plain_scene import plain_scene
 
 NAME = "engines.peers.luxcore:Engine"
 DEEP = {"name": "path_tracer", "max_depth": 8, "rr_depth": 8}
 SETTINGS = Settings(32, 32, shader=DEEP, sampler="random", precision="float32", threads=2, seed=3)
 installed = pytest.mark.skipif(importlib.util.find_spec("pyluxcore") is None, reason="pip install 'raybench[luxcore]'")
-
-
-def scene(**material):
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "plain", "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "materials": {"it": material or {"kd": 0.5}},
-        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "it"}],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +46,7 @@ def test_nothing_of_luxcore_is_imported_before_it_is_used():
 def test_what_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "pyluxcore", raising=False)
-    assert "pip install 'raybench[luxcore]'" in str(Engine().why_not(scene(), SETTINGS))
+    assert "pip install 'raybench[luxcore]'" in str(Engine().why_not(plain_scene(), SETTINGS))
 
 
 @pytest.mark.parametrize(
@@ -72,7 +64,7 @@ def test_what_is_not_installed_is_named(monkeypatch):
 )
 def test_what_has_no_exact_counterpart_is_declined(material, shader, words):
     with pytest.raises(Unsupported, match=words):
-        Engine().prepare(scene(**material), Settings(8, 8, shader=shader, sampler="random"))
+        Engine().prepare(plain_scene(**material), Settings(8, 8, shader=shader, sampler="random"))
 
 
 @installed
@@ -97,7 +89,7 @@ def test_luxcore_and_numba_make_the_same_image(luxcore, name, power):
 
 @installed
 def test_the_film_counts_what_pixels_have(luxcore):
-    renderer = luxcore.prepare(scene(), SETTINGS)
+    renderer = luxcore.prepare(plain_scene(), SETTINGS)
     for total in (40, 80):
         film = renderer.render(40)
         assert film.counts.min() >= total
@@ -107,7 +99,7 @@ def test_the_film_counts_what_pixels_have(luxcore):
 
 @installed
 def test_calls_do_not_repeat_their_samples_and_seeds_matter(luxcore):
-    lit = scene()
+    lit = plain_scene()
     (one, two), _ = replicates(luxcore, lit, 2, 8)
     assert (one != two).any()
     other = luxcore.prepare(lit, Settings(32, 32, shader=DEEP, sampler="random", seed=4)).render(8).mean()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from engines.adapters import CameraFrame, FlatMesh, camera_frame
 from engines.interface import Settings
-from engines.peers.cycles.geometry import Balls, meshes_of, points_of
+from engines.peers.cycles.geometry import SphereGroup, meshes_of, points_of
 from engines.peers.cycles.nodes import Nodes, placed
 from engines.scene import (
     DirectionalLight,
@@ -51,8 +51,8 @@ class BlenderScene:
         materials = [self._material(scene, index, settings) for index in range(len(scene.materials))]
         for mesh in meshes_of(scene):
             self._mesh(mesh, materials, placed(scene.materials[mesh.material]))
-        for balls in points_of(scene):
-            self._points(balls, materials)
+        for group in points_of(scene):
+            self._points(group, materials)
         for light in scene.lights:
             self._light(light)
         self._camera(scene, camera_frame(scene, settings))
@@ -110,12 +110,12 @@ class BlenderScene:
         mesh.materials.append(materials[given.material])
         self._object(given.name, mesh)
 
-    def _points(self, balls: Balls, materials: list[Any]) -> None:
+    def _points(self, group: SphereGroup, materials: list[Any]) -> None:
         """Python cannot make points but from the vertices of a mesh, by nodes."""
         mesh = self.data.meshes.new("spheres")
-        mesh.vertices.add(len(balls.radii))
-        mesh.vertices.foreach_set("co", balls.centers.astype(np.float32).ravel())
-        _attribute(mesh, "radius", "FLOAT", "value", balls.radii)
+        mesh.vertices.add(len(group.radii))
+        mesh.vertices.foreach_set("co", group.centers.astype(np.float32).ravel())
+        _attribute(mesh, "radius", "FLOAT", "value", group.radii)
         tree = self._kept(self.data.node_groups.new("points", "GeometryNodeTree"))
         for direction in ("INPUT", "OUTPUT"):
             tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
@@ -124,7 +124,7 @@ class BlenderScene:
             "NodeGroupOutput",
         ))  # fmt: skip
         radius.inputs["Name"].default_value = "radius"
-        painted.inputs["Material"].default_value = materials[balls.material]
+        painted.inputs["Material"].default_value = materials[group.material]
         for output, node, input in (
             (begin.outputs[0], points, "Mesh"), (radius.outputs["Attribute"], points, "Radius"),
             (points.outputs[0], painted, "Geometry"), (painted.outputs[0], end, 0),

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import metadata
-
 import numpy as np
 
-from engines.adapters import MEANS_ALONE, AdapterEngine
+from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
 from engines.peers.cycles.geometry import spheres_lack
 from engines.peers.cycles.nodes import placed, texels
@@ -84,11 +82,7 @@ class Engine(AdapterEngine):
 
     @property
     def version(self) -> str:  # type: ignore[override]
-        """The adapter's and that of the package, "none" where that is not installed."""
-        try:
-            return f"1+{metadata.version('bpy')}"
-        except metadata.PackageNotFoundError:
-            return "1+none"
+        return version_with("bpy")
 
     def lacks(self, scene: Scene, settings: Settings) -> str | None:
         """What materials, textures, spheres and environments have no exact counterpart; images that are too small."""

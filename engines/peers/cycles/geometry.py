@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import FlatMesh, flat_meshes
+from engines.adapters import FlatMesh, extent, flat_meshes, tangents
 from engines.scene import Disk, Plane, Scene, Sphere, SphereSet
 from engines.scene.bsdf import is_opaque
 from engines.scene.procedural.solids import tessellated_sphere
@@ -24,7 +24,7 @@ FINEST, COARSEST, MOST_FACES = 6, 3, 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Balls:
+class SphereGroup:
     """Spheres of one material: `centers` (n, 3), `radii` (n,)."""
 
     material: int
@@ -41,17 +41,17 @@ def meshes_of(scene: Scene) -> Iterator[FlatMesh]:
             yield FlatMesh(f"plane_{index}", shape.material, *rings(shape, size))
         elif isinstance(shape, Disk):
             yield FlatMesh(f"disk_{index}", shape.material, *fan(shape))
-    for balls in spheres_of(scene):
-        if not _are_points(scene, balls):
-            yield FlatMesh(f"spheres_{balls.material}", balls.material, *tessellated(balls))
+    for group in spheres_of(scene):
+        if not _are_points(scene, group):
+            yield FlatMesh(f"spheres_{group.material}", group.material, *tessellated(group))
 
 
-def points_of(scene: Scene) -> list[Balls]:
+def points_of(scene: Scene) -> list[SphereGroup]:
     """Spheres that Cycles can be given as points, which are exact spheres without an inside."""
-    return [balls for balls in spheres_of(scene) if _are_points(scene, balls)]
+    return [group for group in spheres_of(scene) if _are_points(scene, group)]
 
 
-def spheres_of(scene: Scene) -> list[Balls]:
+def spheres_of(scene: Scene) -> list[SphereGroup]:
     """All spheres of the scene, by material."""
     found: dict[int, list[tuple[Array, Array]]] = {}
     for shape in scene.shapes:
@@ -60,7 +60,7 @@ def spheres_of(scene: Scene) -> list[Balls]:
         elif isinstance(shape, SphereSet):
             found.setdefault(shape.material, []).append((shape.centers, shape.radii))
     return [
-        Balls(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(found.items())
+        SphereGroup(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(found.items())
     ]
 
 
@@ -71,35 +71,35 @@ def subdivisions(count: int) -> int:
 
 def spheres_lack(scene: Scene) -> str | None:
     """One sentence where a material has too many spheres that have to be triangles, or None."""
-    for balls in spheres_of(scene):
-        if subdivisions(len(balls.radii)) < COARSEST and not _are_points(scene, balls):
-            name = scene.materials[balls.material].name
+    for group in spheres_of(scene):
+        if subdivisions(len(group.radii)) < COARSEST and not _are_points(scene, group):
+            name = scene.materials[group.material].name
             return f"material {name!r}: Cycles' points neither emit nor transmit, and its spheres are too many for triangles"
     return None
 
 
-def _are_points(scene: Scene, balls: Balls) -> bool:
+def _are_points(scene: Scene, group: SphereGroup) -> bool:
     """Whether nobody can see the difference: rays leave a point unhindered, its light is not sampled."""
-    material, eye = scene.materials[balls.material], getattr(scene.camera, "eye", None)
-    inside = eye is not None and bool((np.linalg.norm(balls.centers - eye, axis=1) <= balls.radii).any())
+    material, eye = scene.materials[group.material], getattr(scene.camera, "eye", None)
+    inside = eye is not None and bool((np.linalg.norm(group.centers - eye, axis=1) <= group.radii).any())
     return not inside and not material.emits and is_opaque(model_of(material))
 
 
-def tessellated(balls: Balls) -> tuple[Array, NDArray[np.int32], Array]:
+def tessellated(group: SphereGroup) -> tuple[Array, NDArray[np.int32], Array]:
     """Vertices, faces and normals of all spheres; each has the area of the sphere that it stands for."""
-    unit = tessellated_sphere(subdivisions(len(balls.radii)), (0.0, 0.0, 0.0), 1.0)
+    unit = tessellated_sphere(subdivisions(len(group.radii)), (0.0, 0.0, 0.0), 1.0)
     corners = unit.vertices[unit.faces]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     swelling = np.sqrt(4.0 * np.pi / area)
-    vertices = balls.centers[:, None] + balls.radii[:, None, None] * swelling * unit.vertices
-    faces = unit.faces + len(unit.vertices) * np.arange(len(balls.radii))[:, None, None]
-    return vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32), np.tile(unit.vertices, (len(balls.radii), 1))
+    vertices = group.centers[:, None] + group.radii[:, None, None] * swelling * unit.vertices
+    faces = unit.faces + len(unit.vertices) * np.arange(len(group.radii))[:, None, None]
+    return vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.int32), np.tile(unit.vertices, (len(group.radii), 1))
 
 
 def rings(plane: Plane, size: float) -> tuple[Array, NDArray[np.int32]]:
     """Vertices and faces of a square of half side `size` about a plane's point, and of rings around it."""
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (size * GROWTH ** np.arange(RINGS))[:, None, None]
-    s, t = _tangents(plane.normal)
+    s, t = tangents(np.array(plane.normal))
     vertices = plane.point + square.reshape(-1, 2) @ np.stack([s, t])
     inner = 4 * np.arange(RINGS - 1)[:, None] + np.arange(4)
     following = 4 * np.arange(RINGS - 1)[:, None] + np.roll(np.arange(4), -1)
@@ -115,19 +115,4 @@ def fan(disk: Disk) -> tuple[Array, NDArray[np.int32]]:
     rim = disk.radius * np.sqrt(step / np.sin(step)) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     order = np.arange(DISK_EDGES)
     faces = np.stack([np.full(DISK_EDGES, DISK_EDGES), order, np.roll(order, -1)], axis=1)
-    return np.vstack([disk.center + rim @ np.stack(_tangents(disk.normal)), [disk.center]]), faces.astype(np.int32)
-
-
-def _tangents(normal: tuple[float, float, float]) -> tuple[Array, Array]:
-    """Unit vectors s, t with s x t = normal."""
-    s = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    s /= np.linalg.norm(s)
-    return s, np.cross(normal, s)
-
-
-def extent(scene: Scene) -> float:
-    """The largest distance from the origin of a coordinate of anything finite, the camera included."""
-    reach = [np.abs(box).max() for shape in scene.shapes if (box := shape.bounds()) is not None]
-    reach += [np.abs(shape.point).max() for shape in scene.shapes if isinstance(shape, Plane)]
-    reach += [np.abs(getattr(scene.camera, name, (0.0,))).max() for name in ("eye", "target")]
-    return float(max(1e-3, *reach))
+    return np.vstack([disk.center + rim @ np.stack(tangents(np.array(disk.normal))), [disk.center]]), faces.astype(np.int32)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import camera_frame, extent, flat_meshes, sphere_mesh
+from engines.adapters import camera_frame, extent, flat_meshes, sphere_mesh, tangents
 from engines.interface import Settings
 from engines.peers.luxcore.materials import Properties, material_properties
 from engines.scene import (
@@ -62,19 +62,19 @@ def shapes(scene: Scene) -> Iterator[Shape]:
     size = extent(scene)
     for mesh in flat_meshes(scene, gap=GAP * size):
         yield Shape(mesh.name, mesh.material, mesh.name, mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
-    ball = None
+    unit_sphere = None
     for index, shape in enumerate(scene.shapes):
         name = f"shape_{index}"
         if isinstance(shape, (Sphere, SphereSet)):
             one = isinstance(shape, Sphere)
             centers, radii = ([shape.center], [shape.radius]) if one else (shape.centers, shape.radii)
             for part, (center, radius) in enumerate(zip(centers, radii, strict=True)):
-                given = () if ball else sphere_mesh(SUBDIVISIONS)
-                ball = "ball"
+                given = () if unit_sphere else sphere_mesh(SUBDIVISIONS)
+                unit_sphere = "unit_sphere"
                 placed = np.diag([radius, radius, radius, 1.0])
                 placed[:3, 3] = center
                 vertices, faces = given or (None, None)
-                yield Shape(f"{name}_{part}", shape.material, ball, vertices, faces, vertices, transformation=placed)
+                yield Shape(f"{name}_{part}", shape.material, unit_sphere, vertices, faces, vertices, transformation=placed)
         elif isinstance(shape, (Plane, Disk, Cylinder)):
             yield Shape(name, shape.material, name, *_flat_or_round(shape, size))
 
@@ -86,14 +86,14 @@ def _flat_or_round(shape: Plane | Disk | Cylinder, size: float) -> tuple[Array, 
     second = (first + 1) % SEGMENTS
     if isinstance(shape, Cylinder):
         axis = np.subtract(shape.p1, shape.p0)
-        u, v = _tangents(axis / np.linalg.norm(axis))
+        u, v = tangents(axis / np.linalg.norm(axis))
         around = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
         ring = shape.radius * around
         faces = np.concatenate([
             np.stack([first, second, second + SEGMENTS], 1), np.stack([first, second + SEGMENTS, first + SEGMENTS], 1),
         ])  # fmt: skip
         return np.concatenate([shape.p0 + ring, shape.p1 + ring]), faces, np.concatenate([around, around])
-    u, v = _tangents(np.array(shape.normal))
+    u, v = tangents(np.array(shape.normal))
     if isinstance(shape, Plane):
         half = PLANE_EXTENTS * size
         corners = np.array([shape.point + half * (a * u + b * v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
@@ -101,14 +101,6 @@ def _flat_or_round(shape: Plane | Disk | Cylinder, size: float) -> tuple[Array, 
     rim = shape.center + shape.radius * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
     faces = np.stack([np.full(SEGMENTS, SEGMENTS), first, second], 1)
     return np.concatenate([rim, [shape.center]]), faces, None
-
-
-def _tangents(normal: Array) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed frame with `normal`."""
-    away = np.eye(3)[np.argmin(np.abs(normal))]
-    u = np.cross(away, normal)
-    u /= np.linalg.norm(u)
-    return u, np.cross(normal, u)
 
 
 def properties(scene: Scene, settings: Settings) -> Properties:

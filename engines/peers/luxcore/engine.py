@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import metadata
-
-from engines.adapters import MEANS_ALONE, AdapterEngine
+from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
 from engines.peers.luxcore.materials import material_lacks
 from engines.peers.luxcore.renderer import Renderer
@@ -44,7 +42,7 @@ class Engine(AdapterEngine):
     name = lineage = "luxcore"
     module, install = "pyluxcore", "pip install 'raybench[luxcore]'"
     renderer = Renderer
-    own_process = True  # its allocator (TBB) and numba's do not bear each other
+    own_process = True  # beside numba or llvmlite it ends the process: free(): invalid pointer
     overshoots = True
     shapes = (Triangle, Mesh, Sphere, SphereSet, Disk, Cylinder, Plane)
     materials = (Mixture, Diffuse, Dielectric, Conductor)
@@ -72,11 +70,7 @@ class Engine(AdapterEngine):
 
     @property
     def version(self) -> str:  # type: ignore[override]
-        """The adapter's and that of the package, "none" where that is not installed."""
-        try:
-            return f"1+{metadata.version('pyluxcore')}"
-        except metadata.PackageNotFoundError:
-            return "1+none"
+        return version_with("pyluxcore")
 
     def lacks(self, scene: Scene, settings: Settings) -> str | None:
         """Roulette, materials without an exact counterpart, lights of other shapes than triangles, environments of images."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from harness.config.settings import require_imports
 from harness.console import allow_here, consoles
 from harness.measure.machine import usable_cores
 from harness.run.progress import duration
+from harness.store import make_out
 from harness.verify.commands import output
 from harness.verify.parallel import EngineInfo, FinishedJob, Job, describe_engines, make_jobs, run_jobs
 from harness.verify.suite import CASES, FAIL, SKIP, CheckResult, case_names, select_cases
@@ -51,7 +51,7 @@ def verify(options: VerifyOptions) -> int:
             raise UnknownName("case or section", name, case_names())
     cases = select_cases(options.only) if options.only else CASES
     folder = options.out or Path("results") / "verify"
-    _make(folder)
+    make_out(folder)
     engines = _engines(options, stderr)
     jobs = make_jobs(engines, options.quick, cases)
     done: dict[int, FinishedJob] = {}
@@ -84,16 +84,6 @@ def _unchecked(engines: Sequence[EngineInfo], results: Sequence[CheckResult]) ->
             left_out = "a quick run leaves out the chosen cases"
             reasons[engine.spec] = engine.refusal or (f"all cases are skipped: {own[0].note}" if own else left_out)
     return reasons
-
-
-def _make(folder: Path) -> None:
-    """Makes the folder before the work, so that a wrong one is an error at once."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"--out {folder}: {error.strerror}: name a folder that can be written to") from error
-    if not os.access(folder, os.W_OK):
-        raise ConfigError(f"--out {folder}: cannot be written to")
 
 
 def _engines(options: VerifyOptions, stderr: Console) -> list[EngineInfo]:
