@@ -62,21 +62,21 @@ def test_an_engine_without_faults_has_none(measured):
 def test_dropped_hits_are_counted_as_misses_and_leaks(measured, exact):
     for kind in ("camera", "shadow"):
         answers = entry(measured, "drops", kind).answers
-        assert (answers.wrong, answers.missed, answers.invented) == (0, exact[kind][::EVERY].sum(), 0)
+        assert (answers.wrong, answers.missed, answers.false_hits) == (0, exact[kind][::EVERY].sum(), 0)
         assert answers.leaks == HARD // EVERY
 
 
 def test_hits_of_another_primitive_are_wrong_and_darkness_where_nothing_is_is_a_false_hit(measured, exact):
     answers = entry(measured, "misnames", "camera").answers
-    assert (answers.wrong, answers.missed, answers.invented) == (exact["camera"][::EVERY].sum(), 0, 0)
+    assert (answers.wrong, answers.missed, answers.false_hits) == (exact["camera"][::EVERY].sum(), 0, 0)
     assert answers.wrong > 10
     answers = entry(measured, "misnames", "shadow").answers
-    assert (answers.wrong, answers.missed, answers.invented) == (
+    assert (answers.wrong, answers.missed, answers.false_hits) == (
         0,
         0,
         (~exact["shadow"] & exact["steep"])[::EVERY].sum(),
     )
-    assert answers.invented > 10
+    assert answers.false_hits > 10
 
 
 def test_an_engine_that_fails_has_a_line_and_no_rate(measured):
