@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 TOP_LEVEL = {
     *("pyproject.toml", "README.md", "LICENSE", "Makefile", ".ci", ".gitignore"),
+    *("CITATION.cff", "CHANGELOG.md", "CONTRIBUTING.md", ".github"),  # where their readers look
     *("engines", "harness", "configs", "scenes", "results", "tests", "docs"),
 }
 
