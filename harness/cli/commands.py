@@ -147,12 +147,14 @@ def view(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
     allow_imports: AllowImports = False,
     allow_outside: AllowOutside = False,
+    define: Define = None,
     references: References = None,
 ) -> None:
     """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
+    from harness.cli.render import parameters_of
     from harness.view import open_viewer
 
-    open_viewer(scene, folder, port, engine, allow_imports, allow_outside, browser=not no_browser)
+    open_viewer(scene, folder, port, engine, allow_imports, allow_outside, parameters_of(define or []), browser=not no_browser)
 
 
 @command(RESULTS)
