@@ -101,7 +101,8 @@ def run(
     if is_trace(paths.find("configs", config)):
         if fresh or retry or fail_fast or cluster:
             raise ConfigError(f"{config}: --fresh, --retry, --fail-fast and --cluster are of experiments: this compares rays")
-        raise typer.Exit(tracing.run_file(config, out, overrides or [], allow_imports, ["raybench", *sys.argv[1:]]))
+        given = ["raybench", *sys.argv[1:]]
+        raise typer.Exit(tracing.run_file(config, out, overrides or [], (allow_imports, allow_outside), given))
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
     allowed = allow_imports, allow_commands, allow_outside
