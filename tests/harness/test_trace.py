@@ -187,3 +187,18 @@ def test_the_shipped_file_says_its_question_and_the_schema_takes_it():
     assert text.startswith(f"# {experiment.question}")
     assert np.isfinite(experiment.max_time_seconds) and len(experiment.contestants) == 3
     assert not list(jsonschema.Draft202012Validator(trace_schema()).iter_errors(parse_yaml(text).plain()))
+
+
+def test_files_outside_of_the_scenes_folder_are_read_only_if_allowed(tmp_path):
+    scene = {
+        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
+        "materials": {"m": {"kd": 0.5}}, "shapes": [{"mesh": {"file": "../m.obj"}, "material": "m"}],
+    }  # fmt: skip
+    (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "s.yaml").write_text(json.dumps(scene))
+    sizes = {"count": 50, "checked": 50, "hard": 20, "repeats": 1, "max_time": "1ms"}
+    words = options(rays="camera", engine="numpy", out=tmp_path / "out", **sizes)
+    refused = raybench("trace", "inner/s.yaml", *words, cwd=tmp_path)
+    assert refused.returncode == 2 and "outside" in refused.stderr and "Traceback" not in refused.stderr
+    assert raybench("trace", "inner/s.yaml", *words, "--allow-outside", cwd=tmp_path).returncode == 0
