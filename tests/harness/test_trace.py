@@ -162,7 +162,7 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
             load_trace(path)
         assert message in str(caught.value)
     (tmp_path / "trace.json").write_text('{"raybench_trace_results": 9}')
-    with pytest.raises(ConfigError, match="format 9, this raybench reads 1"):
+    with pytest.raises(ConfigError, match="format 9, this raybench reads 2"):
         read_trace(tmp_path / "trace.json")
 
 
