@@ -30,7 +30,8 @@ from harness.statistics import QualityTime
 from harness.store.results import Contestant, Event, Results, point_error
 from harness.trace.records import TraceResults
 
-Drawing = tuple[Plot, Markup]
+Drawing = tuple[Plot, str]
+"""A plot and its SVG for the page."""
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
@@ -190,6 +191,7 @@ def inline_svg(plot: Plot, index: int | str) -> str:
     size = f'style="max-width:{2 * float(width.group(1)):.0f}px"' if width else ""
     box = re.search(r'viewBox="[^"]*"', svg)
     spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    size += ' preserveAspectRatio="xMinYMid meet"'
     opening = f'<svg {box.group(0) if box else ""} {size} role="img" aria-label="{label}" {spaces}>'
     return Markup(opening + svg[svg.index(">") + 1 :])
 
@@ -213,11 +215,12 @@ def _without_bare_groups(svg: str) -> str:
     """The same drawing without the groups that hold things together by an id alone."""
     kept: list[bool] = []
     found = []
-    for part in re.split(r"(<g(?: id=\"[^\"]*\")?>|<g [^>]*>|</g>)", svg):
+    svg = re.sub(r'<g(?: id="[^"]*")?/>', "", svg)
+    for part in re.split(r"(<g(?: [^>]*)?(?<!/)>|</g>)", svg):
         if part == "</g>":
             if not kept.pop():
                 continue
-        elif re.match(r"<g[ >]", part):
+        elif re.fullmatch(r"<g(?: [^>]*)?(?<!/)>", part):
             kept.append(re.fullmatch(r"<g(?: id=\"[^\"]*\")?>", part) is None)
             if not kept[-1]:
                 continue
@@ -228,8 +231,16 @@ def _without_bare_groups(svg: str) -> str:
 def _environment() -> Environment:
     environment = Environment(loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined,
                               trim_blocks=True, lstrip_blocks=True)  # fmt: skip
-    environment.globals |= {"anchor": anchor, "breakable": breakable, "cell_text": cell_text, "sort_value": sort_value, "verdict_class": verdict_class}
+    environment.globals |= {
+        "anchor": anchor, "breakable": breakable, "cell_text": cell_text, "shown_columns": shown_columns,
+        "sort_value": sort_value, "verdict_class": verdict_class,
+    }  # fmt: skip
     return environment
+
+
+def shown_columns(table: Table) -> list[Column]:
+    """Those of which something is known in some row; all of a table without rows."""
+    return [c for c in table.columns if not table.rows or any(cell_text(c, row.get(c.name)) != "–" for row in table.rows)]
 
 
 def breakable(name: str) -> Markup:

@@ -1,7 +1,8 @@
 """The terms of a report, a sentence each. The page links each term to its line where it first stands."""
 
 TERMS = {
-    "contestant": "An engine with its settings, on one scene. Its name has those settings that differ within the experiment.",
+    "contestant": "An engine with its settings, on one scene. Its name has those settings that differ within the experiment: "
+                  "accelerator (how the hit of a ray is found: bvh, grid, brute force), sampler, precision and threads.",
     "target": "The error that a contestant has to reach. The time until then is compared.",
     "reference": "An image at many samples that stands for the truth; errors are differences from it.",
     "relMSE": "Mean of (A - R)² / (R² + ε) over pixels and channels, for an image A and the reference R.",
@@ -15,8 +16,8 @@ TERMS = {
     "not separated": "Several contestants may be the fastest; the data do not say which.",
     "ratio": "Time of one contestant over that of another to the same target, paired by block: above 1 the first named is "
              "faster. It is formed only between contestants that differ in one setting, or that the experiment names.",
-    "no ratio": "The contestant has no baseline: it belongs to the baseline engine, or none differs from it in one setting. Nor is "
-                "it the baseline of another one.",
+    "no ratio": "The contestant has no baseline: it belongs to the baseline engine, or none differs from it in one setting. "
+                "Nor is it the baseline of another one.",
     "baseline": "The contestant that another is compared with.",
     "noise floor": "How much two measurements of one configuration differ (A/A twins). No smaller difference is called one.",
     "A/A twin": "A second name under which one configuration of a scene is measured again.",

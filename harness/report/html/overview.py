@@ -1,4 +1,4 @@
-"""The first screen of a report: per scene and target who is the fastest, the ratio to the baseline, and what the timing rests on."""
+"""The first screen of a report: per scene and target the fastest, its ratio to the baseline, and what the timing rests on."""
 
 from __future__ import annotations
 
@@ -103,11 +103,11 @@ def _cell(
 
 def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
     time = verdict.warm[index]
-    ratio, other = _ratio(verdict, verdicts, index)
+    ratio, other = ratio_of(verdict, verdicts, index)
     return Entry(verdict.contestant.name, estimate_text((time.value, time.low, time.high)), ratio, other, verdict.warnings)
 
 
-def _ratio(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
+def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
     """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
     own = verdict.quality_speedups[index]
     if own is not None and verdict.against is not None and math.isfinite(own.ratio) and own.ratio > 0:
@@ -211,7 +211,7 @@ def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
                      f'<polyline points="{path(x, error)}" fill="none" stroke="{look.colour}" '
                      f'stroke-width="{2.6 if best else 1}"{dashes}/></g>')  # fmt: skip
     label = escape(f"{panel.title}: {metric_title(analysis.results.metric)} over warm seconds of {len(curves)} contestants, "
-                   f"logarithmic, from {number_text(10**x0)} to {number_text(10**x1)} s; dashed lines are the targets.")  # fmt: skip
+                   f"logarithmic, from {number_text(10**x0)} to {number_text(10**x1)} s. Dashed: targets.")  # fmt: skip
     box = f'viewBox="0 0 {PLOT_WIDTH} {PLOT_HEIGHT}"'
     return Markup(f'<svg class="small" {box} role="img" aria-label="{label}">{"".join(parts)}</svg>')
 

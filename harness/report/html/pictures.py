@@ -175,7 +175,8 @@ def _group(results: Results, panel: Panel, found: Mapping[str, Selection], facto
         reference = None
     pictures: list[dict[str, Any]] = []
     if reference is not None:
-        pictures.append({"name": "reference", "caption": f"{reference.spp} spp", "data": packed(shrunk(reference.mean, factor))})
+        data = packed(shrunk(reference.mean, factor))
+        pictures.append({"name": "reference", "caption": f"{reference.spp} spp", "data": data})
     places: dict[str, int] = {}
     rules = {}
     for rule, selection in found.items():

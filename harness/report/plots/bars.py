@@ -93,7 +93,8 @@ def _phase_whiskers(axis: Axes, estimates: Sequence[Estimate], left: np.ndarray)
     """Intervals of bars that start at `left`, where they are known."""
     for row, (estimate, start) in enumerate(zip(estimates, left.tolist(), strict=True)):
         if math.isfinite(estimate.low) and math.isfinite(estimate.high) and estimate.high > estimate.low:
-            axis.plot([start + estimate.low, start + estimate.high], [row, row], color=INK, linewidth=1.2, solid_capstyle="butt")
+            ends = [start + estimate.low, start + estimate.high]
+            axis.plot(ends, [row, row], color=INK, linewidth=1.2, solid_capstyle="butt")
 
 
 def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:

@@ -114,6 +114,6 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
                  "Checkpoints by warm time and error; full markers with intervals are those that none surely beats in "
                  "both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
-                 "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at the end "
-                 "of a phase is its own 95 % interval.",
+                 "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at "
+                 "the end of a phase is its own 95 % interval.",
                  partial(phase_bars, panel))  # fmt: skip
