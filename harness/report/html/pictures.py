@@ -77,12 +77,11 @@ def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup
 
 
 def shown_images(analysis: Analysis, most: int = MOST_CROPS) -> set[str]:
-    """The stored images that a report shows, by their paths in the results folder; of each panel at most the first
-    `most` by each rule."""
+    """The stored images that an archive keeps for its report, by their paths in the results folder: of each panel at most the
+    first `most` at the last checkpoint, and as many at equal time. Those at equal samples are what these have in common."""
     found: set[str] = set()
     for panel in panels(analysis):
-        for selection in selections(analysis.results, panel).values():
-            found |= {str(shown.point["image"]) for shown in selection.shown[:most]}
+        found |= {str(shown.point["image"]) for shown in selections(analysis.results, panel)["last"].shown[:most]}
         found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1][:most]}
     return found
 
