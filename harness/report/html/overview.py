@@ -211,7 +211,7 @@ def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
                      f'<polyline points="{path(x, error)}" fill="none" stroke="{look.colour}" '
                      f'stroke-width="{2.6 if best else 1}"{dashes}/></g>')  # fmt: skip
     label = escape(f"{panel.title}: {metric_title(analysis.results.metric)} over warm seconds of {len(curves)} contestants, "
-                   f"logarithmic, from {number_text(10**x0)} to {number_text(10**x1)} s. Dashed: targets.")  # fmt: skip
+                   f"logarithmic, {number_text(10**x0)} to {number_text(10**x1)} s. Horizontal lines: targets.")  # fmt: skip
     box = f'viewBox="0 0 {PLOT_WIDTH} {PLOT_HEIGHT}"'
     return Markup(f'<svg class="small" {box} role="img" aria-label="{label}">{"".join(parts)}</svg>')
 
