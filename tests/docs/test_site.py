@@ -86,6 +86,12 @@ def test_the_reference_is_made_from_the_code(site, page, words):
     assert [word for word in words if word not in text] == []
 
 
+@pytest.mark.parametrize("page", ["index", "start"])
+def test_reports_of_committed_results_are_pages_that_others_link_to(site, page):
+    assert 'href="reports/baseline.html"' in (site / f"{page}.html").read_text()
+    assert '<table class="matrix">' in (site / "reports" / "baseline.html").read_text()
+
+
 @pytest.mark.parametrize("page", WIDE)
 def test_nothing_sticks_out_sideways(site, browser, page):
     for width in (390, 1400):

@@ -310,7 +310,7 @@ def test_the_block_of_a_lost_machine_is_measured_anew_by_one_machine():
     blocks._look()
     (first,) = blocks._feed()
     first.status = "finished"
-    (second,) = blocks._finish(first)
+    blocks._finish(first)
     (home,) = {address for _, address in started}
     del machines[home]
     blocks._look()

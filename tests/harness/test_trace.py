@@ -166,7 +166,7 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
         read_trace(tmp_path / "trace.json")
 
 
-def test_run_takes_a_file_of_the_league(tmp_path):
+def test_run_takes_a_file_of_a_comparison_by_rays(tmp_path):
     path = tmp_path / "small.yaml"
     path.write_text(
         "raybench_trace: 1\nscene: cornell_box\nrays: camera\nengine: numpy\ncount: 100\nhard: 0\nrepeats: 1\n"

@@ -11,8 +11,8 @@ has a place for them; places are counted on the machine with the fewest threads.
 or by bare name from the scenes of that installation.
 
 Nothing is written on the machines. A cell is recorded when all of it has arrived. One whose machine dies is given to
-another: by Dask where any machine may have it, here with all of its block where that is measured on one. Events carry the environment id of
-where they were measured.
+another: by Dask where any machine may have it, here with all of its block where that is measured on one. Events carry the
+environment id of where they were measured.
 """
 
 from __future__ import annotations
