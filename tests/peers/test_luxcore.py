@@ -3,6 +3,7 @@
 import importlib.util
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,17 @@ def test_what_has_no_exact_counterpart_is_declined(material, shader, words):
         Engine().prepare(plain_scene(**material), Settings(8, 8, shader=shader, sampler="random"))
 
 
+def test_textures_that_are_looked_up_otherwise_are_declined():
+    image = {"image": np.full((2, 2, 3), 0.5, np.float32)}
+    held = engines.scene_from({
+        "raybench_scene": 1, "name": "image", "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0]},
+        "textures": {"it": {**image, "filter": "nearest"}}, "materials": {"it": {"kd": "it"}},
+        "shapes": [{"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "it"}],
+        "lights": [{"environment": {"radiance": 1}}],
+    })  # fmt: skip
+    assert "bilinear, repeated" in str(Engine().why_not(held, SETTINGS))
+
+
 @installed
 def test_luxcore_conforms(luxcore):
     found = check_engine(luxcore)
@@ -104,3 +116,22 @@ def test_calls_do_not_repeat_their_samples_and_seeds_matter(luxcore):
     assert (one != two).any()
     other = luxcore.prepare(lit, Settings(32, 32, shader=DEEP, sampler="random", seed=4)).render(8).mean()
     assert (one != other).any()
+
+
+@installed
+def test_images_on_diffuse_surfaces_lie_where_numpy_has_them(luxcore):
+    """Steep texels, repeated, under texture coordinates that are turned and moved."""
+    pixels = np.random.default_rng(1).random((3, 4, 3)).astype(np.float32)
+    corners, uvs = [[-4, -4, 0], [4, -4, 0], [4, 4, 0], [-4, 4, 0]], [[-0.2, 1.3], [1.2, 1.3], [1.2, -0.2], [-0.2, -0.2]]
+    held = engines.scene_from({
+        "raybench_scene": 1, "name": "image",
+        "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40},
+        "textures": {"it": {"image": pixels, "filter": "bilinear", "to_uv": [[0.8, 0.3, 0.1], [-0.2, 0.9, 0.3]]}},
+        "materials": {"it": {"kd": "it"}},
+        "shapes": [{"mesh": {"vertices": corners, "faces": [[0, 1, 2], [0, 2, 3]], "uvs": uvs}, "material": "it"}],
+        "lights": [{"directional": {"direction": [0, 0, -1], "irradiance": 3}}],
+    })  # fmt: skip
+    there = luxcore.prepare(held, SETTINGS).render(64).mean()
+    ours = engines.engine("numpy").prepare(held, replace(SETTINGS, precision="float64")).render(64).mean()
+    np.testing.assert_allclose(there, ours, atol=0.03 * ours.max())
+    assert ours.std(axis=(0, 1)).min() > 0.1 * ours.max(), "an image in which nothing can be told apart"

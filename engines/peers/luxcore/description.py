@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.adapters import camera_frame, extent, flat_meshes, sphere_mesh, tangents
 from engines.interface import Settings
-from engines.peers.luxcore.materials import Properties, material_properties
+from engines.peers.luxcore.materials import Properties, material_properties, texture_of
 from engines.scene import (
     Cylinder,
     DirectionalLight,
@@ -61,7 +61,10 @@ def shapes(scene: Scene) -> Iterator[Shape]:
     """All shapes of the scene."""
     size = extent(scene)
     for mesh in flat_meshes(scene, gap=GAP * size):
-        yield Shape(mesh.name, mesh.material, mesh.name, mesh.vertices, mesh.faces, mesh.normals, mesh.uvs)
+        uvs, texture = mesh.uvs, texture_of(scene.materials[mesh.material])
+        if texture is not None and uvs is not None:
+            uvs = np.column_stack([uvs, np.ones(len(uvs))]) @ np.reshape(texture.to_uv, (2, 3)).T
+        yield Shape(mesh.name, mesh.material, mesh.name, mesh.vertices, mesh.faces, mesh.normals, uvs)
     unit_sphere = None
     for index, shape in enumerate(scene.shapes):
         name = f"shape_{index}"
@@ -103,9 +106,19 @@ def _flat_or_round(shape: Plane | Disk | Cylinder, size: float) -> tuple[Array, 
     return np.concatenate([rim, [shape.center]]), faces, None
 
 
+def images(scene: Scene) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """The images of textures, (h, w, 3), by the names that `properties` has for them."""
+    for index, material in enumerate(scene.materials):
+        if (texture := texture_of(material)) is not None:
+            yield f"m{index}_image", np.broadcast_to(texture.pixels, (*texture.pixels.shape[:2], 3))
+
+
 def properties(scene: Scene, settings: Settings) -> Properties:
-    """Camera, materials and lights."""
+    """Camera, textures, materials and lights."""
     found = {f"camera.{key}": value for key, value in _camera(scene, settings).items()}
+    for name, _ in images(scene):
+        texture = {"type": "imagemap", "file": name, "gamma": 1.0, "gain": 1.0, "mapping.type": "uvmapping2d"}
+        found |= {f"textures.{name.removesuffix('image')}map.{key}": value for key, value in texture.items()}
     for index, material in enumerate(scene.materials):
         found |= {f"materials.{key}": value for key, value in material_properties(f"m{index}", material).items()}
     for index, light in enumerate(scene.lights):

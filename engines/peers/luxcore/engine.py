@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
-from engines.peers.luxcore.materials import material_lacks
+from engines.peers.luxcore.materials import material_lacks, texture_of
 from engines.peers.luxcore.renderer import Renderer
 from engines.scene import (
     Conductor,
@@ -14,6 +14,7 @@ from engines.scene import (
     DirectionalLight,
     Disk,
     EnvironmentLight,
+    ImageTexture,
     Mesh,
     Mixture,
     Perspective,
@@ -37,6 +38,8 @@ class Engine(AdapterEngine):
     There is no Russian roulette: LuxCore's is biased beside multiple importance sampling (2.4 % in a closed box of albedo 1/2
     from the third segment on), so that `rr_depth` below `max_depth` is declined. It stops by being polled: pixels have up to
     a few samples more than were asked for, which the film counts.
+
+    Spot lights are declined: LuxCore's are brighter away from their axis (flux 1.38 times as large with a cutoff of 60 degrees).
     """
 
     name = lineage = "luxcore"
@@ -46,6 +49,7 @@ class Engine(AdapterEngine):
     overshoots = True
     shapes = (Triangle, Mesh, Sphere, SphereSet, Disk, Cylinder, Plane)
     materials = (Mixture, Diffuse, Dielectric, Conductor)
+    textures = (ImageTexture,)
     lights = (PointLight, DirectionalLight, EnvironmentLight)
     cameras = (Perspective, ThinLens)
     camera_keys = ("principal_point", "clip")
@@ -83,6 +87,8 @@ class Engine(AdapterEngine):
         if any(isinstance(light, EnvironmentLight) and light.image is not None for light in scene.lights):
             return "LuxCore's environments of images are not translated"
         for shape in scene.shapes:
+            if not isinstance(shape, (Triangle, Mesh)) and texture_of(material := scene.materials[shape.material]):
+                return f"material {material.name!r}: textures are translated on meshes, not on a {type(shape).__name__}"
             if not isinstance(shape, (Triangle, Mesh)) and scene.materials[shape.material].emits:
                 return f"LuxCore has area lights of triangles only, not of the kind {type(shape).__name__}"
         return None

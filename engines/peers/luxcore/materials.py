@@ -4,15 +4,34 @@ from __future__ import annotations
 
 from typing import Any
 
-from engines.scene import BLACK, Bsdf, Conductor, Dielectric, Diffuse, Material, Mixture
+from engines.scene import BLACK, Bsdf, Conductor, Dielectric, Diffuse, ImageTexture, Material, Mixture
+from engines.scene.bsdf import textures
 from engines.scene.support import model_of
 
 Properties = dict[str, Any]
 
 
+def texture_of(material: Material) -> ImageTexture | None:
+    """The image on a diffuse material, or None."""
+    found = next(textures(model_of(material)), None)
+    return found if isinstance(found, ImageTexture) else None
+
+
+def _texture_lacks(material: Material, texture: ImageTexture) -> str | None:
+    bsdf = model_of(material)
+    alone = isinstance(bsdf, Diffuse) or (isinstance(bsdf, Mixture) and (bsdf.ks, bsdf.kt) == (BLACK, BLACK))
+    if not alone:
+        return "textures on anything but a diffuse BSDF"
+    if (texture.filter, texture.wrap) != ("bilinear", "repeat"):
+        return "textures other than bilinear, repeated ones"
+    return None if 0.0 <= texture.pixels.min() <= texture.pixels.max() <= 1.0 else "textures that leave [0, 1]"
+
+
 def material_lacks(material: Material) -> str | None:
     """What of a material LuxCore has no exact counterpart of, or None. Kinds of BSDFs and textures have been looked at."""
-    bsdf = model_of(material)
+    bsdf, texture = model_of(material), texture_of(material)
+    if texture is not None:
+        return _texture_lacks(material, texture)
     if isinstance(bsdf, Conductor):
         if bsdf.alpha != (0.0, 0.0):
             return "rough conductors with raybench's microfacets (its own are Schlick's)"
@@ -33,16 +52,18 @@ def material_lacks(material: Material) -> str | None:
 def material_properties(name: str, material: Material) -> Properties:
     """The material called `name`, emission included, and before it what it is made of."""
     bsdf = model_of(material)
-    if isinstance(bsdf, Mixture) and BLACK not in (bsdf.kd, bsdf.ks):
+    found: Properties = {}
+    if texture_of(material) is not None:
+        whole: Properties = {"type": "matte", "kd": f"{name}_map"}
+    elif isinstance(bsdf, Mixture) and BLACK not in (bsdf.kd, bsdf.ks):
         kd, ks = _rgb(bsdf.kd), _rgb(bsdf.ks)
         share = max(ks) / (max(kd) + max(ks))
         lobes = {"diffuse": ("matte", "kd", kd, 1.0 - share), "mirror": ("mirror", "kr", ks, share)}
-        found: Properties = {}
         for part, (kind, key, color, weight) in lobes.items():
             found |= {f"{name}_{part}.type": kind, f"{name}_{part}.{key}": [value / weight for value in color]}
-        whole: Properties = {"type": "mix", "material1": f"{name}_diffuse", "material2": f"{name}_mirror", "amount": share}
+        whole = {"type": "mix", "material1": f"{name}_diffuse", "material2": f"{name}_mirror", "amount": share}
     else:
-        found, whole = {}, _model(bsdf)
+        whole = _model(bsdf)
     if material.emits:
         whole |= {
             "emission": list(material.emission), "emission.gain": [1.0] * 3,

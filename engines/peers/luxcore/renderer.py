@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.adapters import ImageRenderer
 from engines.interface import Settings
-from engines.peers.luxcore.description import properties, shapes
+from engines.peers.luxcore.description import images, properties, shapes
 from engines.peers.luxcore.materials import Properties
 from engines.scene import Scene
 
@@ -46,6 +46,9 @@ class Renderer(ImageRenderer):
         self._session: Any = None  # the session before must end first
         lux = library()
         described = lux.Scene()
+        for name, pixels in images(scene):
+            height, width, channels = pixels.shape
+            described.DefineImageMap(name, pixels.ravel(), 1.0, channels, width, height)
         described.Parse(_properties(lux, properties(scene, settings)))
         for shape in shapes(scene):
             if shape.vertices is not None:
