@@ -275,6 +275,7 @@ class SceneTable(Table):
     n_lights = scalar()
     n_unbounded_lights = scalar()
     light_parts = scalar()  # lights without a box, and one more for the hierarchy
+    light_steps = scalar()  # of a bisection among the faces of a light
     lit_through = scalar()  # 1 where some surface may be lit from behind, else 0
     environment_light = scalar()  # index of the environment among the lights, 0 where there is none
     environment_width = scalar()

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
+from engines.kernels.compile.records import address_of, array_at, lane_numbers
+from engines.kernels.compile.values import const, keep_scalar, lowest_bit, pick, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
-from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
+from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, PlaneRow, SphereRow, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy
 from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
@@ -51,28 +51,6 @@ def load_vertices(rays, lane, scene, face):
     rays.vertex0[lane] = scene.vertices[row.a]
     rays.vertex1[lane] = scene.vertices[row.b]
     rays.vertex2[lane] = scene.vertices[row.c]
-
-
-@inline
-def _load_sphere(rays, lane, scene, index):
-    row = scene.spheres[index]
-    center = row.center
-    rays.shape_parameters[0, lane] = center.x
-    rays.shape_parameters[1, lane] = center.y
-    rays.shape_parameters[2, lane] = center.z
-    rays.shape_parameters[3, lane] = row.radius
-
-
-@inline
-def _load_plane(rays, lane, scene, index):
-    row = scene.planes[index]
-    point, normal = row.point, row.normal
-    rays.shape_parameters[0, lane] = point.x
-    rays.shape_parameters[1, lane] = point.y
-    rays.shape_parameters[2, lane] = point.z
-    rays.shape_parameters[3, lane] = normal.x
-    rays.shape_parameters[4, lane] = normal.y
-    rays.shape_parameters[5, lane] = normal.z
 
 
 @cache
@@ -109,29 +87,56 @@ def _columns(features: SceneFeatures) -> tuple[tuple[int, int], ...]:
 
 
 @cache
+def _make_find_formula(features: SceneFeatures) -> Any:
+    """The function (scene, kind, index) -> (address of the row of a shape with a formula, how many numbers it has); some row of
+    the scene's for a triangle."""
+    spheres, planes, analytic = features.spheres, features.planes, len(features.analytic) > 0
+    plane_size, sphere_size = PlaneRow.size, SphereRow.size
+
+    @inline
+    def find(scene, kind, index):
+        start, size, zero = np.int64(0), np.int64(0), np.int64(0)
+        if analytic:
+            start, size = address_of(scene.analytic[pick(kind > PLANE, index, zero)]), np.int64(SHAPE_PARAMETERS)
+        if planes:
+            own = (kind == PLANE) | (not analytic)
+            row = address_of(scene.planes[pick(kind == PLANE, index, zero)])
+            start, size = pick(own, row, start), pick(own, np.int64(plane_size), size)
+        if spheres:
+            own = (kind == SPHERE) | (not (analytic or planes))
+            row = address_of(scene.spheres[pick(kind == SPHERE, index, zero)])
+            start, size = pick(own, row, start), pick(own, np.int64(sphere_size), size)
+        return start, size
+
+    return find
+
+
+@cache
 def _make_load_shape(features: SceneFeatures) -> Any:
-    """The function (rays, lane, scene, kind, index) that copies the geometry of the primitive hit."""
-    triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
-    analytic = len(features.analytic) > 0
+    """The function (rays, lane, scene, kind, index) that copies the geometry of the primitive hit. Which kind it is hangs on
+    chance, so it decides on addresses and not on branches; what is no triangle reads the corners of the first."""
+    triangles, smooth, find_formula = features.triangles, features.smooth, _make_find_formula(features)
+    numbers = SHAPE_PARAMETERS if features.analytic else PlaneRow.size if features.planes else SphereRow.size
+    formulated = features.spheres or features.planes or len(features.analytic) > 0
+    first_numbers = SphereRow.size
 
     @inline
     def load(rays, lane, scene, kind, index):
         if triangles:
-            face = index if kind == TRIANGLE else np.int64(0)
+            face = pick(kind == TRIANGLE, index, np.int64(0))
             load_vertices(rays, lane, scene, face)
             if smooth:
                 row = scene.triangles[face]
                 rays.vertex_normal0[lane] = scene.vertex_normals[row.a]
                 rays.vertex_normal1[lane] = scene.vertex_normals[row.b]
                 rays.vertex_normal2[lane] = scene.vertex_normals[row.c]
-        if spheres and kind == SPHERE:
-            _load_sphere(rays, lane, scene, index)
-        if planes and kind == PLANE:
-            _load_plane(rays, lane, scene, index)
-        if analytic and kind > PLANE:
-            row = scene.analytic[index]
-            for k in range(SHAPE_PARAMETERS):
-                rays.shape_parameters[k, lane] = row.parameters[k]
+        if formulated:
+            start, size = find_formula(scene, kind, index)
+            row = array_at(start, np.float64)
+            for k in range(first_numbers):
+                rays.shape_parameters[k, lane] = row[k]
+            for k in range(first_numbers, numbers):
+                rays.shape_parameters[k, lane] = row[pick(k < size, np.int64(k), np.int64(0))]
 
     return load
 
