@@ -111,6 +111,8 @@ class Plan(NamedTuple):
     """Stages of BSDF models, where the scene has several."""
     programs: bool
     """Some material has wrappers or textures."""
+    last_depth: int
+    """See `stages.shade.last_depth`."""
 
 
 class Issued(NamedTuple):
@@ -188,18 +190,30 @@ def _regenerate(stages, batch, spare, scene, real, work, issued, free):
 
 
 @inline
+def _some_scatter(rays, last_depth):
+    """Whether some lane needs random numbers, a light sample and its BSDF."""
+    lanes = np.int32(0)
+    for lane in range(np.uint64(LANES)):
+        scatters = rays.alive[lane] & (not rays.miss[lane]) & (np.int32(rays.depth[lane]) < last_depth)
+        lanes |= np.int32(1 if scatters else 0)
+    return lanes != 0
+
+
+@inline
 def _advance(rays, stages, batch, scene, plan, zero):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
     call_stage(stages[CLOSEST], batch, scene)
     call_stage(stages[SURFACE], batch, scene)
-    call_stage(stages[DRAW_VERTEX], batch, scene)
-    if plan.programs:
-        call_stage(stages[MATERIAL], batch, scene)
-    if plan.lit:
-        call_stage(stages[LIGHT], batch, scene)
-    for k in range(plan.bsdfs):
-        call_stage(stages[FIRST_BSDF + k], batch, scene)
+    scatters = plan.programs or plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
+    if scatters:
+        call_stage(stages[DRAW_VERTEX], batch, scene)
+        if plan.programs:
+            call_stage(stages[MATERIAL], batch, scene)
+        if plan.lit:
+            call_stage(stages[LIGHT], batch, scene)
+        for k in range(plan.bsdfs):
+            call_stage(stages[FIRST_BSDF + k], batch, scene)
     call_stage(stages[SHADE], batch, scene)
     if plan.lit:
         # where no ray is sent, light of sources that touch the surface may be left

@@ -169,7 +169,8 @@ class Renderer:
         shaded = shade.stage(integrator, shading, features, real)
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(
-            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None
+            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None,
+            shade.last_depth(self.settings.shader),
         )
         order = [
             draw_pixel,
