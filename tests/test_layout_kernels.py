@@ -15,12 +15,14 @@ FLOORS: dict[str, set[str]] = {
     "features": set(),
     "light_rows": {"compile.records"},
     "program_rows": {"compile.records"},
-    "layout": {"compile.jit", "compile.records", "light_rows", "program_rows"},
+    "layout": {"compile.jit", "compile.masks", "compile.records", "light_rows", "program_rows"},
     "lane": {*COMPILED, "compile.vec3", "features"},
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
-    "stages": {*COMPILED, "compile.records", "compile.simd", "features", "flatten", "integrators", "lane", "layout"},
-    "driver": {*COMPILED, "lane", "layout"},
+    "stages": {
+        *COMPILED, "compile.records", "compile.row_loads", "compile.simd", "features", "flatten", "integrators", "lane", "layout",
+    },  # fmt: skip
+    "driver": {*COMPILED, "compile.masks", "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {"compile.jit", "driver", "features", "flatten", "layout", "queries", "stages"},
     "resolve": {"flatten", "layout"},

@@ -91,6 +91,8 @@ class RayBatch(LaneRecord):
     # what stages load of the scene before they compute, so that loops over lanes are vector code on any machine
     shape = integer()  # kind of the primitive hit
     light_kind = integer()
+    corner0, corner1, corner2 = integer(), integer(), integer()  # indices of vertices of a triangle
+    material = integer()
     vertex0 = vector()  # of a triangle
     vertex1 = vector()
     vertex2 = vector()

@@ -1,10 +1,11 @@
 """What a path costs, by its greatest depth: `python -m tests.benchmarks.path_cost [--scenes NAME...] [--depths N...]`.
 
 The path tracer without roulette, independent random numbers, float32, robust; Mitsuba is timed by its own render call, on the
-same loaded scene. The contestants take turns in one process, in mirrored order. A cost is processor time over paths begun, so the
-number of threads divides out: the median over rounds, in nanoseconds. The ratio is the geometric mean over rounds of Mitsuba's
-cost over ours, with the 95 % interval of Student's t for the logarithms. At depth 1 a path is a camera ray: what it begins with,
-its first hit, and how it enters the film. What deeper paths cost more is scattering, light samples and shadow rays.
+same loaded scene. The contestants take turns in one process, in mirrored order. A cost is processor time over paths begun, so
+the number of threads divides out: the median over rounds, in nanoseconds. The ratio is the geometric mean over rounds of
+Mitsuba's cost over ours, with the 95 % interval of Student's t for the logarithms. At depth 1 a path is a camera ray: what it
+begins with, its first hit, and how it enters the film. What deeper paths cost more is scattering, light samples and shadow
+rays.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
 from engines.kernels.layout import LANES, LightRow, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy
-from engines.kernels.stages.surface import load_vertices
+from engines.kernels.stages.surface import keep_corners, load_vertices
 
 COLOR = LightRow.fields["color"].first
 """In a row of a light, as at the beginning of one of a material: a colour and whether both sides emit."""
@@ -115,6 +115,8 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
             numbers = array_at(color, real)
             rays.light_color[lane] = Vec3(numbers[0], numbers[1], numbers[2])
             rays.two_sided[lane] = numbers[3]
+        if meshes:
+            load_vertices(rays, scene)
 
     return load
 
@@ -127,7 +129,7 @@ def _load_face(rays, lane, scene, light, rest, mesh, color):
     first = np.int64(faces.first)
     chosen = first + environment.first_above_in(scene.light_cdf, first, np.int64(faces.count), scene.light_steps, rest)
     row = scene.primitives[scene.light_faces[chosen]]
-    load_vertices(rays, lane, scene, row.index)
+    keep_corners(rays, lane, scene, row.index)
     return pick(mesh, address_of(scene.materials[row.material]), color)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import address_of, array_at, lane_numbers
+from engines.kernels.compile.row_loads import AT_ONCE, row_loads
 from engines.kernels.compile.values import const, keep_scalar, lowest_bit, pick, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
@@ -21,7 +22,17 @@ from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_sha
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
-from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, PlaneRow, SphereRow, ray_batch, scene_table
+from engines.kernels.layout import (
+    LANES,
+    SHAPE_PARAMETERS,
+    MarginRow,
+    MaterialRow,
+    PlaneRow,
+    RayBatch,
+    SphereRow,
+    ray_batch,
+    scene_table,
+)
 from engines.kernels.stages import environment, light_hierarchy
 from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
@@ -45,45 +56,78 @@ def margins(tracing: Any) -> NDArray[np.float64]:
 
 
 @inline
-def load_vertices(rays, lane, scene, face):
-    """The corners of a triangle, by its index among the triangles."""
+def keep_corners(rays, lane, scene, face):
+    """Notes the corners of a triangle, by its index among the triangles, for `load_vertices`."""
     row = scene.triangles[face]
-    rays.vertex0[lane] = scene.vertices[row.a]
-    rays.vertex1[lane] = scene.vertices[row.b]
-    rays.vertex2[lane] = scene.vertices[row.c]
+    rays.corner0[lane] = row.a
+    rays.corner1[lane] = row.b
+    rays.corner2[lane] = row.c
+
+
+def _number(field: str) -> int:
+    return RayBatch.fields[field].first
+
+
+def _vector_loads(field: str) -> list[Any]:
+    """Three functions (rays, address of vectors) that copy those of the corners into `field` with 0, 1 or 2 at its end."""
+    firsts = [_number(f"{field}{k}") for k in range(3)]
+    return [
+        row_loads(_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)
+    ]
+
+
+_vertex0, _vertex1, _vertex2 = _vector_loads("vertex")
+_normal0, _normal1, _normal2 = _vector_loads("vertex_normal")
+
+
+@inline
+def load_vertices(rays, scene):
+    """The corners of each lane's triangle."""
+    _vertex0(rays, address_of(scene.vertices))
+    _vertex1(rays, address_of(scene.vertices))
+    _vertex2(rays, address_of(scene.vertices))
+
+
+@inline
+def _load_normals(rays, scene):
+    _normal0(rays, address_of(scene.vertex_normals))
+    _normal1(rays, address_of(scene.vertex_normals))
+    _normal2(rays, address_of(scene.vertex_normals))
 
 
 @cache
-def _make_load_bsdf(ranges: tuple[tuple[int, int], ...]) -> Any:
-    """The function (rays, lane, row) that copies these ranges of a material's parameters."""
+def _make_load_materials(columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
+    """The function (rays, address of the materials) that copies these columns of each lane's row to these numbers of a lane."""
 
     @inline
-    def nothing(rays, lane, row):
+    def nothing(rays, address):
         pass
 
-    if not ranges:
+    if not columns:
         return nothing
-    (first, last), rest = ranges[0], _make_load_bsdf(ranges[1:])
+    n = next((k for k in range(1, len(columns)) if k == AT_ONCE or columns[k] != columns[0] + k), len(columns))
+    loads = row_loads(_number("material"), MaterialRow.size, columns[:n], targets[:n])
+    rest = _make_load_materials(columns[n:], targets[n:])
 
     @inline
-    def load(rays, lane, row):
-        for k in range(first, last):
-            rays.bsdf[k, lane] = row.bsdf[k]
-        rest(rays, lane, row)
+    def load(rays, address):
+        loads(rays, address)
+        rest(rays, address)
 
     return load
 
 
-def _columns(features: SceneFeatures) -> tuple[tuple[int, int], ...]:
-    """Ranges of the parameters that the scene's BSDF models read."""
+def _material_columns(features: SceneFeatures) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """(columns of a material's row that the scene's BSDF models and its emission need, numbers of a lane to which they
+    go)."""
+    first, own = MaterialRow.fields["bsdf"].first, _number("bsdf")
     wanted = sorted({column for kind in features.bsdfs for column in materials.MODELS[kind].columns(features)})
-    found: list[list[int]] = []
-    for column in wanted:
-        if found and found[-1][1] == column:
-            found[-1][1] += 1
-        else:
-            found.append([column, column + 1])
-    return tuple((first, last) for first, last in found)
+    pairs = [(first + column, own + column) for column in wanted]
+    if features.emission:
+        emission, two_sided = MaterialRow.fields["emission"].first, MaterialRow.fields["two_sided"].first
+        pairs += [(emission + k, _number("emission") + k) for k in range(3)] + [(two_sided, _number("two_sided"))]
+    columns = sorted(pairs)
+    return tuple(column for column, _ in columns), tuple(target for _, target in columns)
 
 
 @cache
@@ -115,7 +159,7 @@ def _make_find_formula(features: SceneFeatures) -> Any:
 def _make_load_shape(features: SceneFeatures) -> Any:
     """The function (rays, lane, scene, kind, index) that copies the geometry of the primitive hit. Which kind it is hangs on
     chance, so it decides on addresses and not on branches; what is no triangle reads the corners of the first."""
-    triangles, smooth, find_formula = features.triangles, features.smooth, _make_find_formula(features)
+    triangles, find_formula = features.triangles, _make_find_formula(features)
     numbers = SHAPE_PARAMETERS if features.analytic else PlaneRow.size if features.planes else SphereRow.size
     formulated = features.spheres or features.planes or len(features.analytic) > 0
     first_numbers = SphereRow.size
@@ -124,12 +168,7 @@ def _make_load_shape(features: SceneFeatures) -> Any:
     def load(rays, lane, scene, kind, index):
         if triangles:
             face = pick(kind == TRIANGLE, index, np.int64(0))
-            load_vertices(rays, lane, scene, face)
-            if smooth:
-                row = scene.triangles[face]
-                rays.vertex_normal0[lane] = scene.vertex_normals[row.a]
-                rays.vertex_normal1[lane] = scene.vertex_normals[row.b]
-                rays.vertex_normal2[lane] = scene.vertex_normals[row.c]
+            keep_corners(rays, lane, scene, face)
         if formulated:
             start, size = find_formula(scene, kind, index)
             row = array_at(start, np.float64)
@@ -154,9 +193,9 @@ def _choices(rays, lane, scene, primitive, light, real):
 def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
     several_shapes = features.spheres or features.planes or len(features.analytic) > 0
-    several_bsdfs, emission, power = len(features.bsdfs) > 1, features.emission, features.power_lights
+    several_bsdfs, smooth, power = len(features.bsdfs) > 1, features.smooth, features.power_lights
     hierarchy = features.light_hierarchy
-    load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
+    load_shape, load_materials = _make_load_shape(features), _make_load_materials(*_material_columns(features))
     parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
     triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
 
@@ -175,13 +214,9 @@ def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
                 kind, index = row.shape, np.int64(row.index)
             rays.shape[lane] = kind
             load_shape(rays, lane, scene, kind, index)
-            material = scene.materials[row.material]
-            load_bsdf(rays, lane, material)
+            rays.material[lane] = row.material
             if several_bsdfs:
-                rays.bsdf_model[lane] = np.int64(material.model)
-            if emission:
-                rays.emission[lane] = material.emission
-                rays.two_sided[lane] = material.two_sided
+                rays.bsdf_model[lane] = np.int64(scene.materials[row.material].model)
             if parameters > 0:
                 light = row.light
                 rays.primitive_light[lane] = light
@@ -192,6 +227,11 @@ def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
                 light_row = scene.lights[light if light >= 0 else np.int32(0)]
                 for k in range(parameters):
                     rays.light_parameters[k, lane] = light_row.parameters[k]
+        load_materials(rays, address_of(scene.materials))
+        if triangles:
+            load_vertices(rays, scene)
+            if smooth:
+                _load_normals(rays, scene)
 
     return load
 

@@ -1,8 +1,8 @@
 """No tree: every triangle against sixteen rays at once. For small scenes nothing is faster.
 
-Triangles are tested in chunks, each of one shape and small enough for the first cache. Where no ray of the batch meets the box
-of a chunk, it is left out. Else its vertices are sheared into each ray's frame once and shared by the triangles around them; then
-a triangle costs three edge functions and a division, all in vector code.
+Triangles are tested in chunks, of one shape where that is not tiny, and small enough for the first cache. Where no ray of the
+batch meets the box of a chunk, it is left out. Else its vertices are sheared into each ray's frame once and shared by the
+triangles around them; then a triangle costs three edge functions and a division, all in vector code.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ class Accelerator:
         start = time.perf_counter()
         faces, vertices = flat.arrays[SceneTable.triangles], flat.arrays[SceneTable.vertices]
         chunks, corners, local, boxes = [(0, 0, 0)], [np.zeros((0, 3), flat.real)], [np.zeros((0, 3), np.int32)], []
-        for first, last in _chunks(np.searchsorted(flat.first_id, flat.arrays[SceneTable.triangle_primitives], side="right")):
+        shapes = np.searchsorted(flat.first_id, flat.arrays[SceneTable.triangle_primitives], side="right")
+        for first, last in _chunks(shapes):
             own, index = np.unique(vertices[faces[first:last]].reshape(-1, 3), axis=0, return_inverse=True)
             corners.append(own)
             local.append(index.reshape(-1, 3).astype(np.int32))
