@@ -49,9 +49,9 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 @cache
 def row_loads(index: int, stride: int, columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
-    """The function of compiled code (rays, address) that copies the numbers at the consecutive `columns`, at most four, of a
-    row of each lane: `stride` numbers of the batch's scalar type a row, from the address on. Which row it is stands in the integer
-    field that is number `index` of a lane; `targets` are the numbers of a lane that are written."""
+    """The function of compiled code (rays, address) that copies numbers of a row of each lane, those at `columns`: consecutive,
+    and at most four. A row is `stride` numbers of the batch's scalar type; the rows begin at the address. Which one it is
+    stands in the integer field that is number `index` of a lane; `targets` are the numbers of a lane that are written."""
 
     @intrinsic
     def copy_columns(typing, rays, address):
