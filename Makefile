@@ -7,7 +7,7 @@ OUT := results/quick
 ARGS ?=
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test fuzz microbench baseline renderers chapter lint docs docs-pictures clean
+.PHONY: help bench test fuzz microbench speed baseline renderers chapter lint docs docs-pictures clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
@@ -17,6 +17,7 @@ help:
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
 	@echo "make docs-pictures  make its pictures anew (many minutes)"
 	@echo "make microbench  time the parts: tests/benchmarks"
+	@echo "make speed       paths a second of numba, embree and Mitsuba on this machine, and their ratios (five minutes)"
 	@echo "make baseline    measure configs/engines.yaml (an hour, on an idle machine) and archive it in results/baseline"
 	@echo "make renderers   measure configs/renderers.yaml (forty minutes, on an idle machine) into results/renderers; LuxCore"
 	@echo "                 and Cycles take part where they are installed: docs/guides/other_programs.md and cycles.md"
@@ -35,6 +36,9 @@ test: .venv/.installed-test
 
 fuzz: .venv/.installed-test
 	@$(BIN)/python -m tests.fuzz $(ARGS)
+
+speed: .venv/.installed-test
+	@$(BIN)/python -m tests.benchmarks.speed $(ARGS)
 
 microbench: .venv/.installed-test
 	@$(BIN)/python -m pytest tests/benchmarks --benchmark-only $(ARGS)

@@ -23,7 +23,7 @@ class Option:
     check: Callable[[Any], str | None]
 
 
-OMITTED: dict[tuple[str, str], Any] = {("path_tracer", "light_sampler"): "uniform"}
+OMITTED: dict[tuple[str, str], Any] = {("path_tracer", "light_sampler"): "uniform", ("path_tracer", "light_candidates"): 1}
 """Options that came after the first published results, with the values at which descriptions leave them out: what those
 results describe keeps its identity."""
 
@@ -113,6 +113,11 @@ SHADERS: dict[str, dict[str, Option]] = {
             "uniform",
             "how one light is chosen at a vertex: evenly, by power, or by a hierarchy",
             one_of("uniform", "power", "bvh"),
+        ),
+        "light_candidates": Option(
+            1,
+            "light samples at a vertex of which one, resampled by what it would add unshadowed, gets a shadow ray",
+            integer(1, 32),
         ),
     },
     "depth_map": {

@@ -92,14 +92,18 @@ def png_bytes(bitmap: NDArray[np.uint8], provenance: Mapping[str, Any] | None = 
 
 
 def write_channels(path: FilePath, layers: Mapping[str, NDArray[Any]], provenance: Mapping[str, Any] | None = None) -> None:
-    """Writes an EXR of float32 channels (h, w), or of groups of channels (h, w, 3) such as "RGB". Raises `ConfigError`."""
+    """Writes an EXR of channels (h, w), or of groups of channels (h, w, 3) such as "RGB": half floats where the array holds
+    them, float32 elsewhere. Raises `ConfigError`."""
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     if provenance:
         header[ATTRIBUTE] = _json(provenance)
     with np.errstate(over="ignore"):
-        channels = {name: np.ascontiguousarray(image, np.float32) for name, image in layers.items()}
+        channels = {
+            name: np.ascontiguousarray(image, np.float16 if image.dtype == np.float16 else np.float32)
+            for name, image in layers.items()
+        }
     _replace(path, lambda temporary: OpenEXR.File(header, channels).write(str(temporary)))
 
 

@@ -1,4 +1,4 @@
-"""The house and its import rules (DESIGN section 1), read from the sources with ast: nothing is imported here.
+"""The packages and their import rules, read from the sources with ast: nothing is imported here.
 
 `ALLOWED` says which first-party modules each part may import (`test_layout_kernels` and `test_layout_harness` have the
 floors within two of them), `ONLY_IN` where a third-party package may appear, and `PUBLIC` what of `engines` the harness, or
@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 TOP_LEVEL = {
     *("pyproject.toml", "README.md", "LICENSE", "Makefile", ".ci", ".gitignore"),
+    *("CITATION.cff", "CHANGELOG.md", "CONTRIBUTING.md", ".github"),  # where their readers look
     *("engines", "harness", "configs", "scenes", "results", "tests", "docs"),
 }
 
@@ -153,7 +154,7 @@ def targets(module: str, names: tuple[str, ...]) -> set[str]:
 
 
 def broken_rules(name: str, source: str, is_package: bool = False) -> list[str]:
-    """One line for every import of `source`, as module `name`, that DESIGN section 1 forbids."""
+    """One line for every import of `source`, as module `name`, that the rules forbid."""
     part, broken = part_of(name), []
     for line, module, names in imports(name, source, is_package):
         root = module.partition(".")[0]

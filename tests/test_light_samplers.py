@@ -4,12 +4,14 @@ as the NumPy engine does.
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import engines
 from engines import Settings
+from engines.numpy_reference.direct_light import STEPS, resample_light, sample_light
 from engines.scene import (
     Cylinder,
     Dielectric,
@@ -35,6 +37,8 @@ from engines.scene.light_hierarchy import light_hierarchy
 RNG = np.random.default_rng(7)
 CHOSEN = ["power", "bvh"]
 """Every value of `light_sampler` but `uniform`."""
+RULES = [("power", 1), ("bvh", 1), ("uniform", 4), ("bvh", 3)]
+"""Values of `light_sampler` and `light_candidates`."""
 FLOOR, GLASS, LAMP, GLOW, DIM = range(5)
 MATERIALS = (
     Material("floor", bsdf=Mixture(kd=ImageTexture(RNG.uniform(0.2, 0.8, (4, 4, 3)).astype(np.float32)), ks=(0.1,) * 3)),
@@ -79,10 +83,10 @@ def render(engine, scene, spp=2, **settings):
     return film.mean()
 
 
-@pytest.mark.parametrize("name", CHOSEN)
-def test_numba_in_float64_equals_the_reference_however_lights_are_chosen(name):
-    for direct in ("mis", "light"):
-        settings = {"shader": path_tracer(name, direct=direct), "sampler": "sobol"}
+@pytest.mark.parametrize(("name", "candidates"), RULES)
+def test_numba_in_float64_equals_the_reference_however_lights_are_chosen(name, candidates):
+    for direct in ("mis", "light", *(["bsdf"] if candidates > 1 else [])):
+        settings = {"shader": path_tracer(name, direct=direct, light_candidates=candidates), "sampler": "sobol"}
         reference = render("numpy", every_light(), **settings)
         found = render("numba", every_light(), precision="float64", accelerator="bvh", **settings)
         difference = np.abs(found - reference).max(axis=2) / reference.max()
@@ -91,12 +95,13 @@ def test_numba_in_float64_equals_the_reference_however_lights_are_chosen(name):
 
 
 @pytest.mark.parametrize("direct", ["mis", "light"])
-@pytest.mark.parametrize("name", CHOSEN)
-def test_the_mean_does_not_depend_on_how_lights_are_chosen(name, direct):
+@pytest.mark.parametrize(("name", "candidates"), RULES)
+def test_the_mean_does_not_depend_on_how_lights_are_chosen(name, candidates, direct):
     """By z of every block of 6 x 6 pixels over pairs of independent images."""
     blocks = []
     for seed in range(12):
-        shaders = [path_tracer(choice, direct=direct) for choice in ("uniform", name)]
+        rules = (("uniform", 1), (name, candidates))
+        shaders = [path_tracer(choice, direct=direct, light_candidates=count) for choice, count in rules]
         images = [render("numpy", every_light(), 4, seed=2 * seed + k, sampler="random", shader=shader)
                   for k, shader in enumerate(shaders)]  # fmt: skip
         blocks.append((images[1] - images[0]).mean(axis=2).reshape(4, 6, 4, 6).mean(axis=(1, 3)))
@@ -111,6 +116,32 @@ def test_a_light_alone_and_shaders_of_all_lights_are_left_as_they_are():
         settings = {"sampler": "sobol", "spp": 1}
         even, other = (render("numpy", lamp, shader=path_tracer(choice), **settings) for choice in ("uniform", name))
         assert np.array_equal(even, other)
+
+
+@pytest.mark.parametrize("opaque", [True, False])
+def test_resampled_light_has_the_mean_of_its_candidates(opaque):
+    """At each point by 4096 numbers in equal steps that pick: the mean of what is picked is that of the candidates, but for a
+    step at each end of each candidate's share."""
+    context, steps, count = context_of(every_light(opaque), "bvh"), 4096, 8
+    pick, numbers = (np.arange(steps) + 0.5) / steps, np.random.default_rng(11)
+    for point, normal in zip(*(vectors.T for vectors in vertices(12)), strict=True):
+        at = SimpleNamespace(
+            point=np.repeat(point[:, None], steps, axis=1), normal=np.repeat(normal[:, None], steps, axis=1),
+            geometric=np.repeat(normal[:, None], steps, axis=1),
+        )  # fmt: skip
+        at.take = lambda lanes, at=at: SimpleNamespace(**{k: getattr(at, k)[:, lanes] for k in ("point", "normal")})
+        u0, u1, u = (np.full(steps, x) for x in numbers.random(3))
+        found = resample_light(context, at, u0, u1, u, pick, count)
+        places = [[(x + k * step / 2**24) % 1.0 for x, step in zip((u0, u1), STEPS, strict=True)] for k in range(count)]
+        every = [sample_light(context, at, *places[k], (k + u) / count) for k in range(count)]
+        cosine = [np.abs((at.normal * one.light.wi).sum(axis=0)) for one in every]
+        above = [1.0 if context.lit_through else (at.geometric * one.light.wi).sum(axis=0) > 0.0 for one in every]
+        added = [(one.light.weight * one.scale * cosine[k] * above[k])[:, 0] for k, one in enumerate(every)]
+        mean = np.mean(added, axis=0)
+        seen = (found.light.weight * found.scale * np.abs((at.normal * found.light.wi).sum(axis=0))).mean(axis=1)
+        largest = (found.light.weight * found.scale).max(initial=0.0)
+        assert np.abs(seen - mean).max() <= 2 * count * largest / steps
+        assert (found.scale > 0.0).any() == (mean > 0.0).any()
 
 
 def vertices(n):

@@ -6,6 +6,7 @@ import columns
 import command_line
 import library
 import names
+import reports
 import schemas
 
 MAKERS = {
@@ -22,6 +23,7 @@ MAKERS = {
     "samplers": names.samplers,
     "accelerators": names.accelerators,
     "tone mappers": names.tone_mappers,
+    "reports": reports.links,
 }
 
 
@@ -32,4 +34,5 @@ def fill(app, page, source):
 
 def setup(app):
     app.connect("source-read", fill)
+    app.connect("build-finished", reports.write)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

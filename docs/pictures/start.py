@@ -1,7 +1,7 @@
 """Takes the pictures of docs/start.md from results/quick, or another run of configs/quick.yaml:
 python docs/pictures/start.py [FOLDER]
 
-Needs Chromium for the first of them, the top of the report.
+The first picture of that page is that of docs/pictures/report.py.
 """
 
 import sys
@@ -18,7 +18,7 @@ from tests.browser import PROGRAM, Browser  # noqa: E402
 TARGET = ROOT / "docs" / "pictures" / "start"
 PLOTS = ("error-over-time-cornell_box", "error-over-samples-cornell_box", "time-to-quality-cornell_box",
          "pareto-cornell_box", "targets-over-time", "phases-cornell_box")  # fmt: skip
-WIDTH, SIZE = 760, (1100, 760)
+WIDTH = 760
 
 
 def shrunk(picture: Path, target: Path, width: int = WIDTH) -> None:
@@ -29,7 +29,7 @@ def shrunk(picture: Path, target: Path, width: int = WIDTH) -> None:
     image.quantize(256, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
-def photographed(page: Path, target: Path, window: tuple[int, int] = SIZE, width: int = WIDTH) -> None:
+def photographed(page: Path, target: Path, window: tuple[int, int], width: int) -> None:
     """The top of a page, as a window of that many pixels shows it."""
     if PROGRAM is None:
         sys.exit("no Chromium is installed")
@@ -41,7 +41,6 @@ def photographed(page: Path, target: Path, window: tuple[int, int] = SIZE, width
 
 def main(folder: Path) -> None:
     TARGET.mkdir(exist_ok=True)
-    photographed(folder / "report.html", TARGET / "verdicts.png")
     for name in PLOTS:
         shrunk(folder / "plots" / f"{name}.png", TARGET / f"{name}.png")
 

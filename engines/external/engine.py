@@ -49,23 +49,23 @@ class Engine:
     smooth_samplers = ()  # what the program does under a sampler's name is not known
 
     def __init__(self, file: str | PathLike[str]) -> None:
-        self._said = said = read(Path(file))
-        self.name, self.lineage = said.name, said.lineage
-        self.version = f"{said.version}-{said.digest}"
-        self.reads_files = said.scene_format == "raybench"
+        self._description = description = read(Path(file))
+        self.name, self.lineage = description.name, description.lineage
+        self.version = f"{description.version}-{description.digest}"
+        self.reads_files = description.scene_format == "raybench"
         self.listed: Mapping[str, Sequence[Any]] = {
-            "shader": [choice.describe() for choice in said.shaders.values()],
-            "sampler": [choice.describe() for choice in said.samplers.values()],
-            "threads": [said.threads or 1],
+            "shader": [choice.describe() for choice in description.shaders.values()],
+            "sampler": [choice.describe() for choice in description.samplers.values()],
+            "threads": [description.threads or 1],
         }
 
     def source_files(self) -> list[Path]:
         """The files that the command and the environment name: the program where it is a path, its scripts."""
-        said = self._said
-        program, *words = said.command
-        named = [said.file.absolute().parent / Path(program).expanduser()] if "/" in program else []
+        description = self._description
+        program, *words = description.command
+        named = [description.file.absolute().parent / Path(program).expanduser()] if "/" in program else []
         # The end of `--script=/path/to/it`, too. A program runs in a folder of its own: other relative paths are none.
-        ends = [word.rpartition("=")[2] for word in (*words, *said.environment.values())]
+        ends = [word.rpartition("=")[2] for word in (*words, *description.environment.values())]
         named += [path for path in map(Path, ends) if path.is_absolute()]
         return [path for path in named if path.is_file()]
 
@@ -82,50 +82,50 @@ class Engine:
         return None
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        return Renderer(self, self._said, scene, self._supported(scene, settings))
+        return Renderer(self, self._description, scene, self._supported(scene, settings))
 
     def _supported(self, scene: Scene, settings: Settings) -> Settings:
-        said = self._said
+        description = self._description
         shader = resolve("shader", settings.shader, SHADERS)
         sampler = resolve("sampler", settings.sampler, SAMPLERS)
         resolve("accelerator", settings.accelerator, self.accelerators())
         if refusal := refusal_of(scene):
             raise Unsupported(refusal)
-        program(said)
-        self._require("shader", shader, said.shaders, SHADERS)
-        self._require("sampler", sampler, said.samplers, SAMPLERS)
-        if settings.precision not in (None, said.precision):
-            raise Unsupported(f"{said.name} computes in {said.precision}")
-        if said.threads not in (None, settings.threads):
-            raise Unsupported(f"{said.name} always takes {said.threads} threads")
-        resolved = replace(settings, shader=shader, sampler=sampler, precision=said.precision)
+        program(description)
+        self._require("shader", shader, description.shaders, SHADERS)
+        self._require("sampler", sampler, description.samplers, SAMPLERS)
+        if settings.precision not in (None, description.precision):
+            raise Unsupported(f"{description.name} computes in {description.precision}")
+        if description.threads not in (None, settings.threads):
+            raise Unsupported(f"{description.name} always takes {description.threads} threads")
+        resolved = replace(settings, shader=shader, sampler=sampler, precision=description.precision)
         with TemporaryFolder() as folder:
-            FORMATS[said.scene_format](scene, resolved, Path(folder))
+            FORMATS[description.scene_format](scene, resolved, Path(folder))
         return resolved
 
     def _require(
         self, kind: str, asked: Choice, known: Mapping[str, Choice], table: Mapping[str, Mapping[str, Option]]
     ) -> None:
         if asked.plugin is not None or asked.name not in known:
-            raise Unsupported(f"{self._said.name} has no {kind} {asked.name}: its file lists {', '.join(known)}")
+            raise Unsupported(f"{self._description.name} has no {kind} {asked.name}: its file lists {', '.join(known)}")
         for key, value in asked.options.items():
             fixed = known[asked.name].options[key]
-            passed = self._said.passed | CARRIES[self._said.scene_format]
+            passed = self._description.passed | CARRIES[self._description.scene_format]
             if f"{kind}.{key}" not in passed and value != fixed:
-                raise Unsupported(f"{self._said.name} has {kind} {asked.name} with {key} = {fixed} only")
-        for passed in sorted(self._said.passed):
+                raise Unsupported(f"{self._description.name} has {kind} {asked.name} with {key} = {fixed} only")
+        for passed in sorted(self._description.passed):
             if passed.startswith(f"{kind}.") and passed.partition(".")[2] not in asked.options:
-                raise Unsupported(f"{self._said.name} is passed {{{passed}}}, which {asked.name} does not have")
+                raise Unsupported(f"{self._description.name} is passed {{{passed}}}, which {asked.name} does not have")
 
 
-def program(said: Description) -> str:
+def program(description: Description) -> str:
     """The program's path; raises `Unsupported` where there is none."""
-    word = said.command[0]
-    place = said.file.absolute().parent / Path(word).expanduser() if "/" in word else word
+    word = description.command[0]
+    place = description.file.absolute().parent / Path(word).expanduser() if "/" in word else word
     found = shutil.which(place)
     if found is None:
         where = f"at {place}" if "/" in word else "on PATH"
-        raise Unsupported(f"{said.name}: there is no program {word!r} {where}")
+        raise Unsupported(f"{description.name}: there is no program {word!r} {where}")
     return found
 
 
@@ -134,19 +134,19 @@ class Renderer(ImageRenderer):
 
     samples_a_pass = sys.maxsize  # a call is one process, whoever looks on
 
-    def __init__(self, engine: Engine, said: Description, scene: Scene, settings: Settings) -> None:
-        self._said = said
+    def __init__(self, engine: Engine, description: Description, scene: Scene, settings: Settings) -> None:
+        self._description = description
         self._folder = TemporaryFolder()
         self._process = Process()
         self._told = 0.0
         super().__init__(engine, scene, settings)
 
     def build(self, scene: Scene, settings: Settings) -> None:
-        self._scene_file = FORMATS[self._said.scene_format](scene, settings, Path(self._folder.name))
+        self._scene_file = FORMATS[self._description.scene_format](scene, settings, Path(self._folder.name))
 
     def compile(self) -> None:
         """A process of one sample where the program's own words are the clock; else starting is part of every call."""
-        if self._said.time is not None:
+        if self._description.time is not None:
             self._process.stopped = False
             self._run(1, derive_seed(self.seed, "warm-up"))
 
@@ -168,31 +168,31 @@ class Renderer(ImageRenderer):
         """Build and memory are not known: 0; rays are not counted. `told_by_program` is 1 where the clock is the program's
         own words, 0 where it is that of its process."""
         unknown = dict.fromkeys(("build_seconds", "compile_seconds"), 0.0)
-        clock = {"told_seconds": self._told, "told_by_program": float(self._said.time is not None)}
+        clock = {"told_seconds": self._told, "told_by_program": float(self._description.time is not None)}
         return {**super().counters(), **unknown, **clock}
 
     def _run(self, spp: int, seed: int) -> tuple[NDArray[np.float64], float] | None:
         """The image of `spp` new samples and the seconds that count; None where it was stopped."""
-        said, settings = self._said, self.settings
+        description, settings = self._description, self.settings
         folder = Path(self._folder.name)
-        image = folder / f"image.{said.image}"
+        image = folder / f"image.{description.image}"
         image.unlink(missing_ok=True)
         width, height = self.film.width, self.film.height
         values: dict[str, Any] = {
             "scene": self._scene_file, "image": image, "folder": folder, "spp": spp, "seed": seed,
-            "threads": settings.threads, "width": width, "height": height, "precision": said.precision,
+            "threads": settings.threads, "width": width, "height": height, "precision": description.precision,
         }  # fmt: skip
         for kind, choice in (("shader", settings.shader), ("sampler", settings.sampler)):
             values[kind] = choice.name
             values |= {f"{kind}.{key}": value for key, value in choice.options.items()}
-        words = [program(said), *(filled(word, values) for word in said.command[1:])]
+        words = [program(description), *(filled(word, values) for word in description.command[1:])]
         environment = dict.fromkeys(THREAD_POOLS, str(settings.threads))
-        environment |= {key: filled(value, values) for key, value in said.environment.items()}
-        ran = self._process.run(said.name, words, environment, folder)
+        environment |= {key: filled(value, values) for key, value in description.environment.items()}
+        ran = self._process.run(description.name, words, environment, folder)
         if ran is None:
             return None
-        seconds = ran.seconds if said.time is None else told_seconds(said.name, said.time, ran.output)
-        return read_picture(said.name, image, width, height), seconds
+        seconds = ran.seconds if description.time is None else told_seconds(description.name, description.time, ran.output)
+        return read_picture(description.name, image, width, height), seconds
 
 
 def told_seconds(name: str, pattern: re.Pattern[str], output: str) -> float:

@@ -39,6 +39,8 @@ BSDF_PARAMETERS = 15
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
+LIGHT_CANDIDATES = 32
+"""Light samples at a vertex of which one is taken, at most."""
 VERTEX_DIMENSIONS = 8
 """Dimensions from the first of a vertex to the first of the next; the last one is not drawn."""
 CAMERA_DIMENSIONS = 2
@@ -160,6 +162,13 @@ class RayBatch(LaneRecord):
     # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
     untilted_normal = vector()
     outer_normal = vector()
+    # where the light sample is one of several candidates (`stages.resampling`)
+    drawn = reals(3)  # the vertex's random numbers, from which each candidate's follow
+    candidate = integer()
+    targets = reals(LIGHT_CANDIDATES)  # candidates are picked in proportion to these
+    target_sum = real()
+    target_begin = real()  # the sum of those before a candidate
+    target = real()  # of the candidate that is picked
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1

@@ -167,6 +167,7 @@ class Renderer:
         uses = shade.uses(integrator, shading)
         programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
         shaded = shade.stage(integrator, shading, features, real)
+        resampled = shade.light_candidates(self.settings.shader) > 1
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(
             shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None,
@@ -178,7 +179,7 @@ class Renderer:
             closest,
             surface.stage(features, real),
             draw_vertex,
-            light.stage(features, shading.every, real) if shading.lit else shaded,
+            light.stage(features, shading.every, resampled, real) if shading.lit else shaded,
             shaded,
             occluded,
         ]

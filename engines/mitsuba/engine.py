@@ -10,11 +10,14 @@ from engines.choices import SAMPLERS as KNOWN_SAMPLERS
 from engines.choices import SHADERS, OpenOptions, Option, integer, one_of, resolve
 from engines.errors import Unsupported
 from engines.interface import FullPattern, Renderer, Settings
-from engines.mitsuba import library
+from engines.mitsuba import blends, library
 from engines.mitsuba.albedo import albedo_lacks
+from engines.mitsuba.bsdfs import bsdf_node
 from engines.mitsuba.description import scene_lacks
 from engines.mitsuba.native import file_lacks, require_integrator
+from engines.mitsuba.nodes import Placing
 from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
+from engines.mitsuba.textures import Textures
 from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
 from engines.scene.support import members, model_of
 
@@ -119,7 +122,9 @@ class Engine:
             ours = shader not in ("path_tracer", "mitsuba")
             return f"Mitsuba takes its own files with path_tracer and mitsuba, not with the shader {shader}" if ours else None
         lacks = scene_lacks(scene) or shader_lacks(scene, shader)
-        return lacks or (_depth_lacks(scene.camera) if (self.variant, shader) == (library.SCALAR, "depth_map") else None)
+        if lacks is None and self.variant == library.SCALAR:
+            lacks = _depth_lacks(scene.camera) if shader == "depth_map" else _blends_lack(scene) if shader != "albedo" else None
+        return lacks
 
     def _integrator_lacks(self, options: Mapping[str, Any]) -> str | None:
         if require_integrator(options) or self.variant == library.SCALAR:
@@ -136,6 +141,8 @@ class Engine:
             return "Mitsuba's path integrator finds direct light by multiple importance sampling only"
         if shader.name == "path_tracer" and shader.options["light_sampler"] != "uniform":
             return "Mitsuba's path integrator chooses lights evenly only"
+        if shader.name == "path_tracer" and shader.options["light_candidates"] != 1:
+            return "Mitsuba's path integrator resamples no light samples: light_candidates must be 1"
         if sampler.name not in ("random", "stratified", *SAMPLERS):
             return f"Mitsuba has no sampler {sampler.name}: known: random, stratified, {', '.join(SAMPLERS)}"
         if self.variant == library.SCALAR:
@@ -169,6 +176,18 @@ def shader_lacks(scene: Scene, shader: str) -> str | None:
     for material in scene.materials:
         if any(isinstance(part, (Mask, Null, Principled)) for part in members(model_of(material))):
             return f"material {material.name!r}: in Mitsuba {shader} has no masks, no null and no principled BSDFs"
+    return None
+
+
+def _blends_lack(scene: Scene) -> str | None:
+    nothing = Textures(Placing(lambda *_: "", lambda *_: {}))
+    for material in scene.materials:
+        node = bsdf_node(model_of(material), nothing)
+        if blends.exact(node) != node:
+            return (
+                f"material {material.name!r}: Mitsuba's blends of smooth and specular lobes are biased, and the exact one "
+                "for the engine mitsuba is in Python, too slow for its scalar variant"
+            )
     return None
 
 

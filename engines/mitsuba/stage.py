@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.interface import Settings
-from engines.mitsuba import native
+from engines.mitsuba import blends, native
 from engines.mitsuba.albedo import painted
 from engines.mitsuba.cameras import sensor
 from engines.mitsuba.description import Description, described
-from engines.mitsuba.library import activate
+from engines.mitsuba.library import LLVM, activate
 from engines.mitsuba.nodes import Array, Node, Placing
 from engines.mitsuba.patterns import USUAL
 from engines.mitsuba.ply import write_ply
@@ -60,6 +60,9 @@ def staged(scene: Scene, settings: Settings, variant: str) -> Stage:
     with TemporaryFolder() as folder:
         description = _described(mi, scene, settings, Path(folder))
         nodes = dict(description.nodes)
+        if variant == LLVM:
+            blends.register(mi, dr)
+            nodes = blends.exact(nodes)
         nodes["sensor"] = sensor(scene.camera, width, height, sampler_node(settings), extent(scene))
         loaded = mi.load_dict(_with_transforms(mi, nodes), optimize=False)
     order = {f"shape_{index}": index for index in range(len(description.parts))}

@@ -19,6 +19,7 @@ from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.scene_lights import Lights
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot, norm
 from engines.scene import Scene
+from engines.scene.light_hierarchy import lit_through
 
 
 class Stopped(Exception):
@@ -36,6 +37,8 @@ class Context:
         self.materials = Materials(scene.materials)
         self.lights = Lights(scene.lights, geometry, self.materials)
         self.light_sampler = light_sampler(scene, shader, self.lights.count)
+        self.lit_through = lit_through(scene)
+        """Whether some surface may be lit from behind."""
         self.tracer = tracer
         self.options: Mapping[str, Any] = shader.options
         self.rays = 0

@@ -1,7 +1,8 @@
 """The shader `path_tracer`: unidirectional, with one light sample and one scattered direction at each vertex.
 
 The estimator is that of docs/transport.md: emission and the light sample are combined by multiple importance sampling
-(power heuristic, Veach 1997), and Russian roulette ends paths without bias.
+(power heuristic, Veach 1997), and Russian roulette ends paths without bias. The light sample may be one of several
+candidates (`direct_light`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from engines.numpy_reference.bsdf import Lobes
 from engines.numpy_reference.context import Context
+from engines.numpy_reference.direct_light import resample_light, sample_light
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 
@@ -128,17 +130,14 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int,
     if not context.lights.count or not lanes.size:
         return found
     # which light, and where on it
-    at = at.take(lanes)
-    u = context.draw(paths.pixel[lanes], sample, base + LIGHT)
-    chosen, rest, choices = context.light_sampler.choose(at.point, at.geometric, u)
-    useful = chosen >= 0
-    if context.options["direct"] == "bsdf":
-        useful &= context.lights.delta[chosen]
-    kept = np.flatnonzero(useful)
-    lanes, at, chosen, rest, choices = lanes[kept], at.take(kept), chosen[kept], rest[kept], choices[kept]
-    pixel = paths.pixel[lanes]
-    u0, u1 = context.draw(pixel, sample, base + POINT_U0), context.draw(pixel, sample, base + POINT_U1)
-    light = context.lights.sample(chosen, at.point, at.normal, u0, u1, rest)
+    at, pixel, candidates = at.take(lanes), paths.pixel[lanes], context.options["light_candidates"]
+    u0, u1, u = (context.draw(pixel, sample, base + k) for k in (POINT_U0, POINT_U1, LIGHT))
+    if candidates == 1:
+        sampled = sample_light(context, at, u0, u1, u)
+    else:
+        sampled = resample_light(context, at, u0, u1, u, context.draw(pixel, sample, base + ROULETTE), candidates)
+    kept = np.flatnonzero((sampled.light.weight > 0.0).any(axis=0))
+    (light, choices, scale), lanes, at = sampled.take(kept), lanes[kept], at.take(kept)
     # what it adds
     value = context.materials.evaluate(at, light.wi)
     weight = np.ones(lanes.size)
@@ -148,12 +147,10 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int,
             weight = 1.0 / (1.0 + ratio * ratio)
     with np.errstate(invalid="ignore", over="ignore"):
         cosine = np.abs(dot(at.normal, light.wi))
-        added = paths.throughput.take(lanes, axis=1) * value * light.weight * (cosine * choices * weight)
+        added = paths.throughput.take(lanes, axis=1) * value * light.weight * (cosine * scale * weight)
     # unless something stands in between
-    reaches = (value != 0.0).any(axis=0) & (light.weight > 0.0).any(axis=0)
-    lit = np.flatnonzero(
-        reaches & (added != 0.0).any(axis=0)
-    )  # NaN is not 0: it is traced, and counted as a bad sample
+    reaches = (value != 0.0).any(axis=0)
+    lit = np.flatnonzero(reaches & (added != 0.0).any(axis=0))  # NaN is not 0: it is traced, and counted as a bad sample
     clear = context.unoccluded(at.take(lit), light.wi.take(lit, axis=1), light.distance[lit])
     lit = lit[clear]
     found[:, lanes[lit]] = added.take(lit, axis=1)

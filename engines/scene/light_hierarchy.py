@@ -69,11 +69,15 @@ def light_hierarchy(scene: Scene) -> LightHierarchy:
     bounds = light_bounds(scene)
     bounded = [j for j, light in enumerate(bounds) if light.box is not None and light.power > 0.0]
     unbounded = np.array([j for j, light in enumerate(bounds) if light.box is None], np.int64)
-    through = any(max(m.kt) > 0.0 or (m.bsdf is not None and transmits(m.bsdf)) for m in scene.materials)
     nodes, place = _Nodes(), np.full(len(bounds), -1, np.int64)
     if bounded:
         nodes.build(_arrays([bounds[j] for j in bounded]), np.array(bounded), place)
-    return nodes.hierarchy(place, unbounded, through)
+    return nodes.hierarchy(place, unbounded, lit_through(scene))
+
+
+def lit_through(scene: Scene) -> bool:
+    """Whether some BSDF transmits, so that light from behind a surface may count."""
+    return any(max(m.kt) > 0.0 or (m.bsdf is not None and transmits(m.bsdf)) for m in scene.materials)
 
 
 def _arrays(bounds: list[LightBounds]) -> _Lights:

@@ -1,4 +1,4 @@
-"""From a scene file, or a mapping of the same form, to a checked `Scene`. The format is in DESIGN section 3."""
+"""From a scene file, or a mapping of the same form, to a checked `Scene`. The format: docs/guides/scene.md."""
 
 from __future__ import annotations
 

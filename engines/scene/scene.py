@@ -1,4 +1,4 @@
-"""The scene as a whole: what engines get, and the keys of a scene file with its JSON schema. The format is in DESIGN section 3.
+"""The scene as a whole: what engines get, and the keys of a scene file with its JSON schema. The format: docs/guides/scene.md.
 
 Right-handed, metres, linear RGB. A `Triple` is three floats. Shapes and lights name materials by index into
 `Scene.materials`. The arrays are read-only float64/int32. Everything in a scene has been checked by the loader

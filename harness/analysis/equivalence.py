@@ -163,14 +163,6 @@ def similarity(one: Contestant, other: Contestant) -> int:
                if getattr(one.settings, axis) == getattr(other.settings, axis))  # fmt: skip
 
 
-def describe_pair(pair: EnginePair) -> str:
-    """What was found, in a sentence or two, with the numbers it rests on."""
-    names = f"{pair.first.name} and {pair.second.name}"
-    if pair.comparison is None:
-        return f"{names}: not compared, for there are no two different images of each."
-    return f"{names} {describe(pair.comparison.found)} ({rests_on(pair.comparison)})."
-
-
 def rests_on(comparison: Comparison) -> str:
     """`5 pairs of images at 64 spp`."""
     n, o = comparison.spp

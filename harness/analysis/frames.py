@@ -37,8 +37,9 @@ IDENTITY = [
 ]
 SECONDS = Column(
     "seconds",
-    "Geometric mean over seeds, Student's 95 % interval. inf where some seed did not get there: it takes longer than the lower "
-    "end. Where some were there at their first checkpoint the lower end is 0: it takes less than the upper one.", "estimate",
+    "Geometric mean over seeds, Student's 95 % interval. inf if some seed did not reach the target: the time is then above the "
+    "lower end. If some seeds had reached it at their first checkpoint, the lower end is 0: the time is below the upper end.",
+    "estimate",
 )  # fmt: skip
 CELL = [
     Column("cell_id", "Hash of the spec."),
@@ -195,18 +196,19 @@ def verdicts(analysis: Analysis) -> Table:
          Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
          Column("seeds", "Seeds that were run.", "count"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count"),
-         Column("baseline", "Contestant compared with: one that differs in a single factor, or that the config's pairs name. "
-                "Unknown where none is."),
-         Column("factor", "In what the two differ."),
+         Column("baseline", "Contestant that it is compared with: it differs in a single factor, or the config's pairs "
+                "name it. Unknown if there is none."),
+         Column("factor", "Factor in which the two differ."),
          Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster. Where a target was not "
                 "reached, only an end of the interval is known. Unknown where one of the two has a flag that disqualifies it.",
                 "ratio"),
          Column("verdict", "faster or slower: beyond the noise floor, all of a scene and target together at 5 % (Holm). same: "
                 f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared."),
-         Column("noise_floor", "What a ratio has to differ from 1 by, from the scene's A/A twin; unknown where that was not "
+         Column("noise_floor", "Difference from 1 that a ratio must exceed, from the scene's A/A twin; unknown if that was not "
                 "measured.", "percent"),
          Column("possible_winner", "Whether it may be the fastest of its scene, shader, size, division and machine, among "
-                "those that no flag disqualifies: no test finds it slower than another. Nobody where none got there.", "flag"),
+                "those that no flag disqualifies: no test finds it slower than another. False for all if none reached the "
+                "target.", "flag"),
          Column("flags", f"Names joined by spaces. All but {allowed} disqualify, in the open division also all but "
                 f"{allowed_open}. {flags}.")],
     )  # fmt: skip

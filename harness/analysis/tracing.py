@@ -37,7 +37,7 @@ COLUMNS = [
     Column("checked", "Rays whose answers were compared with exact ones.", "count"),
     Column("wrong", "Hits of another surface, or at another distance.", "count"),
     Column("missed", "Misses where something is hit.", "count"),
-    Column("invented", "Hits where nothing is.", "count", "false hits"),
+    Column("false_hits", "Hits reported where the ray meets nothing.", "count"),
     Column("error_rate", "Share of answers that are wrong in any way, with its exact interval.", "estimate"),
     Column("hard", "Rays aimed at edges and vertices that triangles share.", "count", "hard rays"),
     Column("leaks", "Hard rays that went through.", "count"),

@@ -101,7 +101,8 @@ def run(
     if is_trace(paths.find("configs", config)):
         if fresh or retry or fail_fast or cluster:
             raise ConfigError(f"{config}: --fresh, --retry, --fail-fast and --cluster are of experiments: this compares rays")
-        raise typer.Exit(tracing.run_file(config, out, overrides or [], allow_imports, ["raybench", *sys.argv[1:]]))
+        given = ["raybench", *sys.argv[1:]]
+        raise typer.Exit(tracing.run_file(config, out, overrides or [], (allow_imports, allow_outside), given))
     if retry not in (None, "failed"):
         raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
     allowed = allow_imports, allow_commands, allow_outside
@@ -147,12 +148,14 @@ def view(
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
     allow_imports: AllowImports = False,
     allow_outside: AllowOutside = False,
+    define: Define = None,
     references: References = None,
 ) -> None:
     """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
+    from harness.cli.render import parameters_of
     from harness.view import open_viewer
 
-    open_viewer(scene, folder, port, engine, allow_imports, allow_outside, browser=not no_browser)
+    open_viewer(scene, folder, port, engine, allow_imports, allow_outside, parameters_of(define or []), browser=not no_browser)
 
 
 @command(RESULTS)

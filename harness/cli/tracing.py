@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli.options import AllowImports, engines, shipped
+from harness.cli.options import AllowImports, AllowOutside, engines, shipped
 
 INTERRUPTED = 130
 
@@ -55,6 +56,7 @@ def trace(
     out: Annotated[Optional[Path], typer.Option("--out", show_default="results/trace")] = None,  # noqa: UP045
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, not as tables.")] = False,
     allow_imports: AllowImports = False,
+    allow_outside: AllowOutside = False,
 ) -> None:
     """Compare engines by rays: million rays per second beside wrong hits, misses and leaks."""
     from engines.errors import ConfigError
@@ -68,20 +70,21 @@ def trace(
         "hard": hard, "repeats": repeats, "max_time": max_time, "seed": seed, "baseline": baseline, **axes,
     }  # fmt: skip
     experiment = trace_of({key: value for key, value in options.items() if value is not None})
-    raise typer.Exit(measure(experiment, out, json, allow_imports, ["raybench", *sys.argv[1:]]))
+    raise typer.Exit(measure(experiment, out, json, (allow_imports, allow_outside), ["raybench", *sys.argv[1:]]))
 
 
 def run_file(
-    given: str, out: Path | None, overrides: Sequence[str], allow_imports: bool, command: Sequence[str]
+    given: str, out: Path | None, overrides: Sequence[str], allowed: tuple[bool, bool], command: Sequence[str]
 ) -> int:
     """`raybench run` of a file of the rays-only league."""
     from harness.config.trace import load_trace
 
-    return measure(load_trace(given, overrides), out, False, allow_imports, command)
+    return measure(load_trace(given, overrides), out, False, allowed, command)
 
 
-def measure(experiment: Any, out: Path | None, as_json: bool, allow_imports: bool, command: Sequence[str]) -> int:
-    """Measures, writes and prints; the exit code: 1 where a contestant failed, 2 where all declined, 130 if interrupted."""
+def measure(experiment: Any, out: Path | None, as_json: bool, allowed: tuple[bool, bool], command: Sequence[str]) -> int:
+    """Measures, writes and prints; the exit code: 1 where a contestant failed, 2 where all declined, 130 if interrupted.
+    `allowed`: imports, and files outside of the scenes' folders."""
     from harness.console import allow_here, consoles
     from harness.report.tracing import show, write
     from harness.run import trace as run_trace
@@ -89,6 +92,8 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allow_imports: boo
     from harness.trace.records import text_of
 
     stdout, stderr = consoles()
+    allow_imports, allow_outside = allowed
+    experiment = replace(experiment, scenes=tuple(replace(file, allow_outside=allow_outside) for file in experiment.scenes))
     allow_here(allow_imports)
     folder = out or Path("results") / experiment.name
     make_out(folder)

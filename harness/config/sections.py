@@ -85,7 +85,7 @@ _SIDE = Record("Contestants, by some of their settings; choices by their names a
 }, _side)  # fmt: skip
 PAIR = Record("A ratio of times that is asked for, in however many settings the two differ.", {
     "contestant": Key(_SIDE, "Whose times are compared."),
-    "baseline": Key(_SIDE, "With whose: of several the one that shares the most settings."),
+    "baseline": Key(_SIDE, "With whose times; of several contestants, the one that shares the most settings."),
 }, lambda given, context: dict(given.values))  # fmt: skip
 
 
@@ -135,7 +135,7 @@ def _certifier(node: Located) -> str | None:
     return AUTOMATIC if node.value == AUTOMATIC else OrNull(_ENGINE).read(node)
 
 
-REFERENCE = Record("How the image compared with is made: the mean of independent images.", {
+REFERENCE = Record("How the reference is made: the mean of independent images.", {
     "engine": Key(_ENGINE, "Engine that renders it.", "embree"),
     "spp": Key(integer(2, 2**31), "Samples per pixel in all.", 8192),
     "seed": Key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000),
@@ -201,7 +201,7 @@ def _targets(node: Located) -> tuple[float, ...] | None:
     return tuple(sorted(set(_TARGETS.read(node)), reverse=True))
 
 
-QUALITY = Record("What error means, and which errors are to be reached.", {
+QUALITY = Record("Metric of the error, and the target errors.", {
     "metric": Key(one_of(*METRICS), "Metric of targets and plots.", "relmse"),
     "epsilon": Key(number(0.0, 1e6, open_low=True), "Of relMSE: added to the square of each reference pixel.", 0.01),
     "targets": Key(
@@ -241,6 +241,6 @@ def _verify(given: Given, context: Any) -> VerifyConfig:
 
 VERIFY = Record("Cases of `raybench verify` that run after all that is timed.", {
     "cases": Key(ListOf(NAME, 1), "Ids of cases or names of sections.", ["stability"]),
-    "quick": Key(BOOLEAN, "Whether fewer rays and parameters will do.", False),
+    "quick": Key(BOOLEAN, "Whether to use fewer rays and parameters.", False),
     "timeout": Key(DURATION, "Wall time of a verify job.", "300s"),
 }, _verify)  # fmt: skip

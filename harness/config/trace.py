@@ -60,7 +60,7 @@ KEYS = Record("A comparison of engines by the rays that they trace: one value, o
     "rays": _axis(one_of(*KINDS), "Sets of rays; shadow is answered by occluded, the others by trace.", [*KINDS]),
     "engine": _axis(EngineKind(), "Engines, as in experiments.", [*ENGINES]),
     "accelerator": _axis(
-        ChoiceKind("accelerator"), "Accelerators, as in experiments; an engine that lacks one does without.", ["auto"]
+        ChoiceKind("accelerator"), "Accelerators, as in experiments; an engine that lacks one is left out there.", ["auto"]
     ),
     "precision": _axis(OrNull(one_of("float64", "float32")), "Precisions; null is the engine's own.", [None]),
     "threads": _axis(integer(1, 1024), "Threads of the engines.", [1]),

@@ -97,6 +97,7 @@ def pattern_points(
     for number, pattern in enumerate(patterns):
         if number and pattern.spp * seconds_per_spp > OVERSHOOT * max_time:
             return
+        disturbance.rest()  # what builds and compiles the next renderer is asked for
         renderer, _, _ = prepare(engine, scene, prepared(pattern))
         gc.collect()
         rays_before = rays_traced(renderer)

@@ -68,7 +68,7 @@ class Disturbance:
         self.window = (monotonic(), 0.0)
 
     def rest(self) -> None:
-        """Adds what threads did since the last call."""
+        """Adds what threads did since the last call; until the next one they may work."""
         if self._other_threads is not None:
             self.off_clock += max(0.0, other_threads() - self._other_threads)
             self._other_threads = None

@@ -1,7 +1,7 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
 It keeps of the images up to six of a scene and shader that a report shows, as precise as it shows them; what was concluded from
-all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to four
+all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to three
 digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
 """
 
@@ -13,8 +13,6 @@ import shutil
 from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from engines.errors import ConfigError
 from engines.image import read_image, write_image
@@ -68,7 +66,7 @@ def _write(analysis: Analysis, kept: Mapping[str, Path], folder: Path, out: Path
     for image, source in kept.items():
         target = confined.inside(out, image, f"{out}: image")
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_image(target, rounded(read_image(source)).astype(np.float32))
+        write_image(target, rounded(read_image(source)))
 
 
 def _still_counting(events: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -85,7 +85,7 @@ def _printed(title: str, rows: list[Mapping[str, Any]]) -> Printed:
         cells = [" ".join(filter(None, names)), estimate_text(row["mrays_per_second"]),
                  number_text(row["mrays_per_cpu_second"].value), estimate_text(row["ratio"]) if row.get("ratio") else "",
                  row["verdict"]]  # fmt: skip
-        cells += [str(row[key]) for key in (*(["wrong"] if hits else []), "missed", "invented")]
+        cells += [str(row[key]) for key in (*(["wrong"] if hits else []), "missed", "false_hits")]
         cells += [share_text(row["error_rate"]), share_text(row["leak_rate"])]
         cells += [number_text(row.get("t_p999", math.nan))] if hits else []
         printed.add_row(*map(escape, [*cells, number_text(row["build_seconds"])]))

@@ -192,7 +192,7 @@ def _judged(task: _Task, answers: Mapping[str, Any]) -> Answers:
         faults = task.of.judge.hits(answers["t"], answers["shape"], answers["primitive"])
         leaked = leaks(hard, answers["hard_t"])
     return Answers(
-        checked=faults.checked, wrong=faults.wrong, missed=faults.missed, invented=faults.invented,
+        checked=faults.checked, wrong=faults.wrong, missed=faults.missed, false_hits=faults.false_hits,
         hard=len(hard.t_max), leaks=leaked, **_quantiles(faults),
     )  # fmt: skip
 

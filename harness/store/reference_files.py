@@ -11,7 +11,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZIP_LZMA, BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ Array = NDArray[Any]
 HEADERS = 1 << 16
 """Bytes of a film's file beside its pixels, at most."""
 META, EXR = "reference.json", "reference.exr"
-SMALL_BITS = {"sums": 14, "even_sums": 14, "squares": 14}
+SMALL_BITS = {"sums": 11, "even_sums": 11, "squares": 6}
 """Significant bits of a film in an archive."""
 FOLDER = "references"
 """Of archives and merged results: the references they carry with them."""
@@ -125,9 +125,14 @@ def _to_bits(array: Array, bits: int) -> Array:
 
 
 def _small(film: Film) -> bytes:
+    """An `.npz` whose parts LZMA compresses, to two thirds of what NumPy's own Deflate would leave."""
     buffer = io.BytesIO()
-    single: dict[str, Any] = {name: _to_bits(getattr(film, name), bits) for name, bits in SMALL_BITS.items()}
-    np.savez_compressed(buffer, **single, counts=film.counts, bad_samples=np.array(film.bad_samples))
+    arrays = {name: _to_bits(getattr(film, name), bits) for name, bits in SMALL_BITS.items()}
+    arrays |= {"counts": film.counts, "bad_samples": np.array(film.bad_samples)}
+    with ZipFile(buffer, "w", ZIP_LZMA) as parts:
+        for name, array in arrays.items():
+            with parts.open(f"{name}.npy", "w") as part:
+                np.lib.format.write_array(part, array)
     return buffer.getvalue()
 
 

@@ -28,12 +28,12 @@ class Faults(NamedTuple):
     checked: int
     wrong: int
     missed: int
-    invented: int
+    false_hits: int
     errors: Array
 
     @property
     def total(self) -> int:
-        return self.wrong + self.missed + self.invented
+        return self.wrong + self.missed + self.false_hits
 
 
 class Judge:

@@ -12,7 +12,7 @@ from engines.errors import ConfigError
 from engines.input_files import open_regular
 
 FILE = "trace.json"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 Count = Annotated[int, Field(ge=0, le=2**62)]
 Seconds = Annotated[float, Field(ge=0, le=1e10)]
 
@@ -41,7 +41,7 @@ class Answers(_Record):
     checked: Count
     wrong: Count
     missed: Count
-    invented: Count
+    false_hits: Count
     hard: Count
     leaks: Count
     t_median: float | None = None
@@ -51,7 +51,7 @@ class Answers(_Record):
     @property
     def faults(self) -> int:
         """Answers that are wrong in any way."""
-        return self.wrong + self.missed + self.invented
+        return self.wrong + self.missed + self.false_hits
 
 
 class Entry(_Record):
@@ -84,7 +84,7 @@ class Entry(_Record):
 class TraceResults(_Record):
     """A whole file."""
 
-    raybench_trace_results: Literal[1] = FORMAT_VERSION
+    raybench_trace_results: Literal[2] = FORMAT_VERSION
     name: str
     time: str
     command: list[str] = []

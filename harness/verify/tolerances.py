@@ -120,7 +120,7 @@ TOLERANCES: dict[str, Tolerance] = {
     "a.mis": Z, "rr": Z, "rr2": Z, "c": EXACT, "c.sky": Z, "d": EXACT, "d.off": Z,
     "e": Z, "f": Z, "g": Z, "h": Z, "i": EXACT,
     "j": Tolerance("absolute", 1e-9, 1e-4, "grazing rays are 65,000 times as long as the planes are apart"),
-    "m": NONE, "sum": Z, "pick": Z, "spot": EXACT, "disk": Z,
+    "m": NONE, "sum": Z, "pick": Z, "resample": Z, "spot": EXACT, "disk": Z,
     # materials
     "wf": EXACT, "wf.glass": Tolerance("absolute", 1e-11, 1e-4, "hundreds of events"), "wf.z": Z, "energy": EXACT,
     "recip": EXACT, "recip.glass": EXACT, "metal": EXACT,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from engines.errors import ConfigError, suggestion
@@ -19,10 +20,11 @@ UNLISTED = ("results", "node_modules", "__pycache__")
 
 
 class Library:
-    """Scenes by the names that a page shows: bare names of shipped scenes, paths relative to `folder` of others."""
+    """Scenes by the names that a page shows: bare names of shipped scenes, paths relative to `folder` of others. `parameters`:
+    of scenes by name, values of `$NAME` in Mitsuba files."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder.resolve()
+    def __init__(self, folder: Path, parameters: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        self.folder, self.parameters = folder.resolve(), parameters or {}
 
     def names(self) -> list[str]:
         """The names of shipped scenes, then those of files below the folder."""

@@ -63,8 +63,9 @@ class Replicates:
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         scene = load_scene(
-            request["scene_path"], self._allow_imports, request.get("allow_outside", False), natively=True
-        )
+            request["scene_path"], self._allow_imports, request.get("allow_outside", False),
+            request.get("scene_parameters"), natively=True,
+        )  # fmt: skip
         for seed in seeds:
             settings = engine_settings(request["settings"], seed, self._allow_imports)
             self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
@@ -79,12 +80,13 @@ class Race:
     """A running race; `folder` becomes its results folder. Raises `RaybenchError` for a request that cannot be raced."""
 
     def __init__(
-        self, request: requests.RaceRequest, scene: Path, folder: Path, allowed: tuple[bool, bool], send: Callable[..., None]
+        self, request: requests.RaceRequest, scene: tuple[Path, Mapping[str, str]], folder: Path, allowed: tuple[bool, bool],
+        send: Callable[..., None],
     ) -> None:  # fmt: skip
-        """`allowed`: imports, and files outside of the scene's folder."""
+        """`scene`: its file, and values of its parameters. `allowed`: imports, and files outside of the scene's folder."""
         self.folder, (allow_imports, allow_outside) = folder, allowed
-        located = locate(_experiment(request, scene), "race", ConfigError)
-        experiment = config.parse(located, scene.parent, "race", "raybench view")
+        located = locate(_experiment(request, *scene), "race", ConfigError)
+        experiment = config.parse(located, scene[0].parent, "race", "raybench view")
         self.plan: Plan = planner.make(experiment, allow_imports, allow_outside=allow_outside)
         skipped = next((cell.skip for cell in self.plan.cells if cell.skip), None)
         if skipped:
@@ -116,14 +118,15 @@ class Race:
         self._events.close()
 
 
-def _experiment(request: requests.RaceRequest, scene: Path) -> dict[str, Any]:
+def _experiment(request: requests.RaceRequest, scene: Path, parameters: Mapping[str, str]) -> dict[str, Any]:
     """The experiment file of a race."""
     contestants = []
     for given in request.contestants:
         settings = {"engine": given.engine, "threads": requests.limited_threads(given.threads), "precision": given.precision}
         contestants.append({**settings, **{kind: getattr(given, kind) for kind in KINDS}})
+    named = {"file": str(scene), "parameters": dict(parameters)} if parameters else str(scene)
     return {
-        "raybench_experiment": 1, "name": "race", "question": "Which contestant reaches an error first?", "scene": str(scene),
+        "raybench_experiment": 1, "name": "race", "question": "Which contestant reaches an error first?", "scene": named,
         "resolution": [request.width, request.height], "repeats": 1, "seed": request.seed, "aa_twin": False,
         "include": contestants, "images": "some", "budget": {"max_time": f"{request.max_seconds}s", "max_spp": 2**20},
         "reference": {"engine": request.reference_engine, "spp": request.reference_spp},

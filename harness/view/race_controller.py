@@ -90,11 +90,11 @@ class RaceController:
         self._race = None
         shutil.rmtree(self._scratch, ignore_errors=True)
         self._set_state("busy", "reading the scene")
-        scene = self._library.find(request.scene)
+        scene, parameters = self._library.find(request.scene), self._library.parameters.get(request.scene, {})
         for settings in request.contestants:
             if names_a_program(settings.engine):
                 raise ConfigError(f"{settings.engine}: external renderers are not run from a page")
-        race = self._race = Race(request, scene, self._scratch, self._allowed, self._send_message)
+        race = self._race = Race(request, (scene, parameters), self._scratch, self._allowed, self._send_message)
         self._send_message("contestants", names=race.names, targets=request.targets, width=request.width, height=request.height)
         try:
             self._set_state("busy", "rendering the reference")

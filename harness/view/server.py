@@ -8,7 +8,7 @@ import re
 import socket
 import uuid
 import webbrowser
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -43,11 +43,13 @@ PING_SECONDS = 20.0
 class Server:
     """The pages, sockets and workers of one `raybench view`."""
 
-    def __init__(self, folder: Path, scene: str, engine: str = "", allow_imports: bool = False,
-                 allow_outside: bool = False) -> None:
+    def __init__(
+        self, folder: Path, scene: str, engine: str = "", allow_imports: bool = False, allow_outside: bool = False,
+        parameters: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
         self.library = Library(folder)
         self._scene, self._engine, self._allow_imports = self.library.name_of(scene), engine, allow_imports
-        self._allow_outside = allow_outside
+        self._allow_outside, self._parameters = allow_outside, {self._scene: dict(parameters or {})}
         self._workers, self._slots = WorkerPool(allow_imports), RenderSlots()
         self._tabs: set[Session] = set()
         self._assets = _assets()
@@ -99,6 +101,7 @@ class Server:
             return
         begin: dict[str, Any] = {"type": "begin", "page": page, "folder": str(self.library.folder)}
         begin |= {"allow_imports": self._allow_imports, "allow_outside": self._allow_outside, "scratch": None}
+        begin["parameters"] = self._parameters
         if page == "race":
             begin["scratch"] = str(self.library.folder / "results" / f".race-{uuid.uuid4().hex[:12]}")
         session = Session(websocket, self._workers, self._slots, begin)
@@ -122,14 +125,16 @@ def _assets() -> dict[str, tuple[bytes, str]]:
 
 def serve(
     scene: str, folder: Path, port: int = 0, engine: str = "", allow_imports: bool = False, allow_outside: bool = False,
-    browser: bool = True,
+    parameters: Mapping[str, str] | None = None, browser: bool = True,
 ) -> None:  # fmt: skip
     """Serves until interrupted. Raises `ConfigError` for a missing folder or scene, and for a port in use."""
     if not folder.is_dir():
         raise ConfigError(f"--folder {folder}: is not a folder")
     if engine and engine not in engine_names():
         raise UnknownName("engine", engine, engine_names())
-    server = Server(folder, scene, engine, allow_imports, allow_outside)
+    if parameters and not scene.endswith(".xml"):
+        raise ConfigError(f"{scene}: parameters (-D) are for Mitsuba's XML files")
+    server = Server(folder, scene, engine, allow_imports, allow_outside, parameters)
     listening = socket.socket()
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

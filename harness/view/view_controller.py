@@ -104,7 +104,8 @@ class ViewController:
     def _on_open(self, request: requests.OpenRequest) -> None:
         """Loads the scene and renders a preview; the full image follows."""
         self._set_busy("loading")
-        scene = load_scene(self._library.find(request.scene), self._allow_imports, self._allow_outside)
+        file, parameters = self._library.find(request.scene), self._library.parameters.get(request.scene)
+        scene = load_scene(file, self._allow_imports, self._allow_outside, parameters)
         scene = replace(scene, native=None)  # a file that Mitsuba takes as it is could not be edited
         settings, provenance = self._settings(request, scene)
         engine = engine_of(request.settings.engine)

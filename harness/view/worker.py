@@ -109,7 +109,7 @@ def controller_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Co
 
     from harness.view.library import Library
 
-    library, allow_imports = Library(Path(begin["folder"])), bool(begin["allow_imports"])
+    library, allow_imports = Library(Path(begin["folder"]), begin["parameters"]), bool(begin["allow_imports"])
     allow_outside = bool(begin["allow_outside"])
     if allow_imports:
         sys.path.insert(0, os.getcwd())

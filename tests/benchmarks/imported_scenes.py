@@ -4,6 +4,9 @@ Mitsuba takes each XML file as it is, the other engines what the importer makes 
 depth without roulette, independent random numbers and a box filter. The blocks of all take turns. Shown are the bounds of the
 equivalence rules on the image mean and on tiles of 16 x 16 pixels, and paths a second, each ratio from the pairs of one turn.
 `name=spp` gives an engine another number of samples per pixel and block.
+
+With `--image FILE.exr`, of another renderer, the first engine is compared with that instead, of which each pixel of ours
+covers a whole number. Another filter moves light across edges, so that tiles of 16 x 16 pixels with contrast are left out.
 """
 
 from __future__ import annotations
@@ -17,10 +20,15 @@ from typing import Any
 import numpy as np
 
 import engines
+from engines.image import read_image
 from harness.statistics.equivalence import Margins, equivalence
 
 PEER = "mitsuba"
 MARGINS = Margins(image=0.01, tile=0.05)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+TILE = 16
+CONTRAST = 0.15
+"""Standard deviation over mean above which a tile has an edge."""
 
 
 class Contestant:
@@ -91,6 +99,28 @@ def compare(file: str, given: argparse.Namespace) -> None:
             np.save(given.output / name, np.mean(contestant.images, axis=0))
 
 
+def compare_image(file: str, given: argparse.Namespace) -> None:
+    """Luminance of an image of another renderer, and of ours with Sobol points, by tiles without edges."""
+    scene = engines.load_scene(file)
+    theirs = read_image(given.image) @ LUMINANCE
+    width, height = size_of(scene, given.width)
+    columns, rows = theirs.shape[1] // width, theirs.shape[0] // height
+    theirs = theirs.reshape(height, rows, width, columns).mean((1, 3))
+    settings = engines.Settings(
+        width, height, sampler="sobol", threads=given.threads, precision="float32",
+        shader={"name": "path_tracer", "max_depth": given.depth or 64, "rr_depth": 1_000_000},
+    )  # fmt: skip
+    ours = engines.engine(given.engines[0]).prepare(scene, settings).render(given.spp).mean() @ LUMINANCE
+    tiles = [image.reshape(height // TILE, TILE, width // TILE, TILE).swapaxes(1, 2) for image in (ours, theirs)]
+    means = [tile.mean((2, 3)) for tile in tiles]
+    even = tiles[1].std((2, 3)) < CONTRAST * means[1]
+    difference = (means[0] / means[1] - 1)[even]
+    print(f"{file}: {width} x {height}, depth {given.depth or 64}, {given.engines[0]}, {given.spp} spp, against {given.image}")
+    print(f"  mean {ours.mean() / theirs.mean() - 1:+.3%}; of {difference.size} of {even.size} tiles, those without edges:")
+    worst, most = np.abs(difference).max(), np.quantile(np.abs(difference), 0.95)
+    print(f"  median {np.median(difference):+.3%}, 95 % within {most:.2%}, worst {worst:.2%}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", help="XML files of Mitsuba's, or names of scenes")
@@ -101,9 +131,10 @@ def main() -> None:
     parser.add_argument("--depth", type=int, default=None, help="segments; by default as the file has it")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--output", type=Path, default=None, help="folder for the images, as .npy")
+    parser.add_argument("--image", type=Path, default=None, help="an EXR of another renderer, to compare with")
     given = parser.parse_args()
     for file in given.files:
-        compare(file, given)
+        (compare if given.image is None else compare_image)(file, given)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,9 @@ from pathlib import Path
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.story import environment
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("[!_]*/**/*.md")), *sorted((ROOT / "docs").glob("*.md"))]
+FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+"""Pages beside the site."""
+PAGES = [*FRONT, *sorted((ROOT / "docs").glob("[!_]*/**/*.md")), *sorted((ROOT / "docs").glob("*.md"))]
 TEXT = {page.relative_to(ROOT).as_posix(): page.read_text(encoding="utf-8") for page in PAGES}
 RUN = [name for name, text in TEXT.items() if any(block.runs for block in blocks(text))]
 """Pages on which something runs."""

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.docs.blocks import FENCE, ROOT
-from tests.docs.pages import PAGES, TEXT
+from tests.docs.pages import FRONT, PAGES, TEXT
 
 DOCS = ROOT / "docs"
 LINK = re.compile(r"!?\[[^\]]*\]\(<?([^)\s>]+)>?(?:\s+\"[^\"]*\")?\)")
@@ -37,12 +37,12 @@ def test_what_a_page_links_to_and_shows_is_there(page):
 
 
 def test_every_page_is_in_one_table_of_contents():
-    listed = []
-    for page in PAGES[1:]:
+    listed, pages = [], PAGES[len(FRONT) :]
+    for page in pages:
         for tree in TOCTREE.findall(page.read_text()):
             names = [line for line in tree.splitlines() if line and not line.startswith(":")]
             listed += [(page.parent / f"{name}.md").resolve() for name in names]
-    assert sorted(listed) == sorted({*PAGES[1:]} - {DOCS / "index.md"})
+    assert sorted(listed) == sorted({*pages} - {DOCS / "index.md"})
 
 
 def test_every_picture_is_shown():
@@ -84,6 +84,12 @@ def test_the_site_needs_no_network(site):
 def test_the_reference_is_made_from_the_code(site, page, words):
     text = re.sub(r"<[^>]*>", "", (site / f"{page}.html").read_text()).replace("\N{NO-BREAK SPACE}", " ")
     assert [word for word in words if word not in text] == []
+
+
+@pytest.mark.parametrize("page", ["index", "start"])
+def test_reports_of_committed_results_are_pages_that_others_link_to(site, page):
+    assert 'href="reports/baseline.html"' in (site / f"{page}.html").read_text()
+    assert '<table class="matrix">' in (site / "reports" / "baseline.html").read_text()
 
 
 @pytest.mark.parametrize("page", WIDE)

@@ -194,6 +194,24 @@ def test_whole_patterns_are_rendered_anew_and_timed_alone(fake_time):
     assert asked == [pattern.sampler for pattern in patterns[:2]]
 
 
+def test_building_the_next_pattern_is_asked_for_and_what_follows_a_pattern_is_not(monkeypatch):
+    """Other threads work 5 s while a renderer is prepared, and 1 s after each pattern."""
+    worked = [0.0]
+    monkeypatch.setattr("harness.measure.contention.other_threads", lambda: worked[0])
+
+    class Builds(fake_engines.Steady):
+        def prepare(self, scene, settings):
+            worked[0] += 5.0
+            return super().prepare(scene, settings)
+
+    patterns = [FullPattern(n, {"name": "stratified", "strata": n}) for n in (4, 16, 64)]
+    settings, disturbance = Settings(width=4, height=4), Disturbance()
+    for _ in clock.pattern_points(Builds(), SCENE, lambda _: settings, patterns, 9.0, 1e-6, disturbance):
+        worked[0] += 1.0
+    disturbance.rest()
+    assert disturbance.off_clock == 3.0
+
+
 def test_a_pattern_that_would_overshoot_wildly_is_left_out_but_the_first_is_rendered(fake_time):
     patterns = [FullPattern(n, {"name": "stratified", "strata": n}) for n in (4, 64)]
     settings = Settings(width=4, height=4)

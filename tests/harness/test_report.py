@@ -1,6 +1,7 @@
 """The report: one file that needs nothing else, complete, safe against odd input, rebuildable from little."""
 
 import base64
+import html
 import html.parser
 import json
 import re
@@ -14,9 +15,12 @@ from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
 from harness.report.html.assembly import inline_svg, repeat_command, report_html
+from harness.report.html.overview import ratio_of
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots import Plot
+from harness.report.plots.panels import panels
 from harness.report.tables import all_tables
+from harness.report.tables.model import estimate_text
 from harness.store.results import load_results
 
 DERIVED = ("points.csv", "ttq.csv", "phases.csv", "report.html", "tables/time_to_quality.md", "tables/columns.md")
@@ -35,7 +39,7 @@ def page(folder):
 class Outline(html.parser.HTMLParser):
     """Tags, ids and addresses of a document; `open` tracks nesting."""
 
-    VOID = frozenset(("meta", "input", "img", "br", "link", "hr", "path", "use"))
+    VOID = frozenset(("meta", "input", "img", "br", "link", "hr", "path", "use", "wbr"))
 
     def __init__(self, text):
         super().__init__()
@@ -84,12 +88,12 @@ def test_the_document_is_well_formed_with_unique_ids_and_nothing_outside(page):
 def test_pictures_and_plots_have_words_for_those_who_cannot_see_them(page):
     outline = Outline(page)
     assert outline.images and all(len(image["alt"]) > 10 for image in outline.images)
-    assert len(outline.svgs) == 14 and all(svg["role"] == "img" and len(svg["aria-label"]) > 40 for svg in outline.svgs)
+    assert len(outline.svgs) == 16 + 2 and all(svg["role"] == "img" and len(svg["aria-label"]) > 40 for svg in outline.svgs)
 
 
 def test_verdicts_come_first_and_every_part_is_there(page):
     places = [page.index(f'<section id="{name}"') for name in
-              ("verdicts", "plots", "images", "tables", "failures", "cells", "provenance")]  # fmt: skip
+              ("verdicts", "quality", "plots", "images", "equivalence", "tables", "provenance", "glossary")]  # fmt: skip
     assert places == sorted(places)
     assert "biased by" in page and "raybench render" in page and "0123abc" in page
 
@@ -110,14 +114,61 @@ def test_pictures_decode_to_the_images(page, folder):
     assert [group["title"] for group in payload["groups"]] == ["cornell_box", "two_spheres"]
     group = payload["groups"][0]
     assert group["has_reference"] and (group["width"], group["height"], group["factor"]) == (64, 48, 1)
-    from harness.store.results import load_results
-
     results = load_results(folder)
     reference = results.reference(results.contestants[0].cells[0]["reference_id"])
     assert unpacked(group["pictures"][0]["data"], (48, 64, 3)) == pytest.approx(reference.mean, rel=5e-3)
-    names = [picture["name"] for picture in group["pictures"]]
-    assert names[0] == "reference" and {name.split()[0] for name in names[1:4]} == {"numpy", "numba", "embree"}
-    assert len(names) <= 10
+    for rule in group["rules"].values():
+        names = [group["pictures"][place]["name"] for place in rule["pictures"]]
+        assert names[0] == "reference" and {name.split()[0] for name in names[1:4]} == {"numpy", "numba", "embree"}
+        assert len(names) == len(set(names)) <= 10
+
+
+def test_a_contestant_has_a_picture_by_each_rule_or_a_reason_for_none(page, folder):
+    everyone = {c.name for c in load_results(folder).contestants if c.settings.scene == "cornell_box" and not c.settings.label}
+    group = payload_of(page)["groups"][0]
+    for rule in group["rules"].values():
+        shown = [group["pictures"][place] for place in rule["pictures"][1:]]
+        missing = dict(map(tuple, rule["missing"]))
+        assert {picture["name"] for picture in shown} | missing.keys() == everyone and all(missing.values())
+    spp, seconds = (re.search(r"([\d.]+) s?p?p?", group["rules"][rule]["words"])[1] for rule in ("samples", "time"))
+    places = [group["rules"][rule]["pictures"][1:] for rule in ("samples", "time")]
+    taken = [[group["pictures"][place]["caption"] for place in each] for each in places]
+    assert {caption.split(" spp")[0] for caption in taken[0]} == {spp}
+    assert all(float(caption.split(", ")[1].split(" s")[0]) <= 1.01 * float(seconds) for caption in taken[1])
+
+
+def test_a_ratio_is_that_to_the_baseline_or_the_inverse_of_one_to_it(folder):
+    kinds = set()
+    for panel in panels(analyse(load_results(folder))):
+        for verdict in panel.verdicts:
+            text, other = ratio_of(verdict, panel.verdicts, 0)
+            own = verdict.quality_speedups[0]
+            theirs = {v.contestant.name: v.quality_speedups[0] for v in panel.verdicts if v.against is verdict.contestant}
+            kinds.add("own" if own else "inverse" if other else "none")
+            if own:
+                assert verdict.against and other == verdict.against.name
+                assert text == estimate_text((own.ratio, own.low, own.high))
+            elif other:
+                numbers = [float(number) for number in re.findall(r"[\d.]+", text)]
+                ratio = theirs[other]
+                assert numbers == pytest.approx([1 / ratio.ratio, 1 / ratio.high, 1 / ratio.low], rel=0.01)
+    assert kinds >= {"own", "inverse"}
+
+
+def test_a_cell_of_the_matrix_says_what_the_winners_say(page, folder):
+    """The same names and times as winners.txt, from the same decision."""
+    lines = [line.strip() for line in (folder / "winners.txt").read_text().splitlines()[1:]]
+    matrix = page[page.index('<table class="matrix">') :]
+    cells = re.findall(r"<td data-target=.*?</td>", matrix[: matrix.index("</table>")], re.S)
+    assert len(cells) == len(lines) > 4
+    for cell, line in zip(cells, lines, strict=True):
+        text = html.unescape(re.sub(r"<[^>]*>", "", cell))
+        who = line.split(": ", 1)[1].split(", ")[0]
+        if who.startswith("not separated"):
+            assert who.split(":")[0] in text and who.split(": ")[1] in text
+        else:
+            assert (" ".join(text.split()).startswith(who) and re.search(r"[<>]? ?[\d.]+( \[.*?\])? s", text)) or who in text
+        assert 'href="#quality-' in cell
 
 
 def unpacked(data, shape):

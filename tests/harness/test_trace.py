@@ -62,21 +62,21 @@ def test_an_engine_without_faults_has_none(measured):
 def test_dropped_hits_are_counted_as_misses_and_leaks(measured, exact):
     for kind in ("camera", "shadow"):
         answers = entry(measured, "drops", kind).answers
-        assert (answers.wrong, answers.missed, answers.invented) == (0, exact[kind][::EVERY].sum(), 0)
+        assert (answers.wrong, answers.missed, answers.false_hits) == (0, exact[kind][::EVERY].sum(), 0)
         assert answers.leaks == HARD // EVERY
 
 
 def test_hits_of_another_primitive_are_wrong_and_darkness_where_nothing_is_is_a_false_hit(measured, exact):
     answers = entry(measured, "misnames", "camera").answers
-    assert (answers.wrong, answers.missed, answers.invented) == (exact["camera"][::EVERY].sum(), 0, 0)
+    assert (answers.wrong, answers.missed, answers.false_hits) == (exact["camera"][::EVERY].sum(), 0, 0)
     assert answers.wrong > 10
     answers = entry(measured, "misnames", "shadow").answers
-    assert (answers.wrong, answers.missed, answers.invented) == (
+    assert (answers.wrong, answers.missed, answers.false_hits) == (
         0,
         0,
         (~exact["shadow"] & exact["steep"])[::EVERY].sum(),
     )
-    assert answers.invented > 10
+    assert answers.false_hits > 10
 
 
 def test_an_engine_that_fails_has_a_line_and_no_rate(measured):
@@ -162,11 +162,11 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
             load_trace(path)
         assert message in str(caught.value)
     (tmp_path / "trace.json").write_text('{"raybench_trace_results": 9}')
-    with pytest.raises(ConfigError, match="format 9, this raybench reads 1"):
+    with pytest.raises(ConfigError, match="format 9, this raybench reads 2"):
         read_trace(tmp_path / "trace.json")
 
 
-def test_run_takes_a_file_of_the_league(tmp_path):
+def test_run_takes_a_file_of_a_comparison_by_rays(tmp_path):
     path = tmp_path / "small.yaml"
     path.write_text(
         "raybench_trace: 1\nscene: cornell_box\nrays: camera\nengine: numpy\ncount: 100\nhard: 0\nrepeats: 1\n"
@@ -187,3 +187,18 @@ def test_the_shipped_file_says_its_question_and_the_schema_takes_it():
     assert text.startswith(f"# {experiment.question}")
     assert np.isfinite(experiment.max_time_seconds) and len(experiment.contestants) == 3
     assert not list(jsonschema.Draft202012Validator(trace_schema()).iter_errors(parse_yaml(text).plain()))
+
+
+def test_files_outside_of_the_scenes_folder_are_read_only_if_allowed(tmp_path):
+    scene = {
+        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
+        "materials": {"m": {"kd": 0.5}}, "shapes": [{"mesh": {"file": "../m.obj"}, "material": "m"}],
+    }  # fmt: skip
+    (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "s.yaml").write_text(json.dumps(scene))
+    sizes = {"count": 50, "checked": 50, "hard": 20, "repeats": 1, "max_time": "1ms"}
+    words = options(rays="camera", engine="numpy", out=tmp_path / "out", **sizes)
+    refused = raybench("trace", "inner/s.yaml", *words, cwd=tmp_path)
+    assert refused.returncode == 2 and "outside" in refused.stderr and "Traceback" not in refused.stderr
+    assert raybench("trace", "inner/s.yaml", *words, "--allow-outside", cwd=tmp_path).returncode == 0

@@ -90,14 +90,14 @@ def test_a_ray_through_a_shared_edge_hits_and_both_neighbours_are_right():
 def test_at_an_outline_hit_and_miss_are_right_and_away_from_it_they_are_not():
     truth = Truth(made([SHAPES[4]]))
     edge, inside = np.array([0.0, -2.0, -1.25]), np.array([0.0, 0.01, 0.0])
-    for shift, missed, invented in ((0.0, 0, 0), (1.0, 1, 0), (-1.0, 0, 1)):
+    for shift, missed, false_hits in ((0.0, 0, 0), (1.0, 1, 0), (-1.0, 0, 1)):
         origin = edge + shift * inside + [0.0, 0.0, 3.0]
         judge = Judge(truth, Rays(origin[None], np.array([[0.0, 0.0, -1.0]]), np.array([np.inf])))
         t = judge.exact.t if shift > 0 else np.array([3.0])
         assert judge.hits(np.full(1, np.inf), np.full(1, -1), np.full(1, -1)).missed == missed
-        assert judge.hits(t, np.zeros(1, np.int64), np.zeros(1, np.int64)).invented == invented
+        assert judge.hits(t, np.zeros(1, np.int64), np.zeros(1, np.int64)).false_hits == false_hits
         assert judge.occlusions(np.array([False])).missed == missed
-        assert judge.occlusions(np.array([True])).invented == invented
+        assert judge.occlusions(np.array([True])).false_hits == false_hits
 
 
 def test_the_distance_from_a_triangle_is_that_of_its_nearest_point():

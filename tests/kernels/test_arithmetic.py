@@ -42,13 +42,16 @@ def _angles(y, x):
 
 
 @pytest.mark.parametrize("real", TYPES)
-def test_the_angle_of_a_point_in_the_plane_is_within_two_ulps(real):
+def test_the_angle_of_a_point_in_the_plane_is_within_two_ulps_and_has_the_sign_of_ieee(real):
     x, y = np.random.default_rng(3).normal(size=(2, 20_000)).astype(real)
-    x, y = np.concatenate([x, [0, 0, 1, -1, 1e-20, 0]]).astype(real), np.concatenate([y, [1, -1, 0, 0, -1, 0]]).astype(real)
+    x, y = np.concatenate([x, [0, 0, 1, 1e-20]]), np.concatenate([y, [1, -1, 0, -1]])
+    zeros = np.array([[0.0, 0.0, -0.0, -0.0, -1, -1], [0.0, -0.0, 0.0, -0.0, 0.0, -0.0]])
+    x, y = np.concatenate([x, zeros[0]]).astype(real), np.concatenate([y, zeros[1]]).astype(real)
     exact = np.arctan2(y.astype(np.float64), x.astype(np.float64))
     got = _angles(y, x)
     assert got.dtype == real
     assert np.all(np.abs(got - exact) <= 2 * np.finfo(real).eps * np.abs(exact))
+    assert np.array_equal(np.signbit(got), np.signbit(exact))
 
 
 @njit

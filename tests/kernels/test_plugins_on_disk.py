@@ -89,7 +89,7 @@ scene = engines.scene_from({
     "lights": [{"plugin": {"type": "own:lamp"}}],
 }, allow_imports=True)
 features = flatten(scene, np.float64, np.float64).features
-light.stage(features, False, np.float64)
+light.stage(features, False, False, np.float64)
 scattering.stages(features, Uses(value=True, sample=True), np.float64)
 print(json.dumps(compiled))
 """

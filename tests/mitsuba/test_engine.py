@@ -64,6 +64,7 @@ def test_materials_without_counterpart_are_declined(material, words):
         ({"sampler": "sobol"}, "sobol"),
         ({"shader": {"name": "path_tracer", "direct": "light"}}, "multiple importance"),
         ({"shader": {"name": "path_tracer", "light_sampler": "power"}}, "chooses lights evenly"),
+        ({"shader": {"name": "path_tracer", "light_candidates": 4}}, "resamples no light samples"),
     ],
 )
 def test_settings_without_counterpart_are_declined(settings, words):

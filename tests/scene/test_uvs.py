@@ -183,20 +183,25 @@ def test_an_mtl_with_roughness_and_metal_is_principled(tmp_path):
     (tmp_path / "m.mtl").write_text(
         "newmtl brass\nKd 0.9 0.7 0.2\nKs 1 1 1\nKe 0 0 1\nPr 0.3\nPm 1\nNi 1.45\nillum 3\n"
         "newmtl gel\nKd 0.5 0.5 2\nPr 3\nd 0.25\nNi 1\n"
-        "newmtl board\nKd 0.5 0.5 0.5\nPm 0\nmap_Kd wood.png\nmap_d holes.png\nnorm wood.png\nmap_Pr wood.png\n"
+        "newmtl board\nKd 0.5 0.5 0.5\nPm 0\nmap_Kd wood.png\nmap_d holes.png\nnorm wood.png\n"
+        "Pr 0.1\nmap_Pr holes.png\nmap_Ps x.png\n"
+        "newmtl plate\nKd 0.5 0.5 0.5\nmap_Pm holes.png\n"
     )
-    uses = "".join(f"usemtl {name}\nf 1/1 2/2 3/3\n" for name in ("brass", "gel", "board"))
+    uses = "".join(f"usemtl {name}\nf 1/1 2/2 3/3\n" for name in ("brass", "gel", "board", "plate"))
     (tmp_path / "m.obj").write_text("mtllib m.mtl\n" + SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\n" + uses)
     given = {"raybench_scene": 1, "camera": CAMERA, "shapes": [{"mesh": {"file": "m.obj"}}]}
     scene = engines.scene_from(given, folder=tmp_path)
-    brass, gel, board = scene.materials
+    brass, gel, board, plate = scene.materials
     assert brass.bsdf == Principled((0.9, 0.7, 0.2), 0.3, metallic=1.0, eta=1.45) and brass.emission == (0, 0, 1)
     assert gel.bsdf == Principled((0.25, 0.25, 1.0), 1.0, eta=1.001, spec_trans=0.75)
     paint = board.bsdf.of.of
-    assert isinstance(board.bsdf, Mask) and isinstance(board.bsdf.of, NormalMap) and (paint.roughness, paint.eta) == (0.5, 1.5)
+    assert isinstance(board.bsdf, Mask) and isinstance(board.bsdf.of, NormalMap) and paint.eta == 1.5
+    for image in (paint.roughness, plate.bsdf.metallic):
+        assert isinstance(image, ImageTexture) and np.allclose(image.pixels, 0.2), "numbers, not colours, and no tint of Pr"
+    assert plate.bsdf.roughness == 0.5 and paint.metallic == 0.0
     assert isinstance(paint.base_color, ImageTexture) and paint.base_color.pixels[0, 0, 0] == 0.5 and paint.spec_trans == 0.0
     assert "m.mtl: material 'gel' returns 2 of its light: scaled down to 1" in scene.warnings
-    assert "m.mtl: map_Pr is not read: material 'board'" in scene.warnings
+    assert "m.mtl: map_Ps is not read: material 'board'" in scene.warnings
 
 
 def test_maps_of_an_mtl(tmp_path):

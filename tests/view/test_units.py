@@ -9,6 +9,8 @@ import engines
 from engines.errors import ConfigError, Unsupported
 from engines.scene import Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.schema import yaml_file
+from engines.schema.yaml_file import locate
+from harness import config
 from harness.cli.options import DEFAULT_ENGINE
 from harness.metrics import Reference, measure
 from harness.report.html.assembly import colour_maps
@@ -20,6 +22,7 @@ from harness.view.library import Library
 from harness.view.menu import menu
 from harness.view.messages import header_of, packed
 from harness.view.projection import Projection
+from harness.view.race import _experiment
 from harness.view.requests import checked
 from harness.view.yaml_export import scene_yaml
 
@@ -190,3 +193,16 @@ def test_the_canvas_shows_what_the_film_would_save(mapper):
     assert np.abs(shown[:, :, :3].astype(int) - wanted).max() <= 1 and (shown[:, :, 3] == 255).all()
     halves = np.frombuffer(half_floats(film), "<f2").reshape(5, 7, 3)
     assert halves == pytest.approx(film.mean(), rel=1e-3)
+
+
+def test_values_of_a_mitsuba_files_parameters_reach_races(tmp_path):
+    contestant = {"engine": "numpy", "shader": {"name": "path_tracer"}, "sampler": {"name": "random"},
+                  "accelerator": {"name": "auto"}, "threads": 1}  # fmt: skip
+    request = checked({
+        "type": "race", "seq": 1, "scene": "lantern", "contestants": [contestant, {**contestant, "engine": "numba"}],
+        "width": 8, "height": 8, "targets": [0.1],
+    })  # fmt: skip
+    file = Library(tmp_path).find("lantern")
+    experiment = config.parse(locate(_experiment(request, file, {"width": "16"}), "race", ConfigError), tmp_path, "race", "")
+    scenes = {combination["scene"].parameters for combination in experiment.combinations}
+    assert scenes == {(("width", "16"),)}

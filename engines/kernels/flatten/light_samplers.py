@@ -8,7 +8,7 @@ from engines.kernels.flatten.scene import FlatScene
 from engines.kernels.layout import SceneTable
 from engines.scene import EnvironmentLight, Scene
 from engines.scene.light_bounds import light_shares
-from engines.scene.light_hierarchy import LightHierarchy, light_hierarchy
+from engines.scene.light_hierarchy import LightHierarchy, light_hierarchy, lit_through
 
 NODE_NUMBERS = 88
 """Numbers of a node of the hierarchy, of eight children each: center, radius, axis, cosine and sine of the spread, cosine of
@@ -16,7 +16,8 @@ the reach, power."""
 
 
 def bind_light_sampler(flat: FlatScene, scene: Scene, name: str) -> None:
-    """Adds the tables of the light sampler `name`, and the feature that compiles it; nothing where there is no choice."""
+    """Adds the tables of the light sampler `name`, and the feature that compiles it; none where there is no choice."""
+    flat.bind(SceneTable.lit_through, int(lit_through(scene)))
     if name == "uniform" or not flat.features.many_lights:
         return
     environment = (j for j, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight))
@@ -49,6 +50,5 @@ def _bind_hierarchy(flat: FlatScene, tree: LightHierarchy) -> None:
     flat.bind(table.unbounded_lights, tree.unbounded.astype(np.int32))
     flat.bind(table.n_unbounded_lights, tree.unbounded.size)
     flat.bind(table.light_parts, parts)
-    flat.bind(table.lit_through, int(tree.through))
     flat.bind(table.light_choices, np.full(tree.place.size, parts, flat.real))
     flat.features = flat.features._replace(light_hierarchy=True)

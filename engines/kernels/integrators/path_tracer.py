@@ -10,6 +10,8 @@ from engines.kernels.lane.vector import Vec3, dot, largest, select3
 
 LIGHT_ONLY, BSDF_ONLY, MIS = 0, 1, 2
 DIRECT = {"light": LIGHT_ONLY, "bsdf": BSDF_ONLY, "mis": MIS}
+DIRECT_OPTION, LIGHT_CANDIDATES = 2, 3
+"""Places among the integrator's options that the light stage reads as well."""
 
 
 @inline

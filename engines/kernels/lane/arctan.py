@@ -10,7 +10,8 @@ from engines.kernels.compile.values import const, select
 
 @inline
 def arctan2(y, x):
-    """In radians, in [-pi, pi], to 2 ulp; 0 of (0, 0). Rational approximation of Moshier's Cephes library (1995)."""
+    """In radians, in [-pi, pi], to 2 ulp; of zeros, with their signs, as IEEE 754 has it. Rational
+    approximation of Moshier's Cephes library (1995)."""
     zero, one, half_turn = const(0.0, x), const(1.0, x), const(math.pi, x)
     ax, ay = abs(x), abs(y)
     steep = ay > ax
@@ -28,5 +29,5 @@ def arctan2(y, x):
     angle = t + t * (z * p / q)
     angle = select(far, angle + const(math.pi / 4, x), angle)
     angle = select(steep, const(math.pi / 2, x) - angle, angle)
-    angle = select(x < zero, half_turn - angle, angle)
-    return select(y < zero, -angle, angle)
+    angle = select(math.copysign(one, x) < zero, half_turn - angle, angle)
+    return math.copysign(angle, y)

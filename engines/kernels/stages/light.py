@@ -12,10 +12,11 @@ from engines.kernels.compile.records import address_of, array_at, lane_numbers, 
 from engines.kernels.compile.values import lowest_bit, pick
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
+from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
 from engines.kernels.layout import LANES, LightRow, ray_batch, scene_table
-from engines.kernels.stages import environment, light_hierarchy
+from engines.kernels.stages import environment, light_hierarchy, resampling
 from engines.kernels.stages.surface import keep_corners, load_vertices
 
 COLOR = LightRow.fields["color"].first
@@ -133,14 +134,16 @@ def _load_face(rays, lane, scene, light, rest, mesh, color):
     return pick(mesh, address_of(scene.materials[row.material]), color)
 
 
-def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
+@cache
+def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
+    """The function (rays, scene) that stores one light sample a lane."""
     zero, one, infinite = real(0), real(1), real(np.inf)
     load, every, weighted = _make_load(kinds, selection, real), selection.every, selection.power or selection.hierarchy
     sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))
     image_environment = IMAGE_ENVIRONMENT in kinds
 
-    def light_stage(batch, scene_address):
-        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+    @inline
+    def sample_one(rays, scene):
         load(rays, scene)
         share = one if every else one / real(scene.n_lights)
         environment_share = share
@@ -162,6 +165,29 @@ def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any)
             rays.light_sample_pdf[lane] = sample.pdf * share
         if image_environment:
             _image_environment(rays, scene, environment_share, turned, real)
+
+    return sample_one
+
+
+def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, real: Any) -> Any:
+    sample_one = _make_sample_one(kinds, selection, turned, real)
+
+    def light_stage(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        if not resampled:
+            sample_one(rays, scene)
+            return
+        count = np.int64(scene.options[LIGHT_CANDIDATES])
+        resampling.keep_draws(rays)
+        for k in range(count):
+            resampling.choose_all(rays, k)
+            resampling.draw_candidates(rays, count, real)
+            sample_one(rays, scene)
+            resampling.store_targets(rays, scene, k, real)
+        resampling.pick(rays, count, real)
+        resampling.draw_candidates(rays, count, real)
+        sample_one(rays, scene)
+        resampling.weigh(rays, count, real)
 
     return light_stage
 
@@ -241,13 +267,14 @@ def _image_environment(rays, scene, share, turned, real):
         rays.light_sample_pdf[lane] = pdf
 
 
-def stage(features: SceneFeatures, every: bool, real: Any) -> Any:
-    """The light stage; `every`: the lane's own light of all, instead of one chosen at random."""
+def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> Any:
+    """The light stage; `every`: the lane's own light of all, instead of one chosen at random; `resampled`: the sample is one
+    of several candidates."""
     many = features.many_lights and not every
     selection = Selection(every, many, many and features.power_lights, many and features.light_hierarchy)
-    return _stage(features.lights, selection, features.turned_environment, real)
+    return _stage(features.lights, selection, features.turned_environment, resampled, real)
 
 
 @cache
-def _stage(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
-    return compile_stage(_make(kinds, selection, turned, real))
+def _stage(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, real: Any) -> Any:
+    return compile_stage(_make(kinds, selection, turned, resampled, real))

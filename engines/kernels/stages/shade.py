@@ -45,6 +45,11 @@ def light_sampler(shader: Choice) -> str:
     return "uniform" if shader.plugin is not None else shader.options.get("light_sampler", "uniform")
 
 
+def light_candidates(shader: Choice) -> int:
+    """Of how many light samples at a vertex the integrator takes one."""
+    return 1 if shader.plugin is not None else shader.options.get("light_candidates", 1)
+
+
 def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
     """The integrator's options (8,) as numbers: max_depth, then what its step reads."""
     row = np.zeros(OPTIONS)
@@ -55,6 +60,7 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     row[0] = options.get("max_depth", 1)
     if shader.name == "path_tracer":
         row[1], row[2] = options["rr_depth"], path_tracer.DIRECT[options["direct"]]
+        row[path_tracer.LIGHT_CANDIDATES] = light_candidates(shader)
     elif shader.name in ("whitted", "no_shadows"):
         row[1] = options["ambient"]
     elif shader.name == "depth_map":
@@ -79,7 +85,7 @@ def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
         return light | (0b1000 if features.choices else 0)
     several = features.lobes or features.specular_reflection or features.specular_transmission or features.choices
     lobe = 0b1000 if several else 0
-    roulette = 0b1000000 if shader.options["rr_depth"] < shader.options["max_depth"] else 0
+    roulette = 0b1000000 if light_candidates(shader) > 1 or shader.options["rr_depth"] < shader.options["max_depth"] else 0
     return light | lobe | 0b110000 | roulette
 
 

@@ -2,7 +2,7 @@
 
 In each round every ray takes one step: eight boxes of a node, or up to eight primitives of a leaf, in vector code without a
 branch. A ray alone would wait at each step for memory and for the next branch; sixteen steps that do not depend on one
-another overlap. This, not the width, is what pays (docs/performance.md).
+another overlap. This, not the width, is what pays (docs/how/performance_log.md).
 """
 
 from __future__ import annotations

@@ -70,8 +70,10 @@ class Engine(AdapterEngine):
     camera_keys = ("principal_point", "clip")
     two_sided = True
     takes_shaders = {  # noqa: RUF012
-        "path_tracer": {"direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform",)}
-    }
+        "path_tracer": {
+            "direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform",), "light_candidates": (1,)
+        }
+    }  # fmt: skip
     takes_samplers = {"sobol": {"scramble": ("owen",)}}  # noqa: RUF012
     listed = {"sampler": ("sobol",)}  # noqa: RUF012
     not_promised = {  # noqa: RUF012

@@ -50,7 +50,7 @@ class Engine(AdapterEngine):
     cameras = (Perspective, ThinLens)
     camera_keys = ("principal_point", "clip")
     two_sided = True
-    takes_shaders = {"path_tracer": {"direct": ("mis",), "max_depth": range(2, 1001)}}  # noqa: RUF012
+    takes_shaders = {"path_tracer": {"direct": ("mis",), "max_depth": range(2, 1001), "light_candidates": (1,)}}  # noqa: RUF012
     not_promised = {  # noqa: RUF012
         **MEANS_ALONE,
         "a_split_render_is_the_same": "every call begins another stream of random numbers",

@@ -5,12 +5,12 @@ d < 1 (or Tr > 0) -> kt = Tf (1 - d), and kd is scaled by d; Ni -> ior where lig
 illum 5 and 7 -> fresnel. Ke -> emission, as it stands. Materials that would return more light than they get are scaled
 down, with a warning.
 
-Where Pr (roughness) or Pm (metallic) stand, the material is `principled`: Kd -> base_color, 1 - d -> spec_trans, Ni -> eta,
-by default 1.5; Ks, Tf and illum count no more.
+Where Pr (roughness), Pm (metallic), map_Pr or map_Pm stand, the material is `principled`: Kd -> base_color, 1 - d ->
+spec_trans, Ni -> eta, by default 1.5; Ks, Tf and illum count no more, nor does a number beside its map.
 
 map_Kd -> kd or base_color, times Kd unless that is 0. map_d -> the opacity of a mask, from the image's alpha where it has one;
-d counts no more. norm -> a normal map. Of their options -s, -o and -clamp count. Other maps, and images that cannot be read,
-are left out with a warning.
+d counts no more. map_Pr and map_Pm -> the textures of roughness and metallic. norm -> a normal map. Of their options -s, -o
+and -clamp count. Other maps, and images that cannot be read, are left out with a warning.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MOST_ETA = 100.0
 _COLORS = ("kd", "ks", "tf", "ke")
 _NUMBERS = ("d", "tr", "ni", "illum", "pr", "pm")
 
-MAPS = ("map_kd", "map_d", "norm")
+MAPS = ("map_kd", "map_d", "map_pr", "map_pm", "norm")
 OTHER_MAPS = ("map_", "bump", "disp", "decal", "refl")
 """How the keys of other maps begin."""
 OPTIONS = {
@@ -176,12 +176,13 @@ def _material(
     tint = kd if image is None or kd != BLACK else WHITE
     if image is not None:
         kd = _times(tint, largest(image))
-    if "pr" in values or "pm" in values:
+    if {"pr", "pm"} & values.keys() or {"map_pr", "map_pm"} & images.keys():
         factor = min(1.0, 1.0 / (max(kd) or 1.0))
         tint = _scaled(tint, factor)
         passing = 1.0 - opacity
         bsdf = Principled(
-            tint if image is None else _tinted(image, tint), min(value("pr", 0.5), 1.0), metallic=min(value("pm", 0.0), 1.0),
+            tint if image is None else _tinted(image, tint), images.get("map_pr", min(value("pr", 0.5), 1.0)),
+            metallic=images.get("map_pm", min(value("pm", 0.0), 1.0)),
             eta=min(max(value("ni", 1.5), 1.001 if passing else 1.0), MOST_ETA), spec_trans=passing,
         )  # fmt: skip
         notes = [_scaled_down(file, name, max(kd))] if factor < 1.0 else []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
@@ -12,13 +13,16 @@ import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from harness.analysis import Analysis, calibration, equivalence, reports_its_time
+from harness.analysis import Analysis, calibration, reports_its_time
 from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import error_words, metric_title
+from harness.report.html.glossary import TERMS, anchor
+from harness.report.html.overview import engine_key, matrix
 from harness.report.html.pictures import picture_groups
 from harness.report.plots import Plot
+from harness.report.plots.drawing import OF_A_PANEL
 from harness.report.plots.panels import Panel, panels
-from harness.report.plots.style import FAINT, GRID, INK
+from harness.report.plots.style import FAINT, GRID, INK, file_stem
 from harness.report.tables import Column, Table, cell_text, sort_value
 from harness.report.tables.evidence import evidence
 from harness.report.tables.model import estimate_text
@@ -26,6 +30,8 @@ from harness.statistics import QualityTime
 from harness.store.results import Contestant, Event, Results, point_error
 from harness.trace.records import TraceResults
 
+Drawing = tuple[Plot, str]
+"""A plot and its SVG for the page."""
 MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
@@ -41,21 +47,34 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     """The whole report as one document."""
     drawings = [(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)]
     cells = cell_table(analysis)
-    left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 700 * len(cells.rows)
+    left = MOST_BYTES - sum(len(svg) for _, svg in drawings) - 400 * len(cells.rows)
     groups = picture_groups(analysis, min(max(left, MOST_BYTES / 10), 6e6))
     results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
+    references = _references(results)
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
     return _environment().get_template("report.html.j2").render(
-        title=_title(results.manifest, results.folder.name), verdicts=headlines(analysis), tables=tables,
-        engine_pairs=[(pair.first.settings.scene, pair.verdict, equivalence.describe_pair(pair)) for pair in analysis.pairs],
-        plots=drawings, groups=groups, payload=_script_json(pictures), cells=cells,
-        machines=_machines(analysis), runs=results.runs, references=_references(results),
+        title=_title(results.manifest, results.folder.name), question=_question(results.manifest),
+        matrix=matrix(analysis, found, references), engine_key=engine_key(analysis), verdicts=headlines(analysis),
+        tables={table.name: table for table in tables}, pair_verdicts=_pair_verdicts(analysis),
+        plot_sets=plot_sets(analysis, drawings), groups=groups, payload=_script_json(pictures), cells=cells,
+        machines=_machines(analysis), runs=results.runs, references=references, terms=TERMS,
         manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
         calibration=found, figures=calibration.figures(found), rests_on=calibration.rests_on(found),
         metric=metric_title(results.metric), error_words=error_words(results.metric), evidence=evidence(analysis),
         style=Markup(_asset("report.css")),
         scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
     )  # fmt: skip
+
+
+def plot_sets(analysis: Analysis, drawings: Sequence[Drawing]) -> list[tuple[str, list[tuple[str, Drawing]]]]:
+    """(title, [(label, plot)]) of each panel, and of the plots of all scenes: of a set the page shows one plot at a time."""
+    left = {drawing[0].name: drawing for drawing in drawings}
+    found = []
+    for panel in panels(analysis):
+        names = {file_stem(start, panel.title): label for start, label in OF_A_PANEL.items()}
+        found.append((panel.title, [(label, left.pop(name)) for name, label in names.items() if name in left]))
+    found.append(("All scenes", [(drawing[0].title, drawing) for drawing in left.values()]))
+    return [(title, plots) for title, plots in found if plots]
 
 
 def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
@@ -157,26 +176,76 @@ def repeat_command(cell: Event) -> str:
 def inline_svg(plot: Plot, index: int | str) -> str:
     """A plot's SVG for the page: own ids, two decimals, colours that follow dark mode, a name for screen readers."""
     svg = plot.svg[plot.svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.S)
+    svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg, flags=re.S)
+    svg = _without_bare_groups(FONTS.sub(r"font-family: \1, sans-serif", re.sub(r"\s*\n\s*", " ", svg)))
+    used = set(re.findall(r'(?:xlink:href="#|url\(#)([^")]*)', svg))
+    svg = re.sub(r' id="([^"]*)"', lambda mark: mark.group(0) if mark.group(1) in used else "", svg)
     svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\d\.\d{2})\d+", r"\1", tag.group(0)), svg)
     svg = re.sub(r'\bid="', f'id="p{index}-', svg)
     svg = re.sub(r'(xlink:href="#|url\(#)', rf"\g<1>p{index}-", svg)
     for colour, name in ((INK, "ink"), (FAINT, "faint"), (GRID, "grid"), ("#ffffff", "paper")):
         svg = svg.replace(colour, f"var(--{name})")
+    svg = _with_classes(svg, f"p{index}-")
     label = Markup.escape(f"{plot.title}. {plot.description}")
     width = re.search(r'width="([\d.]+)pt"', svg)
     size = f'style="max-width:{2 * float(width.group(1)):.0f}px"' if width else ""
     box = re.search(r'viewBox="[^"]*"', svg)
     spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    size += ' preserveAspectRatio="xMinYMid meet"'
     opening = f'<svg {box.group(0) if box else ""} {size} role="img" aria-label="{label}" {spaces}>'
     return Markup(opening + svg[svg.index(">") + 1 :])
+
+
+FONTS = re.compile(r"font-family: ('DejaVu Sans')[^;\"]*")
+"""Matplotlib names a dozen families with each text."""
+
+
+def _with_classes(svg: str, prefix: str) -> str:
+    """The same drawing with a class for each style that it repeats."""
+    if "</style>" not in svg:
+        return svg
+    styles = [style for style, count in Counter(re.findall(r' style="([^"]*)"', svg)).items() if count > 2]
+    names = {style: f"{prefix}s{number}" for number, style in enumerate(styles)}
+    svg = re.sub(r' style="([^"]*)"', lambda mark: f' class="{names[mark[1]]}"' if mark[1] in names else mark[0], svg)
+    rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
+    return svg.replace("</style>", f"{rules}</style>", 1)
+
+
+def _without_bare_groups(svg: str) -> str:
+    """The same drawing without the groups that hold things together by an id alone."""
+    kept: list[bool] = []
+    found = []
+    svg = re.sub(r'<g(?: id="[^"]*")?/>', "", svg)
+    for part in re.split(r"(<g(?: [^>]*)?(?<!/)>|</g>)", svg):
+        if part == "</g>":
+            if not kept.pop():
+                continue
+        elif re.fullmatch(r"<g(?: [^>]*)?(?<!/)>", part):
+            kept.append(re.fullmatch(r"<g(?: id=\"[^\"]*\")?>", part) is None)
+            if not kept[-1]:
+                continue
+        found.append(part if part.strip() else "")
+    return "".join(found)
 
 
 def _environment() -> Environment:
     environment = Environment(loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined,
                               trim_blocks=True, lstrip_blocks=True)  # fmt: skip
-    environment.globals |= {"cell_text": cell_text, "sort_value": sort_value, "verdict_class": verdict_class}
+    environment.globals |= {
+        "anchor": anchor, "breakable": breakable, "cell_text": cell_text, "shown_columns": shown_columns,
+        "sort_value": sort_value, "verdict_class": verdict_class,
+    }  # fmt: skip
     return environment
+
+
+def shown_columns(table: Table) -> list[Column]:
+    """Those of which something is known in some row; all of a table without rows."""
+    return [c for c in table.columns if not table.rows or any(cell_text(c, row.get(c.name)) != "–" for row in table.rows)]
+
+
+def breakable(name: str) -> Markup:
+    """A name whose line may break after an underscore."""
+    return Markup("<wbr>").join(re.split(r"(?<=_)", name))
 
 
 def verdict_class(value: Any) -> str:
@@ -193,6 +262,18 @@ def _script_json(value: Any) -> Markup:
     """JSON that may stand inside a script element."""
     text = json.dumps(value, allow_nan=False).replace("<", "\\u003c").replace("\u2028", "\\u2028")
     return Markup(text)
+
+
+def _question(manifest: Mapping[str, Any]) -> str:
+    """What the experiment asks, by its config."""
+    return str((manifest.get("config") or {}).get("question") or "Which contestant reaches a given error first?")
+
+
+def _pair_verdicts(analysis: Analysis) -> list[tuple[str, int]]:
+    """(verdict, how many pairs of engines have it), the worst first."""
+    order = ("different", "unresolved", "unknown", "equivalent", "identical")
+    counts = Counter(pair.verdict for pair in analysis.pairs)
+    return [(verdict, counts[verdict]) for verdict in order if counts[verdict]]
 
 
 def _title(manifest: Mapping[str, Any], fallback: str) -> str:

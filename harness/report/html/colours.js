@@ -50,8 +50,9 @@ function scaleWords(view, gain) {
   const ends = ERROR_DECADES.map((decade) => (10 ** decade / gain).toExponential(1));
   return {
     radiance: null,
-    error: ["magma", `(A−R)² / (R² + ε), mean of channels, ${ends[0]} … ${ends[1]}, logarithmic`],
-    signed: ["signed", `luminance (A−R) / (|R| + 0.05), −${limit} (blue, too dark) … +${limit} (red, too bright)`],
+    error: ["magma", `(A−R)² / (R² + ε) against the reference R, mean of channels, ${ends[0]} … ${ends[1]}, logarithmic`],
+    signed: ["signed", `luminance (A−R) / (|R| + 0.05) against the reference R, −${limit} (blue, too dark) … +${limit} (red, too bright)`],
+    difference: ["signed", `luminance (A−B) / (|B| + 0.05), −${limit} (blue: A is darker) … +${limit} (red: A is brighter)`],
     luminance: ["magma", `luminance 2^${LUMINANCE_STOPS[0]} … 2^${LUMINANCE_STOPS[1]}, over 2^exposure, logarithmic`],
   }[view];
 }

@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import math
 import zlib
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,24 +47,108 @@ class PictureGroup(NamedTuple):
     crop_seconds: float
 
 
+class Shown(NamedTuple):
+    """A contestant's picture at a checkpoint."""
+
+    verdict: Verdict
+    point: Event
+    image: Image
+
+
+class Selection(NamedTuple):
+    """The pictures by one rule, which `words` says, and (name, reason) of the contestants without one."""
+
+    words: str
+    shown: list[Shown]
+    missing: list[tuple[str, str]]
+
+
 def picture_groups(analysis: Analysis, budget_bytes: float) -> list[PictureGroup]:
     """The pictures of every panel that has some, scaled down by whole factors until all fit into the budget."""
-    chosen = [(panel, _chosen(analysis.results, panel)) for panel in panels(analysis)]
-    chosen = [(panel, pictures) for panel, pictures in chosen if pictures]
-    pixels = sum(image.shape[0] * image.shape[1] for _, pictures in chosen for image, _ in pictures)
-    pixels += sum(pictures[0][0].shape[0] * pictures[0][0].shape[1] for _, pictures in chosen)
+    chosen = [(panel, selections(analysis.results, panel)) for panel in panels(analysis)]
+    chosen = [(panel, found) for panel, found in chosen if found["last"].shown]
+    pixels = 0
+    for _, found in chosen:
+        images = {shown.point["image"]: shown.image for selection in found.values() for shown in selection.shown}
+        height, width = next(iter(images.values())).shape[:2]
+        pixels += (len(images) + 1) * height * width
     factor = max(math.ceil(math.sqrt(pixels * BYTES_PER_PIXEL / max(budget_bytes, 1.0))), 1)
-    return [_group(analysis.results, panel, pictures, factor) for panel, pictures in chosen]
+    return [_group(analysis.results, panel, found, factor) for panel, found in chosen]
 
 
 def shown_images(analysis: Analysis, most: int = MOST_CROPS) -> set[str]:
-    """The stored images that a report shows, by their paths in the results folder; of each panel at most the first
-    `most`, whole and as crops each."""
+    """The stored images that an archive keeps for its report, by their paths in the results folder: of each panel at most the
+    first `most` at the last checkpoint, and as many at equal time. Those at equal samples are what these have in common."""
     found: set[str] = set()
     for panel in panels(analysis):
-        found |= {str(words["image"]) for _, words in _chosen(analysis.results, panel)[:most]}
+        found |= {str(shown.point["image"]) for shown in selections(analysis.results, panel)["last"].shown[:most]}
         found |= {str(point["image"]) for _, point in _at_equal_time(analysis.results, panel)[1][:most]}
     return found
+
+
+def selections(results: Results, panel: Panel) -> dict[str, Selection]:
+    """`last`, `time` and `samples`: pictures at the last checkpoint, at equal time and at equal samples."""
+    pictured = {id(v): [p for p in v.contestant.done[0]["points"] if p.get("image")] for v in panel.verdicts}
+    seconds, timed = _at_equal_time(results, panel, math.inf)
+    at_time = {id(verdict): point for verdict, point in timed}
+    spp = _equal_samples(list(pictured.values()))
+    at_spp = {key: next((p for p in points if p["spp"] == spp), None) for key, points in pictured.items()}
+    last = {key: points[-1] if points else None for key, points in pictured.items()}
+    return {
+        "last": _select(results, panel, "last checkpoint", last, "no image of it was kept", True),
+        "time": _select(results, panel, f"equal time, {number_text(seconds)} s", at_time, "no image of it was kept", False),
+        "samples": _select(results, panel, f"equal samples, {spp} spp", at_spp, f"no image at {spp} spp was kept", True),
+    }
+
+
+def _equal_samples(pictured: list[list[Event]]) -> int:
+    """The samples at which most contestants have a picture; of several the most. 0 without pictures."""
+    counts = Counter(point["spp"] for points in pictured for point in points)
+    return max(counts, key=lambda spp: (counts[spp], spp), default=0)
+
+
+def _select(
+    results: Results, panel: Panel, words: str, points: Mapping[int, Event | None], without: str, threads_alike: bool
+) -> Selection:  # fmt: skip
+    """Up to nine contestants: the best of every engine first, then by final error.
+
+    Threads change no image at equal samples: of contestants that differ in them alone one is enough, where `threads_alike`.
+    """
+    shown: list[Shown] = []
+    missing: list[tuple[str, str]] = []
+    seen: dict[Any, str] = {}
+    for verdict in _ranked(panel):
+        name, point = verdict.contestant.name, points.get(id(verdict))
+        alike = verdict.contestant.settings._replace(threads=0)
+        image = results.image(point) if point else None
+        if threads_alike and alike in seen:
+            missing.append((name, f"differs in threads alone from {seen[alike]}, and so not in its image at equal samples"))
+        elif point is None:
+            missing.append((name, without))
+        elif image is None:
+            missing.append((name, "its image is missing or damaged"))
+        elif len(shown) >= MOST_PICTURES:
+            missing.append((name, f"only {MOST_PICTURES} contestants are shown, the best of each engine and then by error"))
+        elif shown and image.shape != shown[0].image.shape:
+            missing.append((name, "its image has another resolution"))
+        else:
+            seen[alike] = name
+            shown.append(Shown(verdict, point, image))
+    same = panel.verdicts[0].contestant.settings
+    for contestant in results.contestants:
+        s = contestant.settings
+        if not contestant.done and (s.scene, s.size, s.division) == (same.scene, same.size, same.division):
+            states = ", ".join(dict.fromkeys(str(cell["state"]) for cell in contestant.cells))
+            missing.append((contestant.name, f"has no measured cell ({states or 'not run'})"))
+    return Selection(words, shown, missing)
+
+
+def _ranked(panel: Panel) -> list[Verdict]:
+    """The best of every engine first, then by final error."""
+    ranked = sorted(panel.verdicts, key=lambda v: (math.isnan(v.final_error.value), v.final_error.value))
+    engines = list(dict.fromkeys(v.contestant.settings.engine for v in ranked))
+    best = [next(v for v in ranked if v.contestant.settings.engine == engine) for engine in engines]
+    return [*best, *(v for v in ranked if v not in best)]
 
 
 def rounded(image: Image) -> NDArray[np.float16]:
@@ -73,31 +159,6 @@ def rounded(image: Image) -> NDArray[np.float16]:
     return np.where(finite, (bits.astype(np.uint32) + 4) & 0xFFF8, bits).astype(np.uint16).view(np.float16)
 
 
-def _chosen(results: Results, panel: Panel) -> list[tuple[Image, dict[str, Any]]]:
-    """(image, words) of up to nine contestants: the best of every engine first, then by final error.
-
-    Threads change no image: of contestants that differ in them alone, one is enough.
-    """
-    ranked = sorted(panel.verdicts, key=lambda v: (math.isnan(v.final_error.value), v.final_error.value))
-    engines = list(dict.fromkeys(v.contestant.settings.engine for v in ranked))
-    best = [next(v for v in ranked if v.contestant.settings.engine == engine) for engine in engines]
-    found = []
-    seen = set()
-    for verdict in [*best, *(v for v in ranked if v not in best)]:
-        same_image = verdict.contestant.settings._replace(threads=0)
-        if same_image in seen:
-            continue
-        seen.add(same_image)
-        for cell in verdict.contestant.done[:1]:
-            point = next((p for p in reversed(cell["points"]) if p.get("image")), None)
-            image = results.image(point) if point else None
-            if point and image is not None and len(found) < MOST_PICTURES:
-                caption = point_words(results, point)
-                found.append((image, {"name": verdict.contestant.name, "caption": caption, "image": point["image"]}))
-    shape = found[0][0].shape if found else None
-    return [pair for pair in found if pair[0].shape == shape]
-
-
 def point_words(results: Results, point: Event) -> str:
     """`256 spp, 3.21 s, relmse_e0.01 4.5e-04`."""
     error, _ = point_error(point, results.metric)
@@ -105,18 +166,31 @@ def point_words(results: Results, point: Event) -> str:
     return f"{point['spp']} spp, {number_text(point['seconds'])} s, {name} {number_text(error)}"
 
 
-def _group(results: Results, panel: Panel, pictures: list[tuple[Image, dict[str, Any]]], factor: int) -> PictureGroup:
+def _group(results: Results, panel: Panel, found: Mapping[str, Selection], factor: int) -> PictureGroup:
+    """One copy of each picture, however many rules chose it; the reference is the first of every rule."""
+    shape = found["last"].shown[0].image.shape
     reference = results.reference(panel.verdicts[0].contestant.done[0].get("reference_id"))
-    if reference is not None and reference.mean.shape != pictures[0][0].shape:
+    if reference is not None and reference.mean.shape != shape:
         reference = None
-    shown = [{"name": words["name"], "caption": words["caption"], "data": packed(shrunk(image, factor))}
-             for image, words in pictures]  # fmt: skip
+    pictures: list[dict[str, Any]] = []
     if reference is not None:
-        words = {"name": "reference", "caption": f"{reference.spp} spp"}
-        shown.insert(0, {**words, "data": packed(shrunk(reference.mean, factor))})
-    height, width = shrunk(pictures[0][0], factor).shape[:2]
+        data = packed(shrunk(reference.mean, factor))
+        pictures.append({"name": "reference", "caption": f"{reference.spp} spp", "data": data})
+    places: dict[str, int] = {}
+    rules = {}
+    for rule, selection in found.items():
+        chosen = [0] if reference is not None else []
+        for verdict, point, image in selection.shown:
+            if image.shape == shape and point["image"] not in places:
+                places[point["image"]] = len(pictures)
+                pictures.append({"name": verdict.contestant.name, "caption": point_words(results, point),
+                                 "data": packed(shrunk(image, factor))})  # fmt: skip
+            if image.shape == shape:
+                chosen.append(places[point["image"]])
+        rules[rule] = {"words": selection.words, "pictures": chosen, "missing": selection.missing}
+    height, width = shrunk(found["last"].shown[0].image, factor).shape[:2]
     payload = {"title": panel.title, "width": width, "height": height, "factor": factor, "epsilon": results.epsilon,
-               "has_reference": reference is not None, "pictures": shown}  # fmt: skip
+               "has_reference": reference is not None, "pictures": pictures, "rules": rules}  # fmt: skip
     seconds, crops = _equal_time_crops(results, panel, reference)
     return PictureGroup(panel.title, payload, crops, seconds)
 
@@ -139,7 +213,9 @@ def packed(image: Image) -> str:
     return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
 
 
-def _at_equal_time(results: Results, panel: Panel) -> tuple[float, list[tuple[Verdict, Event]]]:
+def _at_equal_time(
+    results: Results, panel: Panel, most: float = MOST_CROPS
+) -> tuple[float, list[tuple[Verdict, Event]]]:  # fmt: skip
     """(time, the last pictured checkpoint of each contestant's first block within it), by rising error."""
     cells = [(v, [p for p in v.contestant.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
     cells = [(verdict, points) for verdict, points in cells if points]
@@ -151,7 +227,7 @@ def _at_equal_time(results: Results, panel: Panel) -> tuple[float, list[tuple[Ve
     taken = [(verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"]))
              for verdict, points in cells]  # fmt: skip
     taken.sort(key=lambda pair: point_error(pair[1], results.metric)[0])
-    return seconds, taken[:MOST_CROPS]
+    return seconds, taken[: int(min(most, len(taken)))]
 
 
 def _equal_time_crops(results: Results, panel: Panel, reference: Reference | None) -> tuple[float, list[Crop]]:

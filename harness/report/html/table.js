@@ -49,7 +49,7 @@ async function copyCommand(button) {
   setTimeout(() => { button.textContent = "copy"; }, 1500);
 }
 
-for (const table of document.querySelectorAll("table.data")) {
+for (const table of document.querySelectorAll("table.data:not(.plain)")) {
   if (table.querySelector("tbody .empty")) continue;
   Array.from(table.tHead.rows[0].cells).forEach((heading, column) => {
     heading.querySelector("button").addEventListener("click", () => sortTable(table, column));

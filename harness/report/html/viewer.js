@@ -1,4 +1,11 @@
-// The image viewer: flip by number keys, wipe, side by side; one zoom, pan and exposure for all pictures of a scene.
+// The image viewer: two pictures A and B of a scene, flipped, wiped, subtracted or all side by side, under one zoom, pan and
+// exposure. The rule says which checkpoint of each contestant is shown. The state is kept in the address, after `#images?`.
+
+const MODES = ["flip", "wipe", "grid"];
+const VIEWS = ["radiance", "difference", "error", "signed", "luminance"];
+const RULES = ["last", "time", "samples"];
+const FRAGMENT = "#images?";
+const SAVE_AFTER = 300;
 
 class Viewer {
   constructor(data) {
@@ -7,26 +14,83 @@ class Viewer {
     this.context = this.canvas.getContext("2d");
     this.mode = "flip";
     this.view = "radiance";
+    this.rule = "last";
     this.exposure = 0;
     this.wipe = 0.5;
     this.pointer = null;
     this.listen();
-    this.open(0);
+    this.restore();
   }
 
   // --- state
 
-  async open(index) {
+  async open(index, wished = {}) {
     this.group = this.data.groups[index];
     const group = this.group;
     if (!group.radiance) group.radiance = await Promise.all(group.pictures.map((picture) => decodePicture(picture.data)));
     if (group !== this.group) return;
     this.drawn = new Map();
-    this.current = Math.min(group.has_reference ? 1 : 0, group.pictures.length - 1);
-    this.other = 0;
-    this.writeChoices();
+    this.setRule(this.rule, wished.a, wished.b);
     this.fit();
+    if (wished.zoom) [this.zoom, this.x, this.y] = [wished.zoom, wished.x, wished.y];
+    this.redraw();
     this.canvas.dataset.ready = group.title;
+  }
+
+  // The pictures that the rule shows, as places in the group's list.
+  get listed() {
+    return this.group.rules[this.rule].pictures;
+  }
+
+  // Takes the pictures of a rule; A and B stay with their contestants where these have one.
+  setRule(rule, a = this.nameOf(this.current), b = this.nameOf(this.other)) {
+    this.rule = rule;
+    const named = (name, otherwise) => {
+      const found = this.listed.find((place) => this.nameOf(place) === name);
+      return found === undefined ? otherwise : found;
+    };
+    const first = this.listed[this.group.has_reference && this.listed.length > 1 ? 1 : 0];
+    this.current = named(a, first);
+    this.other = named(b, this.listed.find((place) => place !== this.current) ?? first);
+    this.drawn.clear();
+    this.writeChoices();
+  }
+
+  nameOf(place) {
+    return this.group.pictures[place]?.name;
+  }
+
+  // The state as it stands in the address, and back.
+  save() {
+    clearTimeout(this.saving);
+    this.saving = setTimeout(() => {
+      const state = new URLSearchParams({
+        scene: this.group.title, rule: this.rule, a: this.nameOf(this.current), b: this.nameOf(this.other), mode: this.mode,
+        show: this.view, ev: this.exposure, wipe: this.wipe.toFixed(3),
+      });
+      if (!this.fitted) state.set("at", [this.zoom, this.x, this.y].map((value) => value.toFixed(4)).join(" "));
+      this.saved = FRAGMENT + state;
+      history.replaceState(null, "", this.saved);
+    }, SAVE_AFTER);
+  }
+
+  restore() {
+    const asked = location.hash.startsWith(FRAGMENT);
+    const state = new URLSearchParams(asked ? location.hash.slice(FRAGMENT.length) : "");
+    const among = (list, key, otherwise) => (list.includes(state.get(key)) ? state.get(key) : otherwise);
+    this.mode = among(MODES, "mode", this.mode);
+    this.view = among(VIEWS, "show", this.view);
+    this.rule = among(RULES, "rule", this.rule);
+    const number = (text, low, high, otherwise) => (text !== null && text !== "" && Number.isFinite(Number(text))
+      ? Math.min(Math.max(Number(text), low), high) : otherwise);
+    this.exposure = number(state.get("ev"), -6, 6, this.exposure);
+    this.wipe = number(state.get("wipe"), 0, 1, this.wipe);
+    const [zoom, x, y] = (state.get("at") ?? "").split(" ").map(Number);
+    const place = [zoom, x, y].every(Number.isFinite) && zoom >= 0.1 && zoom <= 64 ? { zoom, x, y } : {};
+    const index = Math.max(this.data.groups.findIndex((group) => group.title === state.get("scene")), 0);
+    document.getElementById("viewer-group").value = String(index);
+    if (asked) document.getElementById("images").scrollIntoView();
+    return this.open(index, { a: state.get("a") ?? undefined, b: state.get("b") ?? undefined, ...place });
   }
 
   get reference() {
@@ -34,21 +98,41 @@ class Viewer {
   }
 
   // The number key of a picture: the reference is 0, contestants count from 1.
-  keyOf(index) {
+  keyOf(place) {
+    const index = this.listed.indexOf(place);
     return this.group.has_reference ? index : index + 1;
   }
 
-  choose(index) {
-    if (index < 0 || index >= this.group.pictures.length) return;
-    if (index !== this.current) this.other = this.current;
-    this.current = index;
+  choose(place, side = "current") {
+    if (place === undefined || !this.listed.includes(place)) return;
+    this[side] = place;
+    if (side === "other" && this.view === "difference") this.drawn.clear();
+    this.changed();
+  }
+
+  swap() {
+    [this.current, this.other] = [this.other, this.current];
+    if (this.view === "difference") this.drawn.clear();
+    this.changed();
+  }
+
+  changed() {
     this.redraw();
+    this.save();
   }
 
   set(property, value) {
     this[property] = value;
-    if (property === "exposure" || property === "view") this.drawn.clear();
-    this.redraw();
+    if (property === "exposure") this.drawn.clear();
+    this.changed();
+  }
+
+  // A difference is one picture: it leaves the wipe, and the wipe leaves it.
+  setView(view) {
+    this.view = view;
+    if (view === "difference" && this.mode === "wipe") this.mode = "flip";
+    this.drawn.clear();
+    this.changed();
   }
 
   // --- drawing
@@ -60,8 +144,9 @@ class Viewer {
       const context = canvas.getContext("2d");
       const image = context.createImageData(width, height);
       const gain = 2 ** this.exposure;
+      const [view, second] = this.view === "difference" ? ["signed", radiance[this.other]] : [this.view, this.reference];
       for (let i = 0, o = 0; i < radiance[index].length; i += 3, o += 4) {
-        const colour = viewPixel(this.view, radiance[index], this.reference, i, gain, epsilon, this.data.maps);
+        const colour = viewPixel(view, radiance[index], second, i, gain, epsilon, this.data.maps);
         image.data.set(colour, o);
         image.data[o + 3] = 255;
       }
@@ -74,13 +159,13 @@ class Viewer {
   // The areas of the canvas, in CSS pixels: [picture, left, top, width, height] each.
   areas() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
-    const count = this.group.pictures.length;
+    const count = this.listed.length;
     if (this.mode !== "grid") return [[this.current, 0, 0, width, height]];
     const aspect = (width / height) * (this.group.height / this.group.width);
     const columns = Math.min(count, Math.max(1, Math.round(Math.sqrt(count * aspect))));
     const rows = Math.ceil(count / columns);
-    return this.group.pictures.map((_, index) => [
-      index, ((index % columns) * width) / columns, (Math.floor(index / columns) * height) / rows, width / columns, height / rows,
+    return this.listed.map((place, index) => [
+      place, ((index % columns) * width) / columns, (Math.floor(index / columns) * height) / rows, width / columns, height / rows,
     ]);
   }
 
@@ -94,6 +179,7 @@ class Viewer {
     context.scale(ratio, ratio);
     for (const [index, left, top, w, h] of this.areas()) this.drawPicture(index, left, top, w, h);
     if (this.mode === "wipe") this.drawWipe(width, height);
+    this.drawPixel(width, height);
     this.writeState();
   }
 
@@ -105,13 +191,40 @@ class Viewer {
     context.clip();
     const { zoom, x, y } = this;
     context.drawImage(this.bitmap(index), left + x * width, top + y * height, this.group.width * zoom, this.group.height * zoom);
-    const label = `${this.keyOf(index)} ${this.group.pictures[index].name}`;
+    const minus = this.view === "difference" ? ` minus ${this.nameOf(this.other)}` : "";
+    const label = this.label(index) + minus;
     context.font = "13px system-ui, sans-serif";
     context.fillStyle = "rgba(0, 0, 0, 0.6)";
     context.fillRect(left, top, Math.min(context.measureText(label).width + 12, width), 22);
     context.fillStyle = "#fff";
     context.fillText(label, left + 6, top + 15);
     context.restore();
+  }
+
+  label(place) {
+    const sides = [["A", this.current], ["B", this.other]].filter(([, other]) => other === place).map(([side]) => side);
+    return `${sides.join(" ")} ${this.nameOf(place)}`.trim();
+  }
+
+  // The values under the pointer, beside it.
+  drawPixel(width, height) {
+    const at = this.pixelAt();
+    if (!at) return;
+    const context = this.context;
+    const lines = this.pixelLines(at);
+    context.font = "12px ui-monospace, monospace";
+    const wide = Math.max(...lines.map((line) => context.measureText(line).width)) + 12;
+    const tall = 16 * lines.length + 8;
+    const left = this.pointer.x + 16 + wide > width ? Math.max(this.pointer.x - 16 - wide, 0) : this.pointer.x + 16;
+    const top = this.pointer.y + 16 + tall > height ? Math.max(this.pointer.y - 16 - tall, 0) : this.pointer.y + 16;
+    context.fillStyle = "rgba(0, 0, 0, 0.75)";
+    context.fillRect(left, top, wide, tall);
+    context.fillStyle = "#fff";
+    lines.forEach((line, row) => context.fillText(line, left + 6, top + 16 * (row + 1)));
+    const { zoom } = this;
+    context.strokeStyle = "#fff";
+    const [, areaLeft, areaTop, w, h] = at.area;
+    if (zoom >= 6) context.strokeRect(areaLeft + this.x * w + at.x * zoom, areaTop + this.y * h + at.y * zoom, zoom, zoom);
   }
 
   drawWipe(width, height) {
@@ -125,7 +238,7 @@ class Viewer {
     context.clip();
     context.drawImage(this.bitmap(this.other), this.x * width, this.y * height, this.group.width * this.zoom, this.group.height * this.zoom);
     context.restore();
-    const label = `${this.keyOf(this.other)} ${this.group.pictures[this.other].name}`;
+    const label = this.label(this.other);
     context.font = "13px system-ui, sans-serif";
     const wide = context.measureText(label).width + 12;
     context.fillStyle = "rgba(0, 0, 0, 0.6)";
@@ -140,11 +253,13 @@ class Viewer {
   fit() {
     const [, , , width, height] = this.areas()[0];
     this.setZoom(Math.min(width / this.group.width, height / this.group.height));
+    this.fitted = true;
   }
 
   setZoom(zoom) {
     const [, , , width, height] = this.areas()[0];
     this.zoom = zoom;
+    this.fitted = false;
     this.x = 0.5 - (this.group.width * zoom) / width / 2;
     this.y = 0.5 - (this.group.height * zoom) / height / 2;
     this.redraw();
@@ -157,36 +272,50 @@ class Viewer {
     this.x = px - (px - this.x) * real;
     this.y = py - (py - this.y) * real;
     this.zoom = zoom;
-    this.redraw();
+    this.fitted = false;
+    this.changed();
   }
 
   pan(dx, dy) {
     const [, , , width, height] = this.areas()[0];
     this.x += dx / width;
     this.y += dy / height;
-    this.redraw();
+    this.fitted = false;
+    this.changed();
   }
 
   // --- words
 
   writeChoices() {
-    const list = document.getElementById("viewer-choices");
-    list.replaceChildren(...this.group.pictures.map((picture, index) => {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.append(`${this.keyOf(index)} ${picture.name} `);
-      const words = document.createElement("small");
-      words.textContent = picture.caption;
-      button.append(words);
-      button.addEventListener("click", () => this.choose(index));
-      return button;
+    for (const side of ["a", "b"]) {
+      document.getElementById(`viewer-${side}`).replaceChildren(...this.listed.map((place) => {
+        const picture = this.group.pictures[place];
+        return new Option(`${this.keyOf(place)} ${picture.name} (${picture.caption})`, String(place));
+      }));
+    }
+    const rules = document.getElementById("viewer-rule");
+    rules.replaceChildren(...RULES.map((rule) => new Option(this.group.rules[rule].words, rule)));
+    this.writeMissing(this.group.rules[this.rule].missing);
+  }
+
+  writeMissing(missing) {
+    const place = document.getElementById("viewer-missing");
+    place.hidden = !missing.length;
+    place.querySelector("summary").textContent = `${missing.length} contestant${missing.length === 1 ? "" : "s"} not shown, and why`;
+    place.querySelector("ul").replaceChildren(...missing.map(([name, reason]) => {
+      const item = document.createElement("li");
+      item.textContent = `${name}: ${reason}`;
+      return item;
     }));
   }
 
   writeState() {
-    const press = (button, on) => button.setAttribute("aria-pressed", String(on));
-    Array.from(document.getElementById("viewer-choices").children).forEach((button, i) => press(button, i === this.current));
-    for (const button of document.querySelectorAll("[data-mode]")) press(button, button.dataset.mode === this.mode);
+    for (const button of document.querySelectorAll("[data-mode]")) {
+      button.setAttribute("aria-pressed", String(button.dataset.mode === this.mode));
+    }
+    document.getElementById("viewer-a").value = String(this.current);
+    document.getElementById("viewer-b").value = String(this.other);
+    document.getElementById("viewer-rule").value = this.rule;
     document.getElementById("viewer-view").value = this.view;
     document.getElementById("viewer-exposure").value = this.exposure;
     document.getElementById("viewer-ev").textContent = `${this.exposure > 0 ? "+" : ""}${this.exposure} EV`;
@@ -201,7 +330,7 @@ class Viewer {
     const words = scaleWords(this.view, 2 ** this.exposure);
     place.replaceChildren();
     if (!words) return;
-    if (!this.reference && this.view !== "luminance") {
+    if (!this.reference && !["luminance", "difference"].includes(this.view)) {
       place.textContent = "There is no reference to compare with.";
       return;
     }
@@ -219,21 +348,29 @@ class Viewer {
       status.textContent = `${picture.name}: ${picture.caption}. Zoom ${(100 * this.zoom).toFixed(0)} %.${shrunk}`;
       return;
     }
-    const i = 3 * (at.y * this.group.width + at.x);
-    const values = (radiance) => Array.from(radiance.slice(i, i + 3), (v) => v.toPrecision(3)).join(" ");
-    const own = this.group.radiance[at.index];
-    let text = `(${at.x}, ${at.y}) ${this.group.pictures[at.index].name}: ${values(own)}`;
+    status.textContent = this.pixelLines(at).join(" | ") + shrunk;
+  }
+
+  // Place, then radiance (red, green, blue) of the picture pointed at, of A and B, and of the reference, and the error.
+  pixelLines(at) {
+    const { radiance, pictures, width, epsilon } = this.group;
+    const i = 3 * (at.y * width + at.x);
+    const values = (data) => Array.from(data.slice(i, i + 3), (v) => v.toPrecision(3)).join(" ");
+    const places = [...new Set([at.index, this.current, this.other])];
+    const lines = [`(${at.x}, ${at.y}) red green blue`, ...places.map((place) => `${pictures[place].name}: ${values(radiance[place])}`)];
     if (this.reference) {
-      const error = relativeSquaredError(own, this.reference, i, this.group.epsilon);
-      text += ` | reference: ${values(this.reference)} | relative squared error ${error.toPrecision(3)}`;
+      if (!places.includes(0)) lines.push(`reference: ${values(this.reference)}`);
+      const error = relativeSquaredError(radiance[at.index], this.reference, i, epsilon);
+      lines.push(`relative squared error against the reference ${error.toPrecision(3)}`);
     }
-    status.textContent = text + shrunk;
+    return lines;
   }
 
   // The picture's pixel under the pointer, or null.
   pixelAt() {
     if (!this.pointer) return null;
-    for (const [index, left, top, width, height] of this.areas()) {
+    for (const area of this.areas()) {
+      const [index, left, top, width, height] = area;
       const px = this.pointer.x - left;
       const py = this.pointer.y - top;
       if (px < 0 || py < 0 || px >= width || py >= height) continue;
@@ -241,7 +378,7 @@ class Viewer {
       const y = Math.floor((py - this.y * height) / this.zoom);
       if (x < 0 || y < 0 || x >= this.group.width || y >= this.group.height) return null;
       const shown = this.mode === "wipe" && this.pointer.x >= this.wipe * width ? this.other : index;
-      return { x, y, index: shown };
+      return { x, y, index: shown, area };
     }
     return null;
   }
@@ -250,36 +387,47 @@ class Viewer {
 
   listen() {
     const canvas = this.canvas;
-    document.getElementById("viewer-group").addEventListener("change", (event) => this.open(Number(event.target.value)));
-    document.getElementById("viewer-view").addEventListener("change", (event) => this.set("view", event.target.value));
+    document.getElementById("viewer-group").addEventListener("change", async (event) => {
+      await this.open(Number(event.target.value), { a: this.nameOf(this.current), b: this.nameOf(this.other) });
+      this.save();
+    });
+    document.getElementById("viewer-rule").addEventListener("change", (event) => { this.setRule(event.target.value); this.changed(); });
+    document.getElementById("viewer-a").addEventListener("change", (event) => this.choose(Number(event.target.value)));
+    document.getElementById("viewer-b").addEventListener("change", (event) => this.choose(Number(event.target.value), "other"));
+    document.getElementById("viewer-swap").addEventListener("click", () => this.swap());
+    addEventListener("hashchange", () => { if (location.hash.startsWith(FRAGMENT) && location.hash !== this.saved) this.restore(); });
+    document.getElementById("viewer-view").addEventListener("change", (event) => this.setView(event.target.value));
     document.getElementById("viewer-exposure").addEventListener("input", (event) => this.set("exposure", Number(event.target.value)));
     for (const button of document.querySelectorAll("[data-mode]")) {
       button.addEventListener("click", () => this.setMode(button.dataset.mode));
     }
-    const zooms = { in: () => this.zoomBy(1.5), out: () => this.zoomBy(1 / 1.5), fit: () => this.fit(), one: () => this.setZoom(1) };
+    const zooms = { in: () => this.zoomBy(1.5), out: () => this.zoomBy(1 / 1.5), fit: () => { this.fit(); this.save(); }, one: () => { this.setZoom(1); this.save(); } };
     for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", zooms[button.dataset.zoom]);
     canvas.addEventListener("keydown", (event) => this.key(event));
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.press(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
-    canvas.addEventListener("pointerleave", () => { this.pointer = null; this.writePixel(); });
-    new ResizeObserver(() => { if (this.drawn) this.redraw(); }).observe(canvas);
+    canvas.addEventListener("pointerleave", () => { this.pointer = null; this.redraw(); });
+    new ResizeObserver(() => { if (this.drawn) (this.fitted ? this.fit() : this.redraw()); }).observe(canvas);
   }
 
   setMode(mode) {
     this.mode = this.mode === mode ? "flip" : mode;
-    if (mode === "wipe" && this.other === this.current) this.other = this.current === 0 ? 1 % this.group.pictures.length : 0;
+    if (mode === "wipe" && this.view === "difference") this.setView("radiance");
     this.fit();
+    this.save();
   }
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const step = 40;
     const actions = {
-      e: () => this.set("view", this.view === "error" ? "radiance" : "error"),
+      e: () => this.setView(this.view === "error" ? "radiance" : "error"),
       w: () => this.setMode("wipe"),
       g: () => this.setMode("grid"),
-      f: () => this.fit(),
+      d: () => this.setView(this.view === "difference" ? "radiance" : "difference"),
+      f: () => { this.fit(); this.save(); },
+      " ": () => this.swap(),
       "+": () => this.zoomBy(1.25),
       "=": () => this.zoomBy(1.25),
       "-": () => this.zoomBy(0.8),
@@ -290,7 +438,8 @@ class Viewer {
       ArrowUp: () => this.pan(0, step),
       ArrowDown: () => this.pan(0, -step),
     };
-    if (/^[0-9]$/.test(event.key)) this.choose(this.group.pictures.findIndex((_, i) => this.keyOf(i) === Number(event.key)));
+    const digit = /^(?:Digit|Numpad)([0-9])$/.exec(event.code);
+    if (digit) this.choose(this.listed.find((place) => this.keyOf(place) === Number(digit[1])), event.shiftKey ? "other" : "current");
     else if (actions[event.key]) actions[event.key]();
     else return;
     event.preventDefault();
@@ -318,7 +467,7 @@ class Viewer {
     } else if (event.buttons & 1) {
       this.pan(event.movementX, event.movementY);
     } else {
-      this.writePixel();
+      this.redraw();
     }
   }
 }

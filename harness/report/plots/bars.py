@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from harness.analysis import Analysis, Verdict, seconds_per_sample
 from harness.analysis.scaling import thread_families
 from harness.report.plots.panels import MOST_CURVES, Panel
 from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
-from harness.statistics import amdahl_fit, parallel_speedups
+from harness.statistics import Estimate, amdahl_fit, parallel_speedups
 from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.results import PHASES
 
@@ -69,7 +70,7 @@ def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Pa
 
 
 def phase_bars(panel: Panel) -> Figure:
-    """Stacked mean seconds of a whole cell."""
+    """Stacked mean seconds of a whole cell; a whisker at the end of each phase is its own interval."""
     rows = len(panel.verdicts)
     figure = new_figure(7.2, 1.4 + 0.24 * rows)
     axis = figure.subplots()
@@ -78,13 +79,22 @@ def phase_bars(panel: Panel) -> Figure:
         seconds = np.nan_to_num([verdict.phases[phase].value for verdict in panel.verdicts])
         axis.barh(range(rows), seconds, left=left, color=PHASE_COLOURS[phase], hatch=PHASE_HATCHES[phase], label=phase,
                   edgecolor="white", linewidth=0, height=0.72)  # fmt: skip
+        _phase_whiskers(axis, [verdict.phases[phase] for verdict in panel.verdicts], left)
         left += seconds
     axis.set_yticks(range(rows), [verdict.contestant.name for verdict in panel.verdicts])
     axis.set_ylim(rows - 0.4, -0.6)
-    axis.set_xlabel("mean time [s]")
+    axis.set_xlabel("geometric mean time [s]")
     axis.grid(axis="y", visible=False)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=len(PHASES))
     return figure
+
+
+def _phase_whiskers(axis: Axes, estimates: Sequence[Estimate], left: np.ndarray) -> None:
+    """Intervals of bars that start at `left`, where they are known."""
+    for row, (estimate, start) in enumerate(zip(estimates, left.tolist(), strict=True)):
+        if math.isfinite(estimate.low) and math.isfinite(estimate.high) and estimate.high > estimate.low:
+            ends = [start + estimate.low, start + estimate.high]
+            axis.plot(ends, [row, row], color=INK, linewidth=1.2, solid_capstyle="butt")
 
 
 def thread_speedups(analysis: Analysis, palette: Palette) -> Figure | None:

@@ -20,7 +20,7 @@ from harness.statistics.convergence import NOISE_ERRORS
 from harness.statistics.ratios import FEWEST_BLOCKS
 from harness.store.results import Contestant, Results, point_error
 
-X_LABELS = {"seconds": "warm time [s]", "spp": "samples per pixel", "rays": "rays"}
+X_LABELS = {"seconds": "warm time [s]", "cold": "cold time [s]", "spp": "samples per pixel", "rays": "rays traced"}
 
 
 class Band(NamedTuple):
@@ -34,13 +34,14 @@ class Band(NamedTuple):
 
 
 def band(results: Results, verdict: Verdict, x: str) -> Band:
-    """Checkpoints that at least half of the seeds reached."""
+    """Checkpoints that at least half of the seeds reached. `x` is a key of `X_LABELS`."""
     rows: dict[int, list[tuple[float, float, float]]] = {}
     for cell in verdict.contestant.done:
+        start = verdict.contestant.fixed_seconds(cell) if x == "cold" else 0.0
         for point in cell["points"]:
             error, se = point_error(point, results.metric)
-            if math.isfinite(error) and point.get(x):
-                rows.setdefault(point["spp"], []).append((float(point[x]), error, se))
+            if math.isfinite(error) and (at := point.get("seconds" if x == "cold" else x)):
+                rows.setdefault(point["spp"], []).append((start + float(at), error, se))
     enough = [np.array(rows[spp]) for spp in sorted(rows) if 2 * len(rows[spp]) >= len(verdict.contestant.done)]
     medians = np.array([np.median(row, axis=0) for row in enough]).reshape(-1, 3)
     low, high = (np.array([fold(row[:, 1]) for row in enough]) for fold in (np.min, np.max))

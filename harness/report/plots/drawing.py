@@ -16,9 +16,14 @@ from harness.report.plots.accelerator_tradeoff import build_against_traverse
 from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
 from harness.report.plots.curves import error_curves, pareto, shows_slopes, target_ecdf
 from harness.report.plots.panels import Panel, panels
-from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
+from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives, shows_exponents
 from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, save
 
+OF_A_PANEL = {
+    "error-over-time": "error over warm time", "error-over-cold-time": "over cold time", "error-over-samples": "over samples",
+    "error-over-rays": "over rays", "time-to-quality": "time to quality", "pareto": "Pareto front", "phases": "phases",
+}  # fmt: skip
+"""How the names of a panel's plots start -> the words by which a reader chooses one."""
 OF_ALL_SCENES = (
     "targets-over-time", "speed-up-over-threads", "build-against-traverse", "cost-over-primitives",
     "cost-over-resolution",
@@ -66,6 +71,7 @@ def _mark_mixture(analysis: Analysis, figure: Figure, name: str) -> None:
 def _sketches(analysis: Analysis) -> list[Sketch]:
     """Every plot, in the report's order."""
     palette = Palette(analysis.results)
+    exponents = " Numbers in the legend are exponents of the path's time between the two largest scenes."
     found = [sketch for panel in panels(analysis) for sketch in _panel_sketches(analysis, panel, palette)]
     return [
         *found,
@@ -80,8 +86,8 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
                "lines join contestants that differ in the accelerator alone. Lower left is better.",
                lambda: build_against_traverse(analysis, palette)),
         Sketch("cost-over-primitives", "Cost over the number of primitives",
-               "Rising curves on logarithmic axes: time of a path, and of building the accelerator, over the primitives "
-               "of the scenes; numbers in the legend are exponents of the path's time between the two largest scenes.",
+               "Rising curves on logarithmic axes: time of a path (a sample of a pixel), and of building the accelerator, over "
+               f"the primitives of the scenes, with 95 % intervals.{exponents if shows_exponents(analysis) else ''}",
                lambda: cost_over_primitives(analysis, palette)),
         Sketch("cost-over-resolution", "Cost over resolution and samples",
                "Time of a path over the pixels of the image, and over the samples per pixel so far: flat where cost grows "
@@ -92,14 +98,14 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
 
 def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Iterator[Sketch]:
     title = panel.title
-    words = {"seconds": "time", "spp": "samples", "rays": "rays"}
+    words = {"seconds": "time", "cold": "cold time", "spp": "samples", "rays": "rays"}
     for x, word in words.items():
         slopes = " Numbers in the legend are slopes of the RMSE, over samples that all share."
         note = slopes if shows_slopes(x, panel.verdicts) else ""
-        yield Sketch(file_stem("error-over", word, title), f"{title}: error over {word}",
-                     f"Falling curves on logarithmic axes, the error of each contestant over {word}; bands are the range "
-                     f"of seeds, dashed lines the targets, crosses lie below three standard errors.{note}",
-                     partial(error_curves, analysis, panel, palette, x))  # fmt: skip
+        yield Sketch(file_stem("error-over", word.replace(" ", "-"), title), f"{title}: error over {word}",
+                     f"Falling curves on logarithmic axes, the error of each contestant over {word}: medians over blocks. "
+                     "Bands are the range of blocks, dashed lines the targets, crosses errors below three standard errors."
+                     f"{note}", partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
                  "For each target, the seconds each contestant needs: full dots warm, hollow dots cold, whiskers "
                  "95 % intervals; below three blocks a dot a block.",
@@ -108,5 +114,6 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
                  "Checkpoints by warm time and error; full markers with intervals are those that none surely beats in "
                  "both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
-                 "Stacked bars of the mean seconds of import, load, build, compilation and rendering.",
+                 "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at "
+                 "the end of a phase is its own 95 % interval.",
                  partial(phase_bars, panel))  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,6 +20,7 @@ from harness.analysis.scaling import (
     primitives,
 )
 from harness.report.plots.curves import finish_legend
+from harness.report.plots.panels import MOST_CURVES
 from harness.report.plots.style import Palette, log_scales, new_figure
 from harness.statistics import Estimate, geometric_interval
 from harness.store.results import Contestant, phase_seconds
@@ -32,8 +35,8 @@ def cost_over_primitives(analysis: Analysis, palette: Palette) -> Figure | None:
     paths, builds = figure.subplots(1, 2, sharex=True)
     for family in found:
         x, times = [primitives(c) for c in family], [microseconds_a_path(c) for c in family]
-        last = exponent({primitives(c): path_seconds(c) for c in family}, x[-2:])
-        label = f"{name_of(family)} ({last.value:.2f})"
+        last = _last_exponent(family)
+        label = name_of(family) if math.isnan(last) else f"{name_of(family)} ({last:.2f})"
         _line(paths, palette, family[0], x, times, label)
         built = [geometric_interval([1e3 * phase_seconds(cell, "build") for cell in c.done]) for c in family]
         _line(builds, palette, family[0], x, built, label)
@@ -43,6 +46,18 @@ def cost_over_primitives(analysis: Analysis, palette: Palette) -> Figure | None:
         axis.set_ylabel(words)
     finish_legend(figure, [builds], palette, [family[0] for family in found])
     return figure
+
+
+def shows_exponents(analysis: Analysis) -> bool:
+    """Whether the legend of the cost over primitives has exponents: beyond a few curves there is no entry a curve."""
+    found = families(analysis, "scene", primitives)
+    return len(found) <= MOST_CURVES and any(not math.isnan(_last_exponent(family)) for family in found)
+
+
+def _last_exponent(family: list[Contestant]) -> float:
+    """The exponent of the time of a path between the two largest scenes."""
+    sizes = [primitives(contestant) for contestant in family]
+    return exponent({primitives(c): path_seconds(c) for c in family}, sizes[-2:]).value
 
 
 def cost_over_pixels(analysis: Analysis, palette: Palette) -> Figure | None:

@@ -13,12 +13,13 @@ from harness.statistics import Equivalence, Estimate
 
 SCENE = Column("scene", "Scene that was rendered.")
 CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
-BASELINE = Column("baseline", "Contestant compared with: the baseline engine's nearest relative.")
+BASELINE = Column("baseline", "Contestant that it is compared with: the most similar one of the baseline engine.")
 BOUNDS = [
     Column("difference", "Second over first (or contestant over baseline), less one, of the image means; 95 % interval.",
            "estimate"),
-    Column("image_bound", "What the image means differ by at most, in any channel.", "percent", "means at most"),
-    Column("tile_bound", "What any tile of 16x16 pixels differs by at most, in any channel.", "percent", "tiles at most"),
+    Column("image_bound", "Upper bound on the difference of the image means, in any channel.", "percent", "means at most"),
+    Column("tile_bound", "Upper bound on the difference of any tile of 16x16 pixels, in any channel.", "percent",
+           "tiles at most"),
     Column("worst_tile", "First pixel (x, y) of that tile.", title="worst tile"),
     Column("same_pixels", "Pixels that agree up to rounding, in the pair with the fewest.", "percent", "same pixels"),
 ]  # fmt: skip
@@ -63,7 +64,7 @@ def equivalence(analysis: Analysis) -> Table:
     """Every pair of engines on the same scene under the same settings."""
     table = Table(
         "equivalence", "Pairs of engines",
-        "Nearest relatives on the same scene, shader, size and sampler, compared in pairs of one block. "
+        "The most similar contestants of two engines with the same scene, shader, size and sampler, in pairs of one block. "
         f"{_margins(analysis)}",
         [SCENE, Column("first", "One engine."), Column("second", "The other."),
          Column("verdict", f"{VERDICTS}, or unknown where there are no images of two seeds."),

@@ -13,6 +13,8 @@ INFINITE_AND_ZERO = {
     "break_even": ("never", "at once"),
 }
 """Kinds with an interval: the words for infinity and for zero."""
+ROUNDING = 1e-9
+"""A share below this says nothing but that numbers were rounded: texts give it as a bound."""
 
 
 def csv_text(table: Table) -> str:
@@ -53,6 +55,8 @@ def cell_text(column: Column, value: Any) -> str:
     if column.kind == "exact":
         return f"{value:g}"
     if column.kind == "percent":
+        if 0 < value < ROUNDING:
+            return f"< {number_text(100 * ROUNDING)} %"
         return "–" if math.isnan(value) else f"{number_text(100 * value)} %"
     if column.kind == "number":
         return number_text(value)

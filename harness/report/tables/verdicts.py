@@ -49,16 +49,16 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
          Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
-         Column("reached", "Seeds that got there; ≤ says that some were there at their first checkpoint already."),
+         Column("reached", "Seeds that reached the target; ≤ means that some had reached it at their first checkpoint."),
          Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
-         Column("baseline", "Whom it is compared with, and in brackets in what factor the two differ."),
+         Column("baseline", "Contestant that it is compared with, and in brackets the factor in which the two differ."),
          Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
                 "gives the most that it can be."),
          Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
                 title="image"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
-         Column("warnings", "What else to know before believing the row.")],
+         Column("warnings", "Flags: what to check before relying on the row.")],
     )  # fmt: skip
     found = frames.verdicts(analysis).frame
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
@@ -90,11 +90,12 @@ def speedups(analysis: Analysis) -> Table:
         "Contestants that differ in one factor, or that the config's pairs name, but none with a flag that disqualifies it. "
         "Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by that of the scene; "
         f"verdicts of a scene and target hold together at 5 % (Holm). {evidence(analysis)}",
-        [SCENE, CONTESTANT, Column("baseline", "Whom it is compared with."), Column("factor", "In what the two differ."),
+        [SCENE, CONTESTANT, Column("baseline", "Contestant that it is compared with."),
+         Column("factor", "Factor in which the two differ."),
          Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
          Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
          Column("pairs", "Blocks that both have.", "count"),
-         Column("noise_floor", "What the near end of the interval has to differ from 1 by, from the A/A twin."),
+         Column("noise_floor", "Difference from 1 that the near end of the interval must exceed, from the A/A twin."),
          Column("verdict", "faster, slower, same or unresolved.")],
     )  # fmt: skip
     races = [(None, "seconds per sample"), *((i, f"time to {t:g}") for i, t in enumerate(analysis.results.targets))]

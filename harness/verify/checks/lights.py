@@ -100,7 +100,18 @@ def many_lights(subject: Subject) -> Iterator[Measurement]:
 @SECTION.case("pick", "However one light of several is chosen, the mean is the sum of their irradiances.",
               "Shirley et al. 1996")  # fmt: skip
 def light_choice(subject: Subject) -> Iterator[Measurement]:
-    """Lights of very different power, which every rule but the even one chooses with very different probabilities."""
+    yield from _unequal_lights(subject, [("power", 1), ("bvh", 1)])
+
+
+@SECTION.case("resample", "However many candidates a light sample is picked from, the mean is the sum of the irradiances.",
+              "Talbot et al. 2005")  # fmt: skip
+def light_candidates(subject: Subject) -> Iterator[Measurement]:
+    yield from _unequal_lights(subject, [("uniform", 3), ("bvh", 8)])
+
+
+def _unequal_lights(subject: Subject, rules: Sequence[tuple[str, int]]) -> Iterator[Measurement]:
+    """Lights of very different power, which every rule but the even one chooses with very different probabilities; by values
+    of `light_sampler` and `light_candidates`."""
     materials = [material(kd=0.8), material(emission=1.0), material(emission=6.0)]
     emitter, bulb = square(1.0, 0.4, 1, down=True, center=0.8), sphere((-0.6, 0.5, 0.2), 0.1, 2)
     beams = [PointLight((0.0, 2.0, 1.0), grey(0.7)), DirectionalLight((0.0, -0.8, 0.6), grey(0.05)),
@@ -109,12 +120,13 @@ def light_choice(subject: Subject) -> Iterator[Measurement]:
     received = [forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)), 6 * forms.sphere(0.1, away, math.acos(0.5 / away)),
                 0.7 * 2.0 / 5**1.5, 0.05 * 0.8]  # fmt: skip
     truth = 0.8 / math.pi * sum(received)
-    for choice in ("power", "bvh"):
+    for choice, candidates in rules:
+        rule = choice if candidates == 1 else f"{choice}, {candidates} candidates"
         for direct in STRATEGIES:
             view = point_view((0.5, 3.0, -3.0), ORIGIN, 32)
-            shader = {**path_tracer(2, direct), "light_sampler": choice}
+            shader = {**path_tracer(2, direct), "light_sampler": choice, "light_candidates": candidates}
             seen = means(subject, [FLOOR, emitter, bulb], materials, beams, view, shader, 2)
-            yield z_score(subject, seen, truth, f"{choice}, {direct}")
+            yield z_score(subject, seen, truth, f"{rule}, {direct}")
 
 
 @SECTION.case("g", "A floor beside a black sphere has the radiance rho L (1 - r^2 h / (h^2 + x^2)^(3/2)).", "raybench")

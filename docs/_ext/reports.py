@@ -1,0 +1,54 @@
+"""Reports of the results that lie in the repository, as pages of the site: reports/NAME.html, made from results/NAME."""
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from harness.report import write_derived
+from harness.store import events_file
+
+RESULTS = Path(__file__).resolve().parents[2] / "results"
+REPORTS = {
+    "baseline": "raybench's engines, accelerators, precisions and threads on four scenes (`configs/engines.yaml`)",
+    "renderers": "raybench's engines, Mitsuba 3, LuxCoreRender and Cycles (`configs/renderers.yaml`)",
+}
+"""Folder of `results/` -> what it compares. A folder that is not there has no page."""
+
+
+def links() -> str:
+    """A list of the reports, as pages beside the one that shows it."""
+    there = [name for name in REPORTS if events_file(RESULTS / name)]
+    lines = [f'<li><a href="reports/{name}.html">{name}</a>: {_html(REPORTS[name])}</li>' for name in there]
+    return "\n".join(["```{raw} html", "<ul>", *lines, "</ul>", "```"])
+
+
+def _html(words: str) -> str:
+    before, code, after = words.split("`")
+    return f"{before}<code>{code}</code>{after}"
+
+
+def write(app, exception) -> None:
+    """Writes the pages, after a build without an error. Their plots as SVG alone, which is all that they show."""
+    if exception is not None or app.builder.format != "html":
+        return
+    target = Path(app.outdir) / "reports"
+    target.mkdir(exist_ok=True)
+    for name in REPORTS:
+        events = events_file(RESULTS / name)
+        if events:
+            _write(RESULTS / name, target / f"{name}.html")
+
+
+def _write(folder: Path, page: Path) -> None:
+    formats = os.environ.get("RAYBENCH_PLOTS")
+    os.environ["RAYBENCH_PLOTS"] = "svg"
+    try:
+        with tempfile.TemporaryDirectory() as scratch:
+            copy = shutil.copytree(folder, Path(scratch, folder.name), ignore=shutil.ignore_patterns("plots", "tables"))
+            shutil.copyfile(write_derived(copy), page)
+    finally:
+        if formats is None:
+            del os.environ["RAYBENCH_PLOTS"]
+        else:
+            os.environ["RAYBENCH_PLOTS"] = formats

@@ -1,0 +1,95 @@
+"""Of several candidates for a lane's light sample one is picked, in proportion to its light without shadows and BSDF:
+resampled importance sampling (docs/transport.md). All loops over lanes are vector code."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.compile.values import const, select
+from engines.kernels.integrators.path_tracer import BSDF_ONLY, DIRECT_OPTION
+from engines.kernels.lane.vector import Vec3, dot, select3
+from engines.kernels.layout import LANES
+
+STEPS = (12664746, 9560334)
+"""How far candidate k + 1 lies from candidate k in the numbers that place it on its light, in units of 2^-24."""
+PICK = 6
+"""The draw that picks, which roulette reads as well."""
+HUGE = 3e38
+
+
+@inline
+def keep_draws(rays):
+    """Keeps the vertex's random numbers."""
+    for lane in range(np.uint64(LANES)):
+        for k in range(3):
+            rays.drawn[k, lane] = rays.draw[k, lane]
+
+
+@inline
+def choose_all(rays, candidate):
+    """Every lane turns to the same candidate."""
+    for lane in range(np.uint64(LANES)):
+        rays.candidate[lane] = candidate
+
+
+@inline
+def draw_candidates(rays, count, real):
+    """The random numbers of each lane's candidate."""
+    one, below_one, unit = real(1), real(1.0 - np.finfo(real).epsneg), real(2.0**-24)
+    for lane in range(np.uint64(LANES)):
+        candidate = rays.candidate[lane]
+        for k in range(2):
+            shift = real((candidate * np.int32(STEPS[k])) & np.int32(0xFFFFFF)) * unit
+            u, wrap = rays.drawn[k, lane], one - shift
+            shifted = select(u >= wrap, u - wrap, u + shift)
+            rays.draw[k, lane] = select(shifted < below_one, shifted, below_one)
+        share = (real(candidate) + rays.drawn[2, lane]) / real(count)
+        rays.draw[2, lane] = select(share < below_one, share, below_one)
+
+
+@inline
+def store_targets(rays, scene, candidate, real):
+    """The target of the light sample that the batch holds, which is that of the same candidate in every lane."""
+    zero, through = real(0), scene.lit_through != 0
+    delta_only = scene.options[DIRECT_OPTION] == BSDF_ONLY
+    for lane in range(np.uint64(LANES)):
+        wi, li, pdf = rays.wi[lane], rays.li[lane], rays.light_sample_pdf[lane]
+        luminance = const(0.212671, zero) * li.x + const(0.715160, zero) * li.y + const(0.072169, zero) * li.z
+        reaches = (pdf > zero) & (through | (dot(rays.geometric_normal[lane], wi) > zero))
+        reaches = reaches & ((not delta_only) | (pdf > const(HUGE, zero)))
+        rays.targets[candidate, lane] = select(reaches, luminance * abs(dot(rays.normal[lane], wi)), zero)
+
+
+@inline
+def pick(rays, count, real):
+    """Each lane turns to a candidate: the last with a target that begins at or below a random share of their sum."""
+    zero = real(0)
+    for lane in range(np.uint64(LANES)):
+        rays.target_sum[lane] = zero
+    for k in range(count):
+        for lane in range(np.uint64(LANES)):
+            rays.target_sum[lane] = rays.target_sum[lane] + rays.targets[k, lane]
+    for lane in range(np.uint64(LANES)):
+        rays.candidate[lane] = 0
+        rays.target[lane] = zero
+        rays.target_begin[lane] = zero
+    for k in range(count):
+        for lane in range(np.uint64(LANES)):
+            target, begin = rays.targets[k, lane], rays.target_begin[lane]
+            takes = (target > zero) & (begin <= rays.draw[PICK, lane] * rays.target_sum[lane])
+            rays.candidate[lane] = select(takes, np.int32(k), np.int32(rays.candidate[lane]))
+            rays.target[lane] = select(takes, target, rays.target[lane])
+            rays.target_begin[lane] = begin + target
+
+
+@inline
+def weigh(rays, count, real):
+    """The light sample that the batch holds, which was picked, over its target, times the mean of all targets."""
+    zero, share = real(0), real(1.0 / count)
+    for lane in range(np.uint64(LANES)):
+        total = rays.target_sum[lane]
+        nothing = total == zero
+        scaled = rays.li[lane] * (total * share / rays.target[lane])
+        rays.li[lane] = select3(nothing, Vec3(zero, zero, zero), scaled)
+        rays.light_sample_pdf[lane] = select(nothing, zero, rays.light_sample_pdf[lane])

@@ -1,0 +1,92 @@
+"""The light sample at a vertex: one of one light, or one of several candidates (resampled importance sampling).
+
+Resampling (Talbot, Cline and Egbert 2005) draws M candidates from the light sampler's density, picks one in proportion to
+its light without shadows and BSDF, and scales it so that the expectation is that of one candidate; docs/transport.md has
+the proof.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from engines.numpy_reference.context import Context
+from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.lights.interface import LightSample
+from engines.numpy_reference.vectors import Array, Indices, dot
+
+STEPS = (12664746, 9560334)
+"""How far candidate k + 1 lies from candidate k in (u0, u1), in units of 2^-24: 1/g and 1/g^2 with g^3 = g + 1, the additive
+sequence of Roberts (2018)."""
+LUMINANCE = np.array([[0.212671], [0.715160], [0.072169]])
+_BELOW_ONE = 1.0 - 2.0**-53
+
+
+class SampledLight(NamedTuple):
+    """n light samples, one a vertex. No sample: its `weight` is 0."""
+
+    light: LightSample
+    choices: Array
+    """(n,) 1 / the probability with which the light sampler chooses the light."""
+    scale: Array
+    """(n,) the factor that makes `light.weight` an estimate of all lights: `choices`, unless candidates were resampled."""
+
+    def take(self, vertices: Indices) -> SampledLight:
+        """Some of the samples."""
+        light = LightSample(*(field.take(vertices, axis=-1) for field in self.light))
+        return SampledLight(light, self.choices[vertices], self.scale[vertices])
+
+
+def sample_light(context: Context, at: SurfaceInteraction, u0: Array, u1: Array, u: Array) -> SampledLight:
+    """A light by `u` (n,), and a place on it by `u0` and `u1` (n,). With `direct: bsdf` delta lights only are sampled."""
+    chosen, rest, choices = context.light_sampler.choose(at.point, at.geometric, u)
+    useful = chosen >= 0
+    if context.options["direct"] == "bsdf":
+        useful &= context.lights.delta[chosen]
+    kept, light = np.flatnonzero(useful), LightSample.empty(u.size)
+    here = at.take(kept)
+    light.put(kept, context.lights.sample(chosen[kept], here.point, here.normal, u0[kept], u1[kept], rest[kept]))
+    return SampledLight(light, choices, choices)
+
+
+def resample_light(
+    context: Context, at: SurfaceInteraction, u0: Array, u1: Array, u: Array, pick: Array, count: int
+) -> SampledLight:
+    """One of `count` candidates, picked in proportion to their targets by `pick` (n,)."""
+    candidates = [
+        sample_light(
+            context, at, _shifted(u0, k * STEPS[0]), _shifted(u1, k * STEPS[1]), np.minimum((k + u) / count, _BELOW_ONE)
+        )
+        for k in range(count)
+    ]
+    targets = np.array([_target(context, at, candidate) for candidate in candidates])
+    ends = np.cumsum(targets, axis=0)
+    begins = np.vstack([np.zeros(u.size), ends[:-1]])
+    eligible = (targets > 0.0) & (begins <= pick * ends[-1])
+    picked = np.where(eligible, np.arange(count)[:, None], 0).max(axis=0)  # the last one
+    # that candidate, times the mean of all targets over its own
+    vertex, found = np.arange(u.size), SampledLight(LightSample.empty(u.size), np.ones(u.size), np.zeros(u.size))
+    for k, candidate in enumerate(candidates):
+        mine = vertex[(picked == k) & (ends[-1] != 0.0)]
+        light, choices, scale = candidate.take(mine)
+        found.light.put(mine, light)
+        found.choices[mine], found.scale[mine] = choices, scale * (ends[-1, mine] / count / targets[k, mine])
+    return found
+
+
+def _shifted(u: Array, steps: int) -> Array:
+    """frac(u + steps 2^-24) of numbers in [0, 1)."""
+    shift = steps % 2**24 * 2.0**-24
+    return np.minimum(np.where(u >= 1.0 - shift, u - (1.0 - shift), u + shift), _BELOW_ONE)
+
+
+def _target(context: Context, at: SurfaceInteraction, candidate: SampledLight) -> Array:
+    """(n,) luminance of Li |n . wi| over the density of the candidate: 0 where nothing of it is reflected or transmitted."""
+    light = candidate.light
+    reached = (light.weight > 0.0).any(axis=0)
+    if not context.lit_through:
+        reached &= dot(at.geometric, light.wi) > 0.0
+    with np.errstate(invalid="ignore", over="ignore"):
+        target = (LUMINANCE * light.weight).sum(axis=0) * np.abs(dot(at.normal, light.wi)) * candidate.choices
+    return np.where(reached, target, 0.0)

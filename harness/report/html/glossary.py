@@ -1,0 +1,40 @@
+"""The terms of a report, a sentence each. The page links each term to its line where it first stands."""
+
+TERMS = {
+    "contestant": "An engine with its settings, on one scene. Its name has those settings that differ within the experiment: "
+                  "accelerator (how the hit of a ray is found: bvh, grid, brute force), sampler, precision and threads.",
+    "target": "The error that a contestant has to reach. The time until then is compared.",
+    "reference": "An image at many samples that stands for the truth; errors are differences from it.",
+    "relMSE": "Mean of (A - R)² / (R² + ε) over pixels and channels, for an image A and the reference R.",
+    "noise-corrected": "The reference's own noise is taken out of the expectation of the error.",
+    "warm, cold": "Warm time is rendering alone. Cold time adds import, scene load, build and compilation.",
+    "block": "Every cell of the experiment once, in random order, under one seed. Blocks are the repetitions.",
+    "cell": "One contestant on one scene under one seed.",
+    "interval": "The range in square brackets: it covers the true value in 95 % of repetitions.",
+    "fastest": "The only contestant that no test finds slower than another. Tests of a scene and target are corrected for "
+               "their number.",
+    "not separated": "Several contestants may be the fastest; the data do not say which.",
+    "ratio": "Time of one contestant over that of another to the same target, paired by block: above 1 the first named is "
+             "faster. It is formed only between contestants that differ in one setting, or that the experiment names.",
+    "no ratio": "The contestant has no baseline: it belongs to the baseline engine, or none differs from it in one setting. "
+                "Nor is it the baseline of another one.",
+    "baseline": "The contestant that another is compared with.",
+    "noise floor": "How much two measurements of one configuration differ (A/A twins). No smaller difference is called one.",
+    "A/A twin": "A second name under which one configuration of a scene is measured again.",
+    "contended": "Of a timing: other work took the processor for more than 5 % of the time.",
+    "calibration": "A test of the verdicts on synthetic contestants of known truth, which have the noise of this run.",
+    "certified": "Of a reference: an engine of other code (another lineage) makes the same image within the margins.",
+    "flagged": "The image, the error or the conduct of the contestant is in doubt. It is in no ranking.",
+    "bias": "What separates the expected image from the reference, however many samples are taken.",
+    "equivalent": "A positive verdict: bounds on the difference of two images lie within margins that were set beforehand.",
+    "spp": "Samples per pixel.",
+    "checkpoint": "A number of samples at which the error is measured.",
+    "slope": "Exponent by which the RMSE falls with the samples: -0.5 is that of Monte Carlo.",
+    "Pareto front": "Checkpoints that no other one beats in both time and error.",
+    "division": "Closed: the same estimator makes the same image. Open: any method that reaches the target without bias.",
+}  # fmt: skip
+
+
+def anchor(term: str) -> str:
+    """The id of a term's line."""
+    return "term-" + "".join(letter if letter.isalnum() else "-" for letter in term.lower())

@@ -1,0 +1,240 @@
+"""The first screen of a report: per scene and target the fastest, its ratio to the baseline, and what the timing rests on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from harness.analysis import Analysis, Verdict, error_targets
+from harness.analysis.calibration import Calibration
+from harness.analysis.model import NOISY, possible_winners
+from harness.metrics import metric_title
+from harness.report.plots.curves import band
+from harness.report.plots.panels import Panel, panels
+from harness.report.plots.style import LINES, Palette
+from harness.report.tables.evidence import floor_text
+from harness.report.tables.model import estimate_text, number_text
+from harness.statistics.ratios import FEWEST_BLOCKS
+
+Reference = Mapping[str, Any]
+PLOT_WIDTH, PLOT_HEIGHT, LEFT, BOTTOM = 250, 132, 36, 18
+
+
+class Entry(NamedTuple):
+    """A contestant in a cell: its warm seconds with their interval, `ratio` with what it is a ratio to, and its warnings."""
+
+    name: str
+    seconds: str
+    ratio: str
+    other: str
+    warnings: list[str]
+
+
+class Badge(NamedTuple):
+    """What the times of a cell rest on: its noise floor, and `remarks` on what weakens it."""
+
+    floor: str
+    remarks: list[str]
+
+
+class Cell(NamedTuple):
+    """A scene and target. `entries` are the possible winners: one is the fastest, several are not separated, none is ranked."""
+
+    target: str
+    entries: list[Entry]
+    reached: int
+    out_of: int
+    ranked: int
+    left_out: list[str]
+    badge: Badge
+
+
+class Row(NamedTuple):
+    """A panel: its cells along the targets, a small plot of error over time, and its measurement quality in words."""
+
+    title: str
+    stem: str
+    cells: list[Cell]
+    plot: Markup
+    quality: dict[str, str]
+
+
+def matrix(analysis: Analysis, calibration: Calibration, references: Sequence[Reference]) -> list[Row]:
+    """One row a panel; empty without targets, or without a measured cell."""
+    palette, targets = Palette(analysis.results), list(enumerate(analysis.results.targets))
+    found = []
+    for panel in panels(analysis) if targets else []:
+        reference = reference_of(panel, references)
+        cells = [_cell(analysis, panel, index, target, calibration, reference) for index, target in targets]
+        found.append(Row(panel.title, panel.stem, cells, small_plot(analysis, panel, palette),
+                         _quality(analysis, panel, reference)))  # fmt: skip
+    return found
+
+
+def engine_key(analysis: Analysis) -> list[tuple[str, str]]:
+    """(engine, colour) of those that have a curve."""
+    palette = Palette(analysis.results)
+    names = dict.fromkeys(verdict.contestant.settings.engine for verdict in analysis.verdicts)
+    return [(name, palette.colour(name)) for name in names]
+
+
+def reference_of(panel: Panel, references: Sequence[Reference]) -> Reference | None:
+    """The reference that a panel's errors are measured against."""
+    wanted = panel.verdicts[0].contestant.done[0].get("reference_id")
+    return next((each for each in references if each.get("reference_id") == wanted), None)
+
+
+def _cell(
+    analysis: Analysis, panel: Panel, index: int, target: float, calibration: Calibration, reference: Reference | None
+) -> Cell:  # fmt: skip
+    verdicts = panel.verdicts
+    return Cell(
+        f"{target:g}", [_entry(verdict, verdicts, index) for verdict in possible_winners(verdicts, index)],
+        sum(verdict.warm[index].reached > 0 for verdict in verdicts), len(verdicts),
+        sum(not verdict.disqualified for verdict in verdicts),
+        [f"{v.contestant.name} ({', '.join(v.warnings)})" for v in verdicts if v.disqualified],
+        Badge(floor_text(analysis, panel.scene, [index]), list(_remarks(analysis, panel, index, calibration, reference))),
+    )  # fmt: skip
+
+
+def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
+    time = verdict.warm[index]
+    ratio, other = ratio_of(verdict, verdicts, index)
+    return Entry(verdict.contestant.name, estimate_text((time.value, time.low, time.high)), ratio, other, verdict.warnings)
+
+
+def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
+    """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
+    own = verdict.quality_speedups[index]
+    if own is not None and verdict.against is not None and math.isfinite(own.ratio) and own.ratio > 0:
+        return estimate_text((own.ratio, own.low, own.high)), verdict.against.name
+    rivals = [(each, ratio) for each in verdicts if each.against is verdict.contestant and not each.disqualified
+              and (ratio := each.quality_speedups[index]) is not None
+              and 0 < ratio.low <= ratio.ratio <= ratio.high < math.inf]  # fmt: skip
+    if not rivals:
+        return "", ""
+    rival, ratio = min(rivals, key=lambda pair: pair[0].warm[index].value)
+    return estimate_text((1 / ratio.ratio, 1 / ratio.high, 1 / ratio.low)), rival.contestant.name
+
+
+def _remarks(
+    analysis: Analysis, panel: Panel, index: int, calibration: Calibration, reference: Reference | None
+) -> Iterator[str]:  # fmt: skip
+    """What weakens the verdict of a cell, a sentence each."""
+    if _fewest_blocks(panel) < FEWEST_BLOCKS:
+        yield f"fewer than {FEWEST_BLOCKS} blocks: no verdict is given"
+    if math.isnan(analysis.floor(panel.scene, index)):
+        yield "the noise floor was not measured"
+    if (panel.scene, index) in analysis.separated:
+        yield "the A/A twins differ: verdicts are unresolved"
+    contended, judged = _contention(panel)
+    if contended or not judged:
+        yield f"{contended} of {judged} timings contended" if judged else "contention was not measured"
+    if noisy := sum(NOISY in v.flags_of(index) for v in panel.verdicts if not v.disqualified):
+        yield f"the reference is too noisy for the times of {noisy} contestant{'' if noisy == 1 else 's'}"
+    if calibration.races is None:
+        yield "the run is too small for a calibration"
+    if calibration.missed:
+        yield f"calibration missed: {', '.join(calibration.missed)}"
+    if reference is not None and not reference["certified"]:
+        yield f"the reference is {'refuted' if reference['refuted'] else 'uncertified'}"
+
+
+def _quality(analysis: Analysis, panel: Panel, reference: Reference | None) -> dict[str, str]:
+    """The row of the section on measurement quality."""
+    counts = sorted({len({cell["block"] for cell in verdict.contestant.done}) for verdict in panel.verdicts})
+    contended, judged = _contention(panel)
+    indices = range(len(analysis.results.targets))
+    apart = any((panel.scene, index) in analysis.separated for index in indices)
+    certified = reference["certificate"] if reference is not None else "no reference is recorded"
+    return {
+        "blocks": f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else str(counts[0]),
+        "contended": f"{contended} of {judged}" if judged else "not measured",
+        "floor": floor_text(analysis, panel.scene, indices) + ("; the A/A twins differ" if apart else ""),
+        "reference": certified,
+    }
+
+
+def _fewest_blocks(panel: Panel) -> int:
+    return min(len({cell["block"] for cell in verdict.contestant.done}) for verdict in panel.verdicts)
+
+
+def _contention(panel: Panel) -> tuple[int, int]:
+    """(contended, judged) timings of the panel's contestants."""
+    found = [(cell.get("machine") or {}).get("contended") for verdict in panel.verdicts for cell in verdict.contestant.done]
+    judged = [bool(contended) for contended in found if contended is not None]
+    return sum(judged), len(judged)
+
+
+def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
+    """Error over warm seconds on logarithmic axes: medians over blocks with their range, possible winners thicker."""
+    curves = []
+    for verdict in panel.verdicts:
+        data = band(analysis.results, verdict, "seconds")
+        sure = ~data.noisy & (data.error > 0) & (data.low > 0)
+        if sure.any():
+            curves.append((verdict, *(np.log10(values[sure]) for values in (data.x, data.error, data.low, data.high))))
+    if not curves:
+        return Markup("")
+    targets = [math.log10(target) for target in error_targets(analysis.results) if target > 0]
+    x0, x1 = _ends(np.concatenate([curve[1] for curve in curves]))
+    y0, y1 = _ends(np.concatenate([*(part for curve in curves for part in curve[3:]), targets]))
+
+    def x_of(x: float) -> float:
+        return LEFT + (x - x0) / (x1 - x0) * (PLOT_WIDTH - LEFT - 4)
+
+    def y_of(y: float) -> float:
+        return 4 + (y1 - y) / (y1 - y0) * (PLOT_HEIGHT - BOTTOM - 4)
+
+    def path(xs: Sequence[float], ys: Sequence[float]) -> str:
+        return " ".join(f"{x_of(x):.1f},{y_of(y):.1f}" for x, y in zip(xs, ys, strict=True))
+
+    parts = []
+    for tick in _ticks(x0, x1):
+        x, words = x_of(math.log10(tick)), f"{tick:g}"
+        parts.append(f'<path class="grid" d="M{x:.1f} 4V{PLOT_HEIGHT - BOTTOM}"/>'
+                     f'<text x="{x:.1f}" y="{PLOT_HEIGHT - 5}" text-anchor="middle">{words}</text>')  # fmt: skip
+    for named, target in zip(analysis.results.targets, targets, strict=False):
+        y = y_of(target)
+        parts.append(f'<path class="target" d="M{LEFT} {y:.1f}H{PLOT_WIDTH - 4}"/>'
+                     f'<text x="{LEFT - 3}" y="{y + 3:.1f}" text-anchor="end">{named:g}</text>')  # fmt: skip
+    for verdict, x, error, low, high in curves:
+        look, best = palette.look(verdict.contestant), any(verdict.possible_winner)
+        around = path([*x, *x[::-1]], [*low, *high[::-1]])
+        dashes = f' stroke-dasharray="{_dashes(look.line)}"' if look.line != "-" else ""
+        parts.append(f'<g><title>{escape(verdict.contestant.name)}</title>'
+                     f'<polygon points="{around}" fill="{look.colour}" opacity=".15"/>'
+                     f'<polyline points="{path(x, error)}" fill="none" stroke="{look.colour}" '
+                     f'stroke-width="{2.6 if best else 1}"{dashes}/></g>')  # fmt: skip
+    label = escape(f"{panel.title}: {metric_title(analysis.results.metric)} over warm seconds of {len(curves)} contestants, "
+                   f"logarithmic, {number_text(10**x0)} to {number_text(10**x1)} s. Horizontal lines: targets.")  # fmt: skip
+    box = f'viewBox="0 0 {PLOT_WIDTH} {PLOT_HEIGHT}"'
+    return Markup(f'<svg class="small" {box} role="img" aria-label="{label}">{"".join(parts)}</svg>')
+
+
+def _ends(logs: np.ndarray) -> tuple[float, float]:
+    """The ends of an axis, with some room."""
+    low, high = float(logs.min()), float(logs.max())
+    room = max(0.04 * (high - low), 0.02)
+    return low - room, high + room
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Powers of ten between two logarithms; where there are fewer than two, 2 and 5 of each decade too."""
+    steps = range(math.floor(low), math.ceil(high) + 1)
+    for digits in ((1,), (1, 2, 5)):
+        found = [digit * 10.0**step for step in steps for digit in digits if low <= math.log10(digit * 10.0**step) <= high]
+        if len(found) > 1:
+            break
+    return found
+
+
+def _dashes(line: Any) -> str:
+    """A line of Matplotlib as dashes of SVG."""
+    if isinstance(line, tuple):
+        return " ".join(str(length) for length in line[1])
+    return {"--": "5 2", "-.": "5 2 1 2", ":": "1 2"}.get(line, "none") if line in LINES else "none"
