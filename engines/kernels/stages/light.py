@@ -17,7 +17,7 @@ from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
 from engines.kernels.layout import LANES, LightRow, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy, resampling
-from engines.kernels.stages.surface import keep_corners, load_vertices
+from engines.kernels.stages.hit_loads import keep_corners, load_vertices
 
 COLOR = LightRow.fields["color"].first
 """In a row of a light, as at the beginning of one of a material: a colour and whether both sides emit."""
