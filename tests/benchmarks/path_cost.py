@@ -71,7 +71,9 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=SCENES, metavar="NAME")
     parser.add_argument("--depths", nargs="+", type=int, default=DEPTHS, metavar="N")
     labels = [contestant.label for contestant in CONTESTANTS]
-    parser.add_argument("--contestants", nargs="+", choices=labels, default=LABELS, metavar="LABEL", help=", ".join(labels))
+    parser.add_argument(
+        "--contestants", nargs="+", choices=labels, default=LABELS, metavar="LABEL", help=", ".join(labels)
+    )
     parser.add_argument("--pixels", type=int, default=PIXELS, help="of an image")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=4, help="2 or more")
