@@ -69,7 +69,7 @@ class Engine:
 
     @property
     def version(self) -> str:
-        return f"2+{library.version()}"
+        return f"3+{library.version()}"
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
         return ACCELERATORS

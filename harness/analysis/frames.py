@@ -44,6 +44,7 @@ SECONDS = Column(
 CELL = [
     Column("cell_id", "Hash of the spec."),
     Column("env_id", "Hash of the machine and library versions."),
+    Column("worker", "Address of the Dask worker that measured it; empty without a cluster."),
     *IDENTITY,
     Column("block", "Which repeat of the whole experiment it belongs to.", "count"),
     Column("seed", "Seed of the sampler.", "count"),
@@ -257,7 +258,7 @@ def _contestants(results: Results) -> dict[str, str]:
 
 def _cell(cell: Event) -> Mapping[str, Any]:
     settings = settings_of(cell)._asdict()
-    plain = ("cell_id", "env_id", "engine_version", "width", "height", "block", "seed", "state", "order")
+    plain = ("cell_id", "env_id", "worker", "engine_version", "width", "height", "block", "seed", "state", "order")
     return {**settings, **{key: cell.get(key) for key in plain}}
 
 

@@ -12,6 +12,7 @@ import pytest
 from engines.errors import ConfigError
 from engines.image import read_film_layers
 from harness import store
+from harness.analysis.frames import open_results
 from tests.harness import sweeping
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
@@ -64,7 +65,8 @@ def test_quality_alone_is_spread_over_all_machines_and_the_images_are_the_same(m
     assert sweeping.rows(tmp_path / "out") == sweeping.rows(alone / "out")
     same_images(alone / "out", tmp_path / "out")
     found = cells(tmp_path / "out")
-    assert len({event["worker"] for event in found}) == 2
+    workers = {event["worker"] for event in found}
+    assert len(workers) == 2 and set(open_results(tmp_path / "out").cells["worker"]) == workers
     assert all(event["machine"]["contended"] for event in found), "they ran beside each other"
     (failed,) = [event for event in found if event["state"] == "failed"]
     assert failed["message"] == "ValueError: the tree fell over and more"
@@ -272,3 +274,49 @@ def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back
         blocks._feed()
     assert [cell for cell, _ in failed] == ["0-0"] and f"{MOST_LOSSES} machines were lost" in failed[0][1]
     assert [each for each in started if each[0] == "0-1"], "the rest of its block is measured"
+
+
+def test_the_block_of_a_lost_machine_is_measured_anew_by_one_machine():
+    """The first of three cells has arrived when the machine goes."""
+    from harness.run.executors.dask import Blocks, Task
+
+    class Pending:
+        status = "pending"
+
+        def done(self):
+            return self.status == "finished"
+
+        def cancel(self): ...
+
+    machines = {"tcp://a:1": {"host": "a"}, "tcp://b:1": {"host": "b"}}
+    recorder = SimpleNamespace(
+        stopped=False, listener=SimpleNamespace(note=print), plan=SimpleNamespace(experiment=SimpleNamespace(timing=True))
+    )
+    cells = [SimpleNamespace(cell_id=f"{k}", block=0) for k in range(3)]
+    blocks = Blocks(recorder, SimpleNamespace(present=lambda: dict(machines)), cells)
+    started = []
+
+    def start(given, address):
+        started.append((given[0].cell_id, address))
+        made = Pending()
+        blocks.tasks[made] = Task(given[0], list(given[1:]), address, 1)
+        return made
+
+    def record(task, result):
+        del blocks.left[task.cell.cell_id]
+
+    blocks._start, blocks._record = start, record
+    Pending.result = lambda self: None
+    blocks._look()
+    (first,) = blocks._feed()
+    first.status = "finished"
+    blocks._finish(first)
+    (home,) = {address for _, address in started}
+    del machines[home]
+    blocks._look()
+    (again,) = blocks._feed()
+    while again:
+        again.status = "finished"
+        again = next(iter(blocks._finish(again)), None)
+    (other,) = machines
+    assert started == [("0", home), ("1", home), ("0", other), ("1", other), ("2", other)] and not blocks.left

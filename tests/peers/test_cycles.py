@@ -4,6 +4,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,3 +157,22 @@ def test_calls_continue_the_sequence_and_seeds_matter():
     image = whole.render(8).mean()
     np.testing.assert_allclose(split.render(5).mean(), image, rtol=1e-5)
     assert (other.render(8).mean() != image).any()
+
+
+@installed
+def test_a_constant_environment_is_one_of_the_lights_and_pixels_share_no_samples():
+    """A plane in the sun: where Cycles does not sample the environment, every sample has the same radiance."""
+    held = engines.scene_from({
+        "raybench_scene": 1, "name": "plain",
+        "camera": {"type": "orthographic", "eye": [0, 3, 2], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
+        "materials": {"it": {"kd": 0.5}}, "shapes": [{"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "it"}],
+        "lights": [{"environment": {"radiance": 1}}, {"directional": {"direction": [0, -1, 0], "irradiance": 1}}],
+    })  # fmt: skip
+    settings = Settings(64, 64, shader={"name": "path_tracer", "max_depth": 2}, sampler="sobol", precision="float32", seed=3)
+    image = engines.engine(NAME).prepare(held, settings).render(1).mean()[..., 0]
+    exact = replace(settings, precision="float64")
+    ours = engines.engine("numpy").prepare(held, exact).render(1).mean()[..., 0]
+    assert image.var() > ours.var() > 0.0 and image.mean() == pytest.approx(ours.mean(), rel=0.02)
+    error = image - image.mean()
+    for one, other in ((error[1:], error[:-1]), (error[:, 1:], error[:, :-1])):
+        assert abs((one * other).mean()) < 0.06 * image.var(), "neighbouring pixels share samples"

@@ -33,6 +33,8 @@ SENSOR = 36.0
 MOST_SAMPLES = 1 << 24
 """Of a pixel's sequence, which `sample_offset` and `sample_subset_length` cut into calls."""
 MOST_BOUNCES = 1024
+EVEN_SKY = 16
+"""Columns of the map by which Cycles samples a constant environment."""
 
 _captured: dict[str, Any] = {}
 
@@ -137,6 +139,9 @@ class BlenderScene:
             self.scene.world = self._kept(self.data.worlds.new("environment"))
             with _nodes(self.scene.world) as tree:
                 Nodes(tree).world(light)
+            if light.image is None:
+                sampling = self.scene.world.cycles
+                sampling.sampling_method, sampling.sample_map_resolution = "MANUAL", EVEN_SKY
             return
         assert isinstance(light, PointLight | SpotLight | DirectionalLight)
         sun = isinstance(light, DirectionalLight)

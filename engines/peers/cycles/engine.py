@@ -84,7 +84,7 @@ class Engine(AdapterEngine):
 
     @property
     def version(self) -> str:  # type: ignore[override]
-        return version_with("bpy")
+        return version_with("bpy", "2")
 
     def lacks(self, scene: Scene, settings: Settings) -> str | None:
         """What materials, textures, spheres and environments have no exact counterpart; images that are too small."""

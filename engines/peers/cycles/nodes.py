@@ -169,8 +169,10 @@ class Nodes:
         self.node("OutputMaterial", [self.added(self.bsdf(model_of(material)) if scatters else None, light)])
 
     def world(self, light: EnvironmentLight) -> None:
-        color: Any = (*light.radiance, 1.0)
-        if light.image is not None:
+        if light.image is None:  # varies by less than rounding, or Cycles does not sample it as a light
+            along = [self.out("NewGeometry", output="Incoming"), tuple(1e-9 * x for x in light.radiance), light.radiance]
+            color = self.out("VectorMath", along, operation="MULTIPLY_ADD")
+        else:
             matrix, flipped = looked_up(light)
             image = _tall(light.image * np.array(light.radiance))
             where = self.out("NewGeometry", output="Incoming")

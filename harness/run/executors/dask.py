@@ -11,8 +11,8 @@ has a place for them; places are counted on the machine with the fewest threads.
 or by bare name from the scenes of that installation.
 
 Nothing is written on the machines. A cell is recorded when all of it has arrived. One whose machine dies is given to
-another: by Dask where any machine may have it, here where its block is measured on one. Events carry the environment id of
-where they were measured.
+another: by Dask where any machine may have it, here with all of its block where that is measured on one. Events carry the
+environment id of where they were measured.
 """
 
 from __future__ import annotations
@@ -244,6 +244,8 @@ class Blocks:
         self.machines: Mapping[str, Mapping[str, Any]] = {}
         self.tasks: dict[Future, Task] = {}
         self.losses: Counter[str] = Counter()
+        self.done: dict[int, list[Cell]] = {}
+        """Of every block that is timed here, the cells that its machine has measured."""
 
     def _together(self, cells: Iterable[Cell]) -> list[list[Cell]]:
         """Cells that one machine measures one after the other: those of a block, and of one machine where it matters."""
@@ -287,10 +289,14 @@ class Blocks:
 
     def _lost(self, task: Task) -> None:
         self.losses[task.cell.cell_id] += 1
-        cells = [task.cell, *task.rest]
+        cells = self.done.pop(task.cell.block, [])  # another machine measures all of the block
+        self.left |= {cell.cell_id: cell for cell in cells}
         if self.losses[task.cell.cell_id] >= MOST_LOSSES:
             message = f"{MOST_LOSSES} machines were lost while they measured this cell"
-            self._failed(cells.pop(0), message, task.attempt)
+            self._failed(task.cell, message, task.attempt)
+        else:
+            cells.append(task.cell)
+        cells += task.rest
         if cells:
             self.waiting.appendleft(cells)
 
@@ -345,6 +351,8 @@ class Blocks:
             return []
         try:
             self._record(task, _result(future))
+            if self.timed and not self.again:
+                self.done.setdefault(task.cell.block, []).append(task.cell)
         except WorkerFailed as error:
             self._failed(task.cell, str(error), task.attempt)
         if not task.rest or self.recorder.stopped:
