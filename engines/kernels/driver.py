@@ -2,9 +2,10 @@
 
     regenerate -> closest -> surface -> draw -> material -> light -> BSDFs -> shade -> occluded -> add direct light -> finish
 
-A lane that finishes its sample takes the next of the tile at once, from a second batch in which the camera has begun
-sixteen samples together. A tile is rendered in passes of a few samples a pixel. A pass fills a buffer, which then goes to
-the film in the order of samples: neither threads nor the way calls are split can change a bit of the image.
+A lane that finishes its sample takes the next of the tile at once: from its lane of a second batch, in which the camera
+begins samples together. Where all lanes finish at once, samples begin in the batch itself. A tile is rendered in passes of a
+few samples a pixel. A pass fills a buffer, which then goes to the film in the order of samples: neither threads nor the way
+calls are split can change a bit of the image.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import inline, kernel
-from engines.kernels.compile.values import call_stage, fetch_add, lowest_bit
+from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, positive_lanes
+from engines.kernels.compile.values import bits_set, call_stage, fetch_add, highest_bit, lowest_bit, select
 from engines.kernels.lane.vector import Vec3, select3
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, copy_path, ray_batch, waiting_rays
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, copy_paths, ray_batch, waiting_rays
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
 DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, MATERIAL, FIRST_BSDF = range(11)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
-EVERY_LANE = (1 << LANES) - 1
 
 # totals of a thread
 RAYS, BAD_SAMPLES = 0, 1
@@ -46,10 +47,10 @@ def make_idle(rays, lane, sample):
 
 
 @inline
-def _add_direct_light(rays, zero):
-    """Adds the light samples that nothing hides."""
+def _add_direct_light(rays, zero, tested):
+    """Adds the light samples that nothing hides; `tested`: there were shadow rays."""
     for lane in range(np.uint64(LANES)):
-        direct = select3(rays.occluded[lane] != 0, Vec3(zero, zero, zero), rays.direct[lane])
+        direct = select3(tested & (rays.occluded[lane] != 0), Vec3(zero, zero, zero), rays.direct[lane])
         rays.radiance[lane] = rays.radiance[lane] + direct
 
 
@@ -111,102 +112,117 @@ class Plan(NamedTuple):
     """Stages of BSDF models, where the scene has several."""
     programs: bool
     """Some material has wrappers or textures."""
+    last_depth: int
+    """See `stages.shade.last_depth`."""
 
 
 class Issued(NamedTuple):
-    """Samples of a pass that have begun, where the next one lies in the tile, and how many wait for a lane."""
+    """Samples of a pass that have begun, and the lanes in which one waits, begun in the spare batch."""
 
     count: int
-    column: int
-    row: int
-    sample: int
-    waiting: int
+    ready: int
 
 
 @inline
-def _begin(stages, spare, scene, begun, work, issued):
-    """Begins up to sixteen samples in the spare batch."""
-    count, column, row, sample = issued.count, issued.column, issued.row, issued.sample
-    waiting = min(np.int64(LANES), work.samples * work.columns * work.rows - count)
-    for k in range(waiting, LANES):
-        make_idle(begun, np.uint64(k), work.first)
-    for k in range(waiting):
-        lane = np.uint64(k)
-        begun.slot[lane] = count + k
-        begun.pixel[lane] = (work.y0 + row) * work.width + work.x0 + column
-        begun.pixel_x[lane] = work.x0 + column
-        begun.pixel_y[lane] = work.y0 + row
-        begun.sample[lane] = work.first + sample
-        begun.dimension[lane] = 0
-        column += 1
-        if column == work.columns:
-            column = 0
-            row += 1
-            if row == work.rows:
-                row = 0
-                sample += 1
-    call_stage(stages[DRAW_PIXEL], spare, scene)
-    call_stage(stages[BEGIN], spare, scene)
-    return Issued(count + waiting, column, row, sample, waiting)
-
-
-@inline
-def _lanes_with(flags):
-    """A word with a bit for each lane whose flag is set."""
-    bits = np.int64(0)
+def _place(rays, work, count, lanes, real):
+    """Gives the lanes of the word `lanes` the samples from number `count` of the pass on, in order, and the last one again
+    where there are no more."""
+    last = np.int32(work.samples * work.rows * work.columns - 1)
+    columns, pixels = np.int32(work.columns), np.int32(work.rows * work.columns)
+    row_share, pass_share = np.float32(1.0) / np.float32(columns), np.float32(1.0) / np.float32(pixels)
     for lane in range(np.uint64(LANES)):
-        bits |= np.int64(1 if flags[lane] else 0) << np.int64(lane)
-    return bits
+        bit = np.int32(1) << np.int32(lane)
+        number = np.int32(np.int32(count) + bits_set(np.int32(lanes) & np.int32(bit - np.int32(1))))
+        number = select(number < last, number, last)
+        # whole quotients are exact: a pass has some thousand samples, and the half keeps quotients off whole numbers
+        sample = np.int32((np.float32(number) + np.float32(0.5)) * pass_share)
+        place = np.int32(number - np.int32(sample * pixels))
+        row = np.int32((np.float32(place) + np.float32(0.5)) * row_share)
+        x, y = np.int32(np.int32(work.x0) + place - row * columns), np.int32(np.int32(work.y0) + row)
+        fresh = np.int32(lanes) & bit != 0
+        rays.slot[lane] = select(fresh, number, np.int32(rays.slot[lane]))
+        rays.pixel[lane] = select(fresh, np.int32(y * np.int32(work.width) + x), np.int32(rays.pixel[lane]))
+        rays.pixel_x[lane] = select(fresh, real(x), rays.pixel_x[lane])
+        rays.pixel_y[lane] = select(fresh, real(y), rays.pixel_y[lane])
+        rays.sample[lane] = select(fresh, np.int32(work.first + sample), np.int32(rays.sample[lane]))
+        rays.dimension[lane] = 0
+
+
+@inline
+def _make_idle(rays, lanes, sample):
+    while lanes != 0:
+        make_idle(rays, np.uint64(lowest_bit(lanes)), sample)
+        lanes &= lanes - 1
+
+
+@inline
+def _begin(stages, batch, scene, work, count, lanes, real):
+    """Begins samples from number `count` of the pass on in the lanes of the word `lanes`; returns the lanes in which one has
+    begun. Lanes that are not in the word begin their sample anew."""
+    rays = ray_batch(batch, real)
+    _place(rays, work, count, lanes, real)
+    call_stage(stages[DRAW_PIXEL], batch, scene)
+    call_stage(stages[BEGIN], batch, scene)
+    surplus, left = np.int64(0), work.samples * work.rows * work.columns - count
+    while bits_set(lanes) > left:
+        bit = np.int64(1) << highest_bit(lanes)
+        surplus |= bit
+        lanes &= ~bit
+    _make_idle(rays, surplus, work.first)
+    return lanes
 
 
 @inline
 def _regenerate(stages, batch, spare, scene, real, work, issued, free):
     """Gives a sample to each lane of the word `free`; returns what is issued now, and the lanes that stay without."""
-    rays, begun = ray_batch(batch, real), ray_batch(spare, real)
-    idle = np.int64(0)
-    while free != 0:
-        lane = np.uint64(lowest_bit(free))
-        free &= free - 1
-        if issued.waiting == 0 and issued.count < work.samples * work.columns * work.rows:
-            issued = _begin(stages, spare, scene, begun, work, issued)
-        if issued.waiting == 0:
-            make_idle(rays, lane, work.first)
-            idle |= np.int64(1) << np.int64(lane)
-            continue
-        from_lane = np.uint64((issued.count - issued.waiting) % LANES)
-        copy_path(batch, lane, spare, from_lane, real)
-        issued = Issued(issued.count, issued.column, issued.row, issued.sample, issued.waiting - 1)
-    return issued, idle
+    count, ready = issued.count, issued.ready
+    some_left = count < work.samples * work.rows * work.columns
+    if some_left and free == EVERY_LANE and ready == 0:
+        taken = _begin(stages, batch, scene, work, count, free, real)
+        return Issued(count + bits_set(taken), ready), free & ~taken
+    if some_left and free & ~ready != 0:
+        begun = _begin(stages, spare, scene, work, count, EVERY_LANE & ~ready, real)
+        count, ready = count + bits_set(begun), ready | begun
+    if free & ready != 0:
+        copy_paths(batch, spare, free & ready, real)
+    idle = free & ~ready
+    _make_idle(ray_batch(batch, real), idle, work.first)
+    return Issued(count, ready & ~free), idle
 
 
 @inline
-def _count_rays(t_max, zero):
-    """How many lanes have a ray to be traced: one whose `t_max` is above 0."""
-    n = 0
+def _some_scatter(rays, last_depth):
+    """Whether some lane needs random numbers, a light sample and its BSDF."""
+    lanes = np.int32(0)
     for lane in range(np.uint64(LANES)):
-        n += 1 if t_max[lane] > zero else 0
-    return n
+        scatters = rays.alive[lane] & (not rays.miss[lane]) & (np.int32(rays.depth[lane]) < last_depth)
+        lanes |= np.int32(1 if scatters else 0)
+    return lanes != 0
 
 
 @inline
 def _advance(rays, stages, batch, scene, plan, zero):
     """One segment of every path; returns the rays that were traced."""
-    traced = _count_rays(rays.t, zero)
+    traced = bits_set(positive_lanes(rays.t))
     call_stage(stages[CLOSEST], batch, scene)
     call_stage(stages[SURFACE], batch, scene)
-    call_stage(stages[DRAW_VERTEX], batch, scene)
-    if plan.programs:
-        call_stage(stages[MATERIAL], batch, scene)
-    if plan.lit:
-        call_stage(stages[LIGHT], batch, scene)
-    for k in range(plan.bsdfs):
-        call_stage(stages[FIRST_BSDF + k], batch, scene)
+    scatters = plan.programs or plan.last_depth == 0 or _some_scatter(rays, np.int32(plan.last_depth))
+    if scatters:
+        call_stage(stages[DRAW_VERTEX], batch, scene)
+        if plan.programs:
+            call_stage(stages[MATERIAL], batch, scene)
+        if plan.lit:
+            call_stage(stages[LIGHT], batch, scene)
+        for k in range(plan.bsdfs):
+            call_stage(stages[FIRST_BSDF + k], batch, scene)
     call_stage(stages[SHADE], batch, scene)
     if plan.lit:
-        if plan.shadows:
-            traced += _count_rays(rays.shadow_t_max, zero)
+        # where no ray is sent, light of sources that touch the surface may be left
+        shadow_rays = positive_lanes(rays.shadow_t_max)
+        if shadow_rays != 0:
+            traced += bits_set(shadow_rays)
             call_stage(stages[OCCLUDED], batch, scene)
-        _add_direct_light(rays, zero)
+        _add_direct_light(rays, zero, shadow_rays != 0)
     return traced
 
 
@@ -219,15 +235,15 @@ def _finish(rays, stacks, capacity, plan, buffer):
         for lane in range(np.uint64(LANES)):
             if rays.branch[lane]:
                 fits &= _push(rays, stacks, lane, capacity)
-    done, free = _lanes_with(rays.done), np.int64(0)
+    done, free = flagged_lanes(rays.done), np.int64(0)
     while done != 0:
         lane = np.uint64(lowest_bit(done))
         done &= done - 1
         if plan.branches and rays.waiting[lane] > 0:
             _pop(rays, stacks, lane, plan.per_vertex)
             continue
-        slot, radiance = rays.slot[lane], rays.radiance[lane]
-        buffer[slot, 0], buffer[slot, 1], buffer[slot, 2] = radiance.x, radiance.y, radiance.z
+        start, radiance = np.uint64(3 * np.int64(rays.slot[lane])), rays.radiance[lane]
+        buffer[start], buffer[start + np.uint64(1)], buffer[start + np.uint64(2)] = radiance.x, radiance.y, radiance.z
         free |= np.int64(1) << np.int64(lane)
     return free, fits
 
@@ -251,7 +267,7 @@ def driver(real: Any) -> Any:
                 first = done[tile]
                 x0, y0, columns, rows = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2], tiles[tile, 3]
                 work = Pass(x0, y0, columns, rows, width, first, min(chunk, target - first))
-                issued, free, idle = Issued(0, 0, 0, 0, 0), EVERY_LANE, np.int64(0)
+                issued, free, idle = Issued(0, 0), np.int64(EVERY_LANE), np.int64(0)
                 while True:
                     if control[STOP] != 0 or control[STACK_FULL] != 0:
                         return  # what this pass has gathered is dropped: the film holds whole passes
@@ -270,27 +286,37 @@ def driver(real: Any) -> Any:
 
 
 @inline
+def _blacken(buffer, numbers):
+    """Sets samples of which a number is not finite to black; returns how many there are."""
+    bad, infinite = 0, buffer.dtype.type(np.inf)
+    for k in range(np.uint64(numbers)):
+        bad += 0 if abs(buffer[k]) < infinite else 1
+    if bad == 0:
+        return 0
+    bad = 0
+    for start in range(0, numbers, 3):
+        whole = math.isfinite(buffer[start]) and math.isfinite(buffer[start + 1]) and math.isfinite(buffer[start + 2])
+        if not whole:
+            buffer[start], buffer[start + 1], buffer[start + 2] = 0.0, 0.0, 0.0
+            bad += 1
+    return bad
+
+
+@inline
 def _commit(buffer, work, sums, squares, even_sums, counts, totals):
     """Adds a finished pass of a tile to the film, samples in order; a sample that is not finite counts as black."""
-    slot = 0
-    for sample in range(work.samples):
-        even = (work.first + sample) % 2 == 0
-        for row in range(work.rows):
-            for column in range(work.columns):
-                pixel = (work.y0 + row) * work.width + work.x0 + column
-                r, g, b = np.float64(buffer[slot, 0]), np.float64(buffer[slot, 1]), np.float64(buffer[slot, 2])
-                slot += 1
-                if not (math.isfinite(r) and math.isfinite(g) and math.isfinite(b)):
-                    totals[BAD_SAMPLES] += 1
-                    r, g, b = 0.0, 0.0, 0.0
-                sums[pixel, 0] += r
-                sums[pixel, 1] += g
-                sums[pixel, 2] += b
-                squares[pixel, 0] += r * r
-                squares[pixel, 1] += g * g
-                squares[pixel, 2] += b * b
-                if even:
-                    even_sums[pixel, 0] += r
-                    even_sums[pixel, 1] += g
-                    even_sums[pixel, 2] += b
-                counts[pixel] += 1
+    numbers = 3 * work.columns
+    totals[BAD_SAMPLES] += _blacken(buffer, work.samples * work.rows * numbers)
+    for row in range(work.rows):
+        pixel = (work.y0 + row) * work.width + work.x0
+        for sample in range(work.samples):
+            source, target = np.uint64((sample * work.rows + row) * numbers), np.uint64(3 * pixel)
+            for k in range(np.uint64(numbers)):
+                value = np.float64(buffer[source + k])
+                sums[target + k] += value
+                squares[target + k] += value * value
+            if (work.first + sample) % 2 == 0:
+                for k in range(np.uint64(numbers)):
+                    even_sums[target + k] += np.float64(buffer[source + k])
+        for column in range(np.uint64(work.columns)):
+            counts[np.uint64(pixel) + column] += work.samples

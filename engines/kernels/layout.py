@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import inline
+from engines.kernels.compile.masks import copy_lanes
 from engines.kernels.compile.records import (
     LANES,
     REAL,
@@ -92,6 +93,8 @@ class RayBatch(LaneRecord):
     # what stages load of the scene before they compute, so that loops over lanes are vector code on any machine
     shape = integer()  # kind of the primitive hit
     light_kind = integer()
+    corner0, corner1, corner2 = integer(), integer(), integer()  # indices of vertices of a triangle
+    material = integer()
     vertex0 = vector()  # of a triangle
     vertex1 = vector()
     vertex2 = vector()
@@ -283,6 +286,7 @@ class SceneTable(Table):
     n_lights = scalar()
     n_unbounded_lights = scalar()
     light_parts = scalar()  # lights without a box, and one more for the hierarchy
+    light_steps = scalar()  # of a bisection among the faces of a light
     lit_through = scalar()  # 1 where some surface may be lit from behind, else 0
     environment_light = scalar()  # index of the environment among the lights, 0 where there is none
     environment_width = scalar()
@@ -356,11 +360,10 @@ scene_table = table_view(SceneTable)
 
 
 @inline
-def copy_path(to, lane, source, from_lane, scalar_type):
-    """Copies the path of a lane of the batch at address `source` into one of the batch at address `to`."""
+def copy_paths(to, source, lanes, scalar_type):
+    """Copies the paths of the lanes of a word from the batch at address `source` to the same lanes of that at address `to`."""
     target, begun = path_numbers(to, scalar_type), path_numbers(source, scalar_type)
-    for number in range(PATH_NUMBERS):
-        target.numbers[number, lane] = begun.numbers[number, from_lane]
+    copy_lanes(target, begun, target.numbers, lanes)
 
 
 def batch_bytes(scalar_type: type, scratch: int) -> int:
@@ -384,6 +387,6 @@ __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS",
     "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "EnvironmentRow", "LeafRow", "LightRow",
     "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
-    "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_path", "ray_batch",
+    "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_paths", "ray_batch",
     "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

@@ -170,7 +170,8 @@ class Renderer:
         resampled = shade.light_candidates(self.settings.shader) > 1
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(
-            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None
+            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None,
+            shade.last_depth(self.settings.shader),
         )
         order = [
             draw_pixel,
@@ -242,11 +243,11 @@ class Renderer:
     def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
         self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
         stages, kernel, plan = self._stages(), driver.driver(self._real), self._plan
-        sums = [array.reshape(-1, 3) for array in (film.sums, film.squares, film.even_sums)]
+        sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
 
         def work(memory: NDArray[np.uint8], stack: NDArray[np.uint8]) -> NDArray[np.int64]:
             totals = np.zeros(2, np.int64)
-            buffer = np.empty((CHUNK * TILE * TILE, 3), self._real)
+            buffer = np.empty(3 * CHUNK * TILE * TILE, self._real)
             kernel(
                 stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, stack.ctypes.data,
                 self._stack_capacity, self._flat.address, plan, tiles, done, target, CHUNK, film.width, self._control,

@@ -128,6 +128,19 @@ def select(typing, condition, yes, no):
 
 
 @intrinsic
+def pick(typing, condition, yes, no):
+    """`select` of 64-bit integers for scalar loops, in which LLVM makes branches of selects: one by chance is mispredicted."""
+
+    def generate(context, builder, signature, arguments):
+        word = ir.IntType(64)
+        as_it_is = ir.InlineAsm(ir.FunctionType(word, [word]), "", "=r,0", side_effect=False)
+        mask = builder.call(as_it_is, [builder.sext(arguments[0], word)])
+        return builder.xor(arguments[2], builder.and_(builder.xor(arguments[1], arguments[2]), mask))
+
+    return types.int64(types.boolean, types.int64, types.int64), generate
+
+
+@intrinsic
 def fma(typing, a, b, c):
     """a b + c, rounded once."""
 

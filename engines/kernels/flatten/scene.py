@@ -152,6 +152,7 @@ def _bind_lights(flat: FlatScene, lights: LightList) -> None:
     flat.bind(table.light_faces, np.concatenate(lights.faces).astype(np.int32))
     flat.bind(table.light_cdf, np.concatenate(lights.cdf))
     flat.bind(table.light_ranges, np.array(lights.ranges or [(0, 0)], np.int32))
+    flat.bind(table.light_steps, max(max(count - 1, 0).bit_length() for _, count in lights.ranges or [(0, 0)]))
     light = lights.environment
     flat.bind(table.environment_radiance, np.array(light.radiance if light else (0.0, 0.0, 0.0), real))
     if light is not None and light.image is not None:

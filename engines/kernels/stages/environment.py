@@ -9,7 +9,7 @@ import numpy as np
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.records import address_of, prefetch
-from engines.kernels.compile.values import const, select
+from engines.kernels.compile.values import const, pick, select
 from engines.kernels.lane.arccos import arccos
 from engines.kernels.lane.arctan import arctan2
 from engines.kernels.lane.vector import Vec3, dot, sin_cos_turn
@@ -19,14 +19,24 @@ TEXEL_BYTES = 24
 
 @inline
 def first_above(values, start, n, u):
-    """The first index in [0, n) with values[start + index] > u, else n - 1."""
-    low, high = 0, n - 1
-    while low < high:
-        middle = (low + high) // 2
-        if values[start + middle] > u:
-            high = middle
-        else:
-            low = middle + 1
+    """The first index in [0, n) with values[start + index] > u, else n - 1. Its branches depend on n alone."""
+    low, n = np.int64(0), np.int64(n)
+    while n > 1:
+        half = n // 2
+        low = pick(values[start + low + half - 1] > u, low, low + half)
+        n -= half
+    return low
+
+
+@inline
+def first_above_in(values, start, n, steps, u):
+    """The same in a given number of steps, enough for n; 0 where n is 0. `values[start]` must exist."""
+    low = np.int64(0)
+    for _ in range(steps):
+        half = n >> 1
+        before = pick(half > 0, low + half - 1, low)
+        low = pick(values[start + before] > u, low, low + half)
+        n -= half
     return low
 
 

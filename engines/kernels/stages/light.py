@@ -8,16 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.records import address_of, lane_numbers, prefetch
-from engines.kernels.compile.values import lowest_bit
+from engines.kernels.compile.records import address_of, array_at, lane_numbers, prefetch
+from engines.kernels.compile.values import lowest_bit, pick
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
-from engines.kernels.layout import LANES, ray_batch, scene_table
+from engines.kernels.layout import LANES, LightRow, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy, resampling
-from engines.kernels.stages.surface import load_vertices
+from engines.kernels.stages.hit_loads import keep_corners, load_vertices
+
+COLOR = LightRow.fields["color"].first
+"""In a row of a light, as at the beginning of one of a material: a colour and whether both sides emit."""
 
 
 class Selection(NamedTuple):
@@ -92,7 +95,7 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
     holds of it: searches and plain loads, so in a loop of their own."""
     parameters = max(MODELS[kind].parameters for kind in kinds)
     meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection)
-    choose_all = light_hierarchy.make_choose(real)
+    choose_all, bytes_a_number = light_hierarchy.make_choose(real), np.dtype(real).itemsize
 
     @inline
     def load(rays, scene):
@@ -105,27 +108,30 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
             row = scene.lights[chosen]
             kind = np.int32(row.kind)
             rays.light_kind[lane] = kind
-            rays.light_color[lane] = row.color
-            rays.two_sided[lane] = row.two_sided
             for k in range(parameters):
                 rays.light_parameters[k, lane] = row.parameters[k]
-            if meshes and kind == MESH:
-                _load_face(rays, lane, scene, chosen, rest)
+            color = address_of(row) + COLOR * bytes_a_number
+            if meshes:
+                color = _load_face(rays, lane, scene, chosen, rest, kind == MESH, color)
+            numbers = array_at(color, real)
+            rays.light_color[lane] = Vec3(numbers[0], numbers[1], numbers[2])
+            rays.two_sided[lane] = numbers[3]
+        if meshes:
+            load_vertices(rays, scene)
 
     return load
 
 
 @inline
-def _load_face(rays, lane, scene, light, rest):
-    """A face of the mesh, chosen in proportion to its area."""
+def _load_face(rays, lane, scene, light, rest, mesh, color):
+    """A face of the mesh, chosen in proportion to its area; returns the address of its emission. Of what is no mesh the first
+    face of all, and `color`: a branch would be taken by chance."""
     faces = scene.light_ranges[light]
     first = np.int64(faces.first)
-    chosen = first + environment.first_above(scene.light_cdf, first, np.int64(faces.count), rest)
+    chosen = first + environment.first_above_in(scene.light_cdf, first, np.int64(faces.count), scene.light_steps, rest)
     row = scene.primitives[scene.light_faces[chosen]]
-    load_vertices(rays, lane, scene, row.index)
-    material = scene.materials[row.material]
-    rays.light_color[lane] = material.emission
-    rays.two_sided[lane] = material.two_sided
+    keep_corners(rays, lane, scene, row.index)
+    return pick(mesh, address_of(scene.materials[row.material]), color)
 
 
 @cache

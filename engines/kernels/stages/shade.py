@@ -69,6 +69,12 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
+def last_depth(shader: Choice) -> int:
+    """The depth from which on the integrator reads of a vertex its emission alone, as it does of a miss; 0 where it may read
+    more of any."""
+    return int(shader.options["max_depth"]) if shader.plugin is None and shader.name == "path_tracer" else 0
+
+
 def wanted_draws(shader: Choice, features: SceneFeatures) -> int:
     """A bit for each draw of a vertex, in the order of `VERTEX_DRAWS`, that the integrator may use in a scene of these
     features."""

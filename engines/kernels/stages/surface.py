@@ -14,16 +14,21 @@ from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.records import lane_numbers
-from engines.kernels.compile.values import const, keep_scalar, lowest_bit, select
+from engines.kernels.compile.values import const, lowest_bit, select
 from engines.kernels.features import SceneFeatures
-from engines.kernels.flatten import lights, materials
-from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
+from engines.kernels.flatten import lights
+from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
-from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MarginRow, ray_batch, scene_table
-from engines.kernels.stages import environment, light_hierarchy
-from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
+from engines.kernels.layout import (
+    LANES,
+    MarginRow,
+    ray_batch,
+    scene_table,
+)
+from engines.kernels.stages import environment
+from engines.kernels.stages.hit_loads import area_lights, make_load_hit
 
 OFFSET_ULPS = 256.0
 """New rays start this many machine epsilons of the largest coordinate away from the surface."""
@@ -39,159 +44,6 @@ def margins(tracing: Any) -> NDArray[np.float64]:
     """The row (1, 2) of `SceneTable.margins`, by the precision in which rays are traced."""
     share = OFFSET_ULPS * float(np.finfo(tracing).eps)
     return np.array([MarginRow.packed(offset=share, shadow_share=1.0 - share)])
-
-
-# ---- from the scene into the batch -----------------------------------------------------------------------------------
-
-
-@inline
-def load_vertices(rays, lane, scene, face):
-    """The corners of a triangle, by its index among the triangles."""
-    row = scene.triangles[face]
-    rays.vertex0[lane] = scene.vertices[row.a]
-    rays.vertex1[lane] = scene.vertices[row.b]
-    rays.vertex2[lane] = scene.vertices[row.c]
-
-
-@inline
-def _load_sphere(rays, lane, scene, index):
-    row = scene.spheres[index]
-    center = row.center
-    rays.shape_parameters[0, lane] = center.x
-    rays.shape_parameters[1, lane] = center.y
-    rays.shape_parameters[2, lane] = center.z
-    rays.shape_parameters[3, lane] = row.radius
-
-
-@inline
-def _load_plane(rays, lane, scene, index):
-    row = scene.planes[index]
-    point, normal = row.point, row.normal
-    rays.shape_parameters[0, lane] = point.x
-    rays.shape_parameters[1, lane] = point.y
-    rays.shape_parameters[2, lane] = point.z
-    rays.shape_parameters[3, lane] = normal.x
-    rays.shape_parameters[4, lane] = normal.y
-    rays.shape_parameters[5, lane] = normal.z
-
-
-@cache
-def _make_load_bsdf(ranges: tuple[tuple[int, int], ...]) -> Any:
-    """The function (rays, lane, row) that copies these ranges of a material's parameters."""
-
-    @inline
-    def nothing(rays, lane, row):
-        pass
-
-    if not ranges:
-        return nothing
-    (first, last), rest = ranges[0], _make_load_bsdf(ranges[1:])
-
-    @inline
-    def load(rays, lane, row):
-        for k in range(first, last):
-            rays.bsdf[k, lane] = row.bsdf[k]
-        rest(rays, lane, row)
-
-    return load
-
-
-def _columns(features: SceneFeatures) -> tuple[tuple[int, int], ...]:
-    """Ranges of the parameters that the scene's BSDF models read."""
-    wanted = sorted({column for kind in features.bsdfs for column in materials.MODELS[kind].columns(features)})
-    found: list[list[int]] = []
-    for column in wanted:
-        if found and found[-1][1] == column:
-            found[-1][1] += 1
-        else:
-            found.append([column, column + 1])
-    return tuple((first, last) for first, last in found)
-
-
-@cache
-def _make_load_shape(features: SceneFeatures) -> Any:
-    """The function (rays, lane, scene, kind, index) that copies the geometry of the primitive hit."""
-    triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
-    analytic = len(features.analytic) > 0
-
-    @inline
-    def load(rays, lane, scene, kind, index):
-        if triangles:
-            face = index if kind == TRIANGLE else np.int64(0)
-            load_vertices(rays, lane, scene, face)
-            if smooth:
-                row = scene.triangles[face]
-                rays.vertex_normal0[lane] = scene.vertex_normals[row.a]
-                rays.vertex_normal1[lane] = scene.vertex_normals[row.b]
-                rays.vertex_normal2[lane] = scene.vertex_normals[row.c]
-        if spheres and kind == SPHERE:
-            _load_sphere(rays, lane, scene, index)
-        if planes and kind == PLANE:
-            _load_plane(rays, lane, scene, index)
-        if analytic and kind > PLANE:
-            row = scene.analytic[index]
-            for k in range(SHAPE_PARAMETERS):
-                rays.shape_parameters[k, lane] = row.parameters[k]
-
-    return load
-
-
-@inline
-def _choices(rays, lane, scene, primitive, light, real):
-    """1 / the probability with which the light that was hit would have been chosen at the vertex that the ray left, which
-    is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
-    if primitive < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
-        return 1.0
-    return light_hierarchy.choices(scene, light, rays.point[lane], rays.geometric_normal[lane], real)
-
-
-@cache
-def _make_load_hit(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
-    several_shapes = features.spheres or features.planes or len(features.analytic) > 0
-    several_bsdfs, emission, power = len(features.bsdfs) > 1, features.emission, features.power_lights
-    hierarchy = features.light_hierarchy
-    load_shape, load_bsdf = _make_load_shape(features), _make_load_bsdf(_columns(features))
-    parameters = max((lights.MODELS[kind].parameters for kind in _area_lights(features)), default=0)
-    triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
-
-    @inline
-    def load(rays, scene):
-        if triangles and scene.n_triangles > NEAR_TRIANGLES:
-            prefetch_triangles(rays, scene)
-        for lane in range(np.uint64(LANES)):
-            keep_scalar()
-            primitive, held = rays.primitive[lane], rays.held_primitive[lane]
-            primitive = held if held >= 0 else primitive
-            rays.primitive[lane] = primitive
-            index = np.int64(0) if primitive < 0 else np.int64(primitive)
-            row, kind = scene.primitives[index], np.int32(TRIANGLE)
-            if several_shapes:  # where there are triangles alone, their indices are their ids: one cache miss less
-                kind, index = row.shape, np.int64(row.index)
-            rays.shape[lane] = kind
-            load_shape(rays, lane, scene, kind, index)
-            material = scene.materials[row.material]
-            load_bsdf(rays, lane, material)
-            if several_bsdfs:
-                rays.bsdf_model[lane] = np.int64(material.model)
-            if emission:
-                rays.emission[lane] = material.emission
-                rays.two_sided[lane] = material.two_sided
-            if parameters > 0:
-                light = row.light
-                rays.primitive_light[lane] = light
-                if hierarchy:
-                    rays.light_choices[lane] = _choices(rays, lane, scene, primitive, light, real)
-                elif power:
-                    rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
-                light_row = scene.lights[light if light >= 0 else np.int32(0)]
-                for k in range(parameters):
-                    rays.light_parameters[k, lane] = light_row.parameters[k]
-
-    return load
-
-
-# ---- the interaction -------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -270,11 +122,6 @@ def _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents):
     return front
 
 
-def _area_lights(features: SceneFeatures) -> tuple[int, ...]:
-    """The kinds of lights that are shapes."""
-    return tuple(kind for kind in features.lights if lights.MODELS[kind].pdf is not None)
-
-
 @cache
 def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
     """The function (parameters, shape, o, t, facing, choices) -> pdf with which the light sample would have chosen a
@@ -299,10 +146,10 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
 
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
-    load, intersection = _make_load_hit(features, real), _make_intersection(features, real)
+    load, intersection = make_load_hit(features, real), _make_intersection(features, real)
     weighted = features.power_lights or features.light_hierarchy
-    emission, tangents, area_lights = features.emission, features.tangents, _area_lights(features)
-    listed_shapes, light_pdf_of = len(area_lights) > 0, _make_light_pdf(area_lights)
+    emission, tangents, shining = features.emission, features.tangents, area_lights(features)
+    listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
 

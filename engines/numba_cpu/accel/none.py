@@ -1,25 +1,27 @@
 """No tree: every triangle against sixteen rays at once. For small scenes nothing is faster.
 
-Vertices are sheared into each ray's frame once and shared by the triangles around them, in chunks that fit the first
-cache; then a triangle costs three edge functions and a division, all in vector code.
+Triangles are tested in chunks, of one shape where that is not tiny, and small enough for the first cache. Where no ray of the
+batch meets the box of a chunk, it is left out. Else its vertices are sheared into each ray's frame once and shared by the
+triangles around them; then a triangle costs three edge functions and a division, all in vector code.
 """
 
 from __future__ import annotations
 
 import time
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.memory import array_at
-from engines.kernels.compile.records import REAL, Row, Table, real, rows, scalar, table_view, vectors
-from engines.kernels.compile.values import select
+from engines.kernels.compile.records import REAL, Row, Table, real, rows, scalar, table_view, vector, vectors
+from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene
 from engines.kernels.lane.shapes.triangle import Frame, ray_frame, shear, triangle_distance
-from engines.kernels.lane.vector import Vec3
+from engines.kernels.lane.vector import Vec3, extent
 from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, SceneTable, TriangleRow, ray_batch, scene_table
 from engines.kernels.stages.linear import (
     block_shadow,
@@ -29,19 +31,33 @@ from engines.kernels.stages.linear import (
     occluded_planes,
     occluded_spheres,
 )
-from engines.numba_cpu.accel.primitives import clear_hits
+from engines.numba_cpu.accel.primitives import PAD_ULPS, clear_hits, finite_inverse, padding
 
 CHUNK = 64
 """Triangles a chunk: at most 192 vertices of 3 x 16 numbers, 36 KiB in float32."""
-SCRATCH = 3 * CHUNK * 3 * LANES
+INVERSE = 3 * CHUNK * 3 * LANES
+"""Where in the scratch memory, behind the vertices, lie the inverse directions."""
+SCRATCH = INVERSE + 3 * LANES
+FEWEST = 6
+"""Shapes of fewer triangles are joined with their neighbours: a box costs as much as two or three triangles."""
+LARGEST_SHARE = 0.5
+"""Of the area of the scene's box: larger ones are met by some ray of nearly every batch."""
 
 
 class ChunkRow(Row):
-    """Where a chunk's vertices and faces begin; they end where the next chunk's do."""
+    """Where a chunk's vertices and faces begin; they end where the next chunk's do. And whether its box is worth a test."""
 
     dtype = np.int64
     vertex = real()
     face = real()
+    bounded = real()
+
+
+class BoxRow(Row):
+    """The lowest and the highest corner, padded."""
+
+    lowest = vector()
+    highest = vector()
 
 
 class ListTable(Table, first=ACCELERATOR):
@@ -49,6 +65,7 @@ class ListTable(Table, first=ACCELERATOR):
     chunks = rows(ChunkRow)  # one more than there are
     vertices = vectors(REAL)  # of each chunk by itself
     faces = rows(TriangleRow)  # indices of vertices in the chunk
+    boxes = rows(BoxRow)  # of the chunks
 
 
 list_table = table_view(ListTable)
@@ -67,16 +84,22 @@ class Accelerator:
     def build(self, flat: FlatScene, threads: int) -> None:
         start = time.perf_counter()
         faces, vertices = flat.arrays[SceneTable.triangles], flat.arrays[SceneTable.vertices]
-        chunks, corners, local = [(0, 0)], [np.zeros((0, 3), flat.real)], [np.zeros((0, 3), np.int32)]
-        for first in range(0, len(faces), CHUNK):
-            own, index = np.unique(vertices[faces[first : first + CHUNK]].reshape(-1, 3), axis=0, return_inverse=True)
+        chunks, corners, local, boxes = [(0, 0, 0)], [np.zeros((0, 3), flat.real)], [np.zeros((0, 3), np.int32)], []
+        shapes = np.searchsorted(flat.first_id, flat.arrays[SceneTable.triangle_primitives], side="right")
+        for first, last in _chunks(shapes):
+            own, index = np.unique(vertices[faces[first:last]].reshape(-1, 3), axis=0, return_inverse=True)
             corners.append(own)
             local.append(index.reshape(-1, 3).astype(np.int32))
-            chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1])))
+            lowest, highest = own.min(axis=0) - padding(flat), own.max(axis=0) + padding(flat)
+            bounded = _area(highest - lowest) < LARGEST_SHARE * _area(np.ptp(flat.bounds, axis=0))
+            chunks[-1] = (*chunks[-1][:2], int(bounded))
+            chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1]), 0))
+            boxes.append((lowest, highest))
         flat.bind(ListTable.n_chunks, len(chunks) - 1)
         flat.bind(ListTable.chunks, np.array(chunks, np.int64))
         flat.bind(ListTable.vertices, np.concatenate(corners))
         flat.bind(ListTable.faces, np.concatenate(local))
+        flat.bind(ListTable.boxes, np.reshape(boxes, (-1, BoxRow.size)).astype(flat.real))
         self.build_seconds = time.perf_counter() - start
 
     @property
@@ -85,6 +108,54 @@ class Accelerator:
 
     def stages(self, features: SceneFeatures, real: Any) -> tuple[Any, Any]:
         return stages(features.triangles, features.spheres, features.planes, features.analytic, real)
+
+
+def _area(size: Any) -> float:
+    """Half the area of a box."""
+    return float(size[0] * size[1] + size[1] * size[2] + size[2] * size[0])
+
+
+def _chunks(shape: Any) -> list[tuple[int, int]]:
+    """(first, last + 1) of each chunk, of the shape of each triangle in ascending order."""
+    edges = [0, *(np.flatnonzero(np.diff(shape)) + 1), len(shape)]
+    found: list[tuple[int, int]] = []
+    for start, end in pairwise(edges):
+        for first in range(start, end, CHUNK):
+            last = min(first + CHUNK, end)
+            few = found and max(last - first, found[-1][1] - found[-1][0]) < FEWEST
+            found[-1:] = [(found[-1][0], last)] if few else [*found[-1:], (first, last)]
+    return [chunk for chunk in found if chunk[0] < chunk[1]]
+
+
+@inline
+def _invert(scratch, direction, real):
+    for lane in range(np.uint64(LANES)):
+        d, i = direction[lane], INVERSE + np.int64(lane)
+        scratch[i] = finite_inverse(d.x, real(1e-18))
+        scratch[i + LANES] = finite_inverse(d.y, real(1e-18))
+        scratch[i + 2 * LANES] = finite_inverse(d.z, real(1e-18))
+
+
+@inline
+def _clip(o, inverse, lowest, highest, shift, near, far):
+    """The stretch of a ray between `near` and `far` within a slab, widened by `shift` on both sides."""
+    one, two = (lowest - o - shift) * inverse, (highest - o + shift) * inverse
+    first, last = select(one < two, one, two), select(one < two, two, one)
+    return select(first > near, first, near), select(last < far, last, far)
+
+
+@inline
+def _some_meet(scratch, origin, end, box, shift_share, end_share):
+    """Whether some ray of the batch may meet a box before its end; widened by what rounding may shift."""
+    lowest, highest, found = box.lowest, box.highest, np.int32(0)
+    for lane in range(np.uint64(LANES)):
+        o, i = origin[lane], INVERSE + np.int64(lane)
+        shift, near, far = extent(o) * shift_share, const(0.0, shift_share), end[lane]
+        near, far = _clip(o.x, scratch[i], lowest.x, highest.x, shift, near, far)
+        near, far = _clip(o.y, scratch[i + LANES], lowest.y, highest.y, shift, near, far)
+        near, far = _clip(o.z, scratch[i + 2 * LANES], lowest.z, highest.z, shift, near, far)
+        found |= np.int32(1 if near <= far * end_share else 0)
+    return found != 0
 
 
 @inline
@@ -130,19 +201,27 @@ def _take(rays, lane, t, primitive, shadow, zero):
 def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...], shadow: bool, real: Any) -> Any:
     scratch = RayBatch.bytes(real)
     test_analytic = make_analytic_test(analytic, shadow)
+    eps = np.finfo(real).eps
+    shift_share, end_share = real(PAD_ULPS * eps), real(1 + PAD_ULPS * eps)
 
     def stage(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         if shadow:
-            origin, direction = rays.shadow_origin, rays.wi
+            origin, direction, end = rays.shadow_origin, rays.wi, rays.shadow_t_max
         else:
-            origin, direction = rays.origin, rays.direction
+            origin, direction, end = rays.origin, rays.direction, rays.t
         clear_hits(rays, shadow)
         if triangles:
             sheared, own = array_at(batch + scratch, real), list_table(scene_address, real)
             chunks, vertices, faces, primitives = own.chunks, own.vertices, own.faces, scene.triangle_primitives
-            _make_frames(rays, direction)
+            boxes, framed = own.boxes, False
+            _invert(sheared, direction, real)
             for k in range(own.n_chunks):
+                if chunks[k].bounded != 0 and not _some_meet(sheared, origin, end, boxes[k], shift_share, end_share):
+                    continue
+                if not framed:
+                    _make_frames(rays, direction)
+                    framed = True
                 _shear_vertices(rays, sheared, vertices, chunks[k].vertex, chunks[k + 1].vertex, origin)
                 for f in range(chunks[k].face, chunks[k + 1].face):
                     a, b, c = (

@@ -1,0 +1,83 @@
+"""Rows of a table into the lanes of a batch: a few numbers of one row a lane, loaded as vectors and transposed. Stored one by
+one they cost most of a stage, and vector loads behind such stores wait for all of them."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from engines.kernels.compile.fields import LANES, word_of
+from engines.kernels.compile.memory import WORD, load, tag_access
+
+AT_ONCE = 4
+"""Numbers that one vector load takes of a row, at most."""
+
+
+def _shuffle(builder: Any, one: Any, two: Any, places: list[int]) -> Any:
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), places)
+    return builder.shuffle_vector(one, two, mask)
+
+
+def _joined(builder: Any, parts: list[Any]) -> Any:
+    """One vector of four parts."""
+    width = parts[0].type.count
+    two = [_shuffle(builder, parts[k], parts[k + 1], list(range(2 * width))) for k in (0, 2)]
+    return _shuffle(builder, *two, list(range(4 * width)))
+
+
+def _interleaved(builder: Any, one: Any, two: Any, places: tuple[int, ...]) -> Any:
+    """Of every four numbers of both vectors those at `places`: 0 to 3 of the first, 4 to 7 of the second."""
+    every = [
+        first + (place if place < AT_ONCE else LANES + place - AT_ONCE)
+        for first in range(0, LANES, AT_ONCE)
+        for place in places
+    ]
+    return _shuffle(builder, one, two, every)
+
+
+def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """Sixteen rows of four numbers as four vectors of sixteen lanes."""
+    quarters = [_joined(builder, rows[k::4]) for k in range(4)]
+    low = [_interleaved(builder, quarters[k], quarters[k + 1], (0, 4, 1, 5)) for k in (0, 2)]
+    high = [_interleaved(builder, quarters[k], quarters[k + 1], (2, 6, 3, 7)) for k in (0, 2)]
+    return [_interleaved(builder, *pair, places) for pair in (low, high) for places in ((0, 1, 4, 5), (2, 3, 6, 7))]
+
+
+@cache
+def row_loads(index: int, stride: int, columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
+    """The function of compiled code (rays, address) that copies numbers of a row of each lane, those at `columns`: consecutive,
+    and at most four. A row is `stride` numbers of the batch's scalar type; the rows begin at the address. Which one it is
+    stands in the integer field that is number `index` of a lane; `targets` are the numbers of a lane that are written."""
+
+    @intrinsic
+    def copy_columns(typing, rays, address):
+        def generate(context, builder, signature, arguments):
+            base, start = arguments
+            real = context.get_value_type(rays.real)
+            word = context.get_value_type(word_of(rays.real))
+            size = rays.real.bitwidth // 8
+            kind = ir.VectorType(real, len(columns))
+            rows = []
+            for lane in range(LANES):
+                place = builder.gep(base, [ir.Constant(WORD, index * LANES + lane)])
+                row = load(builder, builder.bitcast(place, word.as_pointer()), True)
+                row = builder.sext(row, WORD) if word.width < WORD.width else row
+                offset = builder.mul(row, ir.Constant(WORD, stride * size))
+                offset = builder.add(offset, ir.Constant(WORD, columns[0] * size))
+                value = builder.load(builder.inttoptr(builder.add(start, offset), kind.as_pointer()), align=size)
+                tag_access(builder.module, value, False)
+                whole = [k if k < len(columns) else 0 for k in range(AT_ONCE)]
+                rows.append(_shuffle(builder, value, value, whole))
+            for number, value in zip(targets, _transposed(builder, rows), strict=False):
+                place = builder.gep(base, [ir.Constant(WORD, number * LANES)])
+                stored = builder.store(value, builder.bitcast(place, value.type.as_pointer()), align=size)
+                tag_access(builder.module, stored, True)
+            return context.get_dummy_value()
+
+        return types.void(rays, types.int64), generate
+
+    return copy_columns
