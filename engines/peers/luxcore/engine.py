@@ -39,7 +39,7 @@ class Engine(AdapterEngine):
     from the third segment on), so that `rr_depth` below `max_depth` is declined. It stops by being polled: pixels have up to
     a few samples more than were asked for, which the film counts.
 
-    Spot lights are declined: LuxCore's are brighter away from their axis (flux 1.38 times as large with a cutoff of 60 degrees).
+    Spot lights are declined: LuxCore's are brighter away from their axis.
     """
 
     name = lineage = "luxcore"
