@@ -93,6 +93,7 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
         ours = _images(
             wanted, wanted.spec["engine"], smaller(wanted.settings, certifier.factor), certifier.spp, len(theirs), pool
         )
+        theirs = theirs[: len(ours)]  # time may have allowed fewer of ours
         event |= equivalence(ours, theirs, wanted.margins, ALPHA).as_record() | {"spp": len(theirs) * certifier.spp}
     write_json(path_of(wanted, root), {**event, "machine": machine.provenance()})
     return event

@@ -30,8 +30,9 @@ Array = NDArray[Any]
 HEADERS = 1 << 16
 """Bytes of a film's file beside its pixels, at most."""
 META, EXR = "reference.json", "reference.exr"
-SMALL_BITS = {"sums": 11, "even_sums": 11, "squares": 6}
-"""Significant bits of a film in an archive."""
+SMALL_BITS = {"sums": 11, "even_sums": 11, "deviations": 6}
+"""Significant bits of a film in an archive. `deviations`, the sums of squared deviations from the mean, stand in the place of
+squares: the small difference of rounded squares and squared means would be rounding alone."""
 FOLDER = "references"
 """Of archives and merged results: the references they carry with them."""
 VARIABLE = "RAYBENCH_REFERENCES"
@@ -127,7 +128,10 @@ def _to_bits(array: Array, bits: int) -> Array:
 def _small(film: Film) -> bytes:
     """An `.npz` whose parts LZMA compresses, to two thirds of what NumPy's own Deflate would leave."""
     buffer = io.BytesIO()
-    arrays = {name: _to_bits(getattr(film, name), bits) for name, bits in SMALL_BITS.items()}
+    sums = _to_bits(film.sums, SMALL_BITS["sums"])
+    deviations = np.maximum(film.squares - film.sums**2 / np.maximum(film.counts, 1)[:, :, None], 0.0)
+    arrays: dict[str, Array] = {"sums": sums, "even_sums": _to_bits(film.even_sums, SMALL_BITS["even_sums"])}
+    arrays |= {"deviations": _to_bits(deviations, SMALL_BITS["deviations"])}
     arrays |= {"counts": film.counts, "bad_samples": np.array(film.bad_samples)}
     with ZipFile(buffer, "w", ZIP_LZMA) as parts:
         for name, array in arrays.items():
@@ -155,8 +159,13 @@ def film_in(folder: Path, meta: Mapping[str, Any]) -> Film:
             if (height, width) != (meta["spec"]["height"], meta["spec"]["width"]):
                 raise ValueError(f"{width}x{height} pixels, and its metadata says another size")
             film = Film(width, height)
-            film.sums, film.squares, film.even_sums = arrays["sums"], arrays["squares"], arrays["even_sums"]
+            film.sums, film.even_sums = arrays["sums"], arrays["even_sums"]
             film.counts, film.bad_samples = arrays["counts"], int(arrays["bad_samples"])
+            if "deviations" in arrays:
+                squared_means = film.sums.astype(np.float64) ** 2 / np.maximum(film.counts, 1)[:, :, None]
+                film.squares = arrays["deviations"] + squared_means
+            else:
+                film.squares = arrays["squares"]
         for array in (film.sums, film.squares, film.even_sums):
             if array.shape != (height, width, 3) or array.dtype.kind != "f" or film.counts.dtype.kind not in "iu":
                 raise ValueError(f"{array.shape} {array.dtype} beside counts {film.counts.shape} {film.counts.dtype}")

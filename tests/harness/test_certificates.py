@@ -165,8 +165,8 @@ def test_a_run_records_it_once_and_the_report_says_it_first(tmp_path):
 def test_a_reference_without_a_certificate_is_uncertified_in_the_first_lines(tmp_path):
     sweeping.run(sweeping.write(tmp_path), tmp_path / "out", ["repeats=1"])
     text = write_derived(tmp_path / "out").read_text()
-    said = "The reference of ball (12x8) is uncertified: no engine of another lineage has made its image."
-    assert said in text and text.index(said) < text.index('id="verdicts"')
+    assert '<a href="#references">ball</a> (12x8)' in text[text.index("Uncertified") : text.index("<table")]
+    assert "uncertified: no engine of another lineage has made its image" in text
 
 
 def test_certificates_of_old_and_of_ones_own_lineage_certify_nothing():
@@ -209,3 +209,12 @@ def test_a_stored_reference_with_bad_samples_is_refused(made, tmp_path):
     store.write_json(folder / "reference.json", meta)
     with pytest.raises(ConfigError, match="2 of this reference's samples are NaN or infinite"):
         store.reference_files.read(folder, wanted.reference_id, wanted.scene_hash)
+
+
+def test_a_certificate_takes_as_many_pairs_of_images_as_time_allowed(tmp_path, monkeypatch):
+    text = certified_by(fake("Brighter"))
+    (wanted,) = planner.make(config.load(sweeping.write(tmp_path, text)), True).references.values()
+    counts, rng = iter((5, 3)), np.random.default_rng(1)
+    monkeypatch.setattr(certificates, "_images", lambda *given: list(rng.uniform(size=(next(counts), 8, 12, 3))))
+    event = certificates.make(wanted, tmp_path, None, lambda done, count: None)
+    assert event["spp"] == 3 * wanted.certifier.spp and event["verdict"] in ("equivalent", "unresolved", "different")
