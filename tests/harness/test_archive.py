@@ -3,10 +3,13 @@
 import json
 import platform
 import shutil
+from hashlib import sha256
 
+import numpy as np
 import pytest
 
 from engines.errors import ConfigError
+from engines.film import Film
 from harness import store
 from harness.analysis import analyse
 from harness.measure import machine
@@ -14,6 +17,7 @@ from harness.report.archive import archive
 from harness.report.html.assembly import report_html
 from harness.report.tables import all_tables
 from harness.report.tables.model import markdown_text
+from harness.store import reference_files
 from harness.store.results import load_results
 from tests.harness import sweeping
 from tests.harness.synthetic import Size, write_folder
@@ -113,3 +117,16 @@ def test_nothing_that_is_stored_names_the_machine_or_where_it_ran(tmp_path):
     command = store.read_manifest(tmp_path / "archived")["command"]
     assert command == ["raybench", "run", path.name, "--out=out"]
     assert platform.node() not in json.loads((tmp_path / "out" / store.MANIFEST).read_text())["machine"].values()
+
+
+def test_a_reference_keeps_its_variance_in_an_archive(tmp_path):
+    """Rounded squares less rounded squared means would be rounding alone: the variance is a hundred-thousandth of them."""
+    rng, film = np.random.default_rng(1), Film(16, 12)
+    for _ in range(8):
+        film.add(1.0 + 0.003 * rng.normal(size=(12, 16, 3)))
+    data = reference_files._small(film)
+    (tmp_path / "film-0008.npz").write_bytes(data)
+    spec = {"width": 16, "height": 12}
+    held = reference_files.film_in(tmp_path, {"file": "film-0008.npz", "sha256": sha256(data).hexdigest(), "spec": spec})
+    assert held.variance_of_mean() == pytest.approx(film.variance_of_mean(), rel=2.0**-6), "six bits"
+    assert held.mean() == pytest.approx(film.mean(), rel=3e-4) and held.half(1) == pytest.approx(film.half(1), rel=3e-4)
