@@ -129,4 +129,4 @@ def test_a_reference_keeps_its_variance_in_an_archive(tmp_path):
     spec = {"width": 16, "height": 12}
     held = reference_files.film_in(tmp_path, {"file": "film-0008.npz", "sha256": sha256(data).hexdigest(), "spec": spec})
     assert held.variance_of_mean() == pytest.approx(film.variance_of_mean(), rel=2.0**-6), "six bits"
-    assert held.mean() == pytest.approx(film.mean(), rel=2.0**-11) and held.half(1) == pytest.approx(film.half(1), rel=2.0**-11)
+    assert held.mean() == pytest.approx(film.mean(), rel=2.0**-11) and held.half(1) == pytest.approx(film.half(1), rel=2.0**-9)
