@@ -1,6 +1,6 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
-It keeps of the images up to six of a scene and shader that a report shows, as precise as it shows them; what was concluded from
+It keeps of the images up to four of a scene and shader that a report shows, as precise as it shows them; what was concluded from
 all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to three
 digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
 """
@@ -23,7 +23,7 @@ from harness.store import confined, reference_files
 from harness.store.results import load_results
 
 DIGITS = 6
-MOST_IMAGES = 3
+MOST_IMAGES = 2
 """Of a panel of the report: that many whole images, and as many at equal time."""
 MEASURED = ("phases", "counters", "machine", "wall_seconds")
 DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT, calibration.EVENT)
