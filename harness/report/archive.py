@@ -1,8 +1,9 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
 It keeps of the images up to four of a scene and shader that a report shows, as precise as it shows them; what was concluded
-from all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to three
-digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone is left.
+from all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to
+three digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone
+is left.
 """
 
 from __future__ import annotations
