@@ -28,6 +28,11 @@ def _load(builder: Any, place: Any) -> Any:
     return value
 
 
+def _field_value(context: Any, builder: Any, field: Any, base: Any) -> Any:
+    """The first number of a field, of all lanes, as a vector."""
+    return _load(builder, _vector_place(context, builder, field.real, base, field.field.first))
+
+
 def _word(builder: Any, mask: Any) -> Any:
     return builder.zext(builder.bitcast(mask, _BITS), WORD)
 
@@ -39,7 +44,7 @@ def flagged_lanes(typing, field):
         return None
 
     def generate(context, builder, signature, arguments):
-        value = _load(builder, _vector_place(context, builder, field.real, arguments[0], field.field.first))
+        value = _field_value(context, builder, field, arguments[0])
         words = ir.VectorType(ir.IntType(field.real.bitwidth), LANES)
         value = builder.bitcast(value, words)
         return _word(builder, builder.icmp_signed("!=", value, ir.Constant(words, None)))
@@ -54,7 +59,7 @@ def positive_lanes(typing, field):
         return None
 
     def generate(context, builder, signature, arguments):
-        value = _load(builder, _vector_place(context, builder, field.real, arguments[0], field.field.first))
+        value = _field_value(context, builder, field, arguments[0])
         return _word(builder, builder.fcmp_ordered(">", value, ir.Constant(value.type, None)))
 
     return types.int64(field), generate

@@ -50,8 +50,8 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 @cache
 def row_loads(index: int, stride: int, columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
     """The function of compiled code (rays, address) that copies numbers of a row of each lane, those at `columns`: consecutive,
-    and at most four. A row is `stride` numbers of the batch's scalar type; the rows begin at the address. Which one it is
-    stands in the integer field that is number `index` of a lane; `targets` are the numbers of a lane that are written."""
+    and at most four. A row is `stride` numbers of the batch's scalar type; the rows begin at the address. The integer field at
+    number `index` of a lane holds the lane's row index. `targets` are the numbers of a lane that the copies go to."""
 
     @intrinsic
     def copy_columns(typing, rays, address):
