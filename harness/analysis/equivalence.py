@@ -88,9 +88,14 @@ def last_pictured(cell: Event, spp: int | None = None) -> Event:
 
 def common_spp(*contestants: Contestant, pictured: bool = False) -> int | None:
     """The most samples at which every done cell of all of them has a checkpoint (and its image)."""
+    return max(shared_spp(*contestants, pictured=pictured), default=None)
+
+
+def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
+    """The samples at which every done cell of all of them has a checkpoint (and its image)."""
     sets = [{point["spp"] for point in cell["points"] if point.get("image") or not pictured}
             for contestant in contestants for cell in contestant.done]  # fmt: skip
-    return max(set.intersection(*sets), default=None) if sets else None
+    return set.intersection(*sets) if sets else set()
 
 
 def margins_of(results: Results) -> Margins:

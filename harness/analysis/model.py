@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from harness.analysis.equivalence import EnginePair
 from harness.statistics import BiasEstimate, Equivalence, Estimate, QualityTime, Ratio, Slope
 from harness.statistics.bias import RadianceSample
-from harness.store.results import Contestant, Results
+from harness.store.results import Contestant, Results, samples_of
 
 NOISY = "noisy_reference"
 """Flag of a time to quality, not of all of a contestant's: see `QualityTime.reliable`."""
@@ -153,4 +153,4 @@ def possible_winners(verdicts: Iterable[Verdict], index: int) -> list[Verdict]:
 def seconds_per_sample(contestant: Contestant) -> dict[int, float]:
     """Block -> warm seconds per sample per pixel, over the whole cell."""
     ends = {cell["block"]: cell["points"][-1] for cell in contestant.done}
-    return {block: end["seconds"] / end["spp"] for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}
+    return {block: end["seconds"] / samples_of(end) for block, end in ends.items() if end["seconds"] > 0 and end["spp"] > 0}

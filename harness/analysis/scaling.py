@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.analysis.model import Analysis, seconds_per_sample
 from harness.statistics import Estimate, geometric_interval, mean_interval
-from harness.store.results import Contestant, Event, Results, phase_seconds
+from harness.store.results import Contestant, Event, Results, phase_seconds, samples_of
 
 FEWEST = 3
 """Sizes from which on an exponent is shown."""
@@ -68,11 +68,11 @@ def passes(contestant: Contestant) -> Samples:
     """Samples per pixel so far -> block -> seconds of a path in the pass that ended there."""
     found: Samples = {}
     for cell in contestant.done:
-        before = (0, 0.0)
+        before = (0.0, 0.0)
         for point in cell["points"]:
-            spp, seconds = point["spp"] - before[0], point["seconds"] - before[1]
+            spp, seconds = samples_of(point) - before[0], point["seconds"] - before[1]
             found.setdefault(point["spp"], {})[cell["block"]] = seconds / (spp * pixels(cell))
-            before = point["spp"], point["seconds"]
+            before = samples_of(point), point["seconds"]
     return dict(sorted(found.items()))
 
 

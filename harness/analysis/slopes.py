@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from harness.statistics import Slope, common_samples, convergence_slope
-from harness.store.results import Results, Settings
+import numpy as np
+
+from harness.statistics import Curve, Slope, common_samples, convergence_slope
+from harness.store.results import Event, Results, Settings, samples_of
 
 
 def slopes(results: Results) -> dict[Settings, Slope]:
     """The slope of relMSE of every measured contestant, fitted over samples that the contestants of its scene share."""
     found: dict[Settings, Slope] = {}
     for scene in results.scenes:
-        seeds = {c.settings: [results.curve(cell, results.relative_metric) for cell in c.done] for c in results.of_scene(scene)}
+        seeds = {c.settings: [_at_equal_samples(results, cell) for cell in c.done] for c in results.of_scene(scene)}
         samples = common_samples(list(seeds.values()))
         found |= {settings: convergence_slope(curves, samples) for settings, curves in seeds.items()}
     return found
+
+
+def _at_equal_samples(results: Results, cell: Event) -> Curve:
+    """A cell's curve, its errors those of `spp` independent samples where the engine took more."""
+    curve = results.curve(cell, results.relative_metric)
+    more = np.array([samples_of(point) / point["spp"] for point in sorted(cell["points"], key=lambda point: point["spp"])])
+    return curve._replace(error=curve.error * more, se=curve.se * more)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from harness.analysis import archived_verdicts
 from harness.analysis.baselines import baseline_of, engine_order, nearest_of_engine
 from harness.analysis.conduct import conduct_flags
-from harness.analysis.equivalence import Replicates, common_spp, compared, engine_pairs, last_pictured
+from harness.analysis.equivalence import Replicates, compared, engine_pairs, last_pictured, shared_spp
 from harness.analysis.image_flags import image_flags
 from harness.analysis.model import Analysis, Group, Verdict, raced_together
 from harness.analysis.races import run_races
@@ -24,7 +24,7 @@ from harness.statistics import (
 )
 from harness.statistics.bias import radiance_sample
 from harness.statistics.equivalence import shared_alpha
-from harness.store.results import Contestant, Event, Results, phase_seconds, point_error
+from harness.store.results import Contestant, Event, Results, phase_seconds, point_error, samples_of
 
 
 def analyse(results: Results) -> Analysis:
@@ -102,11 +102,8 @@ def _compare(results: Results, verdict: Verdict, baseline: Contestant | None, im
 
 def _flags(results: Results, verdict: Verdict) -> list[str]:
     flags = image_flags(results, verdict) + conduct_flags(verdict.contestant, verdict.bias)
-    if verdict.baseline is not None and verdict.baseline.settings.sampler == verdict.contestant.settings.sampler:
-        spp = common_spp(verdict.contestant, verdict.baseline)
-        own, theirs = (_error_times_spp(results, c, spp) for c in (verdict.contestant, verdict.baseline))
-        if too_good_per_sample(own, theirs):
-            flags.append("too_good_per_sample")
+    if verdict.baseline is not None and _too_good(results, verdict.contestant, verdict.baseline):
+        flags.append("too_good_per_sample")
     if any((cell.get("machine") or {}).get("contended") for cell in verdict.contestant.done):
         flags.append("contended")
     if any(reports_its_time(cell) for cell in verdict.contestant.done):
@@ -119,8 +116,23 @@ def reports_its_time(cell: Event) -> bool:
     return bool((cell.get("counters") or {}).get("told_by_program"))
 
 
-def _error_times_spp(results: Results, contestant: Contestant, spp: int | None) -> dict[int, float]:
-    return {cell["block"]: point_error(point, results.metric)[0] * point["spp"]
+def _too_good(results: Results, contestant: Contestant, baseline: Contestant) -> bool:
+    """Whether errors are lower than those of the baseline with the same sampler, at the most samples that both have.
+
+    Of samplers whose samples depend on each other at the fewest: two sequences of one name are two sets of points, of which one
+    may rightly have the lower error, but a single scrambled point is as good as any other.
+    """
+    both = (contestant, baseline)
+    spp = shared_spp(*both)
+    if contestant.settings.sampler != baseline.settings.sampler or not spp:
+        return False
+    independent = all(cell.get("smooth_sampler") for each in both for cell in each.done)
+    own, theirs = (_error_times_samples(results, each, max(spp) if independent else min(spp)) for each in both)
+    return too_good_per_sample(own, theirs)
+
+
+def _error_times_samples(results: Results, contestant: Contestant, spp: int) -> dict[int, float]:
+    return {cell["block"]: point_error(point, results.metric)[0] * samples_of(point)
             for cell in contestant.done for point in cell["points"] if point["spp"] == spp}  # fmt: skip
 
 
@@ -132,7 +144,7 @@ def _mse(point: Event) -> float:
 
 def _samples(cell: Event) -> float:
     """Samples of the whole image at the last checkpoint."""
-    return float(cell["points"][-1]["spp"]) * (cell.get("width") or 0) * (cell.get("height") or 0)
+    return samples_of(cell["points"][-1]) * (cell.get("width") or 0) * (cell.get("height") or 0)
 
 
 def _rate(amount: float | None, point: Event) -> float:

@@ -245,6 +245,8 @@ class CellRecord:
         image, quality = films.image_of(film), self.recorder.plan.experiment.quality
         scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
         said = {"metrics": {key: float(value) for key, value in scores.items()}, "film_variance": films.claimed_variance(film)}
+        if answer.get("overshoots"):
+            said["mean_spp"] = float(film.counts.mean())
         self.points.append({**answer, **said, "image": None})
         if self.cell.patterns:
             self.points[-1]["sampler"] = dict(self.cell.sampler(answer["spp"]))

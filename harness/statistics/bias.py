@@ -176,8 +176,8 @@ def too_good_per_sample(error_times_spp: Mapping[int, float], baseline: Mapping[
                         level: float = 0.99) -> bool:  # fmt: skip
     """Whether error x samples is below the baseline estimator's by more than `margin`, by a 99 % interval over seeds.
 
-    Both map seed (or block) to error x spp at the same spp and with the same sampler and shader. An engine that needs
-    fewer samples than the estimator it claims to run has another estimator, clamps, or denoises.
+    Both map seed (or block) to error x samples, of independent samples or of one sample each, with the same shader. An engine
+    that needs fewer samples than the estimator it claims to run has another estimator, clamps, or denoises.
     """
     common = [key for key in baseline if key in error_times_spp]
     pairs = [(baseline[key], error_times_spp[key]) for key in common]

@@ -56,9 +56,11 @@ class Choice(Record):
 class Point(Record):
     """A checkpoint. `seconds` and `rays` count from the start of the cell, or of the checkpoint's own render in a cell of
     `separate_renders`, where `sampler` says how its sampler was set. `film_variance`: what the spread of the film's own samples
-    says of the variance of a pixel, averaged."""
+    says of the variance of a pixel, averaged. `mean_spp`: samples of a pixel on average, of an engine that renders more than
+    `spp`."""
 
     spp: Samples
+    mean_spp: Annotated[float, Field(gt=0)] | None = None
     seconds: Seconds
     rays: float | None = None
     sampler: Choice | None = None

@@ -210,6 +210,11 @@ def curve_of(cell: Event, metric: str) -> Curve:
     return curve([point["spp"] for point in points], [point["seconds"] for point in points], errors, spreads, **kind)
 
 
+def samples_of(point: Event) -> float:
+    """Samples of a pixel at a checkpoint, on average: `spp`, or more from an engine that overshoots."""
+    return float(point.get("mean_spp") or point["spp"])
+
+
 def point_error(point: Event, metric: str) -> tuple[float, float]:
     """(error, its standard error) of a checkpoint: the corrected metric if it was measured, else the plain one.
 

@@ -120,6 +120,38 @@ def test_the_open_division_allows_another_estimator_but_no_bad_image(tmp_path):
     assert row["flags"] == "bad_samples" and not row.possible_winner
 
 
+def lower_from_two_samples_on(cell):
+    """As another sequence of points may be; then, where samples are independent, the samples are another estimator's."""
+    for point in cell["points"][1:]:
+        point["metrics"] = {name: value / 2 for name, value in point["metrics"].items()}
+
+
+@pytest.mark.parametrize(("independent", "change", "flagged"), [
+    (True, lower_from_two_samples_on, True), (False, lower_from_two_samples_on, False), (False, too_good, True),
+])  # fmt: skip
+def test_points_that_depend_on_each_other_are_judged_by_the_first(tmp_path, independent, change, flagged):
+    made = *twins(), *contestant(0.004, engine="embree", change=lambda cell: change(cell) or cell | {"division": "closed"})
+    for cell in made:
+        cell["smooth_sampler"] = independent
+    found = verdicts(results(tmp_path, made)).loc["embree"]
+    assert ("too_good_per_sample" in found["flags"]) == flagged
+
+
+def more_samples(cell):
+    """Half the error, from twice as many samples: the film counted them."""
+    too_good(cell)
+    for point in cell["points"]:
+        point["mean_spp"] = 2.0 * point["spp"]
+    return cell | {"division": "closed"}
+
+
+def test_samples_beyond_those_asked_for_count(tmp_path):
+    found = results(tmp_path, twins(), contestant(0.004, engine="embree", change=more_samples))
+    assert verdicts(found).loc["embree"]["flags"] == ""
+    samples = {each.contestant.settings.engine: each.samples_per_second.value for each in analyse(found).verdicts}
+    assert samples["embree"] == pytest.approx(samples["numba"] * 2 * 0.01 / 0.004, rel=0.05)
+
+
 def test_twins_that_differ_leave_the_scene_unresolved_in_both_divisions(tmp_path):
     found = verdicts(results(
         tmp_path, contestant(0.01), contestant(0.02, label="A/A"), contestant(0.2, engine="numpy", change=in_open),

@@ -12,6 +12,7 @@ import engines
 from engines import Settings, Unsupported
 from engines.conformance import check_engine
 from engines.peers.luxcore import Engine
+from engines.peers.luxcore.description import importances
 from harness.config import paths
 from harness.statistics.equivalence import equivalence
 from tests.plain_scene import plain_scene
@@ -55,6 +56,7 @@ def test_what_is_not_installed_is_named(monkeypatch):
     [
         ({"kd": 0.5}, {**DEEP, "rr_depth": 5}, "roulette"),
         ({"kd": 0.5}, {**DEEP, "max_depth": 1}, "max_depth from 2 to"),
+        ({"kd": 0.5}, {**DEEP, "light_sampler": "bvh"}, "uniform or power"),
         ({"kt": 0.9, "ior": 1.9}, DEEP, "Fresnel"),
         ({"kd": [0.9, 0, 0], "ks": [0, 0.9, 0]}, DEEP, "more than 1"),
         ({"conductor": {"metal": "Au"}}, DEEP, "smooth metal"),
@@ -135,3 +137,18 @@ def test_images_on_diffuse_surfaces_lie_where_numpy_has_them(luxcore):
     ours = engines.engine("numpy").prepare(held, replace(SETTINGS, precision="float64")).render(64).mean()
     np.testing.assert_allclose(there, ours, atol=0.03 * ours.max())
     assert ours.std(axis=(0, 1)).min() > 0.1 * ours.max(), "the image must have contrast"
+
+
+def test_triangles_of_area_lights_share_the_probability_of_their_shape():
+    """Two shapes of one material, of 3 triangles together; a triangle that emits on both sides is two."""
+    corners = {"a": [0, 0, 1], "b": [1, 0, 1], "c": [0, 1, 1]}
+    quad = {"name": "rectangle", "corner": [0, 0, 0], "edge1": [1, 0, 0], "edge2": [0, 1, 0]}
+    held = engines.scene_from({
+        "raybench_scene": 1, "name": "lamps", "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0]},
+        "materials": {"dull": {"kd": 0.5}, "one": {"emission": 1}, "both": {"emission": 1, "two_sided": True}},
+        "shapes": [
+            {"procedural": quad, "material": "one"},
+            *({"triangle": corners, "material": name} for name in ("one", "both", "dull")),
+        ],
+    })  # fmt: skip
+    assert importances(held).tolist() == [1.0, 2 / 3, 1 / 2]

@@ -21,6 +21,7 @@ from engines.scene import (
     Disk,
     EnvironmentLight,
     Light,
+    Mesh,
     Perspective,
     Plane,
     PointLight,
@@ -28,7 +29,9 @@ from engines.scene import (
     Sphere,
     SphereSet,
     ThinLens,
+    Triangle,
 )
+from engines.scene.geometry import has_area
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.integer]
@@ -119,11 +122,31 @@ def properties(scene: Scene, settings: Settings) -> Properties:
     for name, _ in images(scene):
         texture = {"type": "imagemap", "file": name, "gamma": 1.0, "gain": 1.0, "mapping.type": "uvmapping2d"}
         found |= {f"textures.{name.removesuffix('image')}map.{key}": value for key, value in texture.items()}
+    uniform = settings.shader.options["light_sampler"] == "uniform"
+    importance = importances(scene) if uniform else np.ones(len(scene.materials))
     for index, material in enumerate(scene.materials):
-        found |= {f"materials.{key}": value for key, value in material_properties(f"m{index}", material).items()}
+        described = material_properties(f"m{index}", material, float(importance[index]))
+        found |= {f"materials.{key}": value for key, value in described.items()}
     for index, light in enumerate(scene.lights):
         found |= {f"lights.l{index}.{key}": value for key, value in _light(light).items()}
     return {f"scene.{key}": value for key, value in found.items()}
+
+
+def importances(scene: Scene) -> Array:
+    """(materials,) that of each triangle of an area light, so that a shape is chosen as often as any other light: LuxCore
+    chooses among triangles. Shapes of one material share what they have together."""
+    emits, two_sided = (np.array([getattr(m, key) for m in scene.materials], bool) for key in ("emits", "two_sided"))
+    lights, triangles = np.zeros((2, len(emits)))
+    for shape in scene.shapes:
+        if isinstance(shape, Mesh):
+            faces = np.bincount(shape.materials[has_area(shape.vertices, shape.faces)], minlength=len(emits)) * emits
+        elif isinstance(shape, Triangle):
+            faces = np.eye(len(emits))[shape.material] * emits
+        else:
+            continue
+        lights += faces / max(faces.sum(), 1)
+        triangles += faces * (1 + two_sided)
+    return np.divide(lights, triangles, out=np.ones(len(emits)), where=triangles > 0)
 
 
 def _camera(scene: Scene, settings: Settings) -> Properties:

@@ -32,8 +32,9 @@ _SHARED = "its threads take turns at one stream of pixels: images are equal in d
 
 
 class Engine(AdapterEngine):
-    """LuxCoreRender's PATHCPU with its sampler RANDOM: a box filter of one pixel, lights chosen uniformly (each triangle of an
-    area light is one), no clamping, no adaptive sampling, no caches, no denoiser. Float32.
+    """LuxCoreRender's PATHCPU with its sampler RANDOM: a box filter of one pixel, no clamping, no adaptive sampling, no caches,
+    no denoiser. Float32. Lights are chosen uniformly; shapes of one material share what they have together, and their
+    triangles are equally probable, whatever their areas.
 
     There is no Russian roulette: LuxCore's is biased beside multiple importance sampling (2.4 % in a closed box of albedo 1/2
     from the third segment on), so that `rr_depth` below `max_depth` is declined. It stops by being polled: pixels have up to
@@ -54,7 +55,11 @@ class Engine(AdapterEngine):
     cameras = (Perspective, ThinLens)
     camera_keys = ("principal_point", "clip")
     two_sided = True
-    takes_shaders = {"path_tracer": {"direct": ("mis",), "max_depth": range(2, 1001), "light_candidates": (1,)}}  # noqa: RUF012
+    takes_shaders = {  # noqa: RUF012
+        "path_tracer": {
+            "direct": ("mis",), "max_depth": range(2, 1001), "light_sampler": ("uniform", "power"), "light_candidates": (1,)
+        }
+    }  # fmt: skip
     not_promised = {  # noqa: RUF012
         **MEANS_ALONE,
         "a_split_render_is_the_same": "every call begins another stream of random numbers",

@@ -49,8 +49,8 @@ def material_lacks(material: Material) -> str | None:
     return None
 
 
-def material_properties(name: str, material: Material) -> Properties:
-    """The material called `name`, emission included, and before it what it is made of."""
+def material_properties(name: str, material: Material, importance: float) -> Properties:
+    """The material called `name`, emission included, and before it what it is made of; `importance` of an emitting triangle."""
     bsdf = model_of(material)
     found: Properties = {}
     if texture_of(material) is not None:
@@ -66,7 +66,7 @@ def material_properties(name: str, material: Material) -> Properties:
         whole = _model(bsdf)
     if material.emits:
         whole |= {
-            "emission": list(material.emission), "emission.gain": [1.0] * 3,
+            "emission": list(material.emission), "emission.gain": [1.0] * 3, "emission.importance": importance,
             "emission.directlightsampling.type": "ENABLED",  # left to itself it stops at many triangles
         }  # fmt: skip
     return found | {f"{name}.{key}": value for key, value in whole.items()}
