@@ -43,6 +43,15 @@ def share(lineage: str, width: int, height: int, reference_spp: int) -> Share:
     return Share(factor, 2 ** (max(each, 1).bit_length() - 1))
 
 
+def samplers(spp: int) -> list[Any]:
+    """What a certifier samples with that lacks the reference's sampler: whole patterns of strata, or independent numbers.
+
+    Within a pixel strata find the share of a small bright light, on which the mean of an image may depend, far more exactly.
+    """
+    whole = spp in (4, 16, 64, 256, 1024, 4096)
+    return [*([{"name": "stratified", "strata": spp}] if whole else []), "random"]
+
+
 def candidates(width: int, height: int) -> tuple[str, ...]:
     """Engines that may certify a reference where the config names none; not all of them are installed."""
     small = width * height * LEAST_SPP <= SLOW_SAMPLES["raybench-numpy"]

@@ -340,8 +340,10 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
     given["accelerator"] = _resolved(engine, {"name": "auto"})
     given["precision"] = _precision(engine, scene, given, known.allow_imports)
     why_not = _why_not(engine, scene, given, known.allow_imports)
-    if why_not is not None:  # perhaps for its sampler, which need not be the reference's
-        given["sampler"] = choices.resolve("sampler", "random", choices.SAMPLERS).describe()
+    for sampler in certifiers.samplers(share.spp):
+        if why_not is None:
+            break
+        given["sampler"] = choices.resolve("sampler", sampler, choices.SAMPLERS).describe()
         given["precision"] = _precision(engine, scene, given, known.allow_imports)
         why_not = _why_not(engine, scene, given, known.allow_imports)
     return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)

@@ -7,7 +7,8 @@ native). Where a peer takes more samples than it was asked for, seconds are thos
 of its own (RAYBENCH_CYCLES_PYTHON), tells the seconds of its own render function, and takes the sampler sobol.
 A round is one such turn of four calls. The table gives the median rate of both, and the geometric mean over rounds of the
 seconds of the adapter over those of the peer, with the 95 % interval of Student's t for the logarithms: by processor time of
-the process, which other processes disturb least, and by the wall clock. A sampler with patterns is rendered in whole ones.
+the process, which other processes disturb least, and by the wall clock (cycles: by the wall clock alone). A sampler with
+patterns is rendered in whole ones.
 """
 
 from __future__ import annotations
@@ -145,7 +146,8 @@ def measured(pair: Pair, rounds: int, spp: int) -> list[tuple[Seconds, Seconds]]
 
 
 def show(label: str, rounds: list[tuple[Seconds, Seconds]], paths_of_a_round: int) -> None:
-    for clock in Seconds._fields:
+    alone = all(side.processor == side.wall for sides in rounds for side in sides)
+    for clock in ("wall",) if alone else Seconds._fields:
         native, adapter = ([getattr(side, clock) for side in sides] for sides in zip(*rounds, strict=True))
         mean, low, high = interval([b / a for a, b in zip(native, adapter, strict=True)])
         rates = [paths_of_a_round / statistics.median(side) / 1e6 for side in (native, adapter)]
@@ -180,7 +182,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--engine", choices=[*PAIRS, "cycles"], default="mitsuba")
     parser.add_argument("--scenes", nargs="+", default=["cornell_box"], metavar="NAME", help="names or paths")
-    parser.add_argument("--samplers", nargs="+", default=["random"], metavar="NAME")
+    parser.add_argument("--samplers", nargs="+", metavar="NAME", help="default: random; of cycles sobol, the only one it has")
     parser.add_argument("--spp", nargs="+", type=int, default=[4, 16, 64], metavar="N", help="samples a pixel and call")
     parser.add_argument("--size", type=int, default=512, help="pixels a side")
     parser.add_argument("--threads", type=int, default=1)
@@ -192,7 +194,7 @@ def main() -> None:
     show_head(given)
     for name in given.scenes:
         scene = engines.load_scene(paths.find("scenes", name))
-        for sampler in given.samplers:
+        for sampler in given.samplers or ["sobol" if given.engine == "cycles" else "random"]:
             for wanted in given.spp:
                 whole = engine.full_pattern({"name": sampler}, wanted) if given.engine == "mitsuba" else None
                 spp, chosen = (wanted, sampler) if whole is None else (whole.spp, whole.sampler)

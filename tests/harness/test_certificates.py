@@ -218,3 +218,10 @@ def test_a_certificate_takes_as_many_pairs_of_images_as_time_allowed(tmp_path, m
     monkeypatch.setattr(certificates, "_images", lambda *given: list(rng.uniform(size=(next(counts), 8, 12, 3))))
     event = certificates.make(wanted, tmp_path, None, lambda done, count: None)
     assert event["spp"] == 3 * wanted.certifier.spp and event["verdict"] in ("equivalent", "unresolved", "different")
+
+
+@pytest.mark.parametrize(("spp", "first"), [
+    (256, {"name": "stratified", "strata": 256}), (128, "random"), (1, "random"), (4**8, "random"),
+])  # fmt: skip
+def test_a_certifier_without_the_reference_s_sampler_takes_whole_patterns(spp, first):
+    assert certifiers.samplers(spp)[0] == first and certifiers.samplers(spp)[-1] == "random"

@@ -195,7 +195,8 @@ class BlenderScene:
         cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
         cycles.samples, cycles.use_sample_subset = MOST_SAMPLES, True
         cycles.sampling_pattern = "TABULATED_SOBOL"
-        for key in ("use_adaptive_sampling", "use_denoising", "use_light_tree", "use_guiding", "use_auto_tile"):
+        cycles.use_light_tree = path["light_sampler"] == "bvh"
+        for key in ("use_adaptive_sampling", "use_denoising", "use_guiding", "use_auto_tile"):
             setattr(cycles, key, False)
         for key in (
             "light_sampling_threshold",

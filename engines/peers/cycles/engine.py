@@ -51,8 +51,9 @@ _ROUNDING = "the mean of a call is rounded to float32"
 
 
 class Engine(AdapterEngine):
-    """Cycles on the CPU: a box filter of one pixel, no clamping, no adaptive sampling, no light tree, no path guiding, no
-    denoiser, caustics on. Float32. Its sampler `sobol` is Cycles' own table of Owen-scrambled Sobol points.
+    """Cycles on the CPU: a box filter of one pixel, no clamping, no adaptive sampling, no path guiding, no denoiser, caustics
+    on; a light tree where `light_sampler` is `bvh`. Float32. Its sampler `sobol` is Cycles' own table of
+    Owen-scrambled Sobol points.
 
     Roulette begins after `rr_depth` segments; a path goes on with the square root of its largest throughput, as always in
     Cycles. Passing a mask, a null surface or a thin pane is no segment there, so that these are declined at low `max_depth`.
@@ -71,7 +72,7 @@ class Engine(AdapterEngine):
     two_sided = True
     takes_shaders = {  # noqa: RUF012
         "path_tracer": {
-            "direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform",), "light_candidates": (1,)
+            "direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform", "bvh"), "light_candidates": (1,)
         }
     }  # fmt: skip
     takes_samplers = {"sobol": {"scramble": ("owen",)}}  # noqa: RUF012
