@@ -152,7 +152,7 @@ class Film:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False:
-            raise ValueError("a film's mean is computed anew: it cannot be had without a copy")
+            raise ValueError("the mean of a film is a new array: copy=False is not possible")
         return self.mean() if dtype is None else self.mean().astype(dtype)
 
     def _repr_png_(self) -> bytes:
