@@ -1,4 +1,4 @@
-"""A file of the rays-only league becomes a `TraceExperiment`. `KEYS` describes all that it may say."""
+"""A file that compares rays becomes a `TraceExperiment`. `KEYS` describes its keys."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def trace_schema() -> Schema:
 
 
 def is_trace(path: Path) -> bool:
-    """Whether a file of configs/ is one of the rays-only league."""
+    """Whether a file of configs/ compares rays."""
     try:
         root = read_yaml(path, ConfigError)
     except ConfigError:
