@@ -139,6 +139,9 @@ class Engine(Protocol):
     Optional: `smooth_samplers`, the names of the samplers whose error falls smoothly with every sample, as that of independent
     samples does. Without it that is `random`. Errors of other samplers are not interpolated between measurements.
 
+    Optional: `auto_accelerator(scene, settings)`, a line of text: which accelerator `auto` takes for the scene with these
+    settings, and why. `raybench plan` prints it.
+
     Optional: `overshoots`, true where `render` may leave more samples in the film than were asked for, because the renderer
     stops by being asked whether it is done. The film counts them, and they are on the clock.
     """

@@ -32,7 +32,7 @@ def load_scene(
         from engines.scene.native import with_file
 
         place = Place(file.parent, allow_outside)
-        root = read_root(file, place, parameters)
+        root, place = read_root(file, place, parameters)
         return with_file(file, root, place, lambda: import_scene(file, root, place), natively)
     if parameters:
         raise SceneError(f"{file}: parameters are for Mitsuba's XML files")
