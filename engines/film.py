@@ -156,7 +156,7 @@ class Film:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False:
-            raise ValueError("the mean of a film is a new array: copy=False is not possible")
+            raise ValueError("the mean of a film is a new array: it cannot be given without a copy")
         return self.mean() if dtype is None else self.mean().astype(dtype)
 
     def _repr_png_(self) -> bytes:
