@@ -165,8 +165,15 @@ def report(
         Optional[Path],  # noqa: UP045
         typer.Option(
             metavar="DIR",
-            help="Write the chapter there instead, a section a folder; without folders about "
-            "results/dissertation and results/dahlquist.",
+            help="Write a chapter there instead: tables and figures, a section a folder.",
+        ),
+    ] = None,
+    prose: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            metavar="FILE",
+            help="The chapter's text, in Markdown: its tables, figures and numbers are those of the results, "
+            "and a claim that they do not support is an error.",
         ),
     ] = None,
     references: References = None,
@@ -175,9 +182,9 @@ def report(
     from harness.cli import results
 
     if chapter is None:
-        results.report(folders or [])
+        results.report(folders or [], prose)
     else:
-        results.chapter(folders or [], chapter)
+        results.chapter(folders or [], chapter, prose)
 
 
 @command(RESULTS)
