@@ -125,7 +125,7 @@ def cell_table(analysis: Analysis) -> Table:
     """Every cell with its last checkpoint and the command that repeats it."""
     results = analysis.results
     table = Table(
-        "cells", "Every cell", "One row a cell; the command renders it again.",
+        "cells", "Every cell", "One row per cell; the command renders it again.",
         [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
          Column("contestant", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
          Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples per pixel at the end.", "count"),
