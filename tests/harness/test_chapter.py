@@ -4,6 +4,7 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -116,7 +117,7 @@ def test_builds_are_those_of_a_warm_process(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_worst_pixels_share_of_the_error_is_told(tmp_path):
-    made = accelerators(0.01, 0.02)
+    made: list[dict[str, Any]] = accelerators(0.01, 0.02)
     for each in made:
         each["points"] = [
             point | {"metrics": {"relmse_e0.01": 2.0, "relmse_e0.01_trimmed": 0.5}} for point in each["points"]
