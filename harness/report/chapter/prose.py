@@ -189,7 +189,9 @@ def as_text(value: Any) -> str:
     if isinstance(value, list):
         ends = [number_text(end(_number(one) for one in value)) for end in (min, max)]
         return " to ".join(dict.fromkeys(ends))
-    return number_text(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    return number_text(value) if isinstance(value, float) else str(value)
 
 
 def _sentence(text: str, at: int) -> str:
