@@ -18,7 +18,7 @@ ACCELERATORS: dict[str, dict[str, Option]] = {
     "auto": {},
     "none": {},
     "bvh": {},
-    "grid": {"density": Option(grid.DENSITY, "cells a primitive", number(0.01, 1000.0))},
+    "grid": {"density": Option(grid.DENSITY, "cells per primitive", number(0.01, 1000.0))},
     "area_hierarchy": {},
 }
 MADE = {

@@ -166,6 +166,7 @@ def cells(results: Results) -> Table:
         CONTESTANT, *CELL, Column("state", "done, failed, timeout or skipped."),
         Column("order", "Position of the cell in the run.", "count"),
         *(Column(f"{phase}_seconds", f"Seconds of the phase {phase}.", "number") for phase in PHASES),
+        Column("warm_build_seconds", "Seconds of the second build, of the renderer that is timed.", "number"),
         *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
         *(Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
           for name, values in machine.items()),

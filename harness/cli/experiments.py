@@ -110,11 +110,11 @@ def plan(
     left = [cell for cell in made.cells if states[cell.cell_id] in ("queued", "outdated")]
     expected = expected_seconds(left, latest).values()
     seconds, measured = sum(s for s, _ in expected), sum(known for _, known in expected)
-    basis = "as measured before" if measured == len(left) else f"an estimate; {measured} of them by earlier measurements"
+    basis = "as measured before" if measured == len(left) else f"estimated; {measured} cells by earlier measurements"
     counted = ", ".join(f"{count} {state}" for state, count in sorted(Counter(states.values()).items()))
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
-        stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
+        stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} without references ({basis}).")
     _plan_references(stdout, made)
     if made.verify_jobs:
         left = len(verify_jobs.todo(made.verify_jobs, events, retry=False))

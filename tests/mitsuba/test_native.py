@@ -129,6 +129,16 @@ def test_a_file_that_mitsuba_does_not_load_is_declined_in_its_words(tmp_path):
     assert reason is not None and "does not load" in reason and "wrong" in reason and "\n" not in reason
 
 
+def test_aliases_whole_crops_and_meshes_that_mitsuba_cannot_merge_load(tmp_path):
+    """A floor that is turned over shares its BSDF with one that is not: Mitsuba's loader fails where it would merge them."""
+    floor = '<shape type="ply"><string name="filename" value="floor.ply"/><ref id="g"/>{{}}</shape>'
+    more = f'<bsdf type="null" id="m"/><alias id="m" as="g"/>{floor}{floor}'
+    text = FOG.replace("</scene>", more.replace("{{}}", '<boolean name="flip_normals" value="true"/>', 1).replace("{{}}", ""))
+    text = text.replace("<rfilter", '<integer name="cropOffsetX" value="0"/><rfilter') + "</scene>"
+    held = engines.load_scene(fog(tmp_path, text=text), natively=True)
+    assert ScalarEngine().why_not(held, Settings(sampler="random")) is None
+
+
 def test_another_file_beside_is_another_scene(tmp_path):
     first = engines.load_scene(fog(tmp_path), natively=True).identity
     assert engines.load_scene(fog(tmp_path), natively=True).identity == first

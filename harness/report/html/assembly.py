@@ -95,7 +95,7 @@ def headlines(analysis: Analysis) -> list[dict[str, Any]]:
 
 
 def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
-    """`winner` is None where several are not separated, or none got there. `left_out` have a flag that disqualifies them."""
+    """`winner` is None where several are not separated, or none reached it. `left_out` have a flag that disqualifies them."""
     line = {
         "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
