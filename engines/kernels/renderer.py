@@ -102,7 +102,7 @@ class Renderer:
         self._done = np.zeros(len(self._tiles), np.int64)
 
     def _set_stacks(self, capacity: int) -> None:
-        """Stacks with room for `capacity` rays a lane, one a thread."""
+        """Stacks with room for `capacity` rays per lane, one per thread."""
         self._stack_capacity = capacity
         self._stacks = [aligned(stack_bytes(self._real, capacity)) for _ in self._memory]
 
@@ -205,7 +205,7 @@ class Renderer:
             self._compile_seconds = before + time.perf_counter() - start
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
-        """Adds `spp` samples a pixel; see `engines.interface.Renderer`."""
+        """Adds `spp` samples per pixel; see `engines.interface.Renderer`."""
         with self._guard.rendering():
             self._control[driver.STOP] = 0
             self._stages()
@@ -223,7 +223,7 @@ class Renderer:
             return self.film
 
     def _render_to(self, target: int) -> None:
-        """Brings every tile to `target` samples a pixel (a stopped render may have left some ahead of others)."""
+        """Brings every tile to `target` samples per pixel (a stopped render may have left some ahead of others)."""
         self._bind_points(int(self._done.min()), target)
         self._count(self._drive(self.film, self._tiles, self._done, target))
 

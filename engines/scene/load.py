@@ -48,7 +48,8 @@ def scene_from(
 ) -> Scene:
     """The scene of plain data in the form of a scene file; `vertices` and `faces` may be arrays.
 
-    Relative paths start from `folder`. Raises `SceneError` with the key path of what is wrong.
+    Relative paths start from `folder`; `allow_imports` and `allow_outside` are those of `load_scene`. Raises `SceneError` with
+    the key path of what is wrong.
     """
     if not isinstance(mapping, Mapping):
         raise SceneError(f"scene = {mapping!r:.80}: must be a mapping with keys of {', '.join(SCENE.keys)}")

@@ -76,7 +76,7 @@ def native(root: Element, place: Place, refusal: str | None = None) -> Native:
     for depth, element in _walk(root):
         hashed.update(repr((depth, element.tag, sorted(element.attributes.items()))).encode())
         if _PLUGIN.fullmatch(element.attributes.get("type", "scene")) is None:
-            raise element.refuse("the name of a plugin is a word")
+            raise element.refuse("the name of a plugin must be letters, digits and _, at most 64")
         if (name := _named_file(element)) is not None:
             files[id(element)] = place.find(element.located(name), name).resolve()
             hashed.update(_hash_of(files[id(element)], element))

@@ -165,8 +165,15 @@ def report(
         Optional[Path],  # noqa: UP045
         typer.Option(
             metavar="DIR",
-            help="Write a chapter into this folder instead, with a section for each results folder; without folders, about "
-            "results/dissertation and results/dahlquist.",
+            help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
+        ),
+    ] = None,
+    prose: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            metavar="FILE",
+            help="The chapter's text, in Markdown: its tables, figures and numbers are those of the results, "
+            "and a claim that they do not support is an error.",
         ),
     ] = None,
     references: References = None,
@@ -175,9 +182,9 @@ def report(
     from harness.cli import results
 
     if chapter is None:
-        results.report(folders or [])
+        results.report(folders or [], prose)
     else:
-        results.chapter(folders or [], chapter)
+        results.chapter(folders or [], chapter, prose)
 
 
 @command(RESULTS)
