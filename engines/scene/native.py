@@ -85,14 +85,19 @@ def native(root: Element, place: Place, refusal: str | None = None) -> Native:
 
 def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Scene], natively: bool) -> Scene:
     """The imported scene with its file. Where `imported` refuses, with `natively`, a scene that has nothing but the file: a
-    name, a size, and the refusal. Raises `SceneError`."""
+    name, a size, and the refusal. What Mitsuba must not be given is imported alone, with a warning: an unused texture may be
+    missing. Raises `SceneError`."""
     try:
         scene = imported()
     except SceneError as problem:
         if not natively:
             raise
         return _unimported(file, native(root, place, str(problem)))
-    return replace(scene, native=native(root, place))
+    try:
+        return replace(scene, native=native(root, place))
+    except SceneError as problem:
+        said = f"Mitsuba's engines get what raybench imported, not the file: {problem}"
+        return replace(scene, warnings=(*scene.warnings, said))
 
 
 def _unimported(file: Path, found: Native) -> Scene:

@@ -90,6 +90,9 @@ def test_render_takes_a_sampler_that_the_engine_has_and_names_the_engine_for_the
     refused = forked.raybench([*words, "--engine", "numpy"], None, os.environ)
     assert refused.returncode == 2
     assert "The engine mitsuba is given the file as it is" in refused.stderr.replace("\n", " ")
+    fog(tmp_path, text=FOG.replace('<float name="fov"', '<float name="wrong" value="1"/><float name="fov"'))
+    declined = forked.raybench([*words, "--engine", "mitsuba_scalar"], None, os.environ)
+    assert declined.returncode == 2 and "does not load" in declined.stderr and "has no sampler" not in declined.stderr
 
 
 def test_the_image_is_the_one_that_mitsuba_renders_of_the_file(tmp_path):

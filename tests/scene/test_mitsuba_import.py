@@ -411,6 +411,12 @@ def test_elements_of_the_wild_are_left_out(tmp_path):
     assert len(scene(tmp_path, body, "0.5.0").shapes) == 1
 
 
+def test_an_unused_texture_may_be_missing(tmp_path):
+    body = '<texture type="bitmap" id="t"><string name="filename" value="nosuch.png"/></texture>'
+    found = scene(tmp_path, f'{body}<shape type="sphere"/>{LAMP}')
+    assert found.native is None and "nosuch.png" in found.warnings[-1] and "not the file" in found.warnings[-1]
+
+
 def test_transforms_apply_one_after_the_other(tmp_path):
     steps = '<scale value="2"/><rotate z="1" angle="90"/><matrix value="1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1"/>'
     steps += '<matrix value="0 1 0 1 0 0 0 0 1"/>'
