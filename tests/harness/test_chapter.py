@@ -198,6 +198,7 @@ def test_claims_that_do_not_hold_are_named_with_their_sentence_and_numbers(tmp_p
         ("faster('hall', 'numba bvh', 'embree')", "'hall' with numba bvh and embree names no comparisons"),
         ("speed()", "missing 1 required positional argument"),
         ("1 / 0", "division by zero"),
+        ("build('hall, numba bvh')", "the results have no number for build('hall, numba bvh')"),
     ],
 )  # fmt: skip
 def test_what_prose_cannot_ask_is_a_message(tmp_path, code, problem):
