@@ -30,24 +30,16 @@ from engines.kernels.stages import light_hierarchy
 from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 
-@inline
-def keep_corners(rays, lane, scene, face):
-    """Notes the corners of a triangle, by its index among the triangles, for `load_vertices`."""
-    row = scene.triangles[face]
-    rays.corner0[lane] = row.a
-    rays.corner1[lane] = row.b
-    rays.corner2[lane] = row.c
-
-
-def _number(field: str) -> int:
+def lane_number(field: str) -> int:
+    """The first number of a lane of a field of the ray batch."""
     return RayBatch.fields[field].first
 
 
 def _vector_loads(field: str) -> list[Any]:
     """Three functions (rays, address of vectors) that copy those of the corners into `field` with 0, 1 or 2 at its end."""
-    firsts = [_number(f"{field}{k}") for k in range(3)]
+    firsts = [lane_number(f"{field}{k}") for k in range(3)]
     return [
-        row_loads(_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)
+        row_loads(lane_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)
     ]
 
 
@@ -71,7 +63,7 @@ def _load_normals(rays, scene):
 
 
 @cache
-def _make_load_rows(index: str, row: type[Row], columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
+def make_load_rows(index: str, row: type[Row], columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
     """The function (rays, address of such rows, lanes) that copies these columns, in ascending order, to these numbers of a
     lane, in the lanes of the word. The field `index` holds which row."""
 
@@ -82,8 +74,8 @@ def _make_load_rows(index: str, row: type[Row], columns: tuple[int, ...], target
     if not columns:
         return nothing
     n = next((k for k in range(1, len(columns)) if k == AT_ONCE or columns[k] != columns[0] + k), len(columns))
-    loads = row_loads(_number(index), row.size, columns[:n], targets[:n], row.dtype)
-    rest = _make_load_rows(index, row, columns[n:], targets[n:])
+    loads = row_loads(lane_number(index), row.size, columns[:n], targets[:n], row.dtype)
+    rest = make_load_rows(index, row, columns[n:], targets[n:])
 
     @inline
     def load(rays, address, lanes):
@@ -96,12 +88,12 @@ def _make_load_rows(index: str, row: type[Row], columns: tuple[int, ...], target
 def _material_columns(features: SceneFeatures) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """(columns of a material's row that the scene's BSDF models and its emission need, numbers of a lane to which they
     go)."""
-    first, own = MaterialRow.fields["bsdf"].first, _number("bsdf")
+    first, own = MaterialRow.fields["bsdf"].first, lane_number("bsdf")
     wanted = sorted({column for kind in features.bsdfs for column in materials.MODELS[kind].columns(features)})
     pairs = [(first + column, own + column) for column in wanted]
     if features.emission:
         emission, two_sided = MaterialRow.fields["emission"].first, MaterialRow.fields["two_sided"].first
-        pairs += [(emission + k, _number("emission") + k) for k in range(3)] + [(two_sided, _number("two_sided"))]
+        pairs += [(emission + k, lane_number("emission") + k) for k in range(3)] + [(two_sided, lane_number("two_sided"))]
     columns = sorted(pairs)
     return tuple(column for column, _ in columns), tuple(target for _, target in columns)
 
@@ -109,13 +101,13 @@ def _material_columns(features: SceneFeatures) -> tuple[tuple[int, ...], tuple[i
 @cache
 def _make_load_formula(row: type[Row], real: Any) -> Any:
     """The function (rays, address of such rows, lanes) that copies the numbers of a shape with a formula."""
-    first, numbers = _number("shape_parameters"), np.dtype(np.float64).itemsize // np.dtype(real).itemsize
-    return _make_load_rows("kept_column", row, tuple(range(row.size)), tuple(first + numbers * k for k in range(row.size)))
+    first, numbers = lane_number("shape_parameters"), np.dtype(np.float64).itemsize // np.dtype(real).itemsize
+    return make_load_rows("kept_column", row, tuple(range(row.size)), tuple(first + numbers * k for k in range(row.size)))
 
 
 _of_triangles, _of_spheres, _of_planes = (lanes_where("==", kind) for kind in (TRIANGLE, SPHERE, PLANE))
 _of_analytic, _not_negative = lanes_where(">", PLANE), lanes_where(">=", 0)
-_load_corners = _make_load_rows("corner0", TriangleRow, (0, 1, 2), tuple(_number(f"corner{k}") for k in range(3)))
+load_corners = make_load_rows("corner0", TriangleRow, (0, 1, 2), tuple(lane_number(f"corner{k}") for k in range(3)))
 
 
 class Kinds(NamedTuple):
@@ -160,7 +152,7 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
         if triangles and kinds.triangles != 0:
             for lane in range(np.uint64(LANES)):
                 rays.corner0[lane] = select(rays.shape[lane] == TRIANGLE, rays.kept_row[lane], np.int32(0))
-            _load_corners(rays, address_of(scene.triangles), EVERY_LANE)
+            load_corners(rays, address_of(scene.triangles), EVERY_LANE)
             load_vertices(rays, scene)
             if smooth:
                 _load_normals(rays, scene)
@@ -203,7 +195,7 @@ def _make_load_primitives(features: SceneFeatures) -> Any:
     if features.bsdfs or features.emission:
         wanted += [("material", "material"), ("light", "primitive_light")]
     columns = tuple(PrimitiveRow.fields[column].first for column, _ in wanted)
-    load_rows = _make_load_rows("kept_row", PrimitiveRow, columns, tuple(_number(name) for _, name in wanted))
+    load_rows = make_load_rows("kept_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
 
     @inline
     def load(rays, scene):
@@ -229,9 +221,9 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
     power, hierarchy = features.power_lights, features.light_hierarchy
-    first, own = LightRow.fields["parameters"].first, _number("light_parameters")
+    first, own = LightRow.fields["parameters"].first, lane_number("light_parameters")
     columns = tuple(range(first, first + parameters))
-    load_rows = _make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
+    load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
 
     @inline
     def load(rays, scene, hits):
@@ -260,7 +252,7 @@ def make_load_hit(features: SceneFeatures, real: Any) -> Any:
     materials_of, several_bsdfs = _material_columns(features), len(features.bsdfs) > 1
     load_primitives, load_shapes = _make_load_primitives(features), _make_load_shapes(features, real)
     load_lights, find_kinds = _make_load_lights(features, real), _make_find_kinds(features)
-    load_materials = _make_load_rows("material", MaterialRow, *materials_of)
+    load_materials = make_load_rows("material", MaterialRow, *materials_of)
     triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
 
     @inline
