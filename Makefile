@@ -7,7 +7,7 @@ OUT := results/quick
 ARGS ?=
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test fuzz microbench speed baseline renderers chapter lint docs docs-pictures clean
+.PHONY: help bench test fuzz microbench speed baseline renderers chapter chapter-text lint docs docs-pictures clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
@@ -22,8 +22,9 @@ help:
 	@echo "make renderers   measure configs/renderers.yaml (forty minutes, on an idle machine) and archive it; LuxCore"
 	@echo "                 and Cycles take part where they are installed: docs/guides/other_programs.md and cycles.md"
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
-	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (forty minutes, on an idle machine), archive the"
-	@echo "                 first and write the dissertation's missing chapter into results/dissertation/chapter"
+	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (half an hour, on an idle machine), archive them and"
+	@echo "                 write the dissertation's missing chapter into results/dissertation/chapter"
+	@echo "make chapter-text  write it again from the archives and results/dissertation/prose.md, whose claims are checked"
 	@echo "With another interpreter: make clean, then make bench PYTHON=python3.12"
 
 bench: .venv/.installed
@@ -53,9 +54,14 @@ renderers: .venv/.installed
 
 chapter: .venv/.installed
 	@$(BIN)/raybench run dissertation --out results/dissertation-run
-	@$(BIN)/raybench run dahlquist --out results/dahlquist
+	@$(BIN)/raybench run dahlquist --out results/dahlquist-run
 	@$(BIN)/raybench archive results/dissertation-run --out results/dissertation
-	@$(BIN)/raybench report results/dissertation results/dahlquist --chapter results/dissertation/chapter
+	@$(BIN)/raybench archive results/dahlquist-run --out results/dahlquist
+	@$(MAKE) chapter-text
+
+chapter-text: .venv/.installed
+	@$(BIN)/raybench report results/dissertation results/dahlquist --chapter results/dissertation/chapter \
+		--prose results/dissertation/prose.md
 
 docs: .venv/.installed-docs
 	@$(BIN)/python -m sphinx -q -W --keep-going -j auto docs docs/_build/html $(ARGS)

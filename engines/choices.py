@@ -103,32 +103,32 @@ SHADERS: dict[str, dict[str, Option]] = {
     "no_shadows": {"ambient": _AMBIENT},
     "whitted": {
         "ambient": _AMBIENT,
-        "max_depth": Option(6, "segments followed from the eye", integer(1, 32)),
+        "max_depth": Option(6, "segments of a path, counted from the camera", integer(1, 32)),
     },
     "path_tracer": {
-        "max_depth": Option(16, "segments of a path: 1 is emission alone, 2 adds direct light", integer(1, 100_000)),
+        "max_depth": Option(16, "segments of a path: 1 is emission only, 2 adds direct light", integer(1, 100_000)),
         "rr_depth": Option(5, "segments after which Russian roulette starts", integer(1, 1_000_000)),
         "direct": Option("mis", "how direct light is found", one_of("light", "bsdf", "mis")),
         "light_sampler": Option(
             "uniform",
-            "how one light is chosen at a vertex: evenly, by power, or by a hierarchy",
+            "how one light is chosen at a vertex: uniformly, by power, or by a light hierarchy",
             one_of("uniform", "power", "bvh"),
         ),
         "light_candidates": Option(
             1,
-            "light samples at a vertex of which one, resampled by what it would add unshadowed, gets a shadow ray",
+            "light samples per vertex; one of them, resampled by its unshadowed contribution, gets a shadow ray",
             integer(1, 32),
         ),
     },
     "depth_map": {
-        "max_point": Option(None, "the point 1/1.1 of the way to black; null: far corner of the scene", _point_or_none)
+        "max_point": Option(None, "point at 1/1.1 of the depth that is black; null: far corner of the scene", _point_or_none)
     },
     "albedo": {},
 }
 
 SAMPLERS: dict[str, dict[str, Option]] = {
     "constant": {"value": Option(0.5, "every draw", number(0.0, 1.0 - 2.0**-24))},
-    "stratified": {"strata": Option(64, "cells a pixel, a power of four", one_of(4, 16, 64, 256, 1024, 4096))},
+    "stratified": {"strata": Option(64, "cells per pixel, a power of four", one_of(4, 16, 64, 256, 1024, 4096))},
     "halton": {"scramble": Option("rotation", "per-pixel randomisation", one_of("rotation", "none"))},
     "random": {},
     "sobol": {"scramble": Option("owen", "per-pixel randomisation", one_of("owen", "none"))},

@@ -38,7 +38,11 @@ allocate: Callable[[int, int], Arrays] = _zeros
 
 
 class Film:
-    """Accumulates samples of a `height` x `width` image. Raises `ConfigError` where it would not fit into memory."""
+    """Accumulates samples of a `height` x `width` image.
+
+    `sums`, `squares` and `even_sums` are (height, width, 3) float64, `counts` is (height, width) int64. Raises
+    `ConfigError` where they would not fit into memory.
+    """
 
     def __init__(self, width: int, height: int) -> None:
         memory.require(BYTES_A_PIXEL * width * height, f"a film of {width}x{height} pixels")
@@ -152,7 +156,7 @@ class Film:
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False:
-            raise ValueError("a film's mean is computed anew: it cannot be had without a copy")
+            raise ValueError("the mean of a film is a new array: it cannot be given without a copy")
         return self.mean() if dtype is None else self.mean().astype(dtype)
 
     def _repr_png_(self) -> bytes:

@@ -22,11 +22,12 @@ OnPass = Callable[[Film], Any]
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How to render. `width` and `height` in pixels default to the scene's resolution.
+    """How to render. `width` and `height`, in [1, 65536] pixels, default to the scene's resolution.
 
     `shader`, `sampler` and `accelerator` take a name, a mapping `{"name": ..., option: value}` or a plugin object.
-    `precision` is "float64", "float32", or None for the engine's own default. `seed` is a non-negative integer.
-    An image depends on the scene and on these settings, but never on `threads`.
+    `precision` is "float64", "float32", or None for the engine's own default. `threads` lies in [1, 1024], `seed` in
+    [0, 2^64 - 1]. An image depends on the scene and on these settings, but never on `threads`. Raises `ConfigError` for
+    values out of range; names and options are checked by `Engine.prepare`.
     """
 
     width: int | None = None
@@ -109,12 +110,13 @@ class Renderer(Protocol):
         ...
 
     def trace(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> Hits:
-        """Closest hits in (0, t_max) of rays (n, 3), (n, 3). Rays that are not finite, or zero, miss. Raises `Unsupported`
-        where the engine traces no single rays."""
+        """Closest hits in (0, t_max) of rays (n, 3), (n, 3); `t_max` is a number or (n,). Rays that are not finite, or zero,
+        miss. Raises `Unsupported` where the engine traces no single rays."""
         ...
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike = np.inf) -> NDArray[np.bool_]:
-        """(n,) bool: whether anything lies in (0, t_max). Raises `Unsupported` where the engine traces no single rays."""
+        """(n,) bool: whether rays (n, 3), (n, 3) hit anything in (0, t_max). Raises `Unsupported` where the engine traces no
+        single rays."""
         ...
 
     def counters(self) -> Mapping[str, float]:
@@ -136,6 +138,9 @@ class Engine(Protocol):
 
     Optional: `smooth_samplers`, the names of the samplers whose error falls smoothly with every sample, as that of independent
     samples does. Without it that is `random`. Errors of other samplers are not interpolated between measurements.
+
+    Optional: `auto_accelerator(scene, settings)`, a line of text: which accelerator `auto` takes for the scene with these
+    settings, and why. `raybench plan` prints it.
 
     Optional: `overshoots`, true where `render` may leave more samples in the film than were asked for, because the renderer
     stops by being asked whether it is done. The film counts them, and they are on the clock.

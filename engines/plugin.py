@@ -27,9 +27,10 @@ from engines.kernels.lane.vector import Vec3, cross, dot, largest, length, selec
 class Shader:
     """A shader as a plugin: give it to `Settings.shader`, or name it in YAML as `module:attribute`.
 
-    `jitted` is the step of the numba and embree engines, `numpy` the function of the reference (either may be missing:
-    then that engine declines by `why_not`). The step's `options` argument holds eight numbers: the values of `options` in
-    order. `lights`: "one" light sample a vertex, or "all" for a call per light.
+    `jitted` is the step of the engines numba and embree, `numpy(context, origins, directions, pixels, sample) -> (n, 3)`
+    the radiance along n rays for the engine numpy. An engine whose function is missing declines by `why_not`. The step's
+    `options` argument holds eight numbers: the values of `options` in order.
+    `lights`: "one" light sample per vertex, or "all" for a call per light.
     """
 
     name: str
@@ -41,9 +42,11 @@ class Shader:
 
 @dataclass(frozen=True, slots=True)
 class Sampler:
-    """A sampler as a plugin: pure functions of (pixel, sample, dimension, seed); see `Shader` for the two engines.
+    """A sampler as a plugin: `jitted(pixel, sample, dimension, seed_key)`, all uint32, gives a float in [0, 1);
+    `numpy(pixels, sample, dimension, seed)` gives its 32 bits, (n,) uint32. Both are pure functions; see `Shader` for the
+    engines.
 
-    `smooth`: whether its samples are independent, so that the error falls smoothly with every one, rather than patterned.
+    `smooth`: whether its samples are independent, so that the error falls smoothly with every sample.
     """
 
     name: str
@@ -70,7 +73,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """A light as a plugin, which has no surface that rays could hit: a point, or a lamp that is not seen.
+    """A light as a plugin. It has no surface that rays could hit, and is not seen.
 
     `options`: names and defaults, numbers or three numbers each. `jitted(light, p, normal, u0, u1) -> LightSample` from
     the point p: `light.color` is the option `color` (white where there is none), `light.parameters` starts with the other
@@ -106,9 +109,8 @@ class BSDF:
         albedos(options) -> (diffuse, albedo)   three numbers each
 
     of a mapping `options` and an `engines.numpy_reference.interaction.SurfaceInteraction` of n points. The flags say
-    which specular lobes it has, whether it reads `si.tangent`, and with `transmission` that light passes through by a lobe
-    that is not specular, too: `evaluate` and `pdf` are then asked for directions on the far side. Without, what is not
-    specular is reflection.
+    which specular lobes it has, and whether it reads `si.tangent` (`tangents`). With `transmission` lobes that are not
+    specular transmit, too: `evaluate` and `pdf` are then called for directions on the far side. Without it they reflect only.
     """
 
     name: str

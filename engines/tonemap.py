@@ -45,7 +45,7 @@ TONE_MAPPERS: dict[str, ToneMapper] = {"linear": linear, "srgb": srgb, "reinhard
 
 
 def register(name: str, mapper: ToneMapper) -> None:
-    """Makes `mapper` available by `name`; a name that is taken is refused."""
+    """Makes `mapper` available by `name`. Raises `ConfigError` for a name that is taken, and for what is not callable."""
     if not callable(mapper):
         raise ConfigError(f"tone mapper {name!r} = {mapper!r}: a callable from array to array is wanted")
     if name in TONE_MAPPERS:
@@ -54,7 +54,7 @@ def register(name: str, mapper: ToneMapper) -> None:
 
 
 def tone_mapper(given: str | ToneMapper) -> ToneMapper:
-    """The tone mapper of a name, or the callable itself."""
+    """The tone mapper of a name, or the callable itself. Raises `UnknownName` and `ConfigError`."""
     if callable(given):
         return given
     if not isinstance(given, str):

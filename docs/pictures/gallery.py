@@ -1,12 +1,16 @@
 """Draws the gallery: python docs/pictures/gallery.py [SCENE ...] renders scenes (default: all) and writes docs/gallery.md.
 
-The words about a scene are the comment on top of its file; the pictures are what the command beside each makes.
+The words about a scene are the comment on top of its file; the pictures are what the command beside each makes. Those of
+furnished scenes are kept as JPEG files, the small ones as PNG files.
 """
 
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+
+from PIL import Image
 
 DOCS = Path(__file__).resolve().parents[1]
 SCENES = DOCS.parent / "scenes"
@@ -18,20 +22,35 @@ in commands and configs; the three in `scenes/mobilert/` need a mesh that is not
 `scenes/scaling/` has a ball of triangles and a sphereflake, each in five sizes. All pictures:
 `python docs/pictures/gallery.py`.
 """
+FURNISHED = {
+    "living_room": 256, "study": 256, "cafe": 256, "workshop": 256, "cabinet": 256, "still_life": 256, "bathroom": 256,
+    "desk_lamp": 256,
+}  # fmt: skip
+"""Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
 SAMPLES = {
     "cornell_spheres": 1024, "glassware": 384, "many_lights": 1024, "metals": 1024, "mobilert_cornell": 16,
     "mobilert_cornell2": 2048,
 }  # fmt: skip
-FURNISHED = ("bathroom", "cabinet", "cafe", "desk_lamp", "living_room", "still_life", "workshop")
-"""Drawn in full size, 1280 x 720."""
-FURNISHED_SAMPLES = 1024
+"""Of the others, where it is not 256."""
 SHADERS = {"mobilert_cornell": "whitted"}
 """Whose picture is by another shader: its light hangs a centimetre below the ceiling, and no path finds that spot in time."""
+COLUMNS = 4
+TEST_SCENES = """## Test scenes
 
-NOTES = {"furnace": "\nThe picture is white, as it has to be: every pixel is 1.\n"}
+{}
 
-PORT = """
-What Dahlquist's own program draws of it, byte for byte, with a picture behind the balls where other engines see the sky:
+The small pictures are made by commands like this one; the table has the samples per pixel of each.
+
+```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
+$ {}
+```
+
+| scene | what it is | samples |
+| --- | --- | ---: |
+{}
+
+Dahlquist's own program draws of `dahlquist`, byte for byte, this picture, with an image behind the balls where other engines
+see the sky:
 
 ![the port](pictures/gallery/dahlquist_port.png)
 
@@ -39,19 +58,17 @@ What Dahlquist's own program draws of it, byte for byte, with a picture behind t
 $ {}
 ```
 """
-PORT_PICTURE = "docs/pictures/gallery/dahlquist_port.png"
-PORT_COMMAND = f"raybench dahlquist --size 160x160 --calls 11 --probe smooth --engine numpy -o {PORT_PICTURE}"
+PORT_COMMAND = "raybench dahlquist --size 160x160 --calls 11 --probe smooth --engine numpy -o dahlquist_port.png"
 
 
 def command(name: str) -> list[str]:
     width, height = map(int, re.findall(r"resolution: \[(\d+), (\d+)\]", (SCENES / f"{name}.yaml").read_text())[0])
-    size = f"{width}x{height}" if name in FURNISHED else f"{160 * width // height}x160"
-    target = f"docs/pictures/gallery/{name}.png"
-    how = ["--engine", "embree", "--precision", "float32"]
+    size = "1280x720" if name in FURNISHED else f"{160 * width // height}x160"
+    how = ["--engine", "numba" if name in FURNISHED else "embree", "--precision", "float32"]
     if name in SHADERS:
         how = ["--engine", "numpy", "--shader", SHADERS[name]]
-    spp = str(FURNISHED_SAMPLES if name in FURNISHED else SAMPLES.get(name, 256))
-    return ["raybench", "render", name, *how, "--spp", spp, "--size", size, "-o", target]
+    spp = str({**SAMPLES, **FURNISHED}.get(name, 256))
+    return ["raybench", "render", name, *how, "--spp", spp, "--size", size, "-o", f"{name}.png"]
 
 
 def words(name: str) -> str:
@@ -60,31 +77,53 @@ def words(name: str) -> str:
     return " ".join(line.lstrip("# ") for line in lines[: next(i for i, line in enumerate(lines) if line[:1] != "#")])
 
 
-def marked(name: str) -> str:
-    """What the fence of a scene's command says to the tests: one of them is run, small."""
-    if name == "cornell_box":
-        return "with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png"
-    if name in FURNISHED:
-        return "no-run: a picture of this size takes from minutes to an hour"
-    return "no-run: tests/mitsuba/test_agreement.py renders every shipped scene with the engine embree"
+def furnished(name: str) -> str:
+    fence = "console no-run: a picture of this size takes minutes"
+    picture = f"![{name}](pictures/gallery/{name}.jpg)"
+    return f"## {name}\n\n{picture}\n\n{words(name)}\n\n```{fence}\n$ {' '.join(command(name))}\n```\n"
 
 
-def entry(name: str) -> str:
-    more = PORT.format(PORT_COMMAND) if name == "dahlquist" else ""
-    more += NOTES.get(name, "")
-    picture = f"![{name}](pictures/gallery/{name}.png)"
-    return f"## {name}\n\n{picture}\n\n{words(name)}\n\n```console {marked(name)}\n$ {' '.join(command(name))}\n```\n{more}"
+def test_scenes(names: list[str]) -> str:
+    """A grid of pictures above their names, and what each scene is."""
+    rows = []
+    for start in range(0, len(names), COLUMNS):
+        row = names[start : start + COLUMNS]
+        pictures = [f"![{name}](pictures/gallery/{name}.png)" for name in row]
+        if start == 0:
+            rows += [pictures, [":---:"] * COLUMNS, [f"`{name}`" for name in row]]
+        else:
+            rows += [pictures, [f"`{name}`" for name in row]]
+    grid = "\n".join("| " + " | ".join(row + [""] * (COLUMNS - len(row))) + " |" for row in rows)
+    table = "\n".join(f"| `{name}` | {words(name)} | {SAMPLES.get(name, 256)} |" for name in names)
+    return TEST_SCENES.format(grid, " ".join(command("cornell_box")), table, PORT_COMMAND)
+
+
+def draw(line: list[str]) -> None:
+    target = line[-1]
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / target
+        subprocess.run([sys.executable, "-m", "harness", *line[1:-1], str(made)], cwd=DOCS.parent, check=True)
+        keep(made)
+
+
+def keep(made: Path) -> None:
+    """Put a rendered PNG file into the gallery, as a JPEG file if its scene is a furnished one."""
+    picture = Image.open(made).convert("RGB")
+    if made.stem in FURNISHED:
+        picture.save(PICTURES / f"{made.stem}.jpg", quality=90, subsampling=0, optimize=True)
+    else:
+        picture.save(PICTURES / made.name, optimize=True)
 
 
 def main(wanted: list[str]) -> None:
     names = sorted(file.stem for file in SCENES.glob("*.yaml"))
-    (DOCS / "gallery.md").write_text("\n".join([HEAD, *map(entry, names)]), encoding="utf-8")
+    page = [HEAD, *map(furnished, FURNISHED), test_scenes([name for name in names if name not in FURNISHED])]
+    (DOCS / "gallery.md").write_text("\n".join(page), encoding="utf-8")
     PICTURES.mkdir(exist_ok=True)
-    commands = [command(name) for name in wanted or names]
-    if "dahlquist" in (wanted or names):
-        commands.append(PORT_COMMAND.split())
-    for words_of_one in commands:
-        subprocess.run([sys.executable, "-m", "harness", *words_of_one[1:]], cwd=DOCS.parent, check=True)
+    for name in wanted or names:
+        draw(command(name))
+        if name == "dahlquist":
+            draw(PORT_COMMAND.split())
 
 
 if __name__ == "__main__":

@@ -1,42 +1,63 @@
-"""Draws the README's picture from results/quick, which `make bench` measures: python docs/pictures/race.py"""
+"""Draws the README's picture from the archive of the race of renderers: python docs/pictures/race.py
 
+Left, the scene `study` as the gallery has it; right, each renderer's error over time in that race, with 95 % intervals of the
+mean error over the race's blocks.
+"""
+
+import tempfile
 from pathlib import Path
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
+from matplotlib.ticker import FuncFormatter
+from PIL import Image
 
-import engines
-from harness.report.plots.style import ENGINE_COLOURS
+from harness.cli import main as raybench
+from harness.statistics.intervals import geometric_interval
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = {"numpy": "numpy (float64)", "numba": "numba (float32)", "embree": "embree (float32)"}
+SCENE = "study"
+CURVES = {
+    ("numba", "sobol", "auto"): ("raybench, numba", "#d55e00"),
+    ("mitsuba", "multijitter", "embree"): ("Mitsuba 3, its fastest setting", "#cc79a7"),
+    ("cycles", "sobol", "auto"): ("Blender's Cycles", "#0072b2"),
+    ("luxcore", "random", "auto"): ("LuxCoreRender", "#009e73"),
+}
+"""Engine, sampler and accelerator: label and colour."""
 
 
-def main(folder: Path, target: Path) -> None:
-    points = pd.read_csv(folder / "points.csv")
-    scenes = ["cornell_box", "two_spheres"]
-    figure, axes = plt.subplots(2, 2, figsize=(10, 6.4), width_ratios=[1, 1.55], layout="constrained")
-    for (picture, plot), scene in zip(axes, scenes, strict=True):
-        settings = engines.Settings(320, 240, shader="path_tracer", sampler="sobol", threads=2, precision="float32")
-        film = engines.engine("numba").prepare(engines.load_scene(scene), settings).render(512)
-        picture.imshow(film.to_bitmap())
-        picture.set_axis_off()
-        picture.set_title(scene.replace("_", " "), loc="left", fontsize=11)
-        for engine, label in NAMES.items():
-            mine = points[(points.scene == scene) & (points.engine == engine) & points.label.isna()]
-            groups = mine.groupby("spp")[["seconds", "relmse_e0.01_corrected"]]
-            curves = groups.median()[groups.size() == mine.block.nunique()]  # where every seed got
-            plot.plot(curves.seconds, curves["relmse_e0.01_corrected"], "o-", color=ENGINE_COLOURS[engine], label=label, ms=4)
-        plot.set(xscale="log", yscale="log", ylabel="relative MSE")
-        plot.grid(alpha=0.3)
-        plot.spines[["top", "right"]].set_visible(False)
-    axes[1, 1].set_xlabel("seconds of rendering, warm, two threads")
-    axes[0, 1].legend(frameon=False)
-    figure.savefig(target, dpi=110)
+def main(archive: Path, target: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        raybench(["report", str(archive), "--out", folder])
+        points = pd.read_csv(Path(folder) / "points.csv")
+    figure, (picture, plot) = plt.subplots(1, 2, figsize=(12.8, 4.1), width_ratios=[1.55, 1], layout="constrained")
+    picture.imshow(Image.open(ROOT / f"docs/pictures/gallery/{SCENE}.jpg"))
+    picture.set_axis_off()
+    for (engine, sampler, accelerator), (label, colour) in CURVES.items():
+        mine = points[
+            (points.scene == SCENE) & (points.engine == engine) & points.sampler.str.startswith(sampler)
+            & points.accelerator.str.startswith(accelerator) & points.label.isna()
+        ]  # fmt: skip
+        rows = []
+        for _, group in mine.groupby("spp"):
+            if len(group) == mine.block.nunique():  # where every block got
+                seconds = np.exp(np.log(group.seconds).mean())
+                rows.append((seconds, *geometric_interval(list(group["relmse_e0.01_corrected"]))[:3]))
+        seconds, error, low, high = np.array(rows).T
+        plot.plot(seconds, error, "o-", color=colour, label=label, ms=3, lw=1.6)
+        plot.fill_between(seconds, low, high, color=colour, alpha=0.25, lw=0)
+    plot.set(xscale="log", yscale="log", xlabel="seconds of rendering, two cores", ylabel="relMSE (ε = 0.01)")
+    for axis in (plot.xaxis, plot.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plot.grid(alpha=0.3)
+    plot.spines[["top", "right"]].set_visible(False)
+    plot.legend(frameon=False)
+    figure.savefig(target, dpi=100, pil_kwargs={"optimize": True})
 
 
 if __name__ == "__main__":
-    main(ROOT / "results/quick", ROOT / "docs/pictures/race.png")
+    main(ROOT / "results/renderers", ROOT / "docs/pictures/race.png")

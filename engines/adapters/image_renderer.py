@@ -20,7 +20,7 @@ from engines.interface import Engine, Hits, OnPass, Settings
 from engines.scene import Camera, Scene, Shape
 
 MEANS_ALONE = {
-    "render_adds_to_the_film": "of the image of one call the variance is not known, but that between calls",
+    "render_adds_to_the_film": "the variance within the image of one call is not known, only that between calls",
     "the_parts_of_the_film_belong_together": "a call leaves the means of its samples, neither squares nor halves",
 }
 """Keys of claims of `engines.conformance`, with reasons: what a renderer of means of several samples cannot promise."""
@@ -58,15 +58,15 @@ class ImageRenderer(ABC):
 
     @abstractmethod
     def image(self, spp: int, offset: int, seed: int) -> Image | tuple[Image, int | NDArray[np.integer]] | None:
-        """The mean of `spp` new samples a pixel, (h, w, 3) linear radiance, row 0 at the top; with their true number, or (h, w)
-        numbers, where that may be another one (see `overshoots` in `engines.interface.Engine`); None only after `stop`.
+        """The mean of `spp` new samples per pixel, (h, w, 3) linear radiance, row 0 at the top. If their true number may differ
+        (see `overshoots` in `engines.interface.Engine`), it follows, one number or (h, w). None only after `stop`.
 
         `offset` is the number of samples in the film, and so of the first new one. `seed`, in [1, 2^31), is the same in all
         calls: a renderer that cannot begin at a sample takes `derive_seed(seed, offset)`, or its samples would repeat.
         """
 
     def compile(self) -> None:
-        """What `warm_up` does: all that a first image costs once. By default an image of one sample a pixel."""
+        """What `warm_up` does: all that a first image costs once. By default an image of one sample per pixel."""
         self.image(1, 0, self.seed)
 
     def interrupt(self) -> None:  # noqa: B027

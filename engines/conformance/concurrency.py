@@ -46,7 +46,7 @@ def _rendering(renderer: Renderer) -> Iterator[None]:
         thread.join(0.1)
         expect(not failures, f"the render failed: {failures}")
         if not thread.is_alive():
-            raise Declined(f"{ENDLESS:,} samples a pixel are rendered at once: nothing can be called meanwhile")
+            raise Declined(f"{ENDLESS:,} samples per pixel are rendered at once: nothing can be called meanwhile")
         yield
     finally:
         renderer.stop()

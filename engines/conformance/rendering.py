@@ -137,7 +137,7 @@ def on_pass_sees_the_film_grow(subject: Subject) -> None:
 
     subject.usual().render(4, on_pass=note)
     expect(seen, "on_pass was never called")
-    expect(seen == sorted(seen), f"on_pass saw {seen} samples a pixel")
+    expect(seen == sorted(seen), f"on_pass saw {seen} samples per pixel")
     expect(seen[-1] == 4, f"the last pass showed {seen[-1]} samples of 4")
 
 

@@ -17,12 +17,12 @@ _OPTIONS = {
     "quality": Option("medium", "Embree's build quality", one_of(*QUALITIES)),
     "robust": Option(
         True,
-        "Embree's robust traversal, closed but for 5 in 10,000 rays aimed exactly at a vertex; without it edges leak too",
+        "Embree's robust traversal: 5 in 10,000 rays aimed exactly at a vertex leak; without it edges leak, too",
         one_of(True, False),
     ),
     "refine": Option(
         "auto",
-        "solve every claimed hit anew in float64, and drop those that the triangle does not confirm; auto: in float64",
+        "compute every hit again in float64, and drop those that miss their triangle; auto: only in float64",
         one_of("auto", True, False),
     ),
 }

@@ -22,7 +22,7 @@ from engines.scene import Mesh, Scene, Triangle
 _OPTIONS = {
     "robust": Option(
         True,
-        "Embree's robust traversal, closed but for 5 in 10,000 rays aimed exactly at a vertex; without it edges leak too",
+        "Embree's robust traversal: 5 in 10,000 rays aimed exactly at a vertex leak; without it edges leak, too",
         one_of(True, False),
     ),
 }

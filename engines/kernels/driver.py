@@ -4,7 +4,7 @@
 
 A lane that finishes its sample takes the next of the tile at once: from its lane of a second batch, in which the camera
 begins samples together. Where all lanes finish at once, samples begin in the batch itself. A tile is rendered in passes of a
-few samples a pixel. A pass fills a buffer, which then goes to the film in the order of samples: neither threads nor the way
+few samples per pixel. A pass fills a buffer, which then goes to the film in the order of samples: neither threads nor the way
 calls are split can change a bit of the image.
 """
 

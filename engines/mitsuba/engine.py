@@ -36,7 +36,7 @@ def _is_word(value: Any) -> bool:
     return isinstance(value, str) and value.isascii() and value.isidentifier()
 
 
-_MEANING = f"samples a pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
+_MEANING = f"samples per pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
 _PATTERN = {"sample_count": Option(None, _MEANING, _count_or_none)}
 SAMPLERS: dict[str, dict[str, Option]] = {
     "independent": {}, "multijitter": _PATTERN, "orthogonal": _PATTERN, "ldsampler": _PATTERN,
@@ -52,7 +52,7 @@ NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lo
 class Engine:
     """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32.
 
-    With `on_pass`, `stop` is heard after every sample a pixel, or where the sampler has patterns, every sixteen. Without, it
+    With `on_pass`, `stop` is heard after every sample per pixel, or where the sampler has patterns, every sixteen. Without, it
     is heard between kernel launches: a second and a half, or seventy times as long as recording one takes where
     surfaces are many; and of patterns as long as it takes to trace four million paths, or a whole pattern of one pixel.
     Shorter launches would make the peer look slow. A pattern that `stop` ends between its launches is dropped.

@@ -52,7 +52,7 @@ class Renderer:
             self._compile_seconds += perf_counter() - begin if self._variant == LLVM else 0.0
 
     def render(self, spp: int, on_pass: OnPass | None = None) -> Film:
-        """Adds `spp` samples a pixel; see `engines.interface.Renderer`. Without `on_pass` a pass may take half a second."""
+        """Adds `spp` samples per pixel; see `engines.interface.Renderer`. Without `on_pass` a pass may take half a second."""
         with self._guard.rendering():
             self._stop.clear()
             target = self._passes.done + spp

@@ -1,4 +1,4 @@
-"""Passes of the scalar variant: Mitsuba renders one sample a pixel, on its own threads, into its own film."""
+"""Passes of the scalar variant: Mitsuba renders one sample per pixel, on its own threads, into its own film."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BLOCK = 16
 
 
 class Passes:
-    """One sample a pixel after the other; each has a seed of its own."""
+    """Passes of one sample per pixel; each has a seed of its own."""
 
     def __init__(self, stage: Stage) -> None:
         self._stage = stage

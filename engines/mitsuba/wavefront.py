@@ -24,7 +24,7 @@ FIRST_LANES = 1 << 20
 """Of the first launch of independent samples; the others take about `LAUNCH_SECONDS`, or `RECORDINGS` times as long as
 recording one."""
 MOST_LANES = 1 << 22
-"""Of a launch, where a pixel needs no more: the radiance of its samples, 12 bytes a lane, lies in memory until it is added."""
+"""Of a launch, where a pixel needs no more: the radiance of its samples, 12 bytes per lane, stays in memory until added."""
 LAUNCH_SECONDS, RECORDINGS = 1.0, 50.0
 """Recording costs milliseconds, and seconds where surfaces are many; in a launch neither `stop` nor an interrupt is heard."""
 LANES_OF_A_VECTOR = 16
@@ -123,7 +123,7 @@ class Wavefront:
         film.bad_samples = int(bad.sum())
 
     def _launch(self, band: Band, sums: Sums, first: int, count: int) -> Sums:
-        """Takes `count` samples a pixel, of index `first` and on, and waits until they are there."""
+        """Takes `count` samples per pixel, of index `first` and on, and waits until they are there."""
         dr = self._stage.dr
         wall, processor = perf_counter(), process_time()
         colour, lanes, place = self._traced(band, first, count)

@@ -11,21 +11,20 @@ from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import resolved, why_not
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
-from engines.scene import Mesh, Scene, SphereSet
+from engines.numba_cpu.accel.choice import choose
+from engines.scene import Scene
 
 ACCELERATORS: dict[str, dict[str, Option]] = {
     "auto": {},
     "none": {},
     "bvh": {},
-    "grid": {"density": Option(grid.DENSITY, "cells a primitive", number(0.01, 1000.0))},
+    "grid": {"density": Option(grid.DENSITY, "cells per primitive", number(0.01, 1000.0))},
     "area_hierarchy": {},
 }
 MADE = {
     "none": none.Accelerator, "grid": grid.Accelerator, "bvh": bvh.Accelerator,
     "area_hierarchy": area_hierarchy.Accelerator,
 }  # fmt: skip
-LIST_LIMIT = 96
-"""Up to so many primitives `auto` takes no tree."""
 
 
 class Engine:
@@ -49,13 +48,11 @@ class Engine:
         wanted: Any = chosen.accelerator
         name = wanted.name
         if name == "auto":
-            name = "none" if _primitives(scene) <= LIST_LIMIT else "bvh"
+            name, _ = choose(scene, chosen.precision or "float64")
         make = wanted.plugin.make if wanted.plugin is not None else MADE[name]
         return Renderer(scene, chosen, make(wanted.options))
 
-
-def _primitives(scene: Scene) -> int:
-    sizes = (
-        len(s.faces) if isinstance(s, Mesh) else len(s.radii) if isinstance(s, SphereSet) else 1 for s in scene.shapes
-    )
-    return sum(sizes)
+    def auto_accelerator(self, scene: Scene, settings: Settings) -> str:
+        """What `accelerator: auto` takes, and why; see `engines.interface.Engine`."""
+        name, why = choose(scene, settings.precision or "float64")
+        return f"{name} ({why})"

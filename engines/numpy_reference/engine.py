@@ -21,7 +21,7 @@ def _leaf_size(value: object) -> str | None:
 ACCELERATORS: dict[str, dict[str, Option]] = {
     "auto": {},
     "none": {},
-    "bvh": {"leaf_size": Option(4, "primitives that a leaf holds at most", _leaf_size)},
+    "bvh": {"leaf_size": Option(4, "largest number of primitives in a leaf", _leaf_size)},
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike, fspath
 from os.path import isfile  # False, where Path.is_file raises for names that are too long
 from pathlib import Path
@@ -48,24 +48,30 @@ def find_scene(path: str | PathLike[str]) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The folder that relative paths of a scene start from, and whether they may lead out of it."""
+    """The folder that relative paths of a scene start from, whether they may lead out of it, and folders to look in first."""
 
     folder: Path
     allow_outside: bool = False
+    first: tuple[Path, ...] = ()
     _roots: tuple[Path, ...] = field(init=False, repr=False, compare=False)
     """The folders that files may lie in, resolved once: a scene may name tens of thousands of files."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_roots", tuple(root.resolve() for root in (self.folder, *scene_folders())))
 
+    def looking_in(self, folder: Path) -> Place:
+        """The same place with one more folder to look in, before the others."""
+        return replace(self, first=(folder, *self.first))
+
     def find(self, node: Located, name: str, folder: Path | None = None) -> Path:
         """The file that `name`, written at `node`, means.
 
-        It is looked for in `folder` (default: the scene's) and in the shipped scenes. Raises when it does not exist,
-        or lies outside the scene's folder and the shipped scenes without `allow_outside`; links are followed first.
+        It is looked for in the folders `first`, in `folder` (default: the scene's) and in the shipped scenes. Raises when it
+        does not exist, or lies outside the scene's folder and the shipped scenes without `allow_outside`; links are followed
+        before that.
         """
         what = "" if name == node.value else f"names {name[:80]!r}: "
-        starts = [folder or self.folder, *scene_folders()]
+        starts = [*self.first, folder or self.folder, *scene_folders()]
         outside = False
         for start in starts:
             try:

@@ -32,7 +32,7 @@ def load_scene(
         from engines.scene.native import with_file
 
         place = Place(file.parent, allow_outside)
-        root = read_root(file, place, parameters)
+        root, place = read_root(file, place, parameters)
         return with_file(file, root, place, lambda: import_scene(file, root, place), natively)
     if parameters:
         raise SceneError(f"{file}: parameters are for Mitsuba's XML files")
@@ -48,7 +48,8 @@ def scene_from(
 ) -> Scene:
     """The scene of plain data in the form of a scene file; `vertices` and `faces` may be arrays.
 
-    Relative paths start from `folder`. Raises `SceneError` with the key path of what is wrong.
+    Relative paths start from `folder`; `allow_imports` and `allow_outside` are those of `load_scene`. Raises `SceneError` with
+    the key path of what is wrong.
     """
     if not isinstance(mapping, Mapping):
         raise SceneError(f"scene = {mapping!r:.80}: must be a mapping with keys of {', '.join(SCENE.keys)}")

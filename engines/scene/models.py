@@ -119,7 +119,7 @@ def _conductor(given: Given, context: Any) -> Conductor:
 
 
 CONDUCTOR = Record("A metal, smooth or with microfacets: its name, or eta and k, or its reflectance alone.", {
-    "metal": Key(one_of(METALS, "metal"), "Chemical symbol of the metal, for its eta and k.", None),
+    "metal": Key(one_of(METALS, "metal"), "Name of the metal, such as Au, for its eta and k.", None),
     "eta": Key(color(), "Real part of the complex index of refraction.", None),
     "k": Key(color(), "Imaginary part of the complex index of refraction.", None),
     "reflectance": Key(SHARE, "Reflectance at every angle, instead of Fresnel's equations.", None),

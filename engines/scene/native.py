@@ -27,8 +27,6 @@ DEFAULT_SIZE = (768, 576)
 CHUNK = 1 << 20
 _PLUGIN = re.compile(r"[A-Za-z0-9_]{1,64}")
 _NAMES_A_FILE = re.compile(r"file|path", re.IGNORECASE)
-_LEFT_OUT = ("path", "alias")
-"""Elements that matter to the search for files and names only, which the reader has done."""
 _OF_SENSORS = ("film", "sampler")
 
 
@@ -61,7 +59,7 @@ class Native:
         if id(element) in self._files:
             made.set("filename" if element.tag == "spectrum" else "value", str(self._files[id(element)]))
         for child in element.children:
-            unwanted = child.tag in _LEFT_OUT or (element.tag == "sensor" and child.tag in _OF_SENSORS)
+            unwanted = element.tag == "sensor" and child.tag in _OF_SENSORS
             if not unwanted and id(child) not in dropped:
                 made.append(self._written(child, dropped))
         return made
@@ -78,7 +76,7 @@ def native(root: Element, place: Place, refusal: str | None = None) -> Native:
     for depth, element in _walk(root):
         hashed.update(repr((depth, element.tag, sorted(element.attributes.items()))).encode())
         if _PLUGIN.fullmatch(element.attributes.get("type", "scene")) is None:
-            raise element.refuse("the name of a plugin is a word")
+            raise element.refuse("the name of a plugin must be letters, digits and _, at most 64")
         if (name := _named_file(element)) is not None:
             files[id(element)] = place.find(element.located(name), name).resolve()
             hashed.update(_hash_of(files[id(element)], element))
@@ -87,14 +85,19 @@ def native(root: Element, place: Place, refusal: str | None = None) -> Native:
 
 def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Scene], natively: bool) -> Scene:
     """The imported scene with its file. Where `imported` refuses, with `natively`, a scene that has nothing but the file: a
-    name, a size, and the refusal. Raises `SceneError`."""
+    name, a size, and the refusal. What Mitsuba must not be given is imported alone, with a warning: an unused texture may be
+    missing. Raises `SceneError`."""
     try:
         scene = imported()
     except SceneError as problem:
         if not natively:
             raise
         return _unimported(file, native(root, place, str(problem)))
-    return replace(scene, native=native(root, place))
+    try:
+        return replace(scene, native=native(root, place))
+    except SceneError as problem:
+        said = f"Mitsuba's engines get what raybench imported, not the file: {problem}"
+        return replace(scene, warnings=(*scene.warnings, said))
 
 
 def _unimported(file: Path, found: Native) -> Scene:
@@ -120,7 +123,7 @@ def _walk(element: Element, depth: int = 0) -> Iterator[tuple[int, Element]]:
     """All elements but those that have no say."""
     yield depth, element
     for child in element.children:
-        if not (child.tag in _LEFT_OUT or (element.tag == "sensor" and child.tag in _OF_SENSORS)):
+        if not (element.tag == "sensor" and child.tag in _OF_SENSORS):
             yield from _walk(child, depth + 1)
 
 
@@ -151,17 +154,19 @@ def _hash_of(file: Path, element: Element) -> bytes:
 
 def _size(sensor: Element) -> tuple[int, int]:
     film = next((child for child in sensor.children if child.tag == "film"), None)
-    said = {child.attributes.get("name", ""): child for child in (film.children if film else ()) if child.tag == "integer"}
-    if film is not None and any(name.startswith("crop") for name in said):
-        raise film.refuse("a crop of the film has no counterpart: leave crop_ out")
+    children = film.children if film else ()
+    said = {snake_case(child.attributes.get("name", "")): child for child in children if child.tag == "integer"}
     width, height = (_side(said.get(name), default) for name, default in zip(("width", "height"), DEFAULT_SIZE, strict=True))
+    for name, whole in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height)):
+        if film is not None and _side(said.get(f"crop_{name}"), whole, 0) != whole:
+            raise film.refuse("a crop of the film has no counterpart: leave crop_ out")
     return width, height
 
 
-def _side(element: Element | None, default: int) -> int:
+def _side(element: Element | None, default: int, least: int = 1) -> int:
     if element is None:
         return default
     text = element.attributes.get("value", "").strip()
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= 65_536:
-        raise element.refuse_value("must be an integer in [1, 65536]")
+    if not text.isascii() or not text.isdigit() or not least <= int(text[:9]) <= 65_536:
+        raise element.refuse_value(f"must be an integer in [{least}, 65536]")
     return int(text)

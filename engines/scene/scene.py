@@ -32,10 +32,10 @@ FORMAT = 1
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """All that is rendered. `content_hash` identifies what the pixels depend on (not names, comments or key order). `shader`
-    is a choice of a shader that the file suggests, where it does.
+    is the shader that the file suggests, or None.
 
-    `native` is the Mitsuba file that the scene came from (`engines.scene.native`). Where that says why it cannot be imported,
-    the rest stands for nothing: engines that do not take such files decline it in those words.
+    `native` is the Mitsuba file that the scene came from (`engines.scene.native`). If its `refusal` says why it cannot be
+    imported, the other fields have no meaning, and engines that do not take such files decline the scene with that text.
     """
 
     name: str

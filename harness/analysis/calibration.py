@@ -123,14 +123,14 @@ def figures(found: Calibration) -> list[Figure]:
 
 def rests_on(found: Calibration) -> str:
     """What the figures are about, in a sentence."""
-    races = f"{found.repetitions} synthetic races of each kind, with the residuals of {plural(found.race_count, 'race')}"
-    images = f"{found.image_repetitions} synthetic images, with the noise of {plural(found.image_count, 'contestant')}"
+    races = f"{found.repetitions} synthetic races of each kind from the residuals of {plural(found.race_count, 'race')}"
+    images = f"{found.image_repetitions} synthetic images from the noise of {plural(found.image_count, 'contestant')}"
     known = [text for text, part in ((races, found.races), (images, found.bias)) if part is not None]
     if not known:
         return "The run is too small for synthetic contestants."
     bare = found.without_twins
     floors = f" {bare} of the races have no A/A twins: nothing is called slower there." if bare else ""
-    return f"{' and '.join(known)} of this run.{floors}"
+    return f"{', and '.join(known)} of this run.{floors}"
 
 
 def plural(count: int, noun: str) -> str:

@@ -28,7 +28,7 @@ class Column(NamedTuple):
 
     Kinds: text, flag (true or false), number (3 significant digits), exact (as configured), count, percent (of a share), and
     `estimate`, a number with its interval: in DataFrames and csv it has three columns (`name`, `name_low`, `name_high`), texts
-    print `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never got there, a `break_even`
+    print `value [low, high]`. A `ratio` is an estimate whose infinity means that the baseline never reached it, a `break_even`
     one whose infinity means that it never pays.
     """
 

@@ -54,8 +54,8 @@ CELL = [
 class ResultFrames:
     """A results folder as four DataFrames; each is made when it is first asked for.
 
-    `points`: one row a checkpoint. `cells`: one row a cell, whatever became of it. `times_to_quality`: one row a contestant,
-    target and start (warm or cold). `verdicts`: one row a scene, target and contestant. Two rows belong to one contestant where
+    `points`: one row per checkpoint. `cells`: one row per cell, in any state. `times_to_quality`: one row per contestant,
+    target and start (warm or cold). `verdicts`: one row per scene, target and contestant. Two rows belong to one contestant if
     `scene` and `contestant` are equal. `times_to_quality` and `verdicts` read the images of the folder, which takes longer.
     """
 
@@ -126,13 +126,13 @@ def points(results: Results) -> Table:
                  for point in cell["points"]]  # fmt: skip
     taken = {column.name for column in (*before, *after)}
     columns = [*before, *(column for column in metrics if column.name not in taken), *after]
-    return Table("points", "Checkpoints", "One row a checkpoint.", columns, rows)
+    return Table("points", "Checkpoints", "One row per checkpoint.", columns, rows)
 
 
 def times_to_quality(analysis: Analysis) -> Table:
     """One row a contestant, target and start (warm or cold)."""
     table = Table(
-        "ttq", "Time to quality", "One row a contestant, target and start.",
+        "ttq", "Time to quality", "One row per contestant, target and start.",
         [CONTESTANT, *IDENTITY, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
          Column("start", "warm: rendering alone; cold: with import, load, build and compilation."),
          SECONDS,
@@ -166,6 +166,7 @@ def cells(results: Results) -> Table:
         CONTESTANT, *CELL, Column("state", "done, failed, timeout or skipped."),
         Column("order", "Position of the cell in the run.", "count"),
         *(Column(f"{phase}_seconds", f"Seconds of the phase {phase}.", "number") for phase in PHASES),
+        Column("warm_build_seconds", "Seconds of the second build, of the renderer that is timed.", "number"),
         *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
         *(Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
           for name, values in machine.items()),
@@ -179,7 +180,7 @@ def cells(results: Results) -> Table:
          "message": cell.get("message")}
         for cell in results.cells
     ]  # fmt: skip
-    return Table("phases", "Phases", "One row a cell.", columns, rows)
+    return Table("phases", "Phases", "One row per cell.", columns, rows)
 
 
 def verdicts(analysis: Analysis) -> Table:
@@ -188,7 +189,7 @@ def verdicts(analysis: Analysis) -> Table:
     allowed, allowed_open = (", ".join(sorted(names)) for names in (OF_THE_TIME, OF_THE_ESTIMATOR))
     margin = f"{100 * races.margin(analysis.results):g} %"
     table = Table(
-        "verdicts", "Verdicts", "One row a scene, target and contestant that has a measured cell.",
+        "verdicts", "Verdicts", "One row per scene, target and contestant that has a measured cell.",
         [IDENTITY[0], CONTESTANT, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
          *IDENTITY[1:],
          SECONDS._replace(meaning=f"Seconds of rendering alone (warm) until the target. {SECONDS.meaning}"),
@@ -203,7 +204,7 @@ def verdicts(analysis: Analysis) -> Table:
          Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster. Where a target was not "
                 "reached, only an end of the interval is known. Unknown where one of the two has a flag that disqualifies it.",
                 "ratio"),
-         Column("verdict", "faster or slower: beyond the noise floor, all of a scene and target together at 5 % (Holm). same: "
+         Column("verdict", "faster or slower: beyond the noise floor, with a family-wise error rate of 5 % (Holm). same: "
                 f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared."),
          Column("noise_floor", "Difference from 1 that a ratio must exceed, from the scene's A/A twin; unknown if that was not "
                 "measured.", "percent"),

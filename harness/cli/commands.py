@@ -1,7 +1,7 @@
 """The command line: `raybench` and `python -m harness`. Only names and help live here; work is imported when asked for.
 
-Exit codes: 0 all is well, 1 a cell failed or ran out of time, or a regression was found, 2 the input cannot be used or a
-file cannot be written, 130 interrupted.
+Exit codes: 0 all is well, 1 a cell failed or timed out, a check failed, images differ, or a regression was found, 2 the input
+cannot be used or a file cannot be written, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from harness.cli.options import size as parse_size
 app = typer.Typer(
     name="raybench", cls=Group, no_args_is_help=True, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Races ray tracers to quality: the error of an image against the time it took.",
-    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out, or a regression was found; 2 the input "
-    "cannot be used, or a file cannot be written; 130 interrupted.",
+    help="Measures how long ray tracers take to reach a given image error.",
+    epilog="Exit codes: 0 all is well; 1 a cell failed or timed out, a check failed, images differ, or a regression was "
+    "found; 2 the input cannot be used, or a file cannot be written; 130 interrupted.",
 )  # fmt: skip
 
 EXPERIMENTS, RESULTS, IMAGES = "Experiments", "Results", "Images"
@@ -76,7 +76,7 @@ def run(
     config: Config,
     out: Out = None,
     overrides: Set = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Throw away earlier results in the folder first.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Delete earlier results in the folder first.")] = False,
     retry: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option("--retry", metavar="failed", help="Measure failed and timed-out cells again."),
@@ -91,7 +91,7 @@ def run(
     ] = None,
     references: References = None,
 ) -> None:
-    """Measure what is missing of an experiment, then write tables, plots and report. Resumes by itself."""
+    """Measure the missing cells of an experiment, then write tables, plots and report. The same command resumes a run."""
     from engines.errors import ConfigError
     from harness.cli import experiments
     from harness.config import paths
@@ -100,11 +100,11 @@ def run(
 
     if is_trace(paths.find("configs", config)):
         if fresh or retry or fail_fast or cluster:
-            raise ConfigError(f"{config}: --fresh, --retry, --fail-fast and --cluster are of experiments: this compares rays")
+            raise ConfigError(f"{config}: compares rays: --fresh, --retry, --fail-fast and --cluster are for experiments")
         given = ["raybench", *sys.argv[1:]]
         raise typer.Exit(tracing.run_file(config, out, overrides or [], (allow_imports, allow_outside), given))
     if retry not in (None, "failed"):
-        raise ConfigError(f"--retry {retry}: 'failed' is the only thing to retry")
+        raise ConfigError(f"--retry {retry}: must be 'failed'")
     allowed = allow_imports, allow_commands, allow_outside
     options = Options(retry is not None, fail_fast, *allowed, ["raybench", *sys.argv[1:]], cluster)
     raise typer.Exit(experiments.run(config, out, overrides or [], fresh, options))
@@ -115,7 +115,7 @@ def plan(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False, allow_outside: AllowOutside = False, references: References = None,
 ) -> None:  # fmt: skip
-    """Show what an experiment would do: every configuration, its state, why it is skipped, and how long it may take."""
+    """Show what a run would measure: every configuration, its state, why it is skipped, and the expected time."""
     from harness.cli import experiments
 
     experiments.plan(config, out, overrides or [], (allow_imports, allow_commands, allow_outside))
@@ -126,7 +126,7 @@ def reference(
     config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False, allow_outside: AllowOutside = False, references: References = None,
 ) -> None:  # fmt: skip
-    """Render the references of an experiment, and nothing else. Those that are there are kept or extended."""
+    """Render only the references of an experiment. Existing ones are kept, or extended."""
     from harness.cli import experiments
 
     raise typer.Exit(experiments.reference(config, out, overrides or [], (allow_imports, allow_commands, allow_outside)))
@@ -142,16 +142,16 @@ def view(
         str,
         typer.Argument(help="A scene below the folder, or a bare name from scenes/.", autocompletion=shipped("scenes")),
     ] = "cornell_box",
-    folder: Annotated[Path, typer.Option(help="What the page may read, and save races in.")] = Path("."),
-    engine: Annotated[str, typer.Option(help="The one chosen at first.", autocompletion=engines)] = DEFAULT_ENGINE,
-    port: Annotated[int, typer.Option(min=0, max=65535, show_default="one that is free")] = 0,
-    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address alone.")] = False,
+    folder: Annotated[Path, typer.Option(help="Folder that the page may read, and in which races are saved.")] = Path("."),
+    engine: Annotated[str, typer.Option(help="Engine that is selected at first.", autocompletion=engines)] = DEFAULT_ENGINE,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server.", show_default="a free one")] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open no browser.")] = False,
     allow_imports: AllowImports = False,
     allow_outside: AllowOutside = False,
     define: Define = None,
     references: References = None,
 ) -> None:
-    """Open the live viewer: images while they are refined, races, and Dahlquist's program, on this machine only."""
+    """Open the live viewer in a browser on this machine: images while they are refined, races, Dahlquist's program."""
     from harness.cli.render import parameters_of
     from harness.view import open_viewer
 
@@ -165,19 +165,26 @@ def report(
         Optional[Path],  # noqa: UP045
         typer.Option(
             metavar="DIR",
-            help="Write the chapter there instead, a section a folder; without folders about "
-            "results/dissertation and results/dahlquist.",
+            help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
+        ),
+    ] = None,
+    prose: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(
+            metavar="FILE",
+            help="The chapter's text, in Markdown: its tables, figures and numbers are those of the results, "
+            "and a claim that they do not support is an error.",
         ),
     ] = None,
     references: References = None,
 ) -> None:
-    """Write tables, plots and report.html of results folders anew, without rendering; or a chapter about them."""
+    """Write tables, plots and report.html of results folders again, without rendering; or a chapter about them."""
     from harness.cli import results
 
     if chapter is None:
-        results.report(folders or [])
+        results.report(folders or [], prose)
     else:
-        results.chapter(folders or [], chapter)
+        results.chapter(folders or [], chapter, prose)
 
 
 @command(RESULTS)
@@ -201,7 +208,7 @@ def merge(
     out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
     references: References = None,
 ) -> None:
-    """Put results of several machines into one folder and report; their times are kept apart."""
+    """Merge results folders into one, with a report. Times of several machines are kept apart."""
     from harness.cli import results
 
     results.merge(folders, out)
@@ -221,7 +228,7 @@ def archive(
 
 @command(RESULTS)
 def calibrate(folder: Folder, references: References = None) -> None:
-    """Say how far a run's verdicts can be trusted, from its own noise. Exit code 1 where a figure is not what it must be."""
+    """Estimate the error rates of a run's verdicts from its own noise. Exit code 1 if a figure is outside its range."""
     from harness.cli import results
 
     raise typer.Exit(results.calibrate(folder))
@@ -232,7 +239,7 @@ command(RESULTS, SeveralFolders)(compare)
 
 @command(EXPERIMENTS)
 def status(folder: Folder) -> None:
-    """Say how far the run of a results folder is, and what failed."""
+    """Show the progress of the run in a results folder, and what failed."""
     from harness.cli import experiments
 
     experiments.status(folder)
@@ -245,7 +252,7 @@ def verify(
         typer.Option(
             "--engine",
             metavar="NAME",
-            help="An engine, ours or module:attribute, or all that are installed. May be repeated.",
+            help="An installed engine, module:attribute, or all. May be repeated.",
             show_default="numpy, numba, embree",
             autocompletion=engines,
         ),
@@ -253,16 +260,16 @@ def verify(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer rays and parameters: a minute and a half.")] = False,
     only: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option("--case", metavar="ID", help="A case or a section alone. May be repeated."),
+        typer.Option("--case", metavar="ID", help="Check only this case or section. May be repeated."),
     ] = None,
-    out: Annotated[Optional[Path], typer.Option("--out", show_default="results/verify")] = None,  # noqa: UP045
+    out: Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/verify")] = None,  # noqa: UP045
     jobs: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option(min=1, help="Processes side by side.", show_default="one a core, 8 at most"),
+        typer.Option(min=1, help="Processes that run in parallel.", show_default="one per core, at most 8"),
     ] = None,
     allow_imports: AllowImports = False,
 ) -> None:
-    """Check engines with hard cases and known answers; exit code 1 where a check fails, 2 where nothing was checked."""
+    """Check engines with hard cases and known answers. Exit code 1 if a check fails, 2 if nothing was checked."""
     from harness.verify.commands.verify import VerifyOptions
     from harness.verify.commands.verify import verify as run_verify
 
@@ -272,21 +279,21 @@ def verify(
 @command(CHECKS)
 def equivalence(
     scene: Scene,
-    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more; one twice is an A/A test.")],
-    replicates: Annotated[int, typer.Option(help="Independent images an engine.")] = 16,
+    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more engines; one twice is an A/A test.")],
+    replicates: Annotated[int, typer.Option(help="Independent images per engine.")] = 16,
     spp: Annotated[int, typer.Option(help="Samples per pixel of each.")] = 16,
     size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "64x64",
     shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
-    margin: Annotated[float, typer.Option(help="Image means within this share of each other count as equal.")] = 0.005,
-    tile_margin: Annotated[float, typer.Option(help="The same of tiles of 16x16 pixels.")] = 0.05,
+    margin: Annotated[float, typer.Option(help="Largest difference of image means that counts as equal, as a share.")] = 0.005,
+    tile_margin: Annotated[float, typer.Option(help="The same for tiles of 16x16 pixels.")] = 0.05,
     seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
-    same_seeds: Annotated[bool, typer.Option("--same-seeds", help="Same seeds for all: shared noise cancels.")] = False,
+    same_seeds: Annotated[bool, typer.Option("--same-seeds", help="The same seeds for all: shared noise cancels.")] = False,
     define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
     allow_outside: AllowOutside = False,
 ) -> None:
-    """Bound how far the images of engines lie apart, in the mean and in any tile. Exit code 1 where they are different."""
+    """Bound the difference of engines' images, in the mean and in any tile. Exit code 1 if they are different."""
     from harness.cli.render import parameters_of
     from harness.statistics.equivalence import Margins
     from harness.verify.commands.equivalence import EquivalenceOptions, compare
@@ -305,7 +312,7 @@ command(FILES, name="import")(conversion.import_)
 
 @command(FILES, name="list")
 def list_() -> None:
-    """List engines, shaders, samplers, accelerators with their options, scenes and experiments."""
+    """List engines, shaders, samplers and accelerators with their options, scenes and experiments."""
     from harness.cli.listing import show
 
     show()
@@ -313,7 +320,7 @@ def list_() -> None:
 
 @command(FILES)
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="[experiment|scene|trace]", help="Of which files.")] = "experiment",
+    kind: Annotated[str, typer.Argument(metavar="[experiment|scene|trace]", help="Kind of file.")] = "experiment",
 ) -> None:
     """Print the JSON schema of experiment, scene or trace files, for editors."""
     import json

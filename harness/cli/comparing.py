@@ -36,24 +36,24 @@ def compare(
     ] = None,
     after: Annotated[
         Optional[list[Path]],  # noqa: UP045
-        typer.Option("--after", metavar="FOLDER...", help="Those of the other side. Times are tested from three a side on."),
+        typer.Option("--after", metavar="FOLDER...", help="Those of the other side. Three or more per side are tested."),
     ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="Show what did not change, too.")] = False,
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write it all: .csv, .md or .tex.")] = None,  # noqa: UP045
+    everything: Annotated[bool, typer.Option("--all", help="Also show what did not change.")] = False,
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write all rows: .csv, .md or .tex.")] = None,  # noqa: UP045
     fail_on_regression: Annotated[
         bool,
-        typer.Option("--fail-on-regression", help="Exit code 1 where something is slower or worse, failed or flagged now."),
+        typer.Option("--fail-on-regression", help="Exit code 1 if something became slower or worse, failed or was flagged."),
     ] = False,
     threshold: Annotated[
         Optional[str],  # noqa: UP045
         typer.Option(
             metavar="SHARE",
-            help="How much slower or worse a regression is, at least. By default the config's same_within, and 10% for times "
-            "of fewer than three sessions a side.",
+            help="Smallest increase of a time or error that is a regression. By default the config's same_within, and 10% for "
+            "times of fewer than three sessions per side.",
         ),
     ] = None,
 ) -> None:
-    """Say what changed between results folders: speed, start-up, error and image."""
+    """Compare results folders, such as before and after a change: speed, start-up, error and image."""
     from harness.cli import results
 
     limit = None if threshold is None else results.share(threshold)

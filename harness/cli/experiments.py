@@ -106,14 +106,15 @@ def plan(
     metric = experiment.quality.name
     states = {cell.cell_id: state_of(cell, latest.get(cell.cell_id), metric) for cell in made.cells}
     _plan_table(stdout, made, states)
+    _plan_accelerators(stdout, made)
     left = [cell for cell in made.cells if states[cell.cell_id] in ("queued", "outdated")]
     expected = expected_seconds(left, latest).values()
     seconds, measured = sum(s for s, _ in expected), sum(known for _, known in expected)
-    basis = "as measured before" if measured == len(left) else f"an estimate; {measured} of them by earlier measurements"
+    basis = "as measured before" if measured == len(left) else f"estimated; {measured} cells by earlier measurements"
     counted = ", ".join(f"{count} {state}" for state, count in sorted(Counter(states.values()).items()))
     stdout.print(f"{len(made.cells)} cells in {experiment.repeats} blocks: {counted or 'none'}.")
     if left:
-        stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} ({basis}), besides references.")
+        stdout.print(f"{len(left)} to measure: {progress.duration(seconds)} without references ({basis}).")
     _plan_references(stdout, made)
     if made.verify_jobs:
         left = len(verify_jobs.todo(made.verify_jobs, events, retry=False))
@@ -140,6 +141,14 @@ def _plan_references(console: Console, made: Plan) -> None:
         what = f"{wanted.describe()}, {words(wanted.spec['shader'])}, by {wanted.spec['engine']}"
         samples = reference_samples.sufficiency(wanted, root, made.experiment.quality).message
         console.print(f"reference of {what}: {state}; {samples}", soft_wrap=True, markup=False)
+
+
+def _plan_accelerators(console: Console, made: Plan) -> None:
+    """One line for each scene and engine: which accelerator `auto` takes there, and why."""
+    lines = {(cell.scene.name, cell.engine_name, cell.settings["precision"]): cell.auto_accelerator
+             for cell in made.cells if cell.auto_accelerator}  # fmt: skip
+    for (scene, engine, precision), said in sorted(lines.items()):
+        console.print(f"auto in {scene}, {engine} {precision}: {said}", soft_wrap=True, markup=False, highlight=False)
 
 
 def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None:

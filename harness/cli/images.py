@@ -15,7 +15,7 @@ from harness.cli.options import size as parse_size
 def render(
     scene: Scene,
     engine: Annotated[
-        str, typer.Option(help="`raybench list` names them.", autocompletion=engines)
+        str, typer.Option(help="An engine, as `raybench list` names it.", autocompletion=engines)
     ] = DEFAULT_ENGINE,
     shader: Annotated[
         str,
@@ -40,7 +40,7 @@ def render(
         Optional[Any],  # noqa: UP045
         typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="the scene's"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Another seed, another noise.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the sampler: another seed gives another noise.")] = 1,
     precision: Annotated[Optional[str], typer.Option(help="float64 or float32.", show_default="the engine's")] = None,  # noqa: UP045
     tone_mapper: Annotated[
         str,
@@ -48,7 +48,7 @@ def render(
             help="linear, srgb, reinhard, aces or module:attribute; for .png.", autocompletion=named("TONE_MAPPERS")
         ),
     ] = "srgb",
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", show_default="<scene>.exr")] = None,  # noqa: UP045
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Image file.", show_default="<scene>.exr")] = None,  # noqa: UP045
     define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
@@ -67,15 +67,15 @@ def render(
 
 def dahlquist(
     size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "320x480",
-    calls: Annotated[int, typer.Option(help="Frame calls; the frame of the last is written.")] = 1,
+    calls: Annotated[int, typer.Option(help="Number of frame calls; the frame of the last one is written.")] = 1,
     time_elapsed: Annotated[
-        int, typer.Option(help="Given to each call; 3000 make a unit of the animation's time.")
+        int, typer.Option(help="Elapsed time given to each call; 3000 are a unit of the animation's time.")
     ] = 3000,
-    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors show the probe alone.")] = False,
+    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors reflect the probe only.")] = False,
     no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
     interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
     exact: Annotated[
-        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are a little off.")
+        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are slightly wrong.")
     ] = False,
     redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
     probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
@@ -85,14 +85,14 @@ def dahlquist(
     threads: Annotated[Optional[int], typer.Option(show_default="every core")] = None,  # noqa: UP045
     animate: Annotated[
         Optional[int],  # noqa: UP045
-        typer.Option(metavar="N", help="Write N frames, of that call and the next, to a folder, .gif or .mp4."),
+        typer.Option(metavar="N", help="Write the frames of N calls, from the last of --calls on, to a folder, .gif or .mp4."),
     ] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second of a .gif or .mp4.")] = 25.0,
+    fps: Annotated[float, typer.Option(help="Frames per second of a .gif or .mp4.")] = 25.0,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="PNG; its alpha says 255 for a ball, 254 for the background.")
+        Path, typer.Option("-o", "--output", help="PNG file, whose alpha is 255 on a ball and 254 on the background.")
     ] = Path("dahlquist.png"),
 ) -> None:
-    """Draw what N. Dahlquist's Android ray tracer (2012) draws, byte for byte."""
+    """Draw the frames of N. Dahlquist's Android ray tracer (2012), byte for byte."""
     from harness.cli.dahlquist import Request, draw
 
     request = Request(

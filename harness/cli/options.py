@@ -105,7 +105,7 @@ References = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option(
         metavar="DIR", callback=_keep_references,
-        help="Where references are kept; else in $RAYBENCH_REFERENCES, else in raybench/references of the user's cache.",
+        help="Folder of references; by default $RAYBENCH_REFERENCES, or else raybench/references in the user's cache.",
     ),
 ]  # fmt: skip
 AllowImports = Annotated[
@@ -116,9 +116,9 @@ AllowCommands = Annotated[
     bool, typer.Option("--allow-commands", help="Run the programs that renderers' files name. Only if you trust them.")
 ]
 AllowOutside = Annotated[
-    bool, typer.Option("--allow-outside", help="Read files outside of the scene's folder where the scene names them.")
+    bool, typer.Option("--allow-outside", help="Read files that the scene names outside of its folder.")
 ]
 Define = Annotated[
     Optional[list[str]],  # noqa: UP045
-    typer.Option("-D", metavar="NAME=VALUE", help="A value of $NAME in a Mitsuba file. May be repeated."),
+    typer.Option("-D", metavar="NAME=VALUE", help="Set the parameter $NAME of a Mitsuba file. May be repeated."),
 ]

@@ -75,9 +75,9 @@ def render(request: Request) -> Film:
         console.print(f"warning: {path}: {warning}", style="yellow", markup=False, soft_wrap=True)
     plain = engine_settings(settings, request.seed, request.allow_imports)
     if not request.chosen["sampler"] and engine.why_not(scene, plain):
-        other = settings | {"sampler": resolve("sampler", "random", SAMPLERS).describe()}
-        if not engine.why_not(scene, engine_settings(other, request.seed, request.allow_imports)):
-            settings, plain = other, engine_settings(other, request.seed, request.allow_imports)
+        # also where the engine declines this, too: then the reason is not a sampler that nobody asked for
+        settings = settings | {"sampler": resolve("sampler", "random", SAMPLERS).describe()}
+        plain = engine_settings(settings, request.seed, request.allow_imports)
     width, height = plain.size(scene)
     memory.require(BYTES_A_PIXEL_WRITTEN * width * height, f"an image of {width}x{height} pixels")
     why_not = engine.why_not(scene, plain)

@@ -16,7 +16,6 @@ from harness.console import consoles
 from harness.store import atomic
 from harness.trace import records
 
-CHAPTER_FOLDERS = (Path("results/dissertation"), Path("results/dahlquist"))
 NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
 """Verdicts that `compare` leaves out unless it is asked for everything."""
 
@@ -33,8 +32,10 @@ def write_derived(folder: Path) -> None:
     write(folder)
 
 
-def report(folders: Sequence[Path]) -> None:
+def report(folders: Sequence[Path], prose: Path | None = None) -> None:
     """Writes everything derived from results folders anew."""
+    if prose is not None:
+        raise ConfigError(f"--prose {prose}: is the text of a chapter: --chapter DIR is wanted, too")
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
@@ -50,22 +51,23 @@ def report(folders: Sequence[Path]) -> None:
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 
-def chapter(folders: Sequence[Path], target: Path) -> None:
-    """Writes the chapter; without folders it is about those of `CHAPTER_FOLDERS` that have results."""
+def chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) -> None:
+    """Writes the chapter about results folders, in order."""
     from harness.report.chapter import write_chapter
 
-    chosen = folders or [folder for folder in CHAPTER_FOLDERS if store.events_file(folder)]
-    if not chosen:
-        wanted = " nor ".join(map(str, CHAPTER_FOLDERS))
-        raise ConfigError(
-            f"--chapter {target}: neither {wanted} has results: name results folders, or run their configs"
-        )
-    for folder in chosen:
+    if not folders:
+        raise ConfigError(f"--chapter {target}: a results folder is missing")
+    for folder in folders:
         require_results(folder)
     if target.exists() and not target.is_dir():
         raise ConfigError(f"--chapter {target}: is a file; a folder is wanted")
-    for written in write_chapter(chosen, target):
-        consoles()[0].print(str(written), soft_wrap=True)
+    try:
+        for written in write_chapter(folders, target, prose):
+            consoles()[0].print(str(written), soft_wrap=True)
+    except ConfigError as error:
+        for problem in getattr(error, "problems", ())[1:]:
+            consoles()[1].print(problem, soft_wrap=True, markup=False, highlight=False)
+        raise
 
 
 def rescore(folder: Path, overrides: Sequence[str], command: Sequence[str]) -> None:

@@ -21,13 +21,13 @@ def trace(
     ],
     rays: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="SET", help="camera, shadow or incoherent. May be repeated.", show_default="all three"),
+        typer.Option(metavar="SET", help="camera, shadow or incoherent rays. May be repeated.", show_default="all three"),
     ] = None,
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
         typer.Option(
             metavar="NAME",
-            help="May be repeated.",
+            help="An engine. May be repeated.",
             show_default="numpy, numba, embree, embreex_batch",
             autocompletion=engines,
         ),
@@ -40,25 +40,25 @@ def trace(
         Optional[list[str]],  # noqa: UP045
         typer.Option(metavar="NAME", help="float64 or float32. May be repeated.", show_default="the engine's"),
     ] = None,
-    threads: Annotated[Optional[list[int]], typer.Option(help="May be repeated.", show_default="1")] = None,  # noqa: UP045
-    count: Annotated[int, typer.Option(help="Rays of a set.")] = 200_000,
-    batch: Annotated[Optional[int], typer.Option(help="Rays of a call.", show_default="all")] = None,  # noqa: UP045
+    threads: Annotated[Optional[list[int]], typer.Option(help="Number of threads. May be repeated.", show_default="1")] = None,  # noqa: UP045
+    count: Annotated[int, typer.Option(help="Rays per set.")] = 200_000,
+    batch: Annotated[Optional[int], typer.Option(help="Rays per call.", show_default="all")] = None,  # noqa: UP045
     bounces: Annotated[int, typer.Option(help="Bounces of the paths that incoherent rays start from.")] = 3,
-    checked: Annotated[int, typer.Option(help="Rays of a set that are compared with exact answers.")] = 10_000,
-    hard: Annotated[int, typer.Option(help="Rays at shared edges and vertices, by which leaks are counted.")] = 20_000,
-    repeats: Annotated[int, typer.Option(help="Blocks.")] = 5,
-    max_time: Annotated[str, typer.Option(metavar="TIME", help="Time inside calls in a block.")] = "500ms",
-    seed: Annotated[int, typer.Option(help="Of the rays, and of the order.")] = 1,
+    checked: Annotated[int, typer.Option(help="Rays per set that are compared with exact answers.")] = 10_000,
+    hard: Annotated[int, typer.Option(help="Rays per set at shared edges and vertices, to count leaks.")] = 20_000,
+    repeats: Annotated[int, typer.Option(help="Number of blocks.")] = 5,
+    max_time: Annotated[str, typer.Option(metavar="TIME", help="Time inside calls, per block.")] = "500ms",
+    seed: Annotated[int, typer.Option(help="Seed of the rays and of the order.")] = 1,
     baseline: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(metavar="ENGINE", help="What rates are compared with.", show_default="the first that has results"),
+        typer.Option(metavar="ENGINE", help="Engine that rates are compared with.", show_default="the first that has results"),
     ] = None,
-    out: Annotated[Optional[Path], typer.Option("--out", show_default="results/trace")] = None,  # noqa: UP045
+    out: Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/trace")] = None,  # noqa: UP045
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, not as tables.")] = False,
     allow_imports: AllowImports = False,
     allow_outside: AllowOutside = False,
 ) -> None:
-    """Compare engines by rays: million rays per second beside wrong hits, misses and leaks."""
+    """Compare engines by rays: million rays per second, wrong hits, misses and leaks."""
     from engines.errors import ConfigError
     from engines.schema.yaml_file import parse_yaml
     from harness.config.trace import trace_of
@@ -76,7 +76,7 @@ def trace(
 def run_file(
     given: str, out: Path | None, overrides: Sequence[str], allowed: tuple[bool, bool], command: Sequence[str]
 ) -> int:
-    """`raybench run` of a file of the rays-only league."""
+    """`raybench run` of a file that compares rays."""
     from harness.config.trace import load_trace
 
     return measure(load_trace(given, overrides), out, False, allowed, command)

@@ -52,7 +52,7 @@ KEYS = Record("An experiment.", {
     "remeasure": Key(
         integer(0, 100), "Rounds, at the end of a run, in which contended cells are measured again, where times count.", 2
     ),
-    "timing": Key(BOOLEAN, "Whether times count. Otherwise cells may run side by side, on any machine of a cluster.", True),
+    "timing": Key(BOOLEAN, "Whether times count. Otherwise cells may run in parallel, on any machine of a cluster.", True),
     "images": Key(
         one_of(*IMAGES), "Checkpoints whose images are kept; some: 1, 4 and 16 samples and the last, all of the first block.",
         "some",
@@ -65,7 +65,7 @@ KEYS = Record("An experiment.", {
         "Ratios of times between contestants that differ in several settings; others are formed where one differs.", []
     ),
     "same_within": Key(
-        number(0.0, 1.0, open_low=True), "Share by which times may differ that count as the same.", 0.05
+        number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
     ),
     **SETTINGS,
     **matrix.MATRIX,

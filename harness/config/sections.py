@@ -83,9 +83,9 @@ _SIDE = Record("Contestants, by some of their settings; choices by their names a
     "precision": Key(NAME, "Precision.", None),
     "threads": Key(integer(1, 1024), "Threads.", None),
 }, _side)  # fmt: skip
-PAIR = Record("A ratio of times that is asked for, in however many settings the two differ.", {
-    "contestant": Key(_SIDE, "Whose times are compared."),
-    "baseline": Key(_SIDE, "With whose times; of several contestants, the one that shares the most settings."),
+PAIR = Record("A ratio of times to form, in however many settings the two differ.", {
+    "contestant": Key(_SIDE, "Contestant whose times are compared."),
+    "baseline": Key(_SIDE, "Contestant that it is compared with; of several, the one that shares the most settings."),
 }, lambda given, context: dict(given.values))  # fmt: skip
 
 
@@ -203,7 +203,7 @@ def _targets(node: Located) -> tuple[float, ...] | None:
 
 QUALITY = Record("Metric of the error, and the target errors.", {
     "metric": Key(one_of(*METRICS), "Metric of targets and plots.", "relmse"),
-    "epsilon": Key(number(0.0, 1e6, open_low=True), "Of relMSE: added to the square of each reference pixel.", 0.01),
+    "epsilon": Key(number(0.0, 1e6, open_low=True), "Added to the square of each reference pixel in relMSE.", 0.01),
     "targets": Key(
         Kind(_targets, {"oneOf": [{"const": "auto"}, _TARGETS.schema()]}),
         "Errors to reach, or auto: four half a decade apart, chosen once from the first results.", [0.1, 0.01, 0.001],

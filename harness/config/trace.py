@@ -1,4 +1,4 @@
-"""A file of the rays-only league becomes a `TraceExperiment`. `KEYS` describes all that it may say."""
+"""A file that compares rays becomes a `TraceExperiment`. `KEYS` describes its keys."""
 
 from __future__ import annotations
 
@@ -64,10 +64,10 @@ KEYS = Record("A comparison of engines by the rays that they trace: one value, o
     ),
     "precision": _axis(OrNull(one_of("float64", "float32")), "Precisions; null is the engine's own.", [None]),
     "threads": _axis(integer(1, 1024), "Threads of the engines.", [1]),
-    "count": Key(integer(16, 10**8), "Rays of a set.", 200_000),
-    "batch": Key(OrNull(integer(1, 10**8)), "Rays of a call; by default all in one.", None),
+    "count": Key(integer(16, 10**8), "Rays per set.", 200_000),
+    "batch": Key(OrNull(integer(1, 10**8)), "Rays per call; by default all in one.", None),
     "bounces": Key(integer(1, 64), "Bounces of the paths from whose hits incoherent rays start.", 3),
-    "checked": Key(integer(0, 10**8), "Rays of a set that are compared with exact answers; the whole set at most.", 10_000),
+    "checked": Key(integer(0, 10**8), "Rays per set that are compared with exact answers; the whole set at most.", 10_000),
     "hard": Key(integer(0, 10**8), "Rays at edges and vertices that triangles share, by which leaks are counted.", 20_000),
     "repeats": Key(integer(1, 1000), "Blocks. Each measures every contestant once, in random order, in new processes.", 5),
     "max_time": Key(DURATION, "Time inside calls in a block: sets are traced again until it is reached.", "500ms"),
@@ -75,7 +75,7 @@ KEYS = Record("A comparison of engines by the rays that they trace: one value, o
     "seed": Key(SEED, "Seed of the rays and of the order.", 1),
     "baseline": Key(OrNull(NAME), "Engine that rates are compared with; by default the first that has results.", None),
     "same_within": Key(
-        number(0.0, 1.0, open_low=True), "Share by which times may differ that count as the same.", 0.05
+        number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
     ),
 })  # fmt: skip
 
@@ -117,7 +117,7 @@ def trace_schema() -> Schema:
 
 
 def is_trace(path: Path) -> bool:
-    """Whether a file of configs/ is one of the rays-only league."""
+    """Whether a file of configs/ compares rays."""
     try:
         root = read_yaml(path, ConfigError)
     except ConfigError:

@@ -63,11 +63,12 @@ FIELDS: Mapping[str, Mapping[str, tuple[Callable[[Any], bool], str]]] = {
     "idle": {"status": (_is(int), "an integer")},
 }
 """What a message of each kind must have. A cell's "point" has `rays`, too, the `window` of its timed call in moments of
-`monotonic` and the threads that were `alive` after it, and its "end" `counters` and `machine`."""
+`monotonic` and the threads that were `alive` after it, and its "end" `counters`, `machine` and `warm_build_seconds`."""
 OPTIONAL: Mapping[str, tuple[Callable[[Any], bool], str]] = {
     "rays": (lambda value: value is None or _seconds(value), f"{NUMBER[1]}, or null"),
     "counters": (_numbers, "a mapping to finite numbers"),
     "machine": (_is(dict), "a mapping"),
+    "warm_build_seconds": NUMBER,
     "window": (_window, "two finite numbers from 0 on"),
     "alive": (_ids, "a list of thread ids"),
 }

@@ -150,13 +150,14 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     schedule, disturbance = Schedule(**request["schedule"]), Disturbance()
     patterns = [FullPattern(**each) for each in request["patterns"]]
     del renderer
+    again: dict[str, float] = {}
     if patterns:
         points = clock.pattern_points(
             engine, scene, lambda each: settings_of(request, request["seed"], each.sampler), patterns,
             schedule.max_time_seconds, estimate, disturbance,
         )  # fmt: skip
     else:
-        renderer, _, _ = clock.prepare(engine, scene, settings_of(request, request["seed"]))
+        renderer, again["warm_build_seconds"], _ = clock.prepare(engine, scene, settings_of(request, request["seed"]))
         points = clock.timed_points(renderer, schedule, estimate, disturbance)
     counters: dict[str, float] = {}
     for point in points:
@@ -164,7 +165,7 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
         hand_over(pipes, engine, point.film, request, point.spp, seconds=point.seconds, rays=point.rays, **timed)
         counters = {key: value for key, value in point.counters.items() if key not in TIMED_HERE}
     disturbance.rest()
-    pipes.send(did="end", counters=counters, machine=disturbance.report())
+    pipes.send(did="end", counters=counters, machine=disturbance.report(), **again)
 
 
 def reference(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:

@@ -50,6 +50,8 @@ class Cell:
     """The ranking it stands in. No part of the spec: another one is written down without measuring again."""
     raced: Mapping[str, Any] | None = None
     """The shader of the reference, where cells of all shaders race towards it."""
+    auto_accelerator: str = ""
+    """Which accelerator `auto` takes, and why, where the engine says so."""
     patterns: tuple[FullPattern, ...] = ()
     """The checkpoints of a sampler with whole patterns: each is a render of its own."""
 

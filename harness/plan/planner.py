@@ -235,6 +235,7 @@ def _configured(
         primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
         reproducible=_is_reproducible(engine), patterns=patterns or (), division=combination["division"],
         raced=dict(experiment.reference.shader) if experiment.reference.shader else None,
+        auto_accelerator="" if skip else _auto_accelerator(engine, scene, settings, known.allow_imports),
     )  # fmt: skip
     return cell, None if skip else wanted
 
@@ -256,6 +257,19 @@ def _is_reproducible(engine: Engine) -> bool:
     """Whether the engine promises that seed and samples decide an image."""
     broken: Any = getattr(engine, "not_promised", {})
     return isinstance(broken, Mapping) and not any(claim in broken for claim in REPRODUCIBLE)
+
+
+def _auto_accelerator(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str:
+    """What the engine says of its choice where the accelerator is `auto`; empty where it says nothing, or fails at it."""
+    says = getattr(engine, "auto_accelerator", None)
+    if settings["accelerator"]["name"] != "auto" or not callable(says):
+        return ""
+    try:
+        return str(says(scene, engine_settings(settings, 0, allow_imports)))
+    except (Exception, SystemExit) as error:
+        message = f"engine {engine.name}: auto_accelerator failed: {type(error).__name__}: {error}"
+        warnings.warn(message, stacklevel=2)
+        return ""
 
 
 def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imports: bool) -> str | None:

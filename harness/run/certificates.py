@@ -139,7 +139,7 @@ def words(event: Mapping[str, Any]) -> str:
     if event["verdict"] == "impossible":
         return f"uncertified: {event['message']}"
     if event.get("lineage") is None or event.get("image_bound") is None:
-        return f"uncertified: {event['engine']} was compared by an older rule, which asked for no other lineage"
+        return f"uncertified: {event['engine']} was compared by an older rule, which did not require another lineage"
     if event["lineage"] == event.get("reference_lineage"):
         return f"uncertified: {event['engine']} is of the reference's own lineage, {event['lineage']}"
     size = f"{event['width']}x{event['height']}, " if event.get("width") else ""

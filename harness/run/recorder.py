@@ -224,6 +224,7 @@ class CellRecord:
             elif message["did"] == "end":
                 self._ended(fields.get("counters", {}))
                 self.disturbance = fields.get("machine", {})
+                self.phases |= {key: fields[key] for key in ("warm_build_seconds",) if key in fields}
 
     def _ended(self, counters: Mapping[str, float]) -> None:
         bad = max(counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))

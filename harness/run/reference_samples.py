@@ -41,7 +41,7 @@ def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Suffi
     if needed <= wanted.spp:
         return Sufficiency(True, f"enough samples: {title} {target:g} takes about {needed:,}")
     return Sufficiency(
-        False, f"too few samples: {title} {target:g} takes about {needed:,}; times that its noise reaches are flagged"
+        False, f"too few samples: {title} {target:g} takes about {needed:,}; times that its noise affects are flagged"
     )
 
 

@@ -15,7 +15,7 @@ from harness.statistics.intervals import Estimate, bounded_interval, geometric_i
 class QualityTime:
     """Seconds until the error is `target`: geometric mean over seeds with Student's interval on the logarithms.
 
-    `reached` of `seeds` got there; `at_first` of those were there at their first checkpoint. `crossings` has the seconds of
+    `reached` of `seeds` reached it; `at_first` of those did so at their first checkpoint. `crossings` has the seconds of
     each seed: equal ends where they are known; (0, x] where it was there at its first checkpoint; [x, inf) where it was not
     there after x seconds, and ended or failed. `value` is infinite where some seed did not get there. `reliable`: wherever
     this was decided, the error stood 10 standard errors of the reference's noise above zero; False also where those are

@@ -106,7 +106,7 @@ def race(
 
     `faster` and `slower` hold together at 5 % for all pairs of ranked ones (Holm 1979), of differences beyond the floor. `same`
     precedes them: the 90 % interval lies within ±ln(1 + `margin`). A contestant may be the fastest if no one-sided
-    test finds it slower than another, at 5 % over max(2, k - 1); none may where none got there.
+    test finds it slower than another, at 5 % over max(2, k - 1); none may where none reached the target.
     """
     rows = np.ones(len(low), np.bool_) if ranked is None else np.asarray(ranked, np.bool_)
     pairs = _pairs(low, high, rows, clock)

@@ -1,4 +1,4 @@
-"""The sets of rays of the league, the same for every contestant and, for a seed, on every machine.
+"""The sets of rays, the same for every contestant and, for a seed, on every machine.
 
 - camera: jittered primary rays, pixel by pixel along rows: neighbours go through the same boxes (coherent).
 - shadow: from first hits towards points on lights, to be answered by `occluded`; those of one hit follow each other.

@@ -91,7 +91,7 @@ def test_nothing_heavy_is_imported_for_help():
         (["run", "quikc"], "unknown experiment 'quikc': did you mean 'quick'?"),
         (["run", "no/such.yaml"], "experiment 'no/such.yaml': there is no such file"),
         (["run", "quick", "--set", "repeets=2"], "--set repeets: unknown key: did you mean 'repeats'?"),
-        (["run", "quick", "--retry", "all"], "--retry all: 'failed' is the only thing to retry"),
+        (["run", "quick", "--retry", "all"], "--retry all: must be 'failed'"),
         (["run", "quick", "--frsh"], "--fresh"),
         (["run"], "Missing argument"),
         (["rum"], "run"),

@@ -45,7 +45,8 @@ def test_an_event_says_all_that_was_asked_and_measured(finished):
     for event in cells(finished[1]):
         assert event["state"] == "done" and event["threads"] == 1 and (event["width"], event["height"]) == (12, 8)
         assert event["precision"] == "float64" and event["shader"]["name"] == "path_tracer"
-        assert set(event["phases"]) == {f"{p}_seconds" for p in ("import", "load", "build", "compile", "render")}
+        phases = ("import", "load", "build", "warm_build", "compile", "render")
+        assert set(event["phases"]) == {f"{phase}_seconds" for phase in phases}
         assert [point["spp"] for point in event["points"]] == [1, 2, 4, 8]
         assert {"load_1m", "steal_seconds", "involuntary_switches", "contended"} <= set(event["machine"])
         assert event["machine"]["timed_seconds"] == pytest.approx(event["points"][-1]["seconds"], abs=1e-6)
@@ -58,6 +59,7 @@ def test_phases_are_those_of_the_engine_and_warm_rendering_is_alone_on_the_clock
         if event["engine"] == "phased":
             phases = event["phases"]
             assert phases["build_seconds"] >= 0.05 and phases["compile_seconds"] >= 0.1  # what was slept, at least
+            assert phases["warm_build_seconds"] >= 0.05
             assert phases["render_seconds"] == event["points"][-1]["seconds"] >= 8 * 0.02
 
 

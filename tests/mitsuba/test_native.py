@@ -90,6 +90,9 @@ def test_render_takes_a_sampler_that_the_engine_has_and_names_the_engine_for_the
     refused = forked.raybench([*words, "--engine", "numpy"], None, os.environ)
     assert refused.returncode == 2
     assert "The engine mitsuba is given the file as it is" in refused.stderr.replace("\n", " ")
+    fog(tmp_path, text=FOG.replace('<float name="fov"', '<float name="wrong" value="1"/><float name="fov"'))
+    declined = forked.raybench([*words, "--engine", "mitsuba_scalar"], None, os.environ)
+    assert declined.returncode == 2 and "does not load" in declined.stderr and "has no sampler" not in declined.stderr
 
 
 def test_the_image_is_the_one_that_mitsuba_renders_of_the_file(tmp_path):
@@ -127,6 +130,16 @@ def test_a_file_that_mitsuba_does_not_load_is_declined_in_its_words(tmp_path):
     text = FOG.replace('<float name="fov"', '<float name="wrong" value="1"/><float name="fov"')
     reason = ScalarEngine().why_not(engines.load_scene(fog(tmp_path, text=text), natively=True), Settings(sampler="random"))
     assert reason is not None and "does not load" in reason and "wrong" in reason and "\n" not in reason
+
+
+def test_aliases_whole_crops_and_meshes_that_mitsuba_cannot_merge_load(tmp_path):
+    """A floor that is turned over shares its BSDF with one that is not: Mitsuba's loader fails where it would merge them."""
+    floor = '<shape type="ply"><string name="filename" value="floor.ply"/><ref id="g"/>{{}}</shape>'
+    more = f'<bsdf type="null" id="m"/><alias id="m" as="g"/>{floor}{floor}'
+    text = FOG.replace("</scene>", more.replace("{{}}", '<boolean name="flip_normals" value="true"/>', 1).replace("{{}}", ""))
+    text = text.replace("<rfilter", '<integer name="cropOffsetX" value="0"/><rfilter') + "</scene>"
+    held = engines.load_scene(fog(tmp_path, text=text), natively=True)
+    assert ScalarEngine().why_not(held, Settings(sampler="random")) is None
 
 
 def test_another_file_beside_is_another_scene(tmp_path):

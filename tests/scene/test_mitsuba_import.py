@@ -30,7 +30,7 @@ from engines.scene import (
     ThinLens,
 )
 from engines.scene.metals import METALS
-from tests.scene.mitsuba_files import LAMP, SENSOR, bsdf, light, scene, shape, written
+from tests.scene.mitsuba_files import LAMP, SENSOR, bsdf, light, refusal, scene, shape, written
 
 WHITE = (1.0, 1.0, 1.0)
 GREY = (0.5, 0.5, 0.5)
@@ -210,6 +210,26 @@ def test_a_flat_spectrum_of_light_is_that_of_equal_energy(tmp_path):
     assert found.intensity == pytest.approx((2.40958, 1.89658, 1.81784), rel=1e-3)
 
 
+VALUES = '<string name="values" value="1, 2, 3, 1"/>'
+
+
+@pytest.mark.parametrize(
+    ("xml", "wanted"),
+    [
+        ('<blackbody name="intensity" temperature="3000K" scale="0.5"/>', (366.9, 175.0, 56.41)),
+        ('<spectrum type="blackbody" name="intensity"><float name="temperature" value="3000"/></spectrum>',
+         (733.9, 349.9, 112.8)),
+        (f'<spectrum type="irregular" name="intensity"><string name="wavelengths" value="400 500 600 700"/>{VALUES}</spectrum>',
+         (3.2767, 2.3733, 1.2540)),
+        (f'<spectrum type="regular" name="intensity"><float name="wavelength_min" value="400"/>{VALUES}'
+         '<float name="wavelength_max" value="700"/></spectrum>', (3.2767, 2.3733, 1.2540)),
+        ('<spectrum type="d65" name="intensity"><float name="scale" value="2"/></spectrum>', (2.0, 2.0, 2.0)),
+    ],
+)  # fmt: skip
+def test_spectra_of_light_have_the_colour_that_mitsubas_spectral_variant_renders(tmp_path, xml, wanted):
+    assert light(tmp_path, f'<emitter type="point">{xml}</emitter>').intensity == pytest.approx(wanted, rel=2e-3)
+
+
 def test_bitmaps(tmp_path, image):
     def reflectance(more="", version="3.0.0"):
         bitmap = f'<texture type="bitmap" name="reflectance"><string name="filename" value="{image}"/>{more}</texture>'
@@ -360,6 +380,17 @@ def test_included_files_stand_in_their_place(tmp_path):
     assert found.materials[0].name == "m"
 
 
+def test_an_alias_is_another_id_and_files_are_looked_for_in_paths_first(tmp_path):
+    (tmp_path / "more").mkdir()
+    (tmp_path / "more" / "m.xml").write_text('<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8")
+    body = '<path value="more"/><include filename="m.xml"/><alias id="m" as="n"/><shape type="sphere"><ref id="n"/></shape>'
+    assert scene(tmp_path, body).materials[0].name == "m"
+    assert "before this line" in refusal(tmp_path, '<alias id="m" as="n"/>')
+    assert "is taken" in refusal(tmp_path, '<bsdf type="null" id="m"/><alias id="m" as="m"/>')
+    (tmp_path / "o.xml").touch()
+    assert "outside" in refusal(tmp_path / "more", '<path value=".."/><include filename="o.xml"/>')
+
+
 def test_what_does_not_change_the_image_is_dropped_and_said_once(tmp_path):
     body = f'<shape type="sphere"><bsdf type="roughdiffuse"><string name="oddity" value="1"/></bsdf></shape>{LAMP}'
     sensor = SENSOR.replace("</film>", '<rfilter type="tent"/></film><sampler type="ldsampler"/>')
@@ -378,6 +409,12 @@ def test_what_does_not_change_the_image_is_dropped_and_said_once(tmp_path):
 def test_elements_of_the_wild_are_left_out(tmp_path):
     body = f'<mode type="final"/><hide type="x"><float name="y" value="z"/></hide><shape type="sphere"/>{LAMP}'
     assert len(scene(tmp_path, body, "0.5.0").shapes) == 1
+
+
+def test_an_unused_texture_may_be_missing(tmp_path):
+    body = '<texture type="bitmap" id="t"><string name="filename" value="nosuch.png"/></texture>'
+    found = scene(tmp_path, f'{body}<shape type="sphere"/>{LAMP}')
+    assert found.native is None and "nosuch.png" in found.warnings[-1] and "not the file" in found.warnings[-1]
 
 
 def test_transforms_apply_one_after_the_other(tmp_path):

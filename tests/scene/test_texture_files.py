@@ -118,6 +118,20 @@ def test_hdr_with_and_without_runs(tmp_path):
             pixels(tmp_path, "cut.hdr")
 
 
+@pytest.mark.parametrize(("scale", "order"), [("-1.0", "<f4"), ("2", ">f4")])
+def test_pfm_in_both_orders_of_bytes(tmp_path, scale, order):
+    values = np.arange(12).reshape(2, 2, 3)
+    content = f"PF\n2 2\n{scale}\n".encode() + values.astype(order).tobytes()
+    (tmp_path / "a.pfm").write_bytes(content)
+    assert np.array_equal(pixels(tmp_path, "a.pfm"), values[::-1] * abs(float(scale)))
+    (tmp_path / "g.pfm").write_bytes(content.replace(b"PF", b"Pf"))
+    assert pixels(tmp_path, "g.pfm").tolist()[1][0] == pytest.approx([0.0])
+    for damaged in (content[:-1], b"PF 2 2\n", content.replace(b"2 2", b"0 2")):
+        (tmp_path / "d.pfm").write_bytes(damaged)
+        with pytest.raises(SceneError, match=r"is not a usable image|has 0 x 2 pixels"):
+            pixels(tmp_path, "d.pfm")
+
+
 def test_a_file_is_read_once_a_scene_and_decoded_once_each_way(tmp_path, monkeypatch):
     Image.fromarray(COLORS).save(tmp_path / "a.png")
     read = []

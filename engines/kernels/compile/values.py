@@ -30,7 +30,7 @@ def call_stage(typing, stage, batch, scene):
 
 @intrinsic
 def keep_scalar(typing):
-    """Keeps LLVM from making vector code of the loop around it: gathers of a few numbers a lane cost more than they save."""
+    """Keeps LLVM from making vector code of the loop around it: gathers of a few numbers per lane cost more than they save."""
 
     def generate(context, builder, signature, arguments):
         nothing = ir.FunctionType(ir.VoidType(), [])

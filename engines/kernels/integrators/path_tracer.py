@@ -1,4 +1,4 @@
-"""Unidirectional path tracing: emission, one light sample a vertex, one lobe, Russian roulette (docs/transport.md)."""
+"""Unidirectional path tracing: emission, one light sample per vertex, one lobe, Russian roulette (docs/transport.md)."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ def _load_faces(rays, scene, lanes):
 
 @cache
 def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool, real: Any) -> Any:
-    """The function (rays, scene) that stores one light sample a lane."""
+    """The function (rays, scene) that stores one light sample per lane."""
     zero, one, infinite = real(0), real(1), real(np.inf)
     load, every, weighted = _make_load(kinds, selection, real), selection.every, selection.power or selection.hierarchy
     sample_light = _make_sample(tuple(kind for kind in kinds if kind != IMAGE_ENVIRONMENT))

@@ -33,7 +33,7 @@ class Renderer(ImageRenderer):
         assert self._blender is not None
         samples = min(spp, MOST_SAMPLES - offset)
         if samples < 1:
-            raise RuntimeError(f"Cycles takes at most {MOST_SAMPLES} samples a pixel")
+            raise RuntimeError(f"Cycles takes at most {MOST_SAMPLES} samples per pixel")
         return self._blender.render(samples, offset, seed).astype(float), samples
 
     def counters(self) -> dict[str, float]:

@@ -27,7 +27,7 @@ from engines.scene import (
     Triangle,
 )
 
-_TIMING = "how many samples a pixel has beyond those asked for is a matter of timing"
+_TIMING = "how many samples a pixel has beyond those asked for depends on timing"
 _SHARED = "its threads take turns at one stream of pixels: images are equal in distribution only"
 
 

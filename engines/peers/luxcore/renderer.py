@@ -38,7 +38,7 @@ class Renderer(ImageRenderer):
     """Threads are started and stopped by editing the scene, and changing nothing: that draws new seeds, and keeps what is
     built. A session that is started anew would build all again.
 
-    `counters()["surplus_samples"]`: samples a pixel beyond those asked for, on average.
+    `counters()["surplus_samples"]`: samples per pixel beyond those asked for, on average.
     """
 
     def build(self, scene: Scene, settings: Settings) -> None:

@@ -21,9 +21,11 @@ from engines.image import (
     opened_bitmap,
     readable,
 )
+from engines.scene.formats.pfm import read_pfm
 from engines.scene.formats.radiance import read_hdr
 
-TEXTURE_SUFFIXES = (*SUFFIXES, ".hdr", ".tga")
+TEXTURE_SUFFIXES = (*SUFFIXES, ".hdr", ".pfm", ".tga")
+_FLOATS = {".hdr": read_hdr, ".pfm": read_pfm}
 CHANNELS = "rgba"
 _LETTERS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 """What the channels of an image are; the first of a grey one is its grey, which `r`, `g` and `b` all mean."""
@@ -32,18 +34,18 @@ _LETTERS = {1: "r", 2: "ra", 3: "rgb", 4: "rgba"}
 def read_texels(path: Path) -> NDArray[Any]:
     """(h, w, c) values as a file has them, c from 1 to 4: grey, grey and alpha, RGB, RGB and alpha.
 
-    uint8 and uint16 of bitmaps, float32 of EXR and HDR. Raises `SceneError` naming the file when it is missing, no regular
+    uint8 and uint16 of bitmaps, float32 of EXR, HDR and PFM. Raises `SceneError` naming the file when it is missing, no regular
     file, damaged, of an unknown format, too large (known from its header), or holds infinities or NaN.
     """
     file = readable(path, TEXTURE_SUFFIXES)
     suffix = file.suffix.lower()
-    if suffix not in (".exr", ".hdr"):
+    if suffix != ".exr" and suffix not in _FLOATS:
         return _bitmap(file, (*PILLOW_FORMATS, "TGA") if suffix == ".tga" else PILLOW_FORMATS)
     if suffix == ".exr":
         found = _exr(file)
     else:
         with decoding(file):
-            found = read_hdr(file, lambda width, height: check_size(file, width, height, most_pixels(file)))
+            found = _FLOATS[suffix](file, lambda width, height: check_size(file, width, height, most_pixels(file)))
     if not np.isfinite(found).all():
         raise SceneError(f"{file}: holds values that are infinite or not a number")
     return found

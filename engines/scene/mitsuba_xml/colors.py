@@ -1,4 +1,4 @@
-"""Colours: `rgb`, `srgb`, `spectrum` and `float` as linear RGB."""
+"""Colours: `rgb`, `srgb`, `spectrum`, `blackbody` and `float` as linear RGB."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import numpy as np
 
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import number_of
-from engines.scene.mitsuba_xml.spectra import FLAT_SPECTRUM, rgb_of_samples
+from engines.scene.mitsuba_xml.spectra import FLAT_SPECTRUM, rgb_of_black_body, rgb_of_samples
 from engines.scene.mitsuba_xml.transforms import number, numbers
 from engines.scene.triple import Triple
 
 REFLECTANCE, EMISSION, INDEX = "reflectance", "emission", "index"
 """What a colour is for: a share in [0, 1], light, or an index of refraction."""
 MAX_SAMPLES = 10_000
+HOTTEST = 1e6
+"""Kelvin."""
 _HEX = re.compile(r"#([0-9a-fA-F]{6})")
 
 
@@ -36,6 +38,8 @@ def _values(element: Element, role: str) -> Triple:
         return grey, grey, grey
     if tag == "spectrum":
         return _spectrum(element, text, role)
+    if tag == "blackbody" and role == EMISSION:
+        return _black_body(element)
     if tag not in ("rgb", "srgb"):
         raise element.refuse("a colour is wanted: <rgb>, <srgb>, <spectrum> or <float>")
     if hexadecimal := _HEX.fullmatch(text):
@@ -62,13 +66,35 @@ def _spectrum(element: Element, text: str, role: str) -> Triple:
     if "filename" in element.attributes:
         raise element.refuse("spectra from files are not read: give rgb")
     if ":" in text:
-        samples = _samples(element, text)
-        r, g, b = (max(0.0, x) for x in rgb_of_samples(samples, role == EMISSION))
-        return (min(r, 1.0), min(g, 1.0), min(b, 1.0)) if role == REFLECTANCE else (r, g, b)
+        return of_samples(_samples(element, text), role)
     r, g, b = _three(element)
     if role == EMISSION and r == g == b and len(re.split(r"[,\s]+", text)) == 1:
         return r * FLAT_SPECTRUM[0], r * FLAT_SPECTRUM[1], r * FLAT_SPECTRUM[2]
     return r, g, b
+
+
+def of_samples(samples: np.ndarray, role: str) -> Triple:
+    """The colour of (2, n) growing wavelengths and values."""
+    r, g, b = (max(0.0, x) for x in rgb_of_samples(samples, role == EMISSION))
+    return (min(r, 1.0), min(g, 1.0), min(b, 1.0)) if role == REFLECTANCE else (r, g, b)
+
+
+def of_black_body(kelvin: float, scale: float) -> Triple:
+    """The light of a black body."""
+    r, g, b = rgb_of_black_body(kelvin)
+    return r * scale, g * scale, b * scale
+
+
+def _black_body(element: Element) -> Triple:
+    """`<blackbody temperature="3000K" scale="2"/>` of Mitsuba 0.x."""
+    text = element.required("temperature").strip()
+    try:
+        kelvin, scale = number(text.removesuffix("K")), number(element.attributes.get("scale", "1"))
+    except ValueError:
+        kelvin = scale = -1.0
+    if not (0.0 < kelvin <= HOTTEST and scale >= 0.0):
+        raise element.refuse(f"temperature must lie in (0, {HOTTEST:g}] K, and scale must not be negative")
+    return of_black_body(kelvin, scale)
 
 
 def _samples(element: Element, text: str) -> np.ndarray:

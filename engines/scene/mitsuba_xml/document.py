@@ -23,6 +23,7 @@ MAX_DEPTH = 64
 MAX_ELEMENTS = 200_000
 MAX_INCLUDES = 1000
 MAX_NESTED_INCLUDES = 16
+MAX_PATHS = 100
 NEWEST_OLD = (2, 0)
 """Files of a version below this one are in the format of Mitsuba 0.x."""
 OPAQUE = ("hide",)
@@ -86,7 +87,8 @@ def _short(text: str) -> str:
 
 @dataclass(slots=True)
 class Reader:
-    """Reads a file with those that it includes. `parameters` are values of `$name` from outside; they win over `default`."""
+    """Reads a file with those that it includes. `parameters` are values of `$name` from outside; they win over `default`.
+    `place` learns the folders of `path` elements."""
 
     place: Place
     parameters: Mapping[str, str]
@@ -122,6 +124,8 @@ class Reader:
                 self._define(child)
             elif child.tag == "include":
                 children += self._included(child, within)
+            elif child.tag == "path":
+                self._look_in(child, within[-1].parent)
             elif child.tag not in OPAQUE:
                 children.append(self._expanded(child, within))
         element.children = children
@@ -132,6 +136,12 @@ class Reader:
         self.used.add(name)
         if name not in self.parameters:
             self.defined[name] = self._replaced(element, element.required("value"))
+
+    def _look_in(self, element: Element, folder: Path) -> None:
+        """A `path` element: files are looked for in its folder, which is relative to the file's, before the others."""
+        if len(self.place.first) >= MAX_PATHS:
+            raise element.refuse(f"more than {MAX_PATHS} folders to look in")
+        self.place = self.place.looking_in(folder / self._replaced(element, element.required("value")))
 
     def _replaced(self, element: Element, text: str) -> str:
         if "$" not in text:

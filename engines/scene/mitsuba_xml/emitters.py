@@ -12,6 +12,7 @@ from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.sky import baked
+from engines.scene.mitsuba_xml.textures import texture
 from engines.scene.mitsuba_xml.transforms import Matrix, nearest_orthogonal, similarity
 from engines.scene.triple import WHITE, Triple
 from engines.schema.fields import unit
@@ -43,12 +44,10 @@ def area_radiance(importer: Importer, plugin: Plugin) -> Triple:
 def _light_color(importer: Importer, plugin: Plugin, name: str) -> Triple:
     nested = importer.named(plugin, name)
     if nested is not None:
-        if nested.type not in ("uniform", "srgb", "rawconstant"):
+        found = texture(importer, nested, EMISSION)
+        if not isinstance(found, tuple):
             raise nested.refuse(f"{name} as a texture has no counterpart: a colour is wanted")
-        element = nested.spectrum("color", "value")
-        if element is None:
-            raise nested.refuse("the property 'color' or 'value' is missing")
-        return color(element, EMISSION)
+        return found
     element = plugin.spectrum(name)
     return WHITE if element is None else color(element, EMISSION)
 

@@ -23,7 +23,8 @@ PLUGIN_TAGS = (
 )  # fmt: skip
 SPECTRA = ("rgb", "srgb", "spectrum", "blackbody")
 VALUE_TAGS = ("integer", "float", "boolean", "string", "point", "vector", "transform", "animation", *SPECTRA)
-DROPPED_TAGS = ("mode", "path", "alias")
+DROPPED_TAGS = ("mode",)
+MAX_NUMBERS = 10_000
 TRUE, FALSE = ("true", "1"), ("false", "0")
 
 
@@ -114,6 +115,16 @@ class Plugin:
             if found not in known:
                 raise element.refuse_value(suggestion(found, known))
         return found
+
+    def numbers(self, name: str) -> list[float]:
+        """A list of numbers, which must be there."""
+        element = self._get(name)
+        if element is None:
+            raise self.refuse(f"the property '{name}' is missing")
+        try:
+            return [number(word) for word in re.split(r"[,\s]+", element.required("value").strip())[:MAX_NUMBERS]]
+        except ValueError:
+            raise element.refuse_value("must be finite numbers") from None
 
     def file(self, *names: str) -> Element:
         """The element that names a file. Raises `SceneError` where it is missing."""
@@ -206,7 +217,19 @@ def plugin_tree(element: Element, ids: dict[str, Plugin]) -> Plugin:
             if name in made.values:
                 raise child.refuse(f"this property is given twice: first in line {made.values[name].line}")
             made.values[name] = child
+        elif child.tag == "alias":
+            _name_again(child, ids)
         elif child.tag not in DROPPED_TAGS:
             known: Sequence[str] = (*PLUGIN_TAGS[1:], *VALUE_TAGS, "ref", "default", "include")
             raise child.refuse(f"unknown element: {suggestion(child.tag, known)}")
     return made
+
+
+def _name_again(element: Element, ids: dict[str, Plugin]) -> None:
+    """An `alias` element: another id of a plugin that stands before it."""
+    known, new = element.required("id"), element.required("as")
+    if known not in ids:
+        raise element.refuse(f"there is no such id before this line: {suggestion(known, ids)}")
+    if new in ids:
+        raise element.refuse(f"this id is taken by {ids[new].element.where}")
+    ids[new] = ids[known]

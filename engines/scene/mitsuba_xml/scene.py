@@ -30,9 +30,11 @@ CLIP_REACH = 4.0
 """Distance of the corners of the near plane from the eye, in distances of the plane: 1 / cos(75 degrees)."""
 
 
-def read_root(file: Path, place: Place, parameters: Mapping[str, str] | None = None) -> Element:
-    """The `scene` element of a file, complete: included files in place, `$name` replaced, those of `parameters` first."""
-    return Reader(place, dict(parameters or {})).read(file, str(file))
+def read_root(file: Path, place: Place, parameters: Mapping[str, str] | None = None) -> tuple[Element, Place]:
+    """The `scene` element of a file, complete: included files in place, `$name` replaced, those of `parameters` first. And
+    `place` with the folders that the file says to look in."""
+    reader = Reader(place, dict(parameters or {}))
+    return reader.read(file, str(file)), reader.place
 
 
 def import_scene(file: Path, root: Element, place: Place) -> Scene:

@@ -68,6 +68,15 @@ def rgb_of_samples(samples: NDArray[np.float64], light: bool) -> Triple:
     return r, g, b
 
 
+def rgb_of_black_body(kelvin: float) -> Triple:
+    """Linear RGB of the radiance that a black body has at a nanometre of wavelength (Planck), in W / (m^2 sr nm)."""
+    wavelengths = np.arange(FIRST, FIRST + STEP * 94.5)
+    with np.errstate(over="ignore"):
+        radiance = 1.19104297e20 / wavelengths**5 / np.expm1(1.438776877e7 / (wavelengths * kelvin))
+    r, g, b = rgb_of_samples(np.stack([wavelengths, radiance]), light=True)
+    return max(0.0, r), max(0.0, g), max(0.0, b)
+
+
 def _table() -> NDArray[np.float64]:
     """(4, 471) the curves in steps of 1 nm."""
     rows = np.array([row.split() for row in _TABLE.replace("\n", " ").split(";") if row.strip()], np.float64)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.mitsuba_xml.colors import REFLECTANCE, color
+from engines.scene.mitsuba_xml.colors import EMISSION, HOTTEST, REFLECTANCE, color, of_black_body, of_samples
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
@@ -176,9 +177,36 @@ def _constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
     return color(element, role)
 
 
+def _d65(importer: Importer, plugin: Plugin, role: str) -> Triple:
+    """White, as in the RGB variants of Mitsuba 3."""
+    grey = plugin.number("scale", default=1.0, low=0.0, high=1.0 if role == REFLECTANCE else math.inf)
+    return grey, grey, grey
+
+
+def _black_body(importer: Importer, plugin: Plugin, role: str) -> Triple:
+    if role != EMISSION:
+        raise plugin.refuse("a black body is a light: give rgb")
+    kelvin = plugin.number("temperature", default=6500.0, low=1.0, high=HOTTEST)
+    return of_black_body(kelvin, plugin.number("scale", default=1.0, low=0.0))
+
+
+def _sampled(importer: Importer, plugin: Plugin, role: str) -> Triple:
+    """`irregular` has its wavelengths; those of `regular` lie between two at equal steps."""
+    values = plugin.numbers("values")
+    if plugin.type == "irregular":
+        wavelengths = plugin.numbers("wavelengths")
+    else:
+        least, most = plugin.number("wavelength_min", default=360.0), plugin.number("wavelength_max", default=830.0)
+        wavelengths = np.linspace(least, most, len(values)).tolist()
+    growing = len(wavelengths) == len(values) >= 2 and (np.diff(wavelengths) > 0.0).all()
+    if not growing or min(values) < 0.0:
+        raise plugin.refuse("two values at least are wanted, none below 0, of as many wavelengths that grow")
+    return of_samples(np.array([wavelengths, values]), role)
+
+
 TEXTURES = {
     "bitmap": _bitmap, "checkerboard": _checkerboard, "scale": _scaled, "srgb": _constant, "uniform": _constant,
-    "rawconstant": _constant,
+    "rawconstant": _constant, "d65": _d65, "blackbody": _black_body, "regular": _sampled, "irregular": _sampled,
 }  # fmt: skip
 REFUSED = {
     "mesh_attribute": "attributes of a mesh are not read: bake them into a bitmap",
@@ -187,8 +215,4 @@ REFUSED = {
     "gridtexture": "has no counterpart: bake it into a bitmap",
     "curvature": "has no counterpart",
     "vertexcolors": "attributes of a mesh are not read: bake them into a bitmap",
-    "d65": "sampled illuminants have no counterpart: give rgb",
-    "blackbody": "black bodies have no counterpart: give rgb",
-    "regular": "sampled spectra as plugins are not read: give rgb",
-    "irregular": "sampled spectra as plugins are not read: give rgb",
 }

@@ -1,8 +1,9 @@
-"""The dissertation's missing chapter, written from results: `raybench report --chapter DIR`.
+"""A chapter about results: `raybench report FOLDER... --chapter DIR`, with prose of one's own by `--prose FILE`.
 
-Each results folder gives one section, in the order given; its experiment's name says which module writes it (`WRITERS`,
-anything else is `chapter.experiment`). A writer is a function `section(analysis, plots) -> Section`, which saves its
-figures with `plots.style.save(figure, plots, name)` and returns text as `chapter.document` has it.
+Each results folder gives one section of tables and figures, in the order given; its experiment's name says which module makes
+it (`WRITERS`, anything else is `chapter.experiment`). A writer is a function `section(analysis, plots) -> Section`, which saves
+its figures with `figures.finished` and returns text as `chapter.document` has it. Prose chooses among those tables and
+figures, and its claims are checked: `chapter.prose`.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ TITLE = "Results"
 WRITERS: dict[str, Callable[[Analysis, Path], Section]] = {"dahlquist": dahlquist.section}
 
 
-def write_chapter(folders: Sequence[Path], target: Path) -> list[Path]:
+def write_chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) -> list[Path]:
     """Writes chapter.md, chapter.tex, chapter.html and plots/ into `target`; returns the three texts.
 
-    Raises ConfigError where a folder has no results.
+    Raises ConfigError where a folder has no results, and where `prose` claims what they do not say.
     """
     if not folders:
         raise ConfigError("a chapter needs a results folder")
@@ -40,7 +41,12 @@ def write_chapter(folders: Sequence[Path], target: Path) -> list[Path]:
     for old in [path for suffix in FORMATS for path in plots.glob(f"*.{suffix}")]:
         old.unlink()
     with matplotlib.rc_context(cast(Any, STYLE)):
-        chapter = Chapter(TITLE, [_section(analysis, plots) for analysis in analyses])
+        sections = [_section(analysis, plots) for analysis in analyses]
+    chapter = Chapter(TITLE, sections)
+    if prose is not None:
+        from harness.report.chapter.prose import chapter as written
+
+        chapter = written(prose, analyses, sections)
     texts = {"chapter.md": markdown(chapter), "chapter.tex": latex(chapter), "chapter.html": html(chapter)}
     for name, text in texts.items():
         write_text(target / name, text)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import figures, port_features, port_pictures
-from harness.report.chapter.document import Listing, Paragraph, Part, Section, TablePart
+from harness.report.chapter.document import Paragraph, Section, TablePart
 from harness.report.chapter.experiment import VERDICTS, each_block, limits, place
 from harness.report.chapter.families import (
     Family,
@@ -23,7 +23,7 @@ from harness.report.chapter.families import (
     ranking,
     thousands,
 )
-from harness.report.chapter.sentences import finding, listed, plural
+from harness.report.chapter.words import listed
 from harness.report.tables import Column, Table
 from harness.report.tables.evidence import floors_text
 from harness.statistics import Estimate, Ratio
@@ -48,7 +48,7 @@ def section(analysis: Analysis, plots: Path) -> Section:
     rivals = _rivals(analysis, found)
     if any(rival.contestant.done for rival in rivals):
         made.sections += [
-            _frames(analysis, found, rivals, plots),
+            _frames(analysis, rivals, plots),
             port_pictures.section(analysis, [(rival.name, rival.contestant) for rival in rivals], plots),
             port_features.section(analysis),
         ]
@@ -97,24 +97,9 @@ def _fastest_port(family: Family) -> str | None:
 # ---- frames ----------------------------------------------------------------------------------------------------------
 
 
-def _frames(analysis: Analysis, found: Sequence[Family], rivals: Sequence[Rival], plots: Path) -> Section:
-    parts: list[Part] = [part for family in found for part in _comparison(family, rivals)]
-    parts.append(TablePart(_frame_table(analysis, rivals)))
+def _frames(analysis: Analysis, rivals: Sequence[Rival], plots: Path) -> Section:
     measured = [(rival.name, rival.contestant) for rival in rivals if rival.contestant.done]
-    return Section("Frames", [*parts, *figures.part(figures.frame_times(measured, plots))])
-
-
-def _comparison(family: Family, rivals: Sequence[Rival]) -> list[Part]:
-    """How each of a family stands to the port's fastest, from the fastest of all down."""
-    settings = family.any.settings
-    where = f"With {plural(settings.threads, 'thread')} at {settings.size} pixels"
-    port = _fastest_port(family)
-    if port is None:
-        return [Paragraph([f"{where} the port was not measured, so nothing is compared with it."])]
-    speedups = {id(rival.contestant): rival.speedup for rival in rivals}
-    compared = [(name, speedups[id(family.members[name])]) for name in ranking(family)]
-    clauses = [f"{finding(name, port, speedup)}." for name, speedup in compared if speedup is not None]
-    return [Paragraph([f"{where}, beside {port}, the port's fastest, and from the fastest down:"]), Listing(clauses)]
+    return Section("Frames", [TablePart(_frame_table(analysis, rivals)), *figures.part(figures.frame_times(measured, plots))])
 
 
 def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:

@@ -1,39 +1,59 @@
-"""The experiment of the dissertation: accelerators, threads, shaders and samplers over its scenes.
+"""The tables and figures of an experiment: accelerators, threads, shaders and samplers over its scenes.
 
-Every number and every verdict in the text comes from the results; what was not varied is left out.
+What was not varied is left out. The tables hold numbers and who may be best; what they mean is for prose to say.
 """
 
 from __future__ import annotations
 
-import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from harness.analysis import Analysis, frames
-from harness.report.chapter import accelerators, samplers, shaders, threads
-from harness.report.chapter.document import Listing, Paragraph, Section
-from harness.report.chapter.sentences import error_name, listed, plural
+from harness.analysis import Analysis, error_targets, frames
+from harness.report.chapter import figures, measures
+from harness.report.chapter.document import Listing, Paragraph, Section, TablePart
+from harness.report.chapter.families import (
+    HEADINGS,
+    Family,
+    best,
+    compare,
+    demanding,
+    estimate,
+    families,
+    identity,
+    row_of,
+    thousands,
+    usual,
+    value_columns,
+    values,
+)
+from harness.report.chapter.words import error_name, listed, plural
+from harness.report.tables import Column, Table
 from harness.report.tables.evidence import floors_text
+from harness.statistics import Estimate
+from harness.store.results import Contestant
 
 VERDICTS = (
     "Intervals are at 95 % for one pair; that one is called faster, beyond the noise floor, holds at 95 % for all pairs of "
     "a comparison together. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all "
     "else is unresolved."
 )
-TOPICS = (accelerators, threads, shaders, samplers)
 
 
 def section(analysis: Analysis, plots: Path) -> Section:
     """The section of one results folder; its figures are written into `plots`."""
     made = Section("The experiment", [Paragraph(_setting(analysis))])
-    for topic in TOPICS:
-        below = topic.section(analysis, plots)
+    for topic in (_accelerators, _threads, _shaders, _samplers, _tails):
+        below = topic(analysis, plots)
         if below is not None:
             made.sections.append(below)
-    made.sections.append(limits(analysis, _bias(analysis)))
+    made.sections.append(limits(analysis))
     return made
+
+
+# ---- how it was measured ---------------------------------------------------------------------------------------------
 
 
 def _setting(analysis: Analysis) -> list[str]:
@@ -42,16 +62,9 @@ def _setting(analysis: Analysis) -> list[str]:
     if not settings:
         return ["Nothing was measured."]
     blocks = {cell["block"] for contestant in results.contestants for cell in contestant.done}
-    used, names = {(s.engine, s.accelerator) for s in settings}, {s.engine for s in settings}
-    varied = {
-        "engine" if len(used) == len(names) else "accelerator": len(used), "thread count": len({s.threads for s in settings}),
-        "shader": len({s.shader for s in settings}), "sampler": len({s.sampler for s in settings}),
-    }  # fmt: skip
-    sizes = sorted({s.size for s in settings})
     return [
-        f"{plural(len(results.scenes), 'scene')} {'was' if len(results.scenes) == 1 else 'were'} rendered with "
-        f"{listed([plural(number, noun) for noun, number in varied.items()])}, {len(settings)} configurations in all, "
-        f"at {listed(sizes)} pixels.",
+        f"{plural(len(settings), 'configuration')} on {plural(len(results.scenes), 'scene')}, at "
+        f"{listed(sorted({s.size for s in settings}))} pixels.",
         *place(analysis),
         f"Every configuration was measured once{each_block(len(blocks))}{', with another seed in each' * (len(blocks) > 1)}.",
         "Times are those of rendering alone.",
@@ -66,15 +79,18 @@ def each_block(blocks: int) -> str:
 
 
 def place(analysis: Analysis) -> list[str]:
-    """On what machine it was measured."""
+    """On what machine it was measured, and when."""
     machine = analysis.results.manifest.get("machine") or {}
     cores = machine.get("usable_cores") or machine.get("cores")
     cpu = machine.get("cpu") or "an unnamed processor"
-    return [f"The machine was {cpu}{f' with {cores} usable cores' if cores else ''}."]
+    days = sorted({str(cell["time"])[:10] for cell in analysis.results.cells if cell.get("time")})
+    when = f", on {' to '.join(dict.fromkeys((days[0], days[-1])))}" if days else ""
+    size = f" with {plural(int(cores), 'usable core')}" if cores else ""
+    return [f"The machine was {cpu}{size}{when}."]
 
 
-def limits(analysis: Analysis, *more: str) -> Section:
-    """What did not run, how quiet the machine was, what is noise; and `more` of the same kind."""
+def limits(analysis: Analysis) -> Section:
+    """What did not run, and how quiet the machine was."""
     results = analysis.results
     cells = frames.by_contestant(frames.cells(results).frame, results)
     counted = listed([f"{number} {state}" for state, number in cells.state.value_counts().sort_index().items()])
@@ -82,28 +98,15 @@ def limits(analysis: Analysis, *more: str) -> Section:
     missing = set(results.manifest.get("cell_ids") or ()) - set(cells.cell_id)
     if missing:
         said.append(f"{plural(len(missing), 'cell')} of the experiment had not been begun.")
-    contended = sum(bool((cell.get("machine") or {}).get("contended")) for cell in results.cells)
+    contended = contended_cells(analysis)
     said.append(f"{plural(contended, 'cell')} shared the machine with other work while being timed." if contended
                 else "No cell shared the machine with other work while being timed.")  # fmt: skip
-    parts: list[Any] = [Paragraph([*said, *more])]
     reasons = _reasons(cells)
-    return Section("What else to know", [*parts, Listing(reasons)] if reasons else parts)
+    return Section("What else to know", [Paragraph(said), *([Listing(reasons)] if reasons else [])])
 
 
-def _bias(analysis: Analysis) -> str:
-    """Which configurations converge to another image than the reference, as far as it was tested."""
-    tested = [
-        verdict for verdict in analysis.verdicts if verdict.bias is not None and not math.isnan(verdict.bias.squared)
-    ]
-    if not tested:
-        return "Whether images converge to those of the references was not tested: it takes images of several seeds."
-    biased = [verdict.contestant for verdict in tested if verdict.bias is not None and verdict.bias.flags]
-    number = plural(len(tested), "configuration")
-    if not biased:
-        return f"Of {number} none was found to converge to another image than its reference."
-    names = sorted({f"{contestant.name} on {contestant.settings.scene}" for contestant in biased})
-    shown = [*names[:5], f"{len(names) - 5} more"] if len(names) > 6 else names
-    return f"Of {number} {len(biased)} converge to another image than the reference, by three standard errors: {listed(shown)}."
+def contended_cells(analysis: Analysis) -> int:
+    return sum(bool((cell.get("machine") or {}).get("contended")) for cell in analysis.results.cells)
 
 
 def _reasons(cells: pd.DataFrame) -> list[str]:
@@ -111,3 +114,156 @@ def _reasons(cells: pd.DataFrame) -> list[str]:
     failed = cells[(cells.state != "done") & cells.message.fillna("").ne("")]
     who = (failed.contestant + " on " + failed.scene).groupby([failed.state, failed.message], sort=False).unique()
     return [f"{listed(list(names))}: {state}, {message}." for (state, message), names in who.items()]
+
+
+# ---- tables and figures ----------------------------------------------------------------------------------------------
+
+
+def _most_threads(found: list[Family]) -> tuple[list[Family], str]:
+    """The families with the most threads, and how many that are, in words."""
+    most = max(family.any.settings.threads for family in found)
+    return [family for family in found if family.any.settings.threads == most], plural(most, "thread")
+
+
+def _accelerators(analysis: Analysis, plots: Path) -> Section | None:
+    """Which finds hits fastest, on which scene, and what it takes to build."""
+    every = families(analysis, "accelerator")
+    if not every:
+        return None
+    found, threads = _most_threads(every)
+    speeds = Table(
+        "accelerators", "Samples a second by accelerator",
+        f"Thousands of paths (samples of a pixel) a second with {threads}; geometric mean over blocks with a 95 % interval. "
+        "Fastest: all that may be it.",
+        [*identity(found), _primitives(), *value_columns(found, "Thousands of paths a second of {}."),
+         Column("fastest", "The fastest, or all that may be it.")],
+    )  # fmt: skip
+    builds = Table(
+        "builds", "Time to build an accelerator",
+        "Milliseconds of a build in a process that has built, compiled and rendered the scene before; geometric mean over "
+        "blocks with a 95 % interval.",
+        [HEADINGS["scene"], _primitives(), *value_columns(found, "Milliseconds to build {}.")],
+    )  # fmt: skip
+    for family in found:
+        fastest = listed(best(analysis, family))
+        speeds.rows.append(row_of(family, thousands, primitives=primitives(family.any), fastest=fastest))
+    shown = demanding(found)
+    for family in shown:
+        build = partial(measures.build_milliseconds, analysis)
+        builds.rows.append(row_of(family, build, primitives=primitives(family.any)))
+    parts = [TablePart(speeds), *figures.part(figures.speeds(shown, plots))]
+    if any(isinstance(cell, Estimate) and cell.n for row in builds.rows for cell in row.values()):
+        parts.append(TablePart(builds))
+    return Section("Accelerators", parts)
+
+
+def _primitives() -> Column:
+    return Column("primitives", "Primitives of the scene.", "count")
+
+
+def primitives(contestant: Contestant) -> int:
+    return int(contestant.cells[0].get("primitives") or 0)
+
+
+def _threads(analysis: Analysis, plots: Path) -> Section | None:
+    """How much more threads give."""
+    found = families(analysis, "threads")
+    if not found:
+        return None
+    names = sorted(values(found), key=lambda value: int(value.split()[0]))
+    table = Table(
+        "threads", f"Speed-up over {names[0]}", "Paired by block, with 95 % intervals; efficiency 1 is ideal.",
+        [*identity(found), *(Column(name, f"Speed-up of {name}.", "estimate", name) for name in names[1:]),
+         Column("efficiency", f"Speed-up of {names[-1]} over the share of threads.", "number")],
+    )  # fmt: skip
+    table.rows += [_thread_row(analysis, family, names) for family in found]
+    return Section("Threads", [TablePart(table), *figures.part(figures.thread_gains(analysis, found, names, plots))])
+
+
+def _thread_row(analysis: Analysis, family: Family, names: list[str]) -> dict[str, Any]:
+    row: dict[str, Any] = dict(family.held)
+    for name in names[1:]:
+        if {names[0], name} <= set(family.members):
+            gain = compare(analysis, family, name, names[0])
+            row[name] = Estimate(*gain[:4])
+            row["efficiency"] = gain.ratio * int(names[0].split()[0]) / int(name.split()[0])
+    return row
+
+
+def _shaders(analysis: Analysis, plots: Path) -> Section | None:
+    """What a sample costs by each rule of light transport. Their images differ, so that speed is not a merit."""
+    found = families(analysis, "shader")
+    if not found:
+        return None
+    most, threads = _most_threads(found)
+    shown = usual(most, "sampler")
+    table = Table(
+        "shaders", "Cost of a sample by shader",
+        f"Nanoseconds a path (a sample of a pixel) with {threads}; geometric mean over blocks with a 95 % interval. Sampler: "
+        f"{shown[0].held['sampler']}. The shaders make different images.",
+        [*identity(shown), *value_columns(shown, "Nanoseconds a path of {}.")],
+    )  # fmt: skip
+    table.rows += [row_of(family, nanoseconds) for family in shown]
+    return Section("Shaders", [TablePart(table)])
+
+
+def nanoseconds(contestant: Contestant) -> Estimate:
+    """Of a path."""
+    rate = thousands(contestant)
+    return Estimate(1e6 / rate.value, 1e6 / rate.high, 1e6 / rate.low, rate.n)
+
+
+def _samplers(analysis: Analysis, plots: Path) -> Section | None:
+    """Whose error is smaller, at the same number of samples and in the same time."""
+    found = families(analysis, "sampler")
+    if not found:
+        return None
+    errors = Table(
+        "samplers", "Error at the same number of samples",
+        f"{error_name(analysis.results.metric)}; geometric mean over seeds with a 95 % interval. Errors that the reference's "
+        "noise hides are left out. Least: all that may have it.",
+        [*identity(found), Column("spp", "Samples per pixel.", "count"),
+         *value_columns(found, "Error of {}."), Column("least", "The least error.")],
+    )  # fmt: skip
+    times = Table(
+        "sampler_times", "Time to a quality by sampler",
+        f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; geometric "
+        "mean over seeds with a 95 % interval.",
+        [*identity(found), Column("target", "Quality to reach.", "exact"),
+         *value_columns(found, "Seconds of {}.", "{} [s]")],
+    )  # fmt: skip
+    for family in found:
+        spp = measures.common_spp(list(family.members.values()))
+        error = measures.errors_at(analysis, spp)
+        least = listed(best(analysis, family, error))
+        errors.rows.append(row_of(family, lambda c, error=error: estimate(error.values(c)), spp=spp, least=least))
+        index = measures.hardest_target(analysis, family)
+        if index is not None:
+            seconds = measures.times_to(analysis, family, index).values
+            target = error_targets(analysis.results)[index]
+            times.rows.append(row_of(family, lambda c, seconds=seconds: estimate(seconds(c)), target=target))
+    drawn = figures.part(figures.sampler_errors(analysis, found, plots))
+    return Section("Samplers", [TablePart(errors), *drawn, *([TablePart(times)] if times.rows else [])])
+
+
+def _tails(analysis: Analysis, plots: Path) -> Section | None:
+    """How few pixels hold the error: of one configuration a scene and shader, the first that most have."""
+    shown = measures.one_a_scene_and_shader(analysis)
+    table = Table(
+        "tails", "Error with and without the worst pixels",
+        "relMSE at a number of samples, not corrected for the reference's noise, and the same without the 0.1 % of pixels "
+        "where it is largest; geometric means over seeds with 95 % intervals. Share: what these pixels hold of it.",
+        [HEADINGS["scene"], HEADINGS["shader"], Column("spp", "Samples per pixel.", "count"),
+         Column("whole", "relMSE.", "estimate", "relMSE"),
+         Column("trimmed", "relMSE without the worst 0.1 % of pixels.", "estimate", "without the worst"),
+         Column("share", "Share of relMSE in the worst 0.1 % of pixels.", "percent")],
+    )  # fmt: skip
+    spp = measures.common_spp([contestant for _, contestant in shown])
+    for held, contestant in shown:
+        whole, trimmed = measures.errors_untrimmed_and_trimmed(analysis, contestant, spp)
+        if whole.n and whole.value > 0:
+            share = measures.share_of_the_worst(whole.value, trimmed.value, measures.pixels(contestant))
+            table.rows.append({**held, "spp": spp, "whole": whole, "trimmed": trimmed, "share": share})
+    if not table.rows:
+        return None
+    return Section("Where the error is", [TablePart(table), *figures.part(figures.tails(table, plots))])

@@ -1,4 +1,4 @@
-"""Contestants that differ along one axis alone, compared pair by pair over all that is held fixed."""
+"""Contestants that differ along one axis alone, compared with each other over all that is held fixed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from harness.analysis import Analysis, seconds_per_sample
 from harness.analysis.races import race_of
 from harness.report.tables import Column
-from harness.report.tables.model import number_text
 from harness.statistics import Estimate, Race, Ratio, geometric_interval
 from harness.store.results import Contestant, choices_of, name_words
 
@@ -35,6 +34,8 @@ HEADINGS = {
     "precision": Column("precision", "Numbers it computes with."),
 }  # fmt: skip
 """Columns in which families differ."""
+AXES = ("accelerator", "threads", "shader", "sampler")
+"""What may vary within a family. A value of `accelerator` is an engine with its accelerator."""
 
 
 @dataclass(frozen=True)
@@ -57,44 +58,30 @@ class Family:
         return next(iter(self.members.values()))
 
 
-class Found(NamedTuple):
-    """What one family says about a pair: `speedup` of the first over the second."""
-
-    family: Family
-    speedup: Ratio
-
-
-class Pair(NamedTuple):
-    """Two values of an axis with what the families that have both say of them."""
-
-    first: str
-    second: str
-    found: Sequence[Found]
-
-    def of(self, verdict: str) -> list[Found]:
-        return [found for found in self.found if found.speedup.verdict == verdict]
-
-    def turned(self) -> Pair:
-        return Pair(self.second, self.first, [Found(f.family, reciprocal(f.speedup)) for f in self.found])
-
-
 def families(analysis: Analysis, axis: str) -> list[Family]:
     """Groups of two or more measured contestants that differ along `axis` alone; A/A labels and the open division are left out.
 
-    Axes: `accelerator` (of any engine: a value is an engine with its accelerator), `threads`, `shader`, `sampler`.
+    `axis` is one of `AXES`.
     """
-    measured = [c for c in analysis.results.contestants if c.done and not c.settings.label and c.settings.division == "closed"]
-    choices = choices_of(measured)
     found: dict[tuple[tuple[str, str], ...], Family] = {}
-    for contestant in measured:
-        named = name_words(contestant, choices)
-        named["accelerator"] = accelerator_name(named["engine"], named["accelerator"])
-        held = {key: named.get(key, contestant.settings.scene) for key in HEADINGS if key != axis}
+    for named, contestant in words(analysis):
+        held = {key: named[key] for key in HEADINGS if key != axis}
         if axis == "accelerator":
             del held["precision"]
         family = found.setdefault(tuple(held.items()), Family(held, {}))
         found[tuple(held.items())] = Family(held, {**family.members, named[axis]: contestant})
     return [family for family in found.values() if len(family.members) > 1]
+
+
+def words(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:
+    """The measured contestants of the closed division, A/A labels left out, each with its words by the keys of `HEADINGS`."""
+    measured = [c for c in analysis.results.contestants if c.done and not c.settings.label and c.settings.division == "closed"]
+    choices, found = choices_of(measured), []
+    for contestant in measured:
+        named = name_words(contestant, choices) | {"scene": contestant.settings.scene}
+        named["accelerator"] = accelerator_name(named["engine"], named["accelerator"])
+        found.append(({key: named[key] for key in HEADINGS}, contestant))
+    return found
 
 
 def accelerator_name(engine: str, accelerator: str) -> str:
@@ -138,19 +125,6 @@ def _race(
 ) -> Race:  # fmt: skip
     floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
     return race_of([measure.values(family.members[name]) for name in names], pairs, floor)
-
-
-def pairs(
-    analysis: Analysis, found: Sequence[Family], measure_of: Callable[[Family], Measure] = lambda family: SPEEDS
-) -> list[Pair]:  # fmt: skip
-    """Every two values; the one that is better in more families stands first."""
-    made = []
-    for one, other in combinations(values(found), 2):
-        both = [family for family in found if one in family.members and other in family.members]
-        pair = Pair(one, other, [Found(family, compare(analysis, family, one, other, measure_of(family))) for family in both])
-        if both:
-            made.append(pair if len(pair.of("faster")) >= len(pair.of("slower")) else pair.turned())
-    return made
 
 
 def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:
@@ -199,15 +173,6 @@ def reciprocal(ratio: Ratio) -> Ratio:
 
 def _inverse(value: float) -> float:
     return math.inf if value == 0 else 0.0 if math.isinf(value) else 1 / value
-
-
-def spread(found: Sequence[Found]) -> str:
-    """`1.2` or `1.2 to 3.4`: the ratios of findings, least and greatest."""
-    ratios = sorted(one.speedup.ratio for one in found)
-    texts = [number_text(ratio) for ratio in ratios]
-    if math.isinf(ratios[-1]):
-        return f"{texts[0]} and more" if math.isfinite(ratios[0]) else "what cannot be said"
-    return texts[0] if texts[0] == texts[-1] else f"{texts[0]} to {texts[-1]}"
 
 
 def estimate(measure: Mapping[int, float], factor: float = 1.0) -> Estimate:

@@ -11,8 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis, seconds_per_sample
+from harness.report.chapter import measures
 from harness.report.chapter.document import FigurePart
 from harness.report.chapter.families import Family, compare, demanding, estimate, thousands, values
+from harness.report.chapter.words import plural
 from harness.report.plots.curves import error_label
 from harness.report.plots.style import (
     ENGINE_COLOURS,
@@ -27,8 +29,9 @@ from harness.report.plots.style import (
     new_figure,
     save,
 )
-from harness.statistics import geometric_interval
-from harness.store.results import Contestant, point_error
+from harness.report.tables import Table
+from harness.statistics import Estimate
+from harness.store.results import Contestant
 
 COLOURS = (*ENGINE_COLOURS.values(), *OTHER_COLOURS)
 
@@ -48,8 +51,33 @@ def part(drawn: Plot | None) -> list[FigurePart]:
 
 
 def finished(figure: Figure, plots: Path, name: str, title: str, description: str) -> Plot:
-    """Saves a figure in all formats: the chapter's texts show png, pdf and svg."""
+    """Saves a figure in all formats: the chapter's texts show png, pdf and svg. A name that is taken gets a number."""
+    taken = sum(path.stem == name or path.stem.rpartition("-")[0] == name for path in plots.glob(f"{name}*.svg"))
+    name = f"{name}-{taken + 1}" if taken else name
     return Plot(name, title, description, save(figure, plots, name, FORMATS))
+
+
+def _points(axis: Axes, placed: Sequence[tuple[float, Estimate]], index: int, colour: str, label: str) -> None:
+    """Values with their intervals along x, each at its y."""
+    whiskers = np.nan_to_num([[one.value - one.low, one.high - one.value] for _, one in placed]).T
+    axis.errorbar([one.value for _, one in placed], [y for y, _ in placed], xerr=np.abs(whiskers), elinewidth=1,
+                  fmt=MARKERS[index % len(MARKERS)], color=colour, markersize=4, label=label)  # fmt: skip
+
+
+def tails(table: Table, plots: Path) -> Plot:
+    """relMSE with and without the worst pixels: a row of the table a row."""
+    figure = new_figure(7.2, 1.3 + 0.3 * len(table.rows))
+    axis = figure.subplots()
+    for index, (key, label) in enumerate((("whole", "all pixels"), ("trimmed", "without the worst 0.1 %"))):
+        shift = 0.12 * (2 * index - 1)
+        _points(axis, [(y + shift, row[key]) for y, row in enumerate(table.rows)], index, COLOURS[index], label)
+    axis.set_yticks(range(len(table.rows)), [f"{row['scene']}, {row['shader']}" for row in table.rows])
+    axis.set_ylim(len(table.rows) - 0.5, -0.5)
+    axis.set_xlabel(f"relMSE at {table.rows[0]['spp']} samples per pixel")
+    log_scales(axis)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return finished(figure, plots, "tails", "Error with and without the worst 0.1 % of the pixels",
+                    "A row a scene and shader: relMSE with its interval, of all pixels and without the worst.")  # fmt: skip
 
 
 def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
@@ -62,10 +90,7 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
     for index, name in enumerate(names):
         shift = 0.13 * (index - (len(names) - 1) / 2)
         rows = [(row + shift, thousands(f.members[name])) for row, f in enumerate(found) if name in f.members]
-        y, x = [row for row, _ in rows], [estimate.value for _, estimate in rows]
-        whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in rows]).T
-        axis.errorbar(x, y, xerr=np.abs(whiskers), fmt=MARKERS[index % len(MARKERS)], color=shades[index],
-                      elinewidth=1, label=name)  # fmt: skip
+        _points(axis, rows, index, shades[index], name)
     axis.set_yticks(range(len(found)), [family.scene for family in found])
     axis.set_ylim(len(found) - 0.5, -0.5)
     axis.set_xlabel("thousands of paths a second")
@@ -88,10 +113,7 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | 
         shift = 0.16 * (index - (len(counts) - 1) / 2)
         shown = [(rows.index(name) + shift, estimate(seconds_per_sample(c), 1e3)) for name, c in named
                  if c.settings.threads == threads]  # fmt: skip
-        whiskers = np.nan_to_num([[e.value - e.low, e.high - e.value] for _, e in shown]).T
-        axis.errorbar([e.value for _, e in shown], [row for row, _ in shown], xerr=np.abs(whiskers), elinewidth=1,
-                      fmt=MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)],
-                      label=f"{threads} thread{'' if threads == 1 else 's'}")  # fmt: skip
+        _points(axis, shown, index, COLOURS[index % len(COLOURS)], plural(threads, "thread"))
     axis.set_yticks(range(len(rows)), rows)
     axis.set_ylim(len(rows) - 0.5, -0.5)
     axis.set_xlabel("milliseconds a frame")
@@ -102,26 +124,21 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | 
 
 
 def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
-    """Speed-up over the fewest threads: a dot a scene and shader, a row an accelerator."""
-    rows = list(dict.fromkeys(family.held["accelerator"] for family in found))
-    figure = new_figure(7.2, 1.5 + 0.34 * len(rows))
+    """Speed-up over the fewest threads with its interval: a row an accelerator and scene, with the shader of most rays."""
+    shown = sorted(demanding(found, ("scene", "accelerator")), key=lambda family: family.held["accelerator"])
+    figure = new_figure(7.2, 1.3 + 0.24 * len(shown))
     axis = figure.subplots()
     for index, name in enumerate(names[1:]):
-        x, y = [], []
-        for family in found:
-            if {names[0], name} <= set(family.members):
-                x.append(compare(analysis, family, name, names[0]).ratio)
-                y.append(rows.index(family.held["accelerator"]))
-        spread = np.linspace(-0.2, 0.2, len(x)) if len(x) > 1 else np.zeros(len(x))
-        axis.plot(x, np.array(y) + spread, MARKERS[index % len(MARKERS)], color=COLOURS[index % len(COLOURS)], label=name,
-                  markersize=4, alpha=0.8)  # fmt: skip
+        gains = [(row, compare(analysis, family, name, names[0]))
+                 for row, family in enumerate(shown) if {names[0], name} <= set(family.members)]  # fmt: skip
+        _points(axis, [(row, Estimate(*gain[:4])) for row, gain in gains], index, COLOURS[index % len(COLOURS)], name)
         axis.axvline(int(name.split()[0]) / int(names[0].split()[0]), color=FAINT, linestyle=":", linewidth=1)
-    axis.set_yticks(range(len(rows)), rows)
-    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_yticks(range(len(shown)), [f"{family.held['accelerator']}, {family.scene}" for family in shown])
+    axis.set_ylim(len(shown) - 0.5, -0.5)
     axis.set_xlabel(f"speed-up over {names[0]} (dotted: ideal)")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=max(len(names) - 1, 1))
     return finished(figure, plots, "threads", f"Speed-up over {names[0]}",
-                    "A row an accelerator, a dot a scene and shader; dotted lines are ideal speed-ups.")  # fmt: skip
+                    "A row an accelerator and scene: the speed-up with its interval; dotted lines are ideal.")  # fmt: skip
 
 
 def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Plot | None:
@@ -154,18 +171,13 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
     shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
     return finished(figure, plots, "samplers", f"Error over samples by sampler, {shader}",
-                    "A panel a scene: falling curves of the mean error over samples, one a sampler.")  # fmt: skip
+                    "A panel a scene: curves of the mean error over samples with its interval, one a sampler.")  # fmt: skip
 
 
 def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:
-    errors: dict[int, list[float]] = {}
-    cells = family.members[name].done
-    for cell in cells:
-        for point in cell["points"]:
-            errors.setdefault(point["spp"], []).append(point_error(point, analysis.results.metric)[0])
-    means = {spp: geometric_interval(found) for spp, found in sorted(errors.items()) if len(found) == len(cells)}
-    kept = {spp: mean for spp, mean in means.items() if mean.value > 0}
+    curve = measures.error_curve(analysis, family.members[name])
     look = {"linestyle": LINES[index % len(LINES)], "marker": MARKERS[index % len(MARKERS)], "markersize": 3.5}
-    axis.plot(
-        list(kept), [mean.value for mean in kept.values()], color=COLOURS[index % len(COLOURS)], label=name, **look
-    )
+    colour, spp = COLOURS[index % len(COLOURS)], list(curve)
+    axis.plot(spp, [mean.value for mean in curve.values()], color=colour, label=name, **look)
+    low, high = ([mean[end] for mean in curve.values()] for end in (1, 2))
+    axis.fill_between(spp, low, high, color=colour, alpha=0.15, linewidth=0)

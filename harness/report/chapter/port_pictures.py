@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from engines import dahlquist
 from harness.analysis import Analysis
 from harness.report.chapter import figures
-from harness.report.chapter.document import Listing, Paragraph, Part, Section, TablePart
-from harness.report.chapter.sentences import listed, plural
+from harness.report.chapter.document import Paragraph, Part, Section, TablePart
+from harness.report.chapter.words import listed
 from harness.report.plots import Plot
 from harness.report.plots.style import new_figure
 from harness.report.tables import Column, Table
-from harness.report.tables.model import number_text
 from harness.store.results import Contestant, Results
 
 CALLS, TIME_ELAPSED = 11, 3000
@@ -61,16 +60,11 @@ def section(analysis: Analysis, named: Sequence[tuple[str, Contestant]], plots: 
     if isinstance(truth, str):
         return Section("Images", [Paragraph([f"Images were not compared: {truth}."])])
     found, without = _differences(analysis.results, measured, truth)
-    said = [
-        f"Balls show in {plural(int(truth.balls.sum()), 'pixel')} of the port's frame, {100 * truth.balls.mean():.3g} % of "
-        "it. Only these are compared: behind them the port shows a picture of its own where others see the sky."
-    ]
+    parts: list[Part] = []
     if without:
-        said.append(f"No image was kept of {listed(without)}.")
-    parts: list[Part] = [Paragraph(said)]
+        parts.append(Paragraph([f"No image was kept of {listed(without)}."]))
     if found:
-        parts += [Listing([f"{_sentence(one)}." for one in found]), TablePart(_table(found))]
-        parts += figures.part(_drawn(truth, found, plots))
+        parts += [TablePart(_table(truth, found)), *figures.part(_drawn(truth, found, plots))]
     return Section("Images", parts)
 
 
@@ -123,22 +117,12 @@ def _last_image(results: Results, contestant: Contestant) -> Image | None:
     return None
 
 
-def _sentence(one: Difference) -> str:
-    """What is said of images that are the same."""
-    who, one_of_many = listed(one.names), len(one.names) > 1
-    if one.levels.max(initial=0) <= SAME:
-        return f"{who} {'show' if one_of_many else 'shows'} the balls as the reference does"
-    return (
-        f"{who}{' make one image:' if one_of_many else ':'} {number_text(float(np.median(one.levels)))} levels of 255 from the "
-        f"port's in the median, and more than {VISIBLE} in {number_text(100 * float(np.mean(one.levels > VISIBLE)))} % of "
-        "the pixels"
-    )
-
-
-def _table(found: Sequence[Difference]) -> Table:
+def _table(truth: Truth, found: Sequence[Difference]) -> Table:
     table = Table(
         "port_images", "Difference from the port's image",
-        "Over the pixels that show balls, in levels of 255, by the worst channel of a pixel.",
+        f"In levels of 255, by the worst channel of a pixel, over the {truth.balls.sum()} pixels "
+        f"({100 * truth.balls.mean():.3g} %) of the port's frame that show balls: "
+        "behind them the port shows a picture of its own where others see the sky.",
         [
             Column("name", "Engine and accelerator.", title="engine and accelerator"),
             Column("median", "Median difference.", "number"), Column("mean", "Mean difference.", "number"),

@@ -95,7 +95,7 @@ def headlines(analysis: Analysis) -> list[dict[str, Any]]:
 
 
 def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
-    """`winner` is None where several are not separated, or none got there. `left_out` have a flag that disqualifies them."""
+    """`winner` is None where several are not separated, or none reached it. `left_out` have a flag that disqualifies them."""
     line = {
         "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
@@ -125,7 +125,7 @@ def cell_table(analysis: Analysis) -> Table:
     """Every cell with its last checkpoint and the command that repeats it."""
     results = analysis.results
     table = Table(
-        "cells", "Every cell", "One row a cell; the command renders it again.",
+        "cells", "Every cell", "One row per cell; the command renders it again.",
         [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
          Column("contestant", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
          Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples per pixel at the end.", "count"),

@@ -108,10 +108,10 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
                      f"{note}", partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
                  "For each target, the seconds each contestant needs: full dots warm, hollow dots cold, whiskers "
-                 "95 % intervals; below three blocks a dot a block.",
+                 "95 % intervals; below three blocks one dot per block.",
                  partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
-                 "Checkpoints by warm time and error; full markers with intervals are those that none surely beats in "
+                 "Checkpoints by warm time and error; full markers with intervals are those that no other one surely beats in "
                  "both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
                  "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at "

@@ -31,16 +31,16 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
     """Bias against the reference, equivalence with the baseline."""
     table = Table(
         "bias_and_equivalence", "Bias against the reference, equivalence with the baseline",
-        f"Shares of the radiance; of a tile the larger of its own and 0.1 of the image's mean. {_margins(analysis)}",
+        f"Shares of the radiance: for a tile of its own, but at least of 0.1 of the image's mean. {_margins(analysis)}",
         [SCENE, CONTESTANT, BASELINE,
          Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
          Column("bias_squared_se", "Its standard error.", "number"),
          Column("bias_difference", "Image over reference, less one, of the means, in the channel farthest off; flagged at 3 "
                 "standard errors.", "percent", "bias of the mean"),
-         Column("bias_image_z", "Standard errors that it is off.", "number"),
+         Column("bias_image_z", "That difference in standard errors.", "number"),
          Column("bias_tile_difference", "The same of the 16x16 tile farthest off; flagged at 4.5.", "percent",
                 "bias of a tile"),
-         Column("bias_tile_z", "Standard errors that it is off.", "number"),
+         Column("bias_tile_z", "That difference in standard errors.", "number"),
          Column("bias", "Bias against the reference, or the most that the image mean and any tile can be off."),
          *BOUNDS, Column("verdict", f"Against the baseline: {VERDICTS}.")],
     )  # fmt: skip
@@ -106,8 +106,8 @@ def accuracy(analysis: Analysis) -> Table:
 
     table = Table(
         "accuracy", "Accuracy",
-        "Cases of `raybench verify` that the config names. Of the passes of a case one row, with the result nearest to its "
-        "tolerance and how many results it stands for; every failure has a row.",
+        "Cases of `raybench verify` that the config names. All passes of a case share one row, which has the result nearest "
+        "to its tolerance and the number of results. Every failure has a row of its own.",
         [Column("case", "Id of the case."), Column("description", "What the case checks."), Column("engine", "Engine."),
          Column("precision", "The setting."), Column("parameter", "What was varied."),
          Column("error", "The largest error.", "number"), Column("unit", "Unit of error and tolerance."),

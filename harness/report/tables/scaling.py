@@ -12,9 +12,9 @@ def scaling(analysis: Analysis) -> Table:
     """One row a family of contestants and cost; empty where no family has three sizes."""
     table = Table(
         "scaling", "How cost scales",
-        "Exponents k of cost ~ size^k: 0 is no growth, 1 proportion. A path is a sample of a pixel, so that k = 0 over pixels "
-        "and samples means a cost in proportion. Slopes of each block, averaged, with a 95 % interval.",
-        [CONTESTANT, Column("cost", "What is paid: warm seconds of a path, or seconds of the build."),
+        "Exponents k of cost ~ size^k: 0 is constant, 1 proportional. A path is one sample of one pixel, so k = 0 over pixels "
+        "and samples means that the whole cost is proportional to them. Slopes of each block, averaged, with a 95 % interval.",
+        [CONTESTANT, Column("cost", "Which cost: warm seconds of a path, or seconds of the build."),
          Column("over", "What grows."), Column("smallest", "The smallest size.", "count"),
          Column("largest", "The largest size.", "count"),
          Column("exponent", "Over all sizes, by least squares.", "estimate"),

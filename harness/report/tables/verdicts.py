@@ -89,7 +89,7 @@ def speedups(analysis: Analysis) -> Table:
         "speedups", "Speed-up, one factor apart",
         "Contestants that differ in one factor, or that the config's pairs name, but none with a flag that disqualifies it. "
         "Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by that of the scene; "
-        f"verdicts of a scene and target hold together at 5 % (Holm). {evidence(analysis)}",
+        f"the family-wise error rate of a scene and target is 5 % (Holm). {evidence(analysis)}",
         [SCENE, CONTESTANT, Column("baseline", "Contestant that it is compared with."),
          Column("factor", "Factor in which the two differ."),
          Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
@@ -123,8 +123,8 @@ def convergence(analysis: Analysis) -> Table:
          Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
          Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
          Column("slope_verdict", "monte carlo (interval within -0.5 ± 0.05), steeper, shallower or unknown.", title="verdict"),
-         Column("samples_per_second", "Samples (paths) of the whole image a second, warm.", "estimate", "samples/s"),
-         Column("rays_per_second", "Rays a second, warm.", "estimate", "rays/s"),
+         Column("samples_per_second", "Samples (paths) of the whole image per second, warm.", "estimate", "samples/s"),
+         Column("rays_per_second", "Rays per second, warm.", "estimate", "rays/s"),
          Column("efficiency", "1 / (MSE x warm seconds).", "estimate")],
     )  # fmt: skip
     for verdict in analysis.verdicts:
@@ -156,7 +156,7 @@ def threads(analysis: Analysis) -> Table:
     """Families of contestants that differ in their thread count alone."""
     table = Table(
         "threads", "Speed-up over threads",
-        "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, a fit a block. 95 % intervals.",
+        "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, one fit per block. 95 % intervals.",
         [SCENE, CONTESTANT, Column("threads", "Threads.", "count"),
          Column("speedup", "Against the fewest threads.", "estimate", "speed-up"),
          Column("efficiency", "Speed-up over threads; 1 is ideal.", "estimate"),

@@ -134,7 +134,7 @@ function resultItems(contestant) {
     const time = `${crossing.state === "at_first" ? "at most " : ""}${duration(crossing.seconds)}`;
     if (undecided) item.textContent = `? target ${crossing.target}: undecided, the reference is too noisy: give it more samples`;
     else if (reached) item.textContent = `✓ target ${crossing.target} in ${time}`;
-    else item.textContent = `target ${crossing.target}: ${contestant.done ? "not reached" : "open"}`;
+    else item.textContent = `target ${crossing.target}: ${contestant.done ? "not reached" : "not reached yet"}`;
     items.push(item);
   }
   return items;

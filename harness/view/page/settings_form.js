@@ -2,9 +2,9 @@
 
 const KINDS = ["shader", "sampler", "accelerator"];
 const CHOICES = {
-  shader: "what is computed along a camera ray",
-  sampler: "where the random numbers of a sample come from",
-  accelerator: "the structure in which intersections are searched",
+  shader: "what is computed along a camera ray (an integrator)",
+  sampler: "how the random numbers of a sample are made",
+  accelerator: "structure that finds intersections of rays",
 };
 
 function labelled(text, control, title) {

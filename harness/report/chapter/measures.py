@@ -1,0 +1,111 @@
+"""What the chapter measures of a contestant beside its speed: errors, times to a quality, builds, and how few pixels hold
+the error."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from harness.analysis import Analysis
+from harness.metrics import TRIMMED_FRACTION
+from harness.report.chapter.families import Family, Measure, estimate, words
+from harness.statistics import Estimate, geometric_interval
+from harness.store.results import Contestant, point_error
+
+
+def common_spp(contestants: Sequence[Contestant]) -> int | None:
+    """The most samples at which every seed of every contestant has a checkpoint."""
+    sets = [{point["spp"] for point in cell["points"]} for c in contestants for cell in c.done]
+    return max(set.intersection(*sets), default=None) if sets else None
+
+
+def errors_at(analysis: Analysis, spp: int | None) -> Measure:
+    """Error at `spp` samples, where it is above three of its standard errors. It repeats, so that its noise floor is 0."""
+
+    def values(contestant: Contestant) -> Mapping[int, float]:
+        found = {}
+        for cell in contestant.done:
+            for point in cell["points"]:
+                error, spread = point_error(point, analysis.results.metric)
+                if point["spp"] == spp and error > 3 * spread:
+                    found[cell["block"]] = error
+        return found
+
+    return Measure(values, 0.0)
+
+
+def error_curve(analysis: Analysis, contestant: Contestant) -> dict[int, Estimate]:
+    """Samples -> geometric mean over seeds of the error, where every seed has one above 0."""
+    errors: dict[int, list[float]] = {}
+    for cell in contestant.done:
+        for point in cell["points"]:
+            errors.setdefault(point["spp"], []).append(point_error(point, analysis.results.metric)[0])
+    whole = {spp: found for spp, found in sorted(errors.items()) if len(found) == len(contestant.done)}
+    return {spp: geometric_interval(found) for spp, found in whole.items() if min(found) > 0}
+
+
+def hardest_target(analysis: Analysis, family: Family) -> int | None:
+    """Index of the hardest target that every member reaches with every seed, none at its first checkpoint already."""
+    verdicts = [v for v in analysis.verdicts if any(v.contestant is member for member in family.members.values())]
+    for index in reversed(range(len(analysis.results.targets))):
+        found = [verdict.warm[index] for verdict in verdicts]
+        if all(quality.reached == quality.seeds for quality in found):
+            return index if not any(quality.at_first for quality in found) else None
+    return None
+
+
+def times_to(analysis: Analysis, family: Family, index: int) -> Measure:
+    """Warm seconds until the target of `index`, which all of a family reach."""
+
+    def values(contestant: Contestant) -> Mapping[int, float]:
+        verdict = next(verdict for verdict in analysis.verdicts if verdict.contestant is contestant)
+        return {cell["block"]: bound.high for cell, bound in zip(contestant.runs, verdict.warm[index].crossings, strict=True)}
+
+    return Measure(values, analysis.floor(family.scene, index))
+
+
+def build_milliseconds(analysis: Analysis, contestant: Contestant) -> Estimate:
+    """Of a build in a process that has built, compiled and rendered the scene before: geometric mean over blocks of the median
+    over all contestants with that scene, engine and accelerator, which build the same."""
+    of = {key: word for named, one in words(analysis) if one is contestant for key, word in named.items()}
+    alike = [one for named, one in words(analysis) if all(named[key] == of[key] for key in ("scene", "accelerator", "machine"))]
+    builds: dict[int, list[float]] = {}
+    for cell in (cell for one in alike for cell in one.done):
+        seconds = (cell.get("phases") or {}).get("warm_build_seconds")
+        if seconds is not None:
+            builds.setdefault(cell["block"], []).append(seconds)
+    return estimate({block: _median(found) for block, found in builds.items()}, 1e3)
+
+
+def _median(values: Sequence[float]) -> float:
+    middle = sorted(values)[(len(values) - 1) // 2 : len(values) // 2 + 1]
+    return sum(middle) / len(middle)
+
+
+def errors_untrimmed_and_trimmed(analysis: Analysis, contestant: Contestant, spp: int | None) -> tuple[Estimate, Estimate]:
+    """relMSE at `spp` samples, and that without the 0.1 % of pixels where it is largest; without correction, both."""
+    name = analysis.results.relative_metric
+    points = [point["metrics"] for cell in contestant.done for point in cell["points"] if point["spp"] == spp]
+    both = [(found[name], found[f"{name}_trimmed"]) for found in points if name in found and f"{name}_trimmed" in found]
+    return geometric_interval([whole for whole, _ in both]), geometric_interval([trimmed for _, trimmed in both])
+
+
+def share_of_the_worst(whole: float, trimmed: float, pixels: int) -> float:
+    """Share of relMSE that its worst 0.1 % of pixels (rounded up) hold."""
+    cut = math.ceil(TRIMMED_FRACTION * pixels) / pixels
+    return 1 - trimmed * (1 - cut) / whole
+
+
+def pixels(contestant: Contestant) -> int:
+    return (contestant.done[0].get("width") or 0) * (contestant.done[0].get("height") or 0)
+
+
+def one_a_scene_and_shader(analysis: Analysis) -> list[tuple[dict[str, str], Contestant]]:
+    """Of each scene and shader the contestant whose other settings most contestants have, with its words."""
+    every = words(analysis)
+    counts = Counter((key, named[key]) for named, _ in every for key in named)
+    chosen: dict[tuple[str, str], tuple[dict[str, str], Contestant]] = {}
+    for named, one in sorted(every, key=lambda pair: -sum(counts[key, word] for key, word in pair[0].items())):
+        chosen.setdefault((named["scene"], named["shader"]), (named, one))
+    return [pair for pair in every if any(pair[1] is one for _, one in chosen.values())]
