@@ -20,6 +20,7 @@ from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.kernels import driver, queries
 from engines.kernels.compile import jit
+from engines.kernels.compile.second_process import compile_jobs
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.flatten.light_samplers import bind_light_sampler
@@ -159,15 +160,33 @@ class Renderer:
             return self._addresses
 
     def _compiled_stages(self) -> NDArray[np.int64]:
-        features, real = self._flat.features, self._real
-        closest, occluded = self._accelerator.stages(features, real)
-        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, isinstance(self._scene.camera, ThinLens))
+        features, real, lens = self._flat.features, self._real, isinstance(self._scene.camera, ThinLens)
         integrator = shade.integrator_of(self.settings.shader)
         shading = shade.shade_features(integrator, features)
         uses = shade.uses(integrator, shading)
-        programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
-        shaded = shade.stage(integrator, shading, features, real)
         resampled = shade.light_candidates(self.settings.shader) > 1
+
+        def lights() -> Any:
+            return light.stage(features, shading.every, resampled, real)
+
+        def shaded_by() -> Any:
+            return shade.stage(integrator, shading, features, real)
+
+        compile_jobs([
+            self._compile_driver,
+            shaded_by,
+            lambda: surface.stage(features, real),
+            lambda: self._accelerator.stages(features, real),
+            lambda: scattering.stages(features, uses, real),
+            lambda: material.stage(features, uses, real),
+            *([lights] if shading.lit else []),
+            lambda: sampler.stages(self.settings.sampler, real, lens),
+            lambda: camera.stage(self._scene.camera, real),
+        ])  # fmt: skip
+        closest, occluded = self._accelerator.stages(features, real)
+        draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, lens)
+        programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
+        shaded = shaded_by()
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(
             shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None,
@@ -179,7 +198,7 @@ class Renderer:
             closest,
             surface.stage(features, real),
             draw_vertex,
-            light.stage(features, shading.every, resampled, real) if shading.lit else shaded,
+            lights() if shading.lit else shaded,
             shaded,
             occluded,
         ]
@@ -241,19 +260,11 @@ class Renderer:
         return rays
 
     def _drive_once(self, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64], target: int) -> int:
+        stages, plan = self._stages(), self._plan  # before the next line: compiling the driver takes a tile
         self._control[driver.NEXT_TILE] = self._control[driver.STACK_FULL] = 0
-        stages, kernel, plan = self._stages(), driver.driver(self._real), self._plan
-        sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
 
         def work(memory: NDArray[np.uint8], stack: NDArray[np.uint8]) -> NDArray[np.int64]:
-            totals = np.zeros(2, np.int64)
-            buffer = np.empty(3 * CHUNK * TILE * TILE, self._real)
-            kernel(
-                stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, stack.ctypes.data,
-                self._stack_capacity, self._flat.address, plan, tiles, done, target, CHUNK, film.width, self._control,
-                *sums, film.counts.reshape(-1), buffer, totals,
-            )  # fmt: skip
-            return totals
+            return self._call_driver(stages, plan, film, tiles, done, target, memory, stack)
 
         futures = [self._pool.submit(work, *parts) for parts in zip(self._memory, self._stacks, strict=True)]
         try:
@@ -264,6 +275,27 @@ class Renderer:
             raise
         film.bad_samples += int(totals[driver.BAD_SAMPLES])
         return int(totals[driver.RAYS])
+
+    def _call_driver(
+        self, stages: NDArray[np.int64], plan: driver.Plan, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64],
+        target: int, memory: NDArray[np.uint8], stack: NDArray[np.uint8],
+    ) -> NDArray[np.int64]:  # fmt: skip
+        """What one thread does; returns the driver's totals."""
+        totals = np.zeros(2, np.int64)
+        buffer = np.empty(3 * CHUNK * TILE * TILE, self._real)
+        sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
+        driver.driver(self._real)(
+            stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, stack.ctypes.data,
+            self._stack_capacity, self._flat.address, plan, tiles, done, target, CHUNK, film.width, self._control,
+            *sums, film.counts.reshape(-1), buffer, totals,
+        )  # fmt: skip
+        return totals
+
+    def _compile_driver(self) -> None:
+        """Compiles or loads the driver, by a call without tiles."""
+        stages, plan = np.zeros(1, np.int64), driver.Plan(False, False, False, 1, 0, False, 0)
+        nothing = self._tiles[:0], self._done[:0], 0
+        self._call_driver(stages, plan, self.film, *nothing, self._memory[0], self._stacks[0])
 
     def _count(self, rays: int) -> None:
         with self._counting:

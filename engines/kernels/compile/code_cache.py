@@ -12,9 +12,11 @@ import os
 import pickle
 import shutil
 import sys
+import threading
 import time
 import uuid
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,27 @@ from engines.kernels.compile.fingerprint import NotFingerprinted, fingerprint
 KEPT_DAYS = 30
 _FORMAT = b"raybench machine code 1\n"
 _DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+class NotOnDisk(Exception):
+    """Raised within `loading_only` instead of compiling."""
+
+
+_this_thread = threading.local()
+
+
+def is_loading_only() -> bool:
+    return getattr(_this_thread, "loading_only", False)
+
+
+@contextmanager
+def loading_only() -> Iterator[None]:
+    """Within, this thread loads code, and compiles none that could be kept on disk: `NotOnDisk` is raised instead."""
+    _this_thread.loading_only = True
+    try:
+        yield
+    finally:
+        _this_thread.loading_only = False
 
 
 @cache
@@ -152,10 +175,12 @@ class _Cache(caching.FunctionCache):
             super()._save_overload(sig, data)
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:
-        try:
-            return super()._load_overload(sig, target_context)
-        except Exception:  # whole, of this key, and yet not to be linked: compiled anew
-            return None
+        loaded = None
+        with suppress(Exception):  # whole, of this key, and yet not to be linked: compiled anew
+            loaded = super()._load_overload(sig, target_context)
+        if loaded is None and is_loading_only():
+            raise NotOnDisk
+        return loaded
 
 
 def cached(function: Any) -> Any:

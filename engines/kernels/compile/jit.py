@@ -94,22 +94,38 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inline(function: Callable[..., Any]) -> Any:
     """A jitted function of one lane, inlined into the loop over lanes so that the loop can become vector code.
 
-    No Python wrapper is generated, which saves a fifth of a cold start; a call from Python compiles the function once
-    more.
+    No Python wrapper is generated and no machine code of its own; what calls it links and inlines its LLVM code. A call from
+    Python compiles the function once more.
     """
     dispatcher = numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
 
+    def without_compilation(flags: Any) -> Any:
+        flags.no_compile = True
+        return flags
+
     def remember(compiled: Any) -> None:
         """Numba's own enters the function where Python looks for it, and a call from Python crashes."""
-        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+        overload, library = compiled._replace(entry_point=object()), compiled.library
+        library._optimize_final_module = lambda: None  # what it is inlined into is optimised as a whole
+        library._finalize_final_module = lambda: _finish_without_code(library)
+        cpu_target.target_context.insert_user_function(overload.entry_point, compiled.fndesc, [library])
+        dispatcher.overloads[tuple(compiled.signature.args)] = overload
 
     @cache
     def from_python() -> Any:
         return numba.njit(**OPTIONS)(function)
 
+    dispatcher._compiler._customize_flags = without_compilation
     dispatcher.add_overload = remember
     dispatcher._compile_for_args = lambda *arguments, **named: from_python()._compile_for_args(*arguments, **named)
     return dispatcher
+
+
+def _finish_without_code(library: Any) -> None:
+    """Ends the making of a library of LLVM code that is linked into others and never called itself."""
+    library._finalize_dynamic_globals()
+    library._verify_declare_only_symbols()
+    library._finalized = True
 
 
 _STAGE = types.void(types.int64, types.int64)
