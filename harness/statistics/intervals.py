@@ -53,7 +53,9 @@ def geometric_interval(values: Sequence[float]) -> Estimate:
     if not 0 < value < math.inf:
         return Estimate(value, math.nan, math.nan, int(known.size))
     _, low, high, n = mean_interval(np.log(known))
-    return Estimate(value, exp(low), exp(high), n)
+    if math.isnan(low):
+        return Estimate(value, low, high, n)
+    return Estimate(value, min(exp(low), value), max(exp(high), value), n)  # exp rounds another sum where all are equal
 
 
 def bounded_interval(low: Sequence[float], high: Sequence[float]) -> Estimate:

@@ -170,7 +170,7 @@ def test_prose_holds_the_numbers_of_the_results(tmp_path):
     text = written(tmp_path, accelerators(0.01, 0.02), PROSE.format(usual="\n{{usual sobol}}\n"))
     assert text.startswith("# A chapter\n\n## Speed\n\n### Samples a second") and "not shown" not in text
     assert "On hall it is faster than the grid, by 2.00 (1.97 to 2.03). That is all." in text
-    assert "- It takes 6 words.\n- It has 1234 primitives.\n" in text and "{{" not in text
+    assert "- It takes 6 words.\n- It has 1,234 primitives.\n" in text and "{{" not in text
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -198,6 +198,7 @@ def test_claims_that_do_not_hold_are_named_with_their_sentence_and_numbers(tmp_p
         ("faster('hall', 'numba bvh', 'embree')", "'hall' with numba bvh and embree names no comparisons"),
         ("speed()", "missing 1 required positional argument"),
         ("1 / 0", "division by zero"),
+        ("build('hall, numba bvh')", "the results have no number for build('hall, numba bvh')"),
     ],
 )  # fmt: skip
 def test_what_prose_cannot_ask_is_a_message(tmp_path, code, problem):

@@ -284,4 +284,7 @@ def test_bounds_stay_bounds():
 def test_geometric_means_of_odd_values():
     assert geometric_interval([4.0, math.nan]).value == 4 and math.isnan(geometric_interval([4.0]).low)
     assert math.isnan(geometric_interval([-1.0, 2.0]).value) and geometric_interval([0.0, 2.0]).value == 0
+    for value in np.linspace(0.001, 9, 300):  # equal errors of a sampler without randomness
+        same = geometric_interval([value] * 5)
+        assert same.low <= same.value <= same.high
     assert math.isnan(geometric_interval([]).value) and math.isnan(geometric_interval([0.0, math.inf]).value)

@@ -30,6 +30,7 @@ from harness.statistics import Estimate, Ratio
 CODE = re.compile(r"\{\{(.+?)\}\}", re.DOTALL)
 BLOCK = re.compile(r"\{\{(table|figure|usual) ([^{}]+)\}\}")
 COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+NO_NUMBER = number_text(float("nan"))
 OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Gt: operator.gt,
     ast.GtE: operator.ge, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Eq: operator.eq, ast.Not: operator.not_,
@@ -134,10 +135,12 @@ class _Checked:
         asked: list[str] = []
         try:
             value = self._evaluate(ast.parse(expression, mode="eval").body, asked)
-            if not claim:
-                return as_text(value)
-            if not value:
+            shown = "" if claim else as_text(value)
+            if claim and not value:
                 self._wrong(line, sentence, f"the results do not say that {expression}: {'; '.join(asked)}")
+            elif NO_NUMBER in shown:
+                self._wrong(line, sentence, f"the results have no number for {expression}: {'; '.join(asked)}")
+            return shown
         except SyntaxError:
             self._wrong(line, sentence, f"{expression}: is no expression")
         except (ConfigError, TypeError, ValueError, ZeroDivisionError) as error:
@@ -189,7 +192,9 @@ def as_text(value: Any) -> str:
     if isinstance(value, list):
         ends = [number_text(end(_number(one) for one in value)) for end in (min, max)]
         return " to ".join(dict.fromkeys(ends))
-    return number_text(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    return number_text(value) if isinstance(value, float) else str(value)
 
 
 def _sentence(text: str, at: int) -> str:
