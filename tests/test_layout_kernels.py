@@ -20,7 +20,7 @@ FLOORS: dict[str, set[str]] = {
     "integrators": {*COMPILED, "compile.vec3", "lane"},
     "flatten": {*COMPILED, "compile.records", "features", "lane", "layout"},
     "stages": {
-        *(*COMPILED, "compile.records", "compile.row_loads", "compile.simd"),
+        *(*COMPILED, "compile.masks", "compile.records", "compile.row_loads", "compile.simd"),
         *("features", "flatten", "integrators", "lane", "layout"),
     },
     "driver": {*COMPILED, "compile.masks", "lane", "layout"},

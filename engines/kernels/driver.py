@@ -258,10 +258,11 @@ def driver(real: Any) -> Any:
         sums, squares, even_sums, counts, buffer, totals,
     ):  # fmt: skip
         rays, stacks = ray_batch(batch, real), waiting_rays(stack, real)
-        next_tile = control.ctypes.data + 8 * NEXT_TILE
+        next_tile, traced = control.ctypes.data + 8 * NEXT_TILE, 0
         while True:
             tile = fetch_add(next_tile, 1)
             if tile >= len(tiles):
+                totals[RAYS] += traced  # not every batch: threads would wait for each other's cache lines
                 return
             while done[tile] < target:
                 first = done[tile]
@@ -270,12 +271,13 @@ def driver(real: Any) -> Any:
                 issued, free, idle = Issued(0, 0), np.int64(EVERY_LANE), np.int64(0)
                 while True:
                     if control[STOP] != 0 or control[STACK_FULL] != 0:
+                        totals[RAYS] += traced
                         return  # what this pass has gathered is dropped: the film holds whole passes
                     issued, idle_now = _regenerate(stages, batch, spare, scene, real, work, issued, free)
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    totals[RAYS] += _advance(rays, stages, batch, scene, plan, zero)
+                    traced += _advance(rays, stages, batch, scene, plan, zero)
                     free, fits = _finish(rays, stacks, capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from engines.kernels.compile.fields import LANES
+from engines.kernels.compile.fields import LANES, word_of
 from engines.kernels.compile.lanes import LaneField
 from engines.kernels.compile.memory import WORD, tag_access
 
@@ -63,6 +64,27 @@ def positive_lanes(typing, field):
         return _word(builder, builder.fcmp_ordered(">", value, ir.Constant(value.type, None)))
 
     return types.int64(field), generate
+
+
+def _compared(field: Any, relation: str, other: Any) -> Any:
+    def generate(context, builder, signature, arguments):
+        words = ir.VectorType(context.get_value_type(word_of(field.real)), LANES)
+        place = _vector_place(context, builder, field.real, arguments[0], field.field.first)
+        value = _load(builder, builder.bitcast(place, words.as_pointer()))
+        return _word(builder, builder.icmp_signed(relation, value, ir.Constant(words, [other] * LANES)))
+
+    return generate
+
+
+@cache
+def lanes_where(relation: str, number: int) -> Any:
+    """The function of compiled code (field) -> word of the lanes whose integer is `relation`, such as ">=", to `number`."""
+
+    @intrinsic
+    def found(typing, field):
+        return types.int64(field), _compared(field, relation, number)
+
+    return found
 
 
 @intrinsic

@@ -6,11 +6,12 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from engines.kernels.compile.fields import LANES, word_of
+from engines.kernels.compile.fields import LANES, REAL, scalar_type_of, word_of
 from engines.kernels.compile.memory import WORD, load, tag_access
 
 AT_ONCE = 4
@@ -48,19 +49,20 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 @cache
-def row_loads(index: int, stride: int, columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
-    """The function of compiled code (rays, address) that copies numbers of a row of each lane, those at `columns`: consecutive,
-    and at most four. A row is `stride` numbers of the batch's scalar type; the rows begin at the address. The integer field at
-    number `index` of a lane holds the lane's row index. `targets` are the numbers of a lane that the copies go to."""
+def row_loads(index: int, stride: int, columns: tuple[int, ...], targets: tuple[int, ...], dtype: Any = REAL) -> Any:
+    """The function of compiled code (rays, address, lanes) that copies numbers of a row of each lane of the word `lanes`, those
+    at `columns`: consecutive, and at most four. A row is `stride` numbers of `dtype`: the batch's scalar type, np.int32 or
+    np.float64; the rows begin at the address. The integer field at number `index` of a lane holds the lane's row index, which
+    must be valid in every lane. `targets` are the numbers of a lane at which the copies begin; a copy of a whole number is an
+    integer field, and one of float64 takes two numbers of a batch of float32."""
 
     @intrinsic
-    def copy_columns(typing, rays, address):
+    def copy_columns(typing, rays, address, lanes):
         def generate(context, builder, signature, arguments):
-            base, start = arguments
-            real = context.get_value_type(rays.real)
-            word = context.get_value_type(word_of(rays.real))
-            size = rays.real.bitwidth // 8
-            kind = ir.VectorType(real, len(columns))
+            base, start, wanted = arguments
+            of = scalar_type_of(dtype, rays.real)
+            size, word = of.bitwidth // 8, context.get_value_type(word_of(rays.real))
+            kind = ir.VectorType(context.get_value_type(of), len(columns))
             rows = []
             for lane in range(LANES):
                 place = builder.gep(base, [ir.Constant(WORD, index * LANES + lane)])
@@ -72,12 +74,17 @@ def row_loads(index: int, stride: int, columns: tuple[int, ...], targets: tuple[
                 tag_access(builder.module, value, False)
                 whole = [k if k < len(columns) else 0 for k in range(AT_ONCE)]
                 rows.append(_shuffle(builder, value, value, whole))
-            for number, value in zip(targets, _transposed(builder, rows), strict=False):
+            mask = builder.bitcast(builder.trunc(wanted, ir.IntType(LANES)), ir.VectorType(ir.IntType(1), LANES))
+            for number, column in zip(targets, _transposed(builder, rows), strict=False):
+                value = builder.sext(column, ir.VectorType(word, LANES)) if dtype is np.int32 else column
                 place = builder.gep(base, [ir.Constant(WORD, number * LANES)])
-                stored = builder.store(value, builder.bitcast(place, value.type.as_pointer()), align=size)
+                place = builder.bitcast(place, value.type.as_pointer())
+                before = builder.load(place, align=size)
+                tag_access(builder.module, before, True)
+                stored = builder.store(builder.select(mask, value, before), place, align=size)
                 tag_access(builder.module, stored, True)
             return context.get_dummy_value()
 
-        return types.void(rays, types.int64), generate
+        return types.void(rays, types.int64, types.int64), generate
 
     return copy_columns

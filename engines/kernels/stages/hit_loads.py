@@ -3,40 +3,43 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from engines.kernels.compile.jit import inline
-from engines.kernels.compile.records import address_of, array_at
+from engines.kernels.compile.masks import EVERY_LANE, lanes_where
+from engines.kernels.compile.records import Row, address_of
 from engines.kernels.compile.row_loads import AT_ONCE, row_loads
-from engines.kernels.compile.values import keep_scalar, pick
+from engines.kernels.compile.values import keep_scalar, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights, materials
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE
-from engines.kernels.layout import LANES, SHAPE_PARAMETERS, MaterialRow, PlaneRow, RayBatch, SphereRow
+from engines.kernels.layout import (
+    LANES,
+    AnalyticRow,
+    LightRow,
+    MaterialRow,
+    PlaneRow,
+    PrimitiveRow,
+    RayBatch,
+    SphereRow,
+    TriangleRow,
+)
 from engines.kernels.stages import light_hierarchy
 from engines.kernels.stages.prefetching import NEAR_TRIANGLES, make_prefetch
 
 
-@inline
-def keep_corners(rays, lane, scene, face):
-    """Notes the corners of a triangle, by its index among the triangles, for `load_vertices`."""
-    row = scene.triangles[face]
-    rays.corner0[lane] = row.a
-    rays.corner1[lane] = row.b
-    rays.corner2[lane] = row.c
-
-
-def _number(field: str) -> int:
+def lane_number(field: str) -> int:
+    """The first number of a lane of a field of the ray batch."""
     return RayBatch.fields[field].first
 
 
 def _vector_loads(field: str) -> list[Any]:
     """Three functions (rays, address of vectors) that copy those of the corners into `field` with 0, 1 or 2 at its end."""
-    firsts = [_number(f"{field}{k}") for k in range(3)]
+    firsts = [lane_number(f"{field}{k}") for k in range(3)]
     return [
-        row_loads(_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)
+        row_loads(lane_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)
     ]
 
 
@@ -47,36 +50,37 @@ _normal0, _normal1, _normal2 = _vector_loads("vertex_normal")
 @inline
 def load_vertices(rays, scene):
     """The corners of each lane's triangle."""
-    _vertex0(rays, address_of(scene.vertices))
-    _vertex1(rays, address_of(scene.vertices))
-    _vertex2(rays, address_of(scene.vertices))
+    _vertex0(rays, address_of(scene.vertices), EVERY_LANE)
+    _vertex1(rays, address_of(scene.vertices), EVERY_LANE)
+    _vertex2(rays, address_of(scene.vertices), EVERY_LANE)
 
 
 @inline
 def _load_normals(rays, scene):
-    _normal0(rays, address_of(scene.vertex_normals))
-    _normal1(rays, address_of(scene.vertex_normals))
-    _normal2(rays, address_of(scene.vertex_normals))
+    _normal0(rays, address_of(scene.vertex_normals), EVERY_LANE)
+    _normal1(rays, address_of(scene.vertex_normals), EVERY_LANE)
+    _normal2(rays, address_of(scene.vertex_normals), EVERY_LANE)
 
 
 @cache
-def _make_load_materials(columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
-    """The function (rays, address of the materials) that copies these columns of each lane's row to these numbers of a lane."""
+def make_load_rows(index: str, row: type[Row], columns: tuple[int, ...], targets: tuple[int, ...]) -> Any:
+    """The function (rays, address of such rows, lanes) that copies these columns, in ascending order, to these numbers of a
+    lane, in the lanes of the word. The field `index` holds which row."""
 
     @inline
-    def nothing(rays, address):
+    def nothing(rays, address, lanes):
         pass
 
     if not columns:
         return nothing
     n = next((k for k in range(1, len(columns)) if k == AT_ONCE or columns[k] != columns[0] + k), len(columns))
-    loads = row_loads(_number("material"), MaterialRow.size, columns[:n], targets[:n])
-    rest = _make_load_materials(columns[n:], targets[n:])
+    loads = row_loads(lane_number(index), row.size, columns[:n], targets[:n], row.dtype)
+    rest = make_load_rows(index, row, columns[n:], targets[n:])
 
     @inline
-    def load(rays, address):
-        loads(rays, address)
-        rest(rays, address)
+    def load(rays, address, lanes):
+        loads(rays, address, lanes)
+        rest(rays, address, lanes)
 
     return load
 
@@ -84,62 +88,86 @@ def _make_load_materials(columns: tuple[int, ...], targets: tuple[int, ...]) -> 
 def _material_columns(features: SceneFeatures) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """(columns of a material's row that the scene's BSDF models and its emission need, numbers of a lane to which they
     go)."""
-    first, own = MaterialRow.fields["bsdf"].first, _number("bsdf")
+    first, own = MaterialRow.fields["bsdf"].first, lane_number("bsdf")
     wanted = sorted({column for kind in features.bsdfs for column in materials.MODELS[kind].columns(features)})
     pairs = [(first + column, own + column) for column in wanted]
     if features.emission:
         emission, two_sided = MaterialRow.fields["emission"].first, MaterialRow.fields["two_sided"].first
-        pairs += [(emission + k, _number("emission") + k) for k in range(3)] + [(two_sided, _number("two_sided"))]
+        pairs += [(emission + k, lane_number("emission") + k) for k in range(3)] + [(two_sided, lane_number("two_sided"))]
     columns = sorted(pairs)
     return tuple(column for column, _ in columns), tuple(target for _, target in columns)
 
 
 @cache
-def _make_find_formula(features: SceneFeatures) -> Any:
-    """The function (scene, kind, index) -> (address of the row of a shape with a formula, how many numbers it has); some row of
-    the scene's for a triangle."""
-    spheres, planes, analytic = features.spheres, features.planes, len(features.analytic) > 0
-    plane_size, sphere_size = PlaneRow.size, SphereRow.size
+def _make_load_formula(row: type[Row], real: Any) -> Any:
+    """The function (rays, address of such rows, lanes) that copies the numbers of a shape with a formula."""
+    first, numbers = lane_number("shape_parameters"), np.dtype(np.float64).itemsize // np.dtype(real).itemsize
+    return make_load_rows("kept_column", row, tuple(range(row.size)), tuple(first + numbers * k for k in range(row.size)))
 
-    @inline
-    def find(scene, kind, index):
-        start, size, zero = np.int64(0), np.int64(0), np.int64(0)
-        if analytic:
-            start, size = address_of(scene.analytic[pick(kind > PLANE, index, zero)]), np.int64(SHAPE_PARAMETERS)
-        if planes:
-            own = (kind == PLANE) | (not analytic)
-            row = address_of(scene.planes[pick(kind == PLANE, index, zero)])
-            start, size = pick(own, row, start), pick(own, np.int64(plane_size), size)
-        if spheres:
-            own = (kind == SPHERE) | (not (analytic or planes))
-            row = address_of(scene.spheres[pick(kind == SPHERE, index, zero)])
-            start, size = pick(own, row, start), pick(own, np.int64(sphere_size), size)
-        return start, size
 
-    return find
+_of_triangles, _of_spheres, _of_planes = (lanes_where("==", kind) for kind in (TRIANGLE, SPHERE, PLANE))
+_of_analytic, _not_negative = lanes_where(">", PLANE), lanes_where(">=", 0)
+load_corners = make_load_rows("corner0", TriangleRow, (0, 1, 2), tuple(lane_number(f"corner{k}") for k in range(3)))
+
+
+class Kinds(NamedTuple):
+    """The lanes that have hit something, and those of them by the kind of what they hit: words."""
+
+    hits: int
+    triangles: int
+    spheres: int
+    planes: int
+    analytic: int
 
 
 @cache
-def _make_load_shape(features: SceneFeatures) -> Any:
-    """The function (rays, lane, scene, kind, index) that copies the geometry of the primitive hit. Which kind it is hangs on
-    chance, so it decides on addresses and not on branches; what is no triangle reads the corners of the first."""
-    triangles, find_formula = features.triangles, _make_find_formula(features)
-    numbers = SHAPE_PARAMETERS if features.analytic else PlaneRow.size if features.planes else SphereRow.size
-    formulated = features.spheres or features.planes or len(features.analytic) > 0
-    first_numbers = SphereRow.size
+def _make_find_kinds(features: SceneFeatures) -> Any:
+    """The function (rays, hits) -> Kinds, of the kinds of shapes that the lanes hold."""
+    triangles, spheres, planes = features.triangles, features.spheres, features.planes
+    several = spheres or planes or len(features.analytic) > 0
 
     @inline
-    def load(rays, lane, scene, kind, index):
-        if triangles:
-            face = pick(kind == TRIANGLE, index, np.int64(0))
-            keep_corners(rays, lane, scene, face)
-        if formulated:
-            start, size = find_formula(scene, kind, index)
-            row = array_at(start, np.float64)
-            for k in range(first_numbers):
-                rays.shape_parameters[k, lane] = row[k]
-            for k in range(first_numbers, numbers):
-                rays.shape_parameters[k, lane] = row[pick(k < size, np.int64(k), np.int64(0))]
+    def kinds(rays, hits):
+        none = np.int64(0)
+        if not several:
+            return Kinds(hits, hits, none, none, none)
+        return Kinds(
+            hits, hits & _of_triangles(rays.shape) if triangles else none, hits & _of_spheres(rays.shape) if spheres else none,
+            hits & _of_planes(rays.shape) if planes else none, hits & _of_analytic(rays.shape),
+        )  # fmt: skip
+
+    return kinds
+
+
+@cache
+def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, scene, kinds) that copies the geometry of the primitives hit, whose indices among those of their kind
+    are kept: of each kind that some lane has hit. Lanes that hit another read the first row."""
+    triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
+    analytic = len(features.analytic) > 0
+    load_sphere, load_plane, load_analytic = (_make_load_formula(row, real) for row in (SphereRow, PlaneRow, AnalyticRow))
+
+    @inline
+    def load(rays, scene, kinds):
+        if triangles and kinds.triangles != 0:
+            for lane in range(np.uint64(LANES)):
+                rays.corner0[lane] = select(rays.shape[lane] == TRIANGLE, rays.kept_row[lane], np.int32(0))
+            load_corners(rays, address_of(scene.triangles), EVERY_LANE)
+            load_vertices(rays, scene)
+            if smooth:
+                _load_normals(rays, scene)
+        if spheres and kinds.spheres != 0:
+            for lane in range(np.uint64(LANES)):
+                rays.kept_column[lane] = select(rays.shape[lane] == SPHERE, rays.kept_row[lane], np.int32(0))
+            load_sphere(rays, address_of(scene.spheres), kinds.spheres)
+        if planes and kinds.planes != 0:
+            for lane in range(np.uint64(LANES)):
+                rays.kept_column[lane] = select(rays.shape[lane] == PLANE, rays.kept_row[lane], np.int32(0))
+            load_plane(rays, address_of(scene.planes), kinds.planes)
+        if analytic and kinds.analytic != 0:
+            for lane in range(np.uint64(LANES)):
+                rays.kept_column[lane] = select(rays.shape[lane] > PLANE, rays.kept_row[lane], np.int32(0))
+            load_analytic(rays, address_of(scene.analytic), kinds.analytic)
 
     return load
 
@@ -159,47 +187,91 @@ def area_lights(features: SceneFeatures) -> tuple[int, ...]:
 
 
 @cache
-def make_load_hit(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, scene) that copies what the scene holds of the primitives that the lanes hit."""
-    several_shapes = features.spheres or features.planes or len(features.analytic) > 0
-    several_bsdfs, smooth, power = len(features.bsdfs) > 1, features.smooth, features.power_lights
-    hierarchy = features.light_hierarchy
-    load_shape, load_materials = _make_load_shape(features), _make_load_materials(*_material_columns(features))
+def _make_load_primitives(features: SceneFeatures) -> Any:
+    """The function (rays, scene) that copies kind, index, material and light of each lane's primitive, whose id is kept. Where
+    there are triangles alone, their indices are their ids: one cache miss less."""
+    several = features.spheres or features.planes or len(features.analytic) > 0
+    wanted = [("shape", "shape"), ("index", "kept_row")] if several else []
+    if features.bsdfs or features.emission:
+        wanted += [("material", "material"), ("light", "primitive_light")]
+    columns = tuple(PrimitiveRow.fields[column].first for column, _ in wanted)
+    load_rows = make_load_rows("kept_row", PrimitiveRow, columns, tuple(lane_number(name) for _, name in wanted))
+
+    @inline
+    def load(rays, scene):
+        load_rows(rays, address_of(scene.primitives), EVERY_LANE)
+
+    return load
+
+
+@inline
+def _keep_ids(rays):
+    """Keeps the id of each lane's primitive, 0 where there is none; returns the lanes that have one."""
+    for lane in range(np.uint64(LANES)):
+        primitive, held = rays.primitive[lane], rays.held_primitive[lane]
+        primitive = select(held >= 0, held, primitive)
+        rays.primitive[lane] = primitive
+        rays.kept_row[lane] = select(primitive < 0, np.int32(0), primitive)
+        rays.shape[lane] = TRIANGLE
+    return _not_negative(rays.primitive)
+
+
+@cache
+def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
+    power, hierarchy = features.power_lights, features.light_hierarchy
+    first, own = LightRow.fields["parameters"].first, lane_number("light_parameters")
+    columns = tuple(range(first, first + parameters))
+    load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
+
+    @inline
+    def load(rays, scene, hits):
+        if parameters == 0 or hits & _not_negative(rays.primitive_light) == 0:
+            return
+        if hierarchy or power:
+            for lane in range(np.uint64(LANES)):
+                keep_scalar()
+                light = rays.primitive_light[lane]
+                if hierarchy:
+                    rays.light_choices[lane] = _choices(rays, lane, scene, rays.primitive[lane], light, real)
+                else:
+                    rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
+        for lane in range(np.uint64(LANES)):
+            light = rays.primitive_light[lane]
+            rays.kept_row[lane] = select(light < 0, np.int32(0), light)
+        load_rows(rays, address_of(scene.lights), EVERY_LANE)
+
+    return load
+
+
+@cache
+def make_load_hit(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, scene) -> Kinds that copies what the scene holds of the primitives that the lanes hit; nothing where
+    no lane hits any."""
+    materials_of, several_bsdfs = _material_columns(features), len(features.bsdfs) > 1
+    load_primitives, load_shapes = _make_load_primitives(features), _make_load_shapes(features, real)
+    load_lights, find_kinds = _make_load_lights(features, real), _make_find_kinds(features)
+    load_materials = make_load_rows("material", MaterialRow, *materials_of)
     triangles, prefetch_triangles = features.triangles, make_prefetch(features, real)
 
     @inline
     def load(rays, scene):
+        hits = _keep_ids(rays)
+        if hits == 0:
+            return Kinds(hits, hits, hits, hits, hits)
         if triangles and scene.n_triangles > NEAR_TRIANGLES:
             prefetch_triangles(rays, scene)
-        for lane in range(np.uint64(LANES)):
-            keep_scalar()
-            primitive, held = rays.primitive[lane], rays.held_primitive[lane]
-            primitive = held if held >= 0 else primitive
-            rays.primitive[lane] = primitive
-            index = np.int64(0) if primitive < 0 else np.int64(primitive)
-            row, kind = scene.primitives[index], np.int32(TRIANGLE)
-            if several_shapes:  # where there are triangles alone, their indices are their ids: one cache miss less
-                kind, index = row.shape, np.int64(row.index)
-            rays.shape[lane] = kind
-            load_shape(rays, lane, scene, kind, index)
-            rays.material[lane] = row.material
-            if several_bsdfs:
-                rays.bsdf_model[lane] = np.int64(scene.materials[row.material].model)
-            if parameters > 0:
-                light = row.light
-                rays.primitive_light[lane] = light
-                if hierarchy:
-                    rays.light_choices[lane] = _choices(rays, lane, scene, primitive, light, real)
-                elif power:
-                    rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
-                light_row = scene.lights[light if light >= 0 else np.int32(0)]
-                for k in range(parameters):
-                    rays.light_parameters[k, lane] = light_row.parameters[k]
-        load_materials(rays, address_of(scene.materials))
-        if triangles:
-            load_vertices(rays, scene)
-            if smooth:
-                _load_normals(rays, scene)
+            _keep_ids(rays)
+        load_primitives(rays, scene)
+        kinds = find_kinds(rays, hits)
+        load_shapes(rays, scene, kinds)
+        load_lights(rays, scene, hits)
+        if several_bsdfs:
+            for lane in range(np.uint64(LANES)):
+                keep_scalar()
+                rays.bsdf_model[lane] = np.int64(scene.materials[rays.material[lane]].model)
+        load_materials(rays, address_of(scene.materials), EVERY_LANE)
+        return kinds
 
     return load

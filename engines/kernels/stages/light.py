@@ -8,16 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
-from engines.kernels.compile.records import address_of, array_at, lane_numbers, prefetch
-from engines.kernels.compile.values import lowest_bit, pick
+from engines.kernels.compile.masks import EVERY_LANE, lanes_where
+from engines.kernels.compile.records import address_of, lane_numbers, prefetch
+from engines.kernels.compile.values import keep_scalar, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten.lights import IMAGE_ENVIRONMENT, MESH, MODELS
 from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
-from engines.kernels.layout import LANES, LightRow, ray_batch, scene_table
+from engines.kernels.layout import LANES, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
 from engines.kernels.stages import environment, light_hierarchy, resampling
-from engines.kernels.stages.hit_loads import keep_corners, load_vertices
+from engines.kernels.stages.hit_loads import lane_number, load_corners, load_vertices, make_load_rows
 
 COLOR = LightRow.fields["color"].first
 """In a row of a light, as at the beginning of one of a material: a colour and whether both sides emit."""
@@ -91,11 +92,9 @@ def _by_power(scene, n, u):
 
 @cache
 def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
-    """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene
-    holds of it: searches and plain loads, so in a loop of their own."""
-    parameters = max(MODELS[kind].parameters for kind in kinds)
-    meshes, hierarchy, choose_light = MESH in kinds, selection.hierarchy, _make_choose(selection)
-    choose_all, bytes_a_number = light_hierarchy.make_choose(real), np.dtype(real).itemsize
+    """The function (rays, scene) that chooses each lane's light, of a mesh a face, and copies what the scene holds of it."""
+    load_lights, meshes, hierarchy = _make_load_lights(kinds), MESH in kinds, selection.hierarchy
+    choose_light, choose_all = _make_choose(selection), light_hierarchy.make_choose(real)
 
     @inline
     def load(rays, scene):
@@ -103,35 +102,55 @@ def _make_load(kinds: tuple[int, ...], selection: Selection, real: Any) -> Any:
             choose_all(rays, scene)
         for lane in range(np.uint64(LANES)):
             chosen, rest = choose_light(rays, lane, scene)
-            if hierarchy and chosen < 0:
-                continue
-            row = scene.lights[chosen]
-            kind = np.int32(row.kind)
-            rays.light_kind[lane] = kind
-            for k in range(parameters):
-                rays.light_parameters[k, lane] = row.parameters[k]
-            color = address_of(row) + COLOR * bytes_a_number
-            if meshes:
-                color = _load_face(rays, lane, scene, chosen, rest, kind == MESH, color)
-            numbers = array_at(color, real)
-            rays.light_color[lane] = Vec3(numbers[0], numbers[1], numbers[2])
-            rays.two_sided[lane] = numbers[3]
+            rays.kept_column[lane] = chosen
+            rays.kept_row[lane] = select(chosen < 0, np.int64(0), chosen)
+            rays.kept[0, lane] = rest
+        load_lights(rays, address_of(scene.lights), EVERY_LANE)
+        for lane in range(np.uint64(LANES)):
+            kind = np.int32(rays.light_distance[lane])
+            rays.light_kind[lane] = select(rays.kept_column[lane] < 0, np.int32(-1), kind)
         if meshes:
-            load_vertices(rays, scene)
+            lanes = _on_meshes(rays.light_kind)
+            if lanes != 0:
+                _load_faces(rays, scene, lanes)
 
     return load
 
 
+@cache
+def _make_load_lights(kinds: tuple[int, ...]) -> Any:
+    """The function (rays, address, lanes) that copies rows of lights: the kind, as a number, to where the distance will be."""
+    parameters = max(MODELS[kind].parameters for kind in kinds)
+    first = LightRow.fields["parameters"].first
+    columns = [LightRow.fields["kind"].first, *(COLOR + k for k in range(4)), *(first + k for k in range(parameters))]
+    targets = [lane_number("light_distance"), *_COLOR_AND_SIDES]
+    targets += [lane_number("light_parameters") + k for k in range(parameters)]
+    return make_load_rows("kept_row", LightRow, tuple(columns), tuple(targets))
+
+
+_COLOR_AND_SIDES = (*(lane_number("light_color") + k for k in range(3)), lane_number("two_sided"))
+_on_meshes = lanes_where("==", MESH)
+_load_primitives = make_load_rows(
+    "kept_row", PrimitiveRow, (PrimitiveRow.fields["index"].first, PrimitiveRow.fields["material"].first),
+    (lane_number("corner0"), lane_number("material")),
+)  # fmt: skip
+_load_emission = make_load_rows("material", MaterialRow, (0, 1, 2, 3), _COLOR_AND_SIDES)
+
+
 @inline
-def _load_face(rays, lane, scene, light, rest, mesh, color):
-    """A face of the mesh, chosen in proportion to its area; returns the address of its emission. Of what is no mesh the first
-    face of all, and `color`: a branch would be taken by chance."""
-    faces = scene.light_ranges[light]
-    first = np.int64(faces.first)
-    chosen = first + environment.first_above_in(scene.light_cdf, first, np.int64(faces.count), scene.light_steps, rest)
-    row = scene.primitives[scene.light_faces[chosen]]
-    keep_corners(rays, lane, scene, row.index)
-    return pick(mesh, address_of(scene.materials[row.material]), color)
+def _load_faces(rays, scene, lanes):
+    """A face of each lane's mesh, chosen in proportion to its area, and its emission in the lanes of the word. Where a light is
+    no mesh, the first face of all is read: a branch would be taken by chance."""
+    for lane in range(np.uint64(LANES)):
+        keep_scalar()
+        faces, rest = scene.light_ranges[np.int64(rays.kept_row[lane])], rays.kept[0, lane]
+        first = np.int64(faces.first)
+        chosen = environment.first_above_in(scene.light_cdf, first, np.int64(faces.count), scene.light_steps, rest)
+        rays.kept_row[lane] = scene.light_faces[first + chosen]
+    _load_primitives(rays, address_of(scene.primitives), EVERY_LANE)
+    load_corners(rays, address_of(scene.triangles), EVERY_LANE)
+    load_vertices(rays, scene)
+    _load_emission(rays, address_of(scene.materials), lanes)
 
 
 @cache

@@ -12,7 +12,7 @@ from engines.kernels.compile.values import select
 from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.lane.shapes.plane import plane_distance
 from engines.kernels.lane.shapes.sphere import sphere_distance
-from engines.kernels.lane.vector import to_float64
+from engines.kernels.lane.vector import dot, extent, to_float64, to_real
 from engines.kernels.layout import LANES
 
 
@@ -33,6 +33,24 @@ def block_shadow(rays, lane, t, valid):
 
 
 @inline
+def _some_near(origin, direction, end, center, radius, real):
+    """Whether some ray may meet a sphere, in the batch's precision: false only where float64 would find none. The bound covers
+    the rounding of coordinates to that precision and of what is computed from them."""
+    near, where = np.int32(0), to_real(center, real)
+    slack, least = real(64.0 * np.finfo(real).eps), real(1e-37)
+    place, square = extent(where), real(radius * radius * (1.0 + 1e-6))
+    for lane in range(np.uint64(LANES)):
+        d, to = direction[lane], where - origin[lane]
+        size = extent(to) + extent(origin[lane]) + place
+        along, bound = dot(to, d), square + (slack * size * size + least)
+        distance = dot(to, to)
+        ahead = (not (along < real(0))) | (not (distance > bound))
+        meets = ahead & (not (distance * dot(d, d) - along * along > bound * dot(d, d)))
+        near |= np.int32(1 if meets & (end[lane] > real(0)) else 0)
+    return near != 0
+
+
+@inline
 def closest_planes(rays, scene, real):
     for i in range(scene.n_planes):
         point, normal, primitive = scene.planes[i].point, scene.planes[i].normal, scene.plane_primitives[i]
@@ -46,6 +64,8 @@ def closest_planes(rays, scene, real):
 def closest_spheres(rays, scene, real):
     for i in range(scene.n_spheres):
         center, radius, primitive = scene.spheres[i].center, scene.spheres[i].radius, scene.sphere_primitives[i]
+        if not _some_near(rays.origin, rays.direction, rays.t, center, radius, real):
+            continue
         for lane in range(np.uint64(LANES)):
             o, d = to_float64(rays.origin[lane]), to_float64(rays.direction[lane])
             t = real(sphere_distance(o, d, center, radius))
@@ -66,6 +86,8 @@ def occluded_planes(rays, scene, real):
 def occluded_spheres(rays, scene, real):
     for i in range(scene.n_spheres):
         center, radius = scene.spheres[i].center, scene.spheres[i].radius
+        if not _some_near(rays.shadow_origin, rays.wi, rays.shadow_t_max, center, radius, real):
+            continue
         for lane in range(np.uint64(LANES)):
             o, d = to_float64(rays.shadow_origin[lane]), to_float64(rays.wi[lane])
             t = real(sphere_distance(o, d, center, radius))

@@ -17,7 +17,7 @@ from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, lowest_bit, select
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import lights
-from engines.kernels.flatten.shapes import PLANE, SPHERE, analytic_shape
+from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
@@ -67,33 +67,75 @@ def _make_analytic(kinds: tuple[int, ...], real: Any) -> Any:
     return chosen
 
 
+@inline
+def _load_found(rays, lane, smooth, tangents, none):
+    """What `_keep_found` has kept."""
+    normal, shading, tangent = rays.geometric_normal[lane], rays.geometric_normal[lane], none
+    if smooth:
+        shading = rays.normal[lane]
+    if tangents:
+        tangent = rays.tangent[lane]
+    return ShapeIntersection(
+        rays.t[lane], rays.offset[lane], rays.u[lane], rays.v[lane], rays.point[lane], normal, shading, tangent
+    )
+
+
+@inline
+def _keep_found(rays, lane, own, found, smooth, tangents, none):
+    """Keeps an intersection in the fields of what it becomes, where `own` holds."""
+    found = choose(own, found, _load_found(rays, lane, smooth, tangents, none))
+    rays.t[lane] = found.t
+    rays.offset[lane] = found.scale
+    rays.u[lane] = found.u
+    rays.v[lane] = found.v
+    rays.point[lane] = found.point
+    rays.geometric_normal[lane] = found.normal
+    if smooth:
+        rays.normal[lane] = found.shading_normal
+    if tangents:
+        rays.tangent[lane] = found.tangent
+
+
+@inline
+def _on_triangle(rays, lane, o, d, smooth):
+    return triangle.intersection(
+        o, d, rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
+        rays.vertex_normal0[lane], rays.vertex_normal1[lane], rays.vertex_normal2[lane], smooth,
+    )  # fmt: skip
+
+
 @cache
-def _make_intersection(features: SceneFeatures, real: Any) -> Any:
-    """The function (rays, lane, o, d) -> where the lane's ray meets the primitive of its kind."""
+def _make_meet(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
     triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
-    has_analytic, analytic = len(features.analytic) > 0, _make_analytic(features.analytic, real)
+    has_analytic, analytic, tangents = len(features.analytic) > 0, _make_analytic(features.analytic, real), features.tangents
+    zero = real(0)
 
     @inline
-    def intersection(rays, lane, o, d):
-        zero, kind = real(0), rays.shape[lane]
-        found = ShapeIntersection(real(np.inf), zero, zero, zero, o, d, d, Vec3(zero, zero, zero))
-        if triangles:
-            found = triangle.intersection(
-                o, d, rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
-                rays.vertex_normal0[lane], rays.vertex_normal1[lane], rays.vertex_normal2[lane], smooth,
-            )  # fmt: skip
-        if spheres or planes:
-            x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
-            point = Vec3(x, y, z)
-            if spheres:
-                found = choose(kind == SPHERE, sphere.intersection(o, d, point, a, real), found)
-            if planes:
-                found = choose(kind == PLANE, plane.intersection(o, d, point, Vec3(a, b, c), real), found)
-        if has_analytic:
-            found = analytic(lane_numbers(rays.shape_parameters, lane), kind, o, d, found)
-        return found
+    def meet(rays, kinds):
+        none = Vec3(zero, zero, zero)
+        if triangles and kinds.triangles != 0:
+            for lane in range(np.uint64(LANES)):
+                found = _on_triangle(rays, lane, rays.origin[lane], rays.direction[lane], smooth)
+                _keep_found(rays, lane, rays.shape[lane] == TRIANGLE, found, smooth, tangents, none)
+        if spheres and kinds.spheres != 0:
+            for lane in range(np.uint64(LANES)):
+                x, y, z, radius, _, _, _ = lane_numbers(rays.shape_parameters, lane)
+                found = sphere.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), radius, real)
+                _keep_found(rays, lane, rays.shape[lane] == SPHERE, found, smooth, tangents, none)
+        if planes and kinds.planes != 0:
+            for lane in range(np.uint64(LANES)):
+                x, y, z, a, b, c, _ = lane_numbers(rays.shape_parameters, lane)
+                found = plane.intersection(rays.origin[lane], rays.direction[lane], Vec3(x, y, z), Vec3(a, b, c), real)
+                _keep_found(rays, lane, rays.shape[lane] == PLANE, found, smooth, tangents, none)
+        if has_analytic and kinds.analytic != 0:
+            for lane in range(np.uint64(LANES)):
+                kind, parameters = rays.shape[lane], lane_numbers(rays.shape_parameters, lane)
+                found = _load_found(rays, lane, smooth, tangents, none)
+                found = analytic(parameters, kind, rays.origin[lane], rays.direction[lane], found)
+                _keep_found(rays, lane, True, found, smooth, tangents, none)
 
-    return intersection
+    return meet
 
 
 @inline
@@ -146,7 +188,8 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
 
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
-    load, intersection = make_load_hit(features, real), _make_intersection(features, real)
+    load, meet = make_load_hit(features, real), _make_meet(features, real)
+    several, smooth = features.spheres or features.planes or len(features.analytic) > 0, features.smooth
     weighted = features.power_lights or features.light_hierarchy
     emission, tangents, shining = features.emission, features.tangents, area_lights(features)
     listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
@@ -155,7 +198,9 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        load(rays, scene)
+        kinds = load(rays, scene)
+        if several:
+            meet(rays, kinds)
         choices = real(scene.n_lights)
         environment_choices = choices
         if weighted:
@@ -167,7 +212,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             environment_radiance = scene.environment_radiance[0]
         for lane in range(np.uint64(LANES)):
             o, d = rays.origin[lane], rays.direction[lane]
-            found = intersection(rays, lane, o, d)
+            found = _load_found(rays, lane, smooth, tangents, none) if several else _on_triangle(rays, lane, o, d, smooth)
             # a hit that the primitive itself does not confirm (Embree reports some on slivers) is none
             primitive = rays.primitive[lane]
             miss = (primitive < 0) | (not (found.t < real(np.inf)))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,10 +38,10 @@ CHUNK = 64
 INVERSE = 3 * CHUNK * 3 * LANES
 """Where in the scratch memory, behind the vertices, lie the inverse directions."""
 SCRATCH = INVERSE + 3 * LANES
-FEWEST = 6
-"""Shapes of fewer triangles are joined with their neighbours: a box costs as much as two or three triangles."""
-LARGEST_SHARE = 0.5
-"""Of the area of the scene's box: larger ones are met by some ray of nearly every batch."""
+BOX_COST, CHUNK_COST = 2.5, 4.0
+"""In tests of a triangle: the test of a chunk's box; what a chunk costs besides its triangles, for frames and vertices."""
+INDEPENDENT = 4
+"""Some ray of a batch meets a box as likely as one of so many random lines through the scene's box does."""
 
 
 class ChunkRow(Row):
@@ -86,13 +86,14 @@ class Accelerator:
         faces, vertices = flat.arrays[SceneTable.triangles], flat.arrays[SceneTable.vertices]
         chunks, corners, local, boxes = [(0, 0, 0)], [np.zeros((0, 3), flat.real)], [np.zeros((0, 3), np.int32)], []
         shapes = np.searchsorted(flat.first_id, flat.arrays[SceneTable.triangle_primitives], side="right")
-        for first, last in _chunks(shapes):
-            own, index = np.unique(vertices[faces[first:last]].reshape(-1, 3), axis=0, return_inverse=True)
+        whole, triangles = _area(np.ptp(flat.bounds, axis=0)), vertices[faces]
+        ends = triangles.min(axis=1).astype(np.float64), triangles.max(axis=1).astype(np.float64)
+        for chunk in _chunks(shapes, *ends, whole):
+            own, index = np.unique(vertices[faces[chunk.first : chunk.last]].reshape(-1, 3), axis=0, return_inverse=True)
             corners.append(own)
             local.append(index.reshape(-1, 3).astype(np.int32))
             lowest, highest = own.min(axis=0) - padding(flat), own.max(axis=0) + padding(flat)
-            bounded = _area(highest - lowest) < LARGEST_SHARE * _area(np.ptp(flat.bounds, axis=0))
-            chunks[-1] = (*chunks[-1][:2], int(bounded))
+            chunks[-1] = (*chunks[-1][:2], int(chunk.bounded(whole)))
             chunks.append((chunks[-1][0] + len(own), chunks[-1][1] + len(local[-1]), 0))
             boxes.append((lowest, highest))
         flat.bind(ListTable.n_chunks, len(chunks) - 1)
@@ -115,16 +116,53 @@ def _area(size: Any) -> float:
     return float(size[0] * size[1] + size[1] * size[2] + size[2] * size[0])
 
 
-def _chunks(shape: Any) -> list[tuple[int, int]]:
-    """(first, last + 1) of each chunk, of the shape of each triangle in ascending order."""
+class Chunk(NamedTuple):
+    """Triangles first .. last - 1 and their box."""
+
+    first: int
+    last: int
+    lowest: Any
+    highest: Any
+
+    def joined(self, other: Chunk) -> Chunk:
+        """This one with its successor."""
+        lowest, highest = np.minimum(self.lowest, other.lowest), np.maximum(self.highest, other.highest)
+        return Chunk(self.first, other.last, lowest, highest)
+
+    def _tested(self, whole: float) -> float:
+        """What a batch is expected to cost, in tests of a triangle, if the box is tested."""
+        share = min(_area(self.highest - self.lowest) / whole, 1.0) if whole > 0.0 else 1.0
+        return BOX_COST + (1.0 - (1.0 - share) ** INDEPENDENT) * self._untested
+
+    @property
+    def _untested(self) -> float:
+        return CHUNK_COST + self.last - self.first
+
+    def bounded(self, whole: float) -> bool:
+        """Whether the test of the box pays, in a scene whose box has the area `whole`."""
+        return self._tested(whole) < self._untested
+
+    def cost(self, whole: float) -> float:
+        """As of `_tested`, if the box is tested where that pays."""
+        return min(self._tested(whole), self._untested)
+
+
+def _chunks(shape: Any, lowest: Any, highest: Any, whole: float) -> list[Chunk]:
+    """The chunks, of the shape and the box of each triangle; shapes are in ascending order. Neighbours are joined where both
+    together cost no more."""
     edges = [0, *(np.flatnonzero(np.diff(shape)) + 1), len(shape)]
-    found: list[tuple[int, int]] = []
+    found: list[Chunk] = []
     for start, end in pairwise(edges):
         for first in range(start, end, CHUNK):
             last = min(first + CHUNK, end)
-            few = found and max(last - first, found[-1][1] - found[-1][0]) < FEWEST
-            found[-1:] = [(found[-1][0], last)] if few else [*found[-1:], (first, last)]
-    return [chunk for chunk in found if chunk[0] < chunk[1]]
+            chunk = Chunk(first, last, lowest[first:last].min(axis=0), highest[first:last].max(axis=0))
+            both = found[-1].joined(chunk) if found else chunk
+            few = found and both.last - both.first <= CHUNK
+            if few and both.cost(whole) <= found[-1].cost(whole) + chunk.cost(whole):
+                found[-1] = both
+            else:
+                found.append(chunk)
+    return found
 
 
 @inline

@@ -85,7 +85,7 @@ def place(analysis: Analysis) -> list[str]:
     cpu = machine.get("cpu") or "an unnamed processor"
     days = sorted({str(cell["time"])[:10] for cell in analysis.results.cells if cell.get("time")})
     when = f", on {' to '.join(dict.fromkeys((days[0], days[-1])))}" if days else ""
-    size = f" with {plural(int(cores), 'usable core')}" if cores else ""
+    size = f" with {cores} usable core{'' if cores == 1 else 's'}" if cores else ""
     return [f"The machine was {cpu}{size}{when}."]
 
 

@@ -86,7 +86,7 @@ def _median(values: Sequence[float]) -> float:
 def errors_untrimmed_and_trimmed(analysis: Analysis, contestant: Contestant, spp: int | None) -> tuple[Estimate, Estimate]:
     """relMSE at `spp` samples, and that without the 0.1 % of pixels where it is largest; without correction, both."""
     name = analysis.results.relative_metric
-    points = [point["metrics"] for cell in contestant.done for point in cell["points"] if point["spp"] == spp]
+    points = [point.get("metrics") or {} for cell in contestant.done for point in cell["points"] if point["spp"] == spp]
     both = [(found[name], found[f"{name}_trimmed"]) for found in points if name in found and f"{name}_trimmed" in found]
     return geometric_interval([whole for whole, _ in both]), geometric_interval([trimmed for _, trimmed in both])
 
