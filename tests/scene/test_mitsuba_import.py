@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-import engines
 from engines.scene import (
     Blend,
     Bump,
@@ -30,7 +29,7 @@ from engines.scene import (
     ThinLens,
 )
 from engines.scene.metals import METALS
-from tests.scene.mitsuba_files import LAMP, SENSOR, bsdf, light, refusal, scene, shape, written
+from tests.scene.mitsuba_files import LAMP, bsdf, light, scene
 
 WHITE = (1.0, 1.0, 1.0)
 GREY = (0.5, 0.5, 0.5)
@@ -349,78 +348,3 @@ def test_clipping_planes_are_kept_where_they_clip(tmp_path):
     assert clip(0.5, 5) == (0.0, 5.0)
     assert clip(4.5, 100) == (4.5, math.inf)
     assert clip(0.5, 100, x=1000.0) == (0.0, math.inf)
-
-
-# ---- the file --------------------------------------------------------------------------------------------------------
-
-
-def test_the_integrator_suggests_a_shader(tmp_path):
-    def shader(xml):
-        return scene(tmp_path, f'<shape type="sphere"/>{LAMP}{xml}').shader
-
-    path = '<integrator type="path"><integer name="max_depth" value="{}"/><integer name="rr_depth" value="3"/></integrator>'
-    assert shader(path.format(7)) == {"name": "path_tracer", "max_depth": 7, "rr_depth": 3}
-    assert shader(path.format(-1)) == {"name": "path_tracer", "max_depth": 100_000, "rr_depth": 3}
-    assert shader('<integrator type="direct"/>') == {"name": "path_tracer", "max_depth": 2}
-    assert shader("") is None
-
-
-def test_parameters_have_defaults_and_the_callers_win(tmp_path):
-    body = '<default name="r" value="0.5"/><default name="rr" value="$r"/>'
-    body += f'<shape type="sphere"><float name="radius" value="$rr"/></shape>{LAMP}'
-    assert scene(tmp_path, body).shapes[0].radius == 0.5
-    assert scene(tmp_path, body, parameters={"r": "2"}).shapes[0].radius == 2.0
-
-
-def test_included_files_stand_in_their_place(tmp_path):
-    (tmp_path / "more.xml").write_text(
-        '<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8"
-    )
-    found = scene(tmp_path, f'<include filename="more.xml"/><shape type="sphere"><ref id="m"/></shape>{LAMP}')
-    assert found.materials[0].name == "m"
-
-
-def test_an_alias_is_another_id_and_files_are_looked_for_in_paths_first(tmp_path):
-    (tmp_path / "more").mkdir()
-    (tmp_path / "more" / "m.xml").write_text('<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8")
-    body = '<path value="more"/><include filename="m.xml"/><alias id="m" as="n"/><shape type="sphere"><ref id="n"/></shape>'
-    assert scene(tmp_path, body).materials[0].name == "m"
-    assert "before this line" in refusal(tmp_path, '<alias id="m" as="n"/>')
-    assert "is taken" in refusal(tmp_path, '<bsdf type="null" id="m"/><alias id="m" as="m"/>')
-    (tmp_path / "o.xml").touch()
-    assert "outside" in refusal(tmp_path / "more", '<path value=".."/><include filename="o.xml"/>')
-
-
-def test_what_does_not_change_the_image_is_dropped_and_said_once(tmp_path):
-    body = f'<shape type="sphere"><bsdf type="roughdiffuse"><string name="oddity" value="1"/></bsdf></shape>{LAMP}'
-    sensor = SENSOR.replace("</film>", '<rfilter type="tent"/></film><sampler type="ldsampler"/>')
-    warnings = scene(tmp_path, body, sensor=sensor + SENSOR).warnings
-    assert sum("ldsampler" in warning for warning in warnings) == 1
-    for said in (
-        "tent",
-        "oddity of bsdf roughdiffuse is not read",
-        "roughdiffuse is taken as diffuse",
-        "of 2 sensors the first",
-    ):
-        assert any(said in warning for warning in warnings), said
-    assert any(warning.startswith("black from behind") and "roughdiffuse" in warning for warning in warnings)
-
-
-def test_elements_of_the_wild_are_left_out(tmp_path):
-    body = f'<mode type="final"/><hide type="x"><float name="y" value="z"/></hide><shape type="sphere"/>{LAMP}'
-    assert len(scene(tmp_path, body, "0.5.0").shapes) == 1
-
-
-def test_an_unused_texture_may_be_missing(tmp_path):
-    body = '<texture type="bitmap" id="t"><string name="filename" value="nosuch.png"/></texture>'
-    found = scene(tmp_path, f'{body}<shape type="sphere"/>{LAMP}')
-    assert found.native is None and "nosuch.png" in found.warnings[-1] and "not the file" in found.warnings[-1]
-
-
-def test_transforms_apply_one_after_the_other(tmp_path):
-    steps = '<scale value="2"/><rotate z="1" angle="90"/><matrix value="1 0 0 5 0 1 0 0 0 0 1 0 0 0 0 1"/>'
-    steps += '<matrix value="0 1 0 1 0 0 0 0 1"/>'
-    xml = f'<shape type="sphere"><point name="center" value="1 0 0"/><transform name="toWorld">{steps}</transform></shape>'
-    found = shape(tmp_path, xml, "0.5.0")
-    assert found.center == pytest.approx((2.0, 5.0, 0.0)) and found.radius == pytest.approx(2.0)
-    assert not engines.load_scene(written(tmp_path, xml, "0.5.0")).lights
