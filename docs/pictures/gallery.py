@@ -23,7 +23,7 @@ in commands and configs; the three in `scenes/mobilert/` need a mesh that is not
 `python docs/pictures/gallery.py`.
 """
 FURNISHED = {
-    "living_room": 256, "study": 256, "cafe": 256, "workshop": 256, "cabinet": 256, "still_life": 256, "bathroom": 256,
+    "living_room": 256, "study": 256, "cafe": 1024, "workshop": 256, "cabinet": 256, "still_life": 256, "bathroom": 256,
     "desk_lamp": 256,
 }  # fmt: skip
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
