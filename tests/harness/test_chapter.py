@@ -303,7 +303,6 @@ def test_a_chapter_needs_results(tmp_path):
         results.chapter([folder], tmp_path / "file")
 
 
-@pytest.mark.skipif(not (COMMITTED / "prose.md").exists(), reason="the archive with prose is not measured yet")
 @pytest.mark.usefixtures("undrawn")
 def test_the_committed_chapter_is_what_its_prose_and_archives_say(tmp_path):
     folders = [COMMITTED, COMMITTED.parent / "dahlquist"]
