@@ -89,10 +89,7 @@ def test_scenes(names: list[str]) -> str:
     for start in range(0, len(names), COLUMNS):
         row = names[start : start + COLUMNS]
         pictures = [f"![{name}](pictures/gallery/{name}.png)" for name in row]
-        if start == 0:
-            rows += [pictures, [":---:"] * COLUMNS, [f"`{name}`" for name in row]]
-        else:
-            rows += [pictures, [f"`{name}`" for name in row]]
+        rows += [pictures, *([[":---:"] * COLUMNS] if start == 0 else []), [f"`{name}`" for name in row]]
     grid = "\n".join("| " + " | ".join(row + [""] * (COLUMNS - len(row))) + " |" for row in rows)
     table = "\n".join(f"| `{name}` | {words(name)} | {SAMPLES.get(name, 256)} |" for name in names)
     return TEST_SCENES.format(grid, " ".join(command("cornell_box")), table, PORT_COMMAND)
