@@ -36,8 +36,8 @@ from harness.statistics import Estimate
 from harness.store.results import Contestant
 
 VERDICTS = (
-    "Intervals are at 95 % for one pair; that one is called faster, beyond the noise floor, holds at 95 % for all pairs of "
-    "a comparison together. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all "
+    "Intervals are at 95 % for one pair. The verdict faster, beyond the noise floor, holds at 95 % for all pairs of a "
+    "comparison together. Where the 90 % interval of a ratio lies within 5 % of equality the two are called the same; all "
     "else is unresolved."
 )
 

@@ -77,7 +77,7 @@ def tails(table: Table, plots: Path) -> Plot:
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return finished(figure, plots, "tails", "Error with and without the worst 0.1 % of the pixels",
-                    "A row a scene and shader: relMSE with its interval, of all pixels and without the worst.")  # fmt: skip
+                    "One row per scene and shader: relMSE of all pixels and without the worst, with intervals.")  # fmt: skip
 
 
 def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
@@ -98,7 +98,7 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(names), 5))
     shader = " and ".join(dict.fromkeys(family.shader for family in found))
     return finished(figure, plots, "accelerators", f"Speed by accelerator and scene, {shader}",
-                    "A row a scene: paths a second of each accelerator with its interval, on a logarithmic axis.")  # fmt: skip
+                    "One row per scene: paths per second by accelerator, with intervals, on a logarithmic axis.")  # fmt: skip
 
 
 def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | None:
@@ -120,7 +120,7 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | 
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(counts), 5))
     return finished(figure, plots, "frames", "Frame times",
-                    "A row an engine with its accelerator: milliseconds a frame, on a logarithmic axis.")  # fmt: skip
+                    "One row per engine and accelerator: milliseconds per frame, on a logarithmic axis.")  # fmt: skip
 
 
 def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
@@ -138,7 +138,7 @@ def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[st
     axis.set_xlabel(f"speed-up over {names[0]} (dotted: ideal)")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=max(len(names) - 1, 1))
     return finished(figure, plots, "threads", f"Speed-up over {names[0]}",
-                    "A row an accelerator and scene: the speed-up with its interval; dotted lines are ideal.")  # fmt: skip
+                    "One row per accelerator and scene: the speed-up with its interval; dotted lines are ideal.")  # fmt: skip
 
 
 def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Plot | None:
@@ -171,7 +171,7 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
     shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
     return finished(figure, plots, "samplers", f"Error over samples by sampler, {shader}",
-                    "A panel a scene: curves of the mean error over samples with its interval, one a sampler.")  # fmt: skip
+                    "One panel per scene: mean error over samples with its interval, one curve per sampler.")  # fmt: skip
 
 
 def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:
