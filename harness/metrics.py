@@ -110,7 +110,7 @@ def error_words(metric: str) -> str:
     if metric == "mse" or metric.startswith("relmse_e"):
         return "noise-corrected"
     error = {"psnr": "MSE of display values (from PSNR), ", "ssim": "1 - SSIM, "}.get(metric, "")
-    return f"{error}not freed of the reference's noise"
+    return f"{error}not corrected for the reference's noise"
 
 
 def reference_noise(image: Image, reference: Reference, epsilon: float | None = None) -> float:
@@ -134,7 +134,7 @@ def reference_noise(image: Image, reference: Reference, epsilon: float | None = 
 
 
 def noise_by_halves(metric: str, image: Image, reference: Reference) -> float:
-    """How far the reference's noise moves a metric that is not freed of it (`as_error`), from scores against its halves.
+    """How far the reference's noise moves a metric that is not corrected for it (`as_error`), from scores against its halves.
 
     A half has twice the variance. What a score's expectation grows by, in proportion to the variance while the noise is
     small beside the error, is thus the mean score of the halves less that of the reference; and half the difference

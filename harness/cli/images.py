@@ -71,15 +71,15 @@ def dahlquist(
     time_elapsed: Annotated[
         int, typer.Option(help="Elapsed time given to each call; 3000 are a unit of the animation's time.")
     ] = 3000,
-    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Mirrors reflect the probe only.")] = False,
-    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither probe nor background.")] = False,
+    no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Balls reflect only the light probe.")] = False,
+    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither light probe nor background.")] = False,
     interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
     exact: Annotated[
         bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are slightly wrong.")
     ] = False,
     redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
-    probe: Annotated[str, typer.Option(help="checker or smooth.")] = "checker",
-    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the probe.")] = None,  # noqa: UP045
+    probe: Annotated[str, typer.Option(help="Light probe, the image that balls reflect: checker or smooth.")] = "checker",
+    probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the light probe.")] = None,  # noqa: UP045
     background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
     engine: Annotated[str, typer.Option(help="numpy or numba; the frames are the same.")] = "numba",
     threads: Annotated[Optional[int], typer.Option(show_default="every core")] = None,  # noqa: UP045

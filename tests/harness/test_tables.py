@@ -112,7 +112,7 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
     assert times[0].value == pytest.approx(analysis.verdicts[0].warm[0].value, rel=0.05)
     assert all(a.value <= b.value for a, b in pairwise(times))
     words = {table.name: table for table in all_tables(found)}["time_to_quality"].note
-    assert "MSE of display values (from PSNR), not freed of the reference's noise" in words
+    assert "MSE of display values (from PSNR), not corrected for the reference's noise" in words
 
 
 def test_the_config_may_name_the_baseline(folder):

@@ -25,7 +25,7 @@ TERMS = {
     "contended": "Of a timing: other work took the processor for more than 5 % of the time.",
     "calibration": "A test of the verdicts on synthetic contestants of known truth, which have the noise of this run.",
     "certified": "Of a reference: an engine with other code (another lineage) makes the same image within the margins.",
-    "flagged": "The image, the error or the conduct of the contestant is in doubt. It is in no ranking.",
+    "flagged": "The image, the error or the conduct of the contestant is in doubt. It is not ranked in its division.",
     "bias": "Difference of the expected image and the reference. It remains however many samples are taken.",
     "equivalent": "A positive verdict: bounds on the difference of two images lie within margins that were set beforehand.",
     "spp": "Samples per pixel.",

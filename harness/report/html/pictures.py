@@ -122,7 +122,7 @@ def _select(
         alike = verdict.contestant.settings._replace(threads=0)
         image = results.image(point) if point else None
         if threads_alike and alike in seen:
-            missing.append((name, f"differs in threads alone from {seen[alike]}, and so not in its image at equal samples"))
+            missing.append((name, f"has the image of {seen[alike]} at equal samples: they differ only in threads"))
         elif point is None:
             missing.append((name, without))
         elif image is None:

@@ -19,12 +19,11 @@ def accelerators(analysis: Analysis) -> Table:
         f"over seeds with 95 % intervals; ratios paired by block. {floors_text(analysis)}",
         [SCENE, CONTESTANT, Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
          Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
-         Column("against", "The accelerator of the same family that is built fastest."),
-         Column("speedup", "Its time of a path over this one's.", "estimate", "speed-up"),
+         Column("against", "The accelerator that is built fastest, all else equal."),
+         Column("speedup", "Time of a path with that accelerator over the time with this one.", "estimate", "speed-up"),
          Column("verdict", "faster, slower, same or unresolved."),
-         Column("break_even_spp", "Samples per pixel from which on build and rendering together take less; where the "
-                "traversal is surely faster or slower.", "break_even",
-                "break-even [spp]")],
+         Column("break_even_spp", "Samples per pixel from which build and rendering together take less time with this one; "
+                "known where the verdict is faster or slower.", "break_even", "break-even [spp]")],
     )  # fmt: skip
     for found in break_evens(analysis):
         row = {"scene": found.contestant.settings.scene, "contestant": found.contestant.name,

@@ -92,7 +92,7 @@ def _table(before: Sequence[Results], after: Sequence[Results], same_within: flo
          Column("measure", "seconds per sample (warm), start-up seconds, error at the most samples that both sides have, or "
                 "image."),
          Column("ratio", "After over before, with its 95 % interval.", "estimate"),
-         Column("sessions", "How many sessions there are of it before and after."),
+         Column("sessions", "Number of sessions before and after."),
          Column("verdict", "Times: faster, slower, same or unresolved, with a family-wise error rate of 5 % (Holm). slower or "
                 "drift, faster or drift: beyond the threshold, but not tested between sessions. Errors: better, worse, same "
                 "or unresolved. Images: flagged now, or identical, equivalent, different or unresolved. Else: failed, scene "

@@ -15,8 +15,8 @@ SCENE = Column("scene", "Scene that was rendered.")
 CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
 BASELINE = Column("baseline", "Contestant that it is compared with: the most similar one of the baseline engine.")
 BOUNDS = [
-    Column("difference", "Second over first (or contestant over baseline), less one, of the image means; 95 % interval.",
-           "estimate"),
+    Column("difference", "Relative difference of the image means: second over first (or contestant over baseline) minus 1; "
+           "95 % interval.", "estimate"),
     Column("image_bound", "Upper bound on the difference of the image means, in any channel.", "percent", "means at most"),
     Column("tile_bound", "Upper bound on the difference of any tile of 16x16 pixels, in any channel.", "percent",
            "tiles at most"),
@@ -35,11 +35,11 @@ def bias_and_equivalence(analysis: Analysis) -> Table:
         [SCENE, CONTESTANT, BASELINE,
          Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
          Column("bias_squared_se", "Its standard error.", "number"),
-         Column("bias_difference", "Image over reference, less one, of the means, in the channel farthest off; flagged at 3 "
-                "standard errors.", "percent", "bias of the mean"),
+         Column("bias_difference", "Relative difference of the means of image and reference, in the channel where it is "
+                "largest; flagged at 3 standard errors.", "percent", "bias of the mean"),
          Column("bias_image_z", "That difference in standard errors.", "number"),
-         Column("bias_tile_difference", "The same of the 16x16 tile farthest off; flagged at 4.5.", "percent",
-                "bias of a tile"),
+         Column("bias_tile_difference", "The same of the 16x16 tile that is off by most standard errors; flagged at 4.5.",
+                "percent", "bias of a tile"),
          Column("bias_tile_z", "That difference in standard errors.", "number"),
          Column("bias", "Bias against the reference, or the most that the image mean and any tile can be off."),
          *BOUNDS, Column("verdict", f"Against the baseline: {VERDICTS}.")],
