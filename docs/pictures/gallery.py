@@ -17,9 +17,9 @@ SCENES = DOCS.parent / "scenes"
 PICTURES = DOCS / "pictures" / "gallery"
 HEAD = """# Gallery
 
-Every scene that comes with raybench, by the path tracer where no other shader is named. A scene is named by its bare name
-in commands and configs; the three in `scenes/mobilert/` need a mesh that is not ours to ship, and say so where it is missing.
-`scenes/scaling/` has a ball of triangles and a sphereflake, each in five sizes. All pictures:
+Every YAML file in `scenes/`, rendered by the path tracer. Commands and configs name a scene by its bare name. Not shown:
+`scenes/mobilert/`, three scenes whose meshes are not ours to ship and a variant of `mobilert_cornell`; `scenes/scaling/`, a
+ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml`, a scene in Mitsuba's format. All pictures:
 `python docs/pictures/gallery.py`.
 """
 FURNISHED = {
@@ -39,7 +39,8 @@ TEST_SCENES = """## Test scenes
 
 {}
 
-The small pictures are made by commands like this one; the table has the samples per pixel of each.
+The small pictures are made by commands like this one, with the samples per pixel of the table; `mobilert_cornell` is made with
+`--engine numpy --shader whitted`.
 
 ```console with --engine numba --precision float64 --size 48x32 --spp 2 -o cornell_box.png
 $ {}
@@ -49,8 +50,8 @@ $ {}
 | --- | --- | ---: |
 {}
 
-Dahlquist's own program draws of `dahlquist`, byte for byte, this picture, with an image behind the balls where other engines
-see the sky:
+The port of Dahlquist's own program draws this picture of `dahlquist`, equal to the original's byte for byte. It has an image
+behind the balls where other engines see the sky:
 
 ![the port](pictures/gallery/dahlquist_port.png)
 
