@@ -60,6 +60,13 @@ def test_rings_of_a_plane_cover_it_and_have_its_front():
     assert (found @ plane.normal > 0).all()
 
 
+def test_normals_that_point_to_the_back_of_their_faces_reach_cycles_on_the_front():
+    vertices, faces, smooth = geometry.tessellated(geometry.SphereGroup(0, np.zeros((1, 3)), np.ones(1)))
+    for given in (smooth, -smooth):
+        found = geometry._fronts_agree(geometry.FlatMesh("ball", 0, vertices, faces, given)).normals
+        np.testing.assert_array_equal(found, smooth)
+
+
 @pytest.mark.parametrize("mirror", [1.0, -1.0])
 def test_an_environment_is_looked_up_where_raybench_does(mirror):
     axes = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from engines.adapters import FlatMesh, extent, flat_meshes, tangents
 from engines.scene import Disk, Plane, Scene, Sphere, SphereSet
 from engines.scene.bsdf import is_opaque
+from engines.scene.geometry import face_normals
 from engines.scene.procedural.solids import tessellated_sphere
 from engines.scene.support import model_of
 
@@ -34,7 +35,7 @@ class SphereGroup:
 
 def meshes_of(scene: Scene) -> Iterator[FlatMesh]:
     """Everything but the spheres that `points_of` has, as triangles."""
-    yield from flat_meshes(scene)
+    yield from map(_fronts_agree, flat_meshes(scene))
     size = extent(scene)
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Plane):
@@ -44,6 +45,19 @@ def meshes_of(scene: Scene) -> Iterator[FlatMesh]:
     for group in spheres_of(scene):
         if not _are_points(scene, group):
             yield FlatMesh(f"spheres_{group.material}", group.material, *tessellated(group))
+
+
+def _fronts_agree(mesh: FlatMesh) -> FlatMesh:
+    """The mesh with each vertex normal on the front of most of its faces.
+
+    raybench turns a shading normal to the side of the face that a ray hits. Cycles does not: where a file's normals point to
+    the back of its faces, as in many exported models, it renders a surface black.
+    """
+    if mesh.normals is None:
+        return mesh
+    front = np.sign(np.einsum("fvc,fc->fv", mesh.normals[mesh.faces], face_normals(mesh.vertices, mesh.faces)))
+    votes = np.bincount(mesh.faces.ravel(), front.ravel(), len(mesh.vertices))
+    return replace(mesh, normals=np.where(votes[:, None] < 0.0, -mesh.normals, mesh.normals))
 
 
 def points_of(scene: Scene) -> list[SphereGroup]:
