@@ -43,10 +43,11 @@ def main(archive: Path, target: Path) -> None:
     for (engine, sampler, accelerator), (label, colour) in CURVES.items():
         mine = points[
             (points.scene == SCENE) & (points.engine == engine) & points.sampler.str.startswith(sampler)
-            & points.accelerator.str.startswith(accelerator) & points.label.isna()
+            & points.accelerator.str.startswith(accelerator) & points.label.isna() & (points.division == "closed")
         ]  # fmt: skip
         rows = []
-        for _, group in mine.groupby("spp"):
+        order = mine.sort_values("spp").groupby("block").cumcount()  # LuxCore's checkpoints differ by a few samples
+        for _, group in mine.groupby(order):
             if len(group) == mine.block.nunique():  # where every block got
                 seconds = np.exp(np.log(group.seconds).mean())
                 rows.append((seconds, *geometric_interval(list(group["relmse_e0.01_corrected"]))[:3]))
