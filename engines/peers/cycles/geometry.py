@@ -50,8 +50,8 @@ def meshes_of(scene: Scene) -> Iterator[FlatMesh]:
 def _fronts_agree(mesh: FlatMesh) -> FlatMesh:
     """The mesh with each vertex normal on the front of most of its faces.
 
-    raybench turns a shading normal to the side of the face that a ray hits. Cycles does not: where a file's normals point to
-    the back of its faces, as in many exported models, it renders a surface black.
+    raybench turns a shading normal to the side of the face that a ray hits. Cycles does not: where normals point to the
+    back of the faces, it renders a surface black.
     """
     if mesh.normals is None:
         return mesh
