@@ -50,7 +50,7 @@ baseline: .venv/.installed
 
 renderers: .venv/.installed
 	@$(BIN)/raybench run configs/renderers.yaml --out results/renderers-run
-	@$(BIN)/raybench archive results/renderers-run --out results/renderers
+	@$(BIN)/raybench archive results/renderers-run --out results/renderers --images 1
 
 chapter: .venv/.installed
 	@$(BIN)/raybench run dissertation --out results/dissertation-run

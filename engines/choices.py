@@ -116,7 +116,7 @@ SHADERS: dict[str, dict[str, Option]] = {
         ),
         "light_candidates": Option(
             1,
-            "light samples per vertex; one of them, resampled by its unshadowed contribution, gets a shadow ray",
+            "light samples per vertex; one of them, resampled by its unshadowed irradiance, gets a shadow ray",
             integer(1, 32),
         ),
     },

@@ -1,11 +1,14 @@
 """The files that make up the code of a module, and their hash.
 
 They are all of the package that the module is in, native libraries included, or its one file; where that is not installed in
-site-packages, also what it imports by name from the folder beside, transitively.
+site-packages, also what it imports by name from the folder beside, transitively. Of raybench's own `engines` they can be
+limited to what one of its engines uses (`own_engine_files`), so that editing one engine leaves the results of the others.
 """
 
 from __future__ import annotations
 
+import ast
+import functools
 import hashlib
 import os
 import re
@@ -18,6 +21,8 @@ LARGEST = 1 << 28
 INSTALLED = {"site-packages", "dist-packages"}
 OWN = Path(__file__).resolve().parent
 """The package `engines`."""
+SHARED = ("__init__.py", "registry.py", "isolated")
+"""Parts of `engines` that belong to every engine: what makes one of a name, and the process that one may run in."""
 _IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)[\w.]*[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE)
 
 
@@ -37,6 +42,54 @@ def code_files(modules: Iterable[Path]) -> list[tuple[str, Path]]:
             if file.suffix == ".py" and root != OWN and beside.name not in INSTALLED:
                 waiting += [_root(path) for path in _imported(file, beside)]
     return sorted((name, file) for file, name in found.items())
+
+
+def own_engine_files(module: str, package: Path = OWN) -> list[tuple[str, Path]]:
+    """(name, file) of the code of an engine of raybench's own: its part of `engines` and all parts that these import.
+
+    A part is a file or folder of `engines`; of `peers` each folder is one. Imports count wherever they stand in a file. What is
+    loaded by a name in a text does not: `SHARED` has it.
+    """
+    needed: set[str] = set()
+    waiting = [_part(module.split(".")[1:], package), *SHARED]
+    while waiting:
+        part = waiting.pop()
+        if part not in needed:
+            needed.add(part)
+            waiting += _imported_parts(package / part, package)
+    files = [file for part in needed for file in _below(package / part)]
+    return sorted((f"engines/{file.relative_to(package).as_posix()}", file) for file in files)
+
+
+def _part(names: list[str], package: Path) -> str:
+    """The part of `engines` that holds a module, or an attribute of the package: `kernels`, `film.py`, `peers/cycles`."""
+    if len(names) > 1 and names[0] == "peers":
+        return f"peers/{names[1]}"
+    if names and (package / names[0]).is_dir():
+        return names[0]
+    return f"{names[0]}.py" if names and (package / f"{names[0]}.py").is_file() else "__init__.py"
+
+
+@functools.cache
+def _imported_parts(part: Path, package: Path) -> frozenset[str]:
+    """The parts that the files of a part import."""
+    found = set()
+    for file in _below(part):
+        if file.suffix == ".py":
+            found.update(_part(name.split(".")[1:], package) for name in _imported_names(_bytes(file)))
+    return frozenset(found)
+
+
+def _imported_names(code: bytes) -> Iterator[str]:
+    """Full names of what a file imports from `engines`; relative imports are not used there."""
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        yield from (name for name in names if name.split(".")[0] == "engines")
 
 
 def _root(file: Path) -> Path:

@@ -15,7 +15,7 @@ from typing import Any
 
 from engines.errors import ConfigError
 from engines.interface import Engine
-from engines.source_files import INSTALLED, OWN, code_files, digest
+from engines.source_files import INSTALLED, OWN, code_files, digest, own_engine_files
 from harness.hashing import digest as data_digest
 
 
@@ -27,7 +27,8 @@ def engine_code(engine: Engine, name: str) -> str:
     bases = [base.__module__ for base in kind.__mro__[1:]]
     # Base classes may come from large libraries, whose versions are those of the environment.
     modules = [*_own_modules(engine, name), *(base for base in bases if not _installed(base))]
-    files = digest([*code_files(_paths(modules)), *_named(engine)])
+    own = kind.__module__.partition(".")[0] == OWN.name
+    files = digest([*(own_engine_files(kind.__module__) if own else code_files(_paths(modules))), *_named(engine)])
     return data_digest([files, environment]) if environment else files
 
 

@@ -218,12 +218,15 @@ def merge(
 def archive(
     folder: Folder,
     out: Annotated[Path, typer.Option("--out", help="A new folder, or an archive that is to be replaced.")],
+    images: Annotated[
+        int, typer.Option(min=0, help="Images of a scene and shader: that many at the end, as many at equal time.")
+    ] = 2,
     references: References = None,
 ) -> None:
     """Copy results into a small folder of their own, to commit or to attach: few images, references included."""
     from harness.cli import results
 
-    results.archive(folder, out)
+    results.archive(folder, out, images)
 
 
 @command(RESULTS)

@@ -100,13 +100,13 @@ def merge(folders: Sequence[Path], out: Path) -> None:
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True)
 
 
-def archive(folder: Path, out: Path) -> None:
+def archive(folder: Path, out: Path, images: int) -> None:
     """Writes a small copy of a results folder, and its report."""
     from harness.report.archive import archive as archived
 
     require_results(folder)
     with store.locked(out):
-        size = archived(folder, out)
+        size = archived(folder, out, images)
         write_derived(out)
     consoles()[0].print(f"{size / 1e6:.1f} MB besides what `raybench report {out}` makes again.", soft_wrap=True)
 

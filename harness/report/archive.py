@@ -1,9 +1,9 @@
 """A copy of results small enough to be committed or attached to a paper, from which the report can be made again.
 
-It keeps of the images up to four of a scene and shader that a report shows, as precise as it shows them; what was concluded
-from all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the references to
-three digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the last part alone
-is left.
+It keeps the first images that a report shows of a scene and shader (`MOST_IMAGES`), as precise as it shows them; what was
+concluded from all of them, as an event; of the events what still counts, with numbers to six digits, compressed; and the
+references to three digits, in a folder of their own. Of absolute paths (in commands, messages, scenes from elsewhere) the
+last part alone is left.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from harness.store.results import load_results
 
 DIGITS = 6
 MOST_IMAGES = 2
-"""Of a panel of the report: that many whole images, and as many at equal time."""
+"""Of a scene and shader: that many images at the end of the budget, and as many at equal time."""
 MEASURED = ("phases", "counters", "machine", "wall_seconds")
 DROPPED = ("start", "attempt", "sentinel", archived_verdicts.EVENT, calibration.EVENT)
 """Kinds of events that say nothing about what counts, or are written anew."""
@@ -33,14 +33,17 @@ FOLDERS = re.compile(r"""(?<![\w./~])/(?:[^\s/'"]+/)+""")
 """The folders of an absolute path."""
 
 
-def archive(folder: Path, out: Path) -> int:
-    """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again."""
+def archive(folder: Path, out: Path, most_images: int = MOST_IMAGES) -> int:
+    """Writes the archive into `out`, where it replaces another one; its bytes, without what `report` makes again.
+
+    `most_images` limits the images of a scene and shader: at least 0 at the end of the budget, as many at equal time.
+    """
     if out.resolve() == folder.resolve():
         raise ConfigError(f"{out}: is the results folder itself: --out must be another")
     if store.events_file(out) and not (out / reference_files.FOLDER).is_dir():
         raise ConfigError(f"{out}: holds results that are no archive: --out must be a new folder, or an archive")
     analysis = analyse(load_results(folder))
-    kept = {image: store.image_file(folder, image) for image in shown_images(analysis, MOST_IMAGES)}
+    kept = {image: store.image_file(folder, image) for image in shown_images(analysis, most_images)}
     _clear(out)
     try:
         _write(analysis, kept, folder, out)

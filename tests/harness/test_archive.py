@@ -92,6 +92,17 @@ def test_compressed_events_that_are_damaged_or_too_large_are_refused_in_one_line
             store.read_events(tmp_path / "copy")
 
 
+def test_its_images_can_be_limited(folders, tmp_path):
+    def images(folder):
+        points = [point for event in store.read_events(folder) for point in event.get("points", ())]
+        return [point["image"] for point in points if point.get("image")]
+
+    whole, out, *_ = folders
+    archive(whole, tmp_path / "few", most_images=0)
+    assert images(out) and not images(tmp_path / "few")
+    assert page_of(tmp_path / "few")
+
+
 def test_it_does_not_replace_results_that_are_no_archive(folders, tmp_path):
     whole = folders[0]
     other = write_folder(tmp_path / "other", threads=(1,), seeds=2, with_images=False)

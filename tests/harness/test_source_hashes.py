@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -184,17 +185,51 @@ def test_every_file_of_code_changes_the_hash_and_its_place_does_not(tmp_path, na
     assert source_files.digest(source_files.code_files([module])) != before
 
 
-def test_raybenchs_own_kernels_are_part_of_its_engines(tmp_path):
-    for name in ("numba", "embree", "numpy"):
-        kind = type(engines.engine(name))
-        names = [each for each, _ in source_files.code_files(source_hashes._paths([kind.__module__]))]
-        assert {"engines/kernels/__init__.py", "engines/film.py"} <= set(names)
-        assert not [each for each in names if not each.startswith("engines/")]
+@pytest.fixture
+def own_copy(tmp_path):
+    """A copy of `engines`, to be edited, and the function that hashes the code of one of its engines."""
     copy = shutil.copytree(source_files.OWN, tmp_path / "engines", ignore=shutil.ignore_patterns("__pycache__"))
-    before = source_files.digest(source_files.code_files([copy / "registry.py"]))
-    assert before == source_hashes.engine_code(engines.engine("numba"), "numba")
-    (copy / "kernels" / "__init__.py").write_text("# edited")
-    assert source_files.digest(source_files.code_files([copy / "registry.py"])) != before
+    return copy, lambda name: source_files.digest(
+        source_files.own_engine_files(type(getattr(engines.engine(name), "local", engines.engine(name))).__module__, copy)
+    )
+
+
+def test_the_code_of_an_own_engine_is_its_part_of_the_package_and_what_that_imports(own_copy):
+    copy, code = own_copy
+    names = ("numpy", "numba", "embree", "mitsuba", "luxcore", "cycles")
+    before = {name: code(name) for name in names}
+    assert before["numba"] == source_hashes.engine_code(engines.engine("numba"), "numba")
+    for file, changed in {
+        "kernels/layout.py": {"numba", "embree"}, "film.py": set(names), "scene/shapes.py": set(names),
+        "isolated/child.py": set(names), "adapters/geometry.py": {"luxcore", "cycles"},
+        "sobol_numbers.py": {"numpy", "numba", "embree"},
+        "numpy_reference/bsdf/__init__.py": {"numpy"}, "peers/cycles/geometry.py": {"cycles"}, "mitsuba/ply.py": {"mitsuba"},
+    }.items():  # fmt: skip
+        text = (copy / file).read_text()
+        (copy / file).write_text(text + "# edited\n")
+        assert {name for name in names if code(name) != before[name]} == changed, file
+        (copy / file).write_text(text)
+
+
+def test_all_that_an_own_engine_loads_is_part_of_its_code(tmp_path):
+    """Asked of a process that renders: what was imported from `engines`, by whatever way, is hashed."""
+    program = """
+import sys
+import engines, engines.source_files as source_files
+from pathlib import Path
+name, shader = sys.argv[1:]
+renderer = engines.engine(name).prepare(engines.load_scene("cornell_box"), engines.Settings(
+    width=8, height=8, shader=shader, sampler="random"))
+renderer.render(1)
+engine = engines.engine(name)
+hashed = {file for _, file in source_files.own_engine_files(type(engine).__module__)}
+modules = [module for name, module in sys.modules.items() if name.split(".")[0] == "engines"]
+loaded = {Path(module.__file__) for module in modules if module.__file__}
+print(sorted(str(file) for file in loaded - hashed))
+"""
+    for name in ("numpy", "embree", "numba"):
+        done = subprocess.run([sys.executable, "-c", program, name, "whitted"], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stdout + done.stderr
 
 
 def test_an_engine_may_name_files_of_its_own(tmp_path, monkeypatch):

@@ -55,6 +55,12 @@ def test_solids_are_closed_and_their_faces_and_normals_point_outwards(kind):
     assert np.isfinite(mesh.uvs).all() and len(mesh.uvs) == len(mesh.vertices)
 
 
+@pytest.mark.parametrize("part", ["leaves", "stems"])
+def test_a_plants_normals_are_on_the_fronts_of_its_faces(part):
+    mesh = made("plant", part=part, leaves=8)
+    assert (np.einsum("ij,ikj->ik", face_normals(mesh.vertices, mesh.faces), mesh.normals[mesh.faces]) > 0).all()
+
+
 def test_a_lathe_of_a_half_circle_is_a_sphere_with_radial_normals():
     angle = np.linspace(-np.pi / 2, np.pi / 2, 33)
     profile = np.stack([np.maximum(np.cos(angle), 0), np.sin(angle)], axis=1)

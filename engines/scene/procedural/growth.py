@@ -73,7 +73,7 @@ def _stalk(points: Array, side: Array, width: float, crease: float, segments: in
     angle = np.linspace(0.0, 2.0 * np.pi, 7)
     ring = np.cos(angle)[None, :, None] * side + np.sin(angle)[None, :, None] * other[:, None]
     radius = np.linspace(0.045, 0.025, len(path))[:, None, None] * width
-    faces = grid_faces(segments, 6)
+    faces = grid_faces(segments, 6)[:, [0, 2, 1]]
     uvs = np.full((len(path) * 7, 2), 0.5)
     return Patch((path[:, None] + radius * ring).reshape(-1, 3), unit_rows(ring.reshape(-1, 3)), uvs, faces)
 
