@@ -18,7 +18,7 @@ help:
 	@echo "make docs-pictures  make its pictures anew (many minutes)"
 	@echo "make microbench  time the parts: tests/benchmarks"
 	@echo "make speed       paths a second of numba, embree and Mitsuba on this machine, and their ratios (five minutes)"
-	@echo "make baseline    measure configs/engines.yaml (an hour, on an idle machine) and archive it in results/baseline"
+	@echo "make baseline    measure configs/engines.yaml (half an hour, on an idle machine) and archive it in results/baseline"
 	@echo "make renderers   measure configs/renderers.yaml (an hour, on an idle machine) and archive it; LuxCore"
 	@echo "                 and Cycles take part where they are installed: docs/guides/other_programs.md and cycles.md"
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
