@@ -10,7 +10,7 @@ from engines.interface import Settings
 from engines.peers.cycles.blender import MOST_SAMPLES, BlenderScene
 from engines.scene import Scene
 
-PASS = 1 << 18
+PASS = 1 << 19
 """Paths of a pass, after which `stop` is heard: Cycles has no way to end a render from outside."""
 
 
