@@ -19,7 +19,7 @@ help:
 	@echo "make microbench  time the parts: tests/benchmarks"
 	@echo "make speed       paths a second of numba, embree and Mitsuba on this machine, and their ratios (five minutes)"
 	@echo "make baseline    measure configs/engines.yaml (half an hour, on an idle machine) and archive it in results/baseline"
-	@echo "make renderers   measure configs/renderers.yaml (an hour, on an idle machine) and archive it; LuxCore"
+	@echo "make renderers   measure configs/renderers.yaml (an hour and a half, on an idle machine) and archive it; LuxCore"
 	@echo "                 and Cycles take part where they are installed: docs/guides/other_programs.md and cycles.md"
 	@echo "make clean       remove the environment, the caches and $(OUT); other results and references stay"
 	@echo "make chapter     measure configs/dissertation.yaml and dahlquist.yaml (half an hour, on an idle machine), archive them and"
