@@ -4,6 +4,7 @@ It runs apart from whoever imports a scene, as the variant of Mitsuba that is in
 latitude-longitude, +y up, its first and last row on the poles, as `EnvironmentLight` has it with `rows` "poles".
 """
 
+import io
 import json
 import math
 import sys
@@ -103,7 +104,9 @@ def main() -> None:
         brightest = max(towards, key=lambda one: float(radiance(sun, one[None]).sum()))
         image = finer(image)
         add_sun(image, sun, brightest, parameters.get("sun_aperture", SUN_APERTURE))
-    np.save(sys.stdout.buffer, image.astype(np.float32))
+    written = io.BytesIO()
+    np.save(written, image.astype(np.float32))
+    sys.stdout.buffer.write(written.getbuffer())  # np.save asks a file for its position, which a pipe may refuse
 
 
 if __name__ == "__main__":
