@@ -10,7 +10,7 @@ from harness.store import events_file
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
 REPORTS = {
-    "baseline": "raybench's engines, accelerators, precisions and threads on three scenes (`configs/engines.yaml`)",
+    "baseline": "raybench's engines, accelerators, precisions and threads on small and large scenes (`configs/engines.yaml`)",
     "renderers": "raybench's engines, Mitsuba 3, LuxCoreRender and Cycles (`configs/renderers.yaml`)",
 }
 """Folder of `results/` -> what it compares. A folder that is not there has no page."""
