@@ -21,7 +21,7 @@ READY = "window.raybench && (raybench.settingsForm || raybench.settingsForms || 
 def rendered(page: Browser, scene: str, size: tuple[int, int], spp: int) -> None:
     for key, value in {"scene": scene, "width": size[0], "height": size[1], "target-spp": spp}.items():
         page.set(f"#{key}", value)
-    page.wait_for(f"raybench.state === 'busy' && raybench.status.spp > {spp // 2} && !raybench.frame.preview")
+    page.wait_for(f"raybench.state === 'finished' && raybench.status.spp === {spp} && !raybench.frame.preview")
 
 
 def view(page: Browser, address: str) -> None:
