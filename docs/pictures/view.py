@@ -46,10 +46,10 @@ def narrow(page: Browser, address: str) -> None:
 
 
 def race(page: Browser, address: str) -> None:
-    page.open(address + "race.html", 1280, 1400)
+    page.open(address + "race.html", 1280, 1450)
     page.wait_for("window.raybench && raybench.settingsForms.length === 2")
     page.click("#add")
-    for key, value in {"scene": "cornell_box", "width": 128, "height": 128, "targets": "0.1 0.01", "reference-spp": 512,
+    for key, value in {"scene": "cornell_box", "width": 256, "height": 256, "targets": "0.1 0.01", "reference-spp": 512,
                        "max-seconds": 3}.items():  # fmt: skip
         page.set(f"#{key}", value)
     page.click("#start")

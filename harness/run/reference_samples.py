@@ -36,12 +36,13 @@ def sufficiency(wanted: PlannedReference, root: Path, quality: Quality) -> Suffi
     target = min(as_error(quality.metric, each) for each in quality.targets)
     pilot = pilot_of(wanted, root)
     if pilot is None:
-        return Sufficiency(None, f"samples needed for {title} {target:g}: not known before its first replicates")
+        return Sufficiency(None, f"samples needed for the target {target:g} in {title}: not known before its first replicates")
     needed = samples_needed(pilot, target, quality.epsilon if quality.metric == "relmse" else None)
     if needed <= wanted.spp:
-        return Sufficiency(True, f"enough samples: {title} {target:g} takes about {needed:,}")
+        return Sufficiency(True, f"enough samples: the target {target:g} in {title} needs about {needed:,}")
     return Sufficiency(
-        False, f"too few samples: {title} {target:g} takes about {needed:,}; times that its noise affects are flagged"
+        False,
+        f"too few samples: the target {target:g} in {title} needs about {needed:,}; times that its noise affects are flagged",
     )
 
 

@@ -160,7 +160,7 @@ def finished(tmp_path_factory):
     text = sweeping.EXPERIMENT.replace("'fake_engines:Other'", "'fake_engines:Other', 'fake_engines:Picky'")
     path = sweeping.write(folder, text)
     said = ended(with_own_references("plan", path, cwd=folder), 0)
-    assert "samples needed for relMSE (ε = 0.01) 0.1: not known before its first replicates" in said
+    assert "samples needed for the target 0.1 in relMSE (ε = 0.01): not known before its first replicates" in said
     return path, folder, with_own_references("run", path, cwd=folder)
 
 
@@ -169,7 +169,7 @@ def test_run_writes_its_files_where_the_name_says(finished):
     assert "4 done, 2 skipped" in (said := ended(done, 0))
     assert (folder / "results/small/winners.txt").read_text("utf-8") in done.stdout
     assert "Fastest to each target in relMSE (ε = 0.01)" in done.stdout and "ball to 0.1: " in done.stdout
-    assert "reference of ball 12x8 64 spp: too few samples: relMSE (ε = 0.01) 0.1 takes about" in said
+    assert "reference of ball 12x8 64 spp: too few samples: the target 0.1 in relMSE (ε = 0.01) needs about" in said
     for name in ("manifest.json", "events.jsonl", "points.csv", "ttq.csv", "phases.csv", "report.html"):
         assert (folder / "results" / "small" / name).stat().st_size > 0
     manifest = json.loads((folder / "results" / "small" / "manifest.json").read_text())
@@ -192,9 +192,9 @@ def test_plan_shows_states_reasons_and_time(finished):
     said = ended(with_own_references("plan", path, *more, cwd=folder), 0)
     assert "9 cells in 3 blocks: 4 done, 2 queued, 3 skipped" in said
     assert "it never feels like it" in said and "2 to measure:" in said and "as measured before" in said
-    assert "reference of ball 12x8 64 spp" in said and "ready; too few samples: relMSE (ε = 0.01) 0.1 takes about" in said
+    assert "reference of ball 12x8 64 spp" in said and "ready; too few samples: the target 0.1 in relMSE (ε = 0.01) needs about" in said
     easy = ended(with_own_references("plan", path, "--set", "quality.targets=[1.0]", cwd=folder), 0)
-    assert "ready; enough samples: relMSE (ε = 0.01) 1 takes about" in easy
+    assert "ready; enough samples: the target 1 in relMSE (ε = 0.01) needs about" in easy
 
 
 def test_status_and_report_read_the_folder(finished):
