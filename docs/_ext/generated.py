@@ -1,6 +1,7 @@
 """Pages whose text is in the code: a line `<!-- generated: NAME -->` of a page becomes what `MAKERS[NAME]` returns."""
 
 import re
+from functools import partial
 
 import columns
 import command_line
@@ -24,6 +25,7 @@ MAKERS = {
     "accelerators": names.accelerators,
     "tone mappers": names.tone_mappers,
     "reports": reports.links,
+    "report of the race": partial(reports.links, "renderers"),
 }
 
 

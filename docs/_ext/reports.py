@@ -16,9 +16,9 @@ REPORTS = {
 """Folder of `results/` -> what it compares. A folder that is not there has no page."""
 
 
-def links() -> str:
-    """A list of the reports, as pages beside the one that shows it."""
-    there = [name for name in REPORTS if events_file(RESULTS / name)]
+def links(*names: str) -> str:
+    """A list of the reports (by default of all), as pages beside the one that shows it."""
+    there = [name for name in names or REPORTS if events_file(RESULTS / name)]
     lines = [f'<li><a href="reports/{name}.html">{name}</a>: {_html(REPORTS[name])}</li>' for name in there]
     return "\n".join(["```{raw} html", "<ul>", *lines, "</ul>", "```"])
 
