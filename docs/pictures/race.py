@@ -4,6 +4,7 @@ Left, the scene `study` as the gallery has it; right, each renderer's error over
 mean error over the race's blocks.
 """
 
+import io
 import shutil
 import subprocess
 import sys
@@ -23,6 +24,7 @@ from harness.statistics.intervals import geometric_interval
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = "study"
+WIDTH, PICTURE = 1280, (736, 414)
 CURVES = {
     ("numba", "sobol", "auto"): ("raybench, numba", "#d55e00"),
     ("mitsuba", "multijitter", "embree"): ("Mitsuba 3, its fastest setting", "#cc79a7"),
@@ -37,9 +39,7 @@ def main(archive: Path, target: Path) -> None:
         copy = shutil.copytree(archive, Path(folder) / "race")
         subprocess.run([sys.executable, "-m", "harness", "report", str(copy)], check=True, cwd=ROOT)
         points = pd.read_csv(copy / "points.csv")
-    figure, (picture, plot) = plt.subplots(1, 2, figsize=(12.8, 4.1), width_ratios=[1.55, 1], layout="constrained")
-    picture.imshow(Image.open(ROOT / f"docs/pictures/gallery/{SCENE}.jpg"))
-    picture.set_axis_off()
+    figure, plot = plt.subplots(figsize=((WIDTH - PICTURE[0]) / 100, PICTURE[1] / 100), layout="constrained")
     for (engine, sampler, accelerator), (label, colour) in CURVES.items():
         mine = points[
             (points.scene == SCENE) & (points.engine == engine) & points.sampler.str.startswith(sampler)
@@ -60,7 +60,12 @@ def main(archive: Path, target: Path) -> None:
     plot.grid(alpha=0.3)
     plot.spines[["top", "right"]].set_visible(False)
     plot.legend(frameon=False)
-    figure.savefig(target, dpi=100, pil_kwargs={"optimize": True})
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=100)
+    both = Image.new("RGB", (WIDTH, PICTURE[1]), "white")
+    both.paste(Image.open(ROOT / f"docs/pictures/gallery/{SCENE}.jpg").resize(PICTURE, Image.Resampling.LANCZOS))
+    both.paste(Image.open(drawn), (PICTURE[0], 0))
+    both.save(target, optimize=True)
 
 
 if __name__ == "__main__":
