@@ -282,8 +282,8 @@ def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[C
 
 
 def scope(axis: str, contestant: Contestant) -> tuple[str, str]:
-    """Among whom values of an axis must differ in names: all contestants, but for accelerators those of one engine."""
-    return axis, contestant.settings.engine if axis == "accelerator" else ""
+    """Among whom an axis must differ to be in names: accelerators those of one engine, sizes those of one scene, else all."""
+    return axis, {"accelerator": contestant.settings.engine, "size": contestant.settings.scene}.get(axis, "")
 
 
 def choices_of(contestants: Sequence[Contestant]) -> dict[tuple[str, str], list[Any]]:
@@ -298,10 +298,11 @@ def choices_of(contestants: Sequence[Contestant]) -> dict[tuple[str, str], list[
 
 
 def name_words(contestant: Contestant, choices: Mapping[tuple[str, str], Sequence[Any]]) -> dict[str, str]:
-    """Axis -> the word for it in a name. Options are given only where two choices of one name differ in them."""
+    """Axis -> its word in a name, "" for the closed division. Options only where two choices of one name differ in them."""
     settings = contestant.settings
     words = {axis: str(getattr(settings, axis)) for axis in AXES}
     words["threads"] = f"{settings.threads} thread{'s' if settings.threads != 1 else ''}"
+    words["division"] = "" if settings.division == "closed" else f"{settings.division} division"
     for axis in ("accelerator", "shader", "sampler"):
         words[axis] = brief_choice(contestant.cells[0].get(axis), choices[scope(axis, contestant)])
     return words

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from harness.analysis import Analysis, Verdict
-from harness.analysis.model import ranked_together
+from harness.analysis.model import Group, ranked_together
 from harness.metrics import Reference
 from harness.report.plots.style import file_stem
 from harness.store.results import Results, setting_text
@@ -40,15 +40,24 @@ class Facet:
 
 
 def panels(analysis: Analysis) -> list[Panel]:
-    """One panel a scene, shader, size, division and machine, without the A/A twin's second label."""
+    """One panel a scene, shader, size, division and machine, without the A/A twin's second label.
+
+    In each scene the open division comes last. A title names the scene, the shader and size if its panels differ in them, the
+    open division, and the machine if there are several.
+    """
     groups = ranked_together(analysis.verdicts)
-    varying = [len({key[i] for key in groups}) > 1 for i in range(5)]
-    varying[3] = any(division != "closed" for _, _, _, division, _ in groups)
+    scenes: dict[str, list[Group]] = {}
+    for key in groups:
+        scenes.setdefault(key[0], []).append(key)
+    machines = {key[4] for key in groups}
     found = []
-    for (scene, *others), verdicts in groups.items():
-        others[-2:] = f"{others[-2]} division", f"machine {others[-1]}"
-        title = " ".join([scene, *(word for word, varies in zip(others, varying[1:], strict=True) if varies)])
-        found.append(Panel(title, verdicts))
+    for keys in scenes.values():
+        varying = [len(values) > 1 for values in map(set, zip(*keys, strict=True))]
+        for key in sorted(keys, key=lambda key: key[3] != "closed"):
+            scene, shader, size, division, machine = key
+            others = shader * varying[1], size * varying[2], "open division" * (division != "closed"), \
+                f"machine {machine}" * (len(machines) > 1)  # fmt: skip
+            found.append(Panel(" ".join(filter(None, [scene, *others])), groups[key]))
     return found
 
 
