@@ -257,7 +257,8 @@ def settings_of(cell: Event) -> Settings:
 
 
 def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contestant]:
-    """Cells by configuration, named by what differs among those that were measured, or from them.
+    """Cells by configuration, named by what differs among those that were measured, or from them; a single shader by its
+    options alone.
 
     Scenes come in the order of the config, others after them as they appear.
     """
@@ -269,6 +270,8 @@ def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[C
                   for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
     choices = choices_of(contestants)
     words = [name_words(contestant, choices) for contestant in contestants]
+    if len({own["shader"].partition("(")[0] for own in words}) == 1:
+        words = [own | {"shader": own["shader"].partition("(")[2].removesuffix(")")} for own in words]
     measured = [bool(contestant.done) for contestant in contestants]
     seen: dict[tuple[str, str], set[str]] = {}
     for contestant, own, done in zip(contestants, words, measured, strict=True):
