@@ -14,7 +14,7 @@ import pytest
 from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report.plots import Palette, draw, write_plots
-from harness.report.plots.curves import band, error_curves, pareto
+from harness.report.plots.curves import band, error_curves, pareto, target_ecdf
 from harness.report.plots.drawing import _panel_sketches
 from harness.report.plots.panels import facets, panels
 from harness.report.plots.parallel import Beside
@@ -185,6 +185,19 @@ def test_results_without_targets_or_threads_draw_what_is_left(tmp_path):
     names = {plot.name for plot in write_plots(analyse(load_results(tmp_path)), tmp_path)}
     assert "error-over-time-cornell_box" in names and "phases-cornell_box" in names
     assert not {"speed-up-over-threads", "targets-over-time"} & names
+
+
+def test_a_scene_on_which_a_contestant_was_not_measured_counts_as_not_reached(tmp_path):
+    rng = np.random.default_rng(1)
+    cells = [
+        done_cell(tmp_path, (scene, engine, "bvh", "random", 1, None), block, 1.0, SMALL, rng, False)
+        for scene, engine in (("cornell_box", "numba"), ("cornell_box", "embree"), ("two_spheres", "numba"))
+        for block in range(3)
+    ]
+    found = analyse(dataclasses.replace(results_of(tmp_path, {}, cells), targets=[1e9]))
+    figure = target_ecdf(found, Palette(found.results))
+    assert figure is not None
+    assert {line.get_label(): line.get_ydata()[-1] for line in figure.axes[0].lines} == {"numba": 1.0, "embree": 0.5}
 
 
 def test_growth_is_drawn_over_three_sizes_with_its_exponent(tmp_path):

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis, Verdict, error_targets
+from harness.analysis.model import ranked_together
 from harness.metrics import metric_title
 from harness.report.plots.panels import MOST_CURVES, Panel, facets, reference_noise
 from harness.report.plots.style import FAINT, GRID, INK, Palette, log_scales, new_figure, small_multiples
@@ -77,7 +78,7 @@ def error_label(metric: str) -> str:
 
 
 def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
-    """Every checkpoint as a point of time and error; those that none surely beats are full, with their intervals."""
+    """Every checkpoint as a point of time and error; those that none surely beats are strong, with their intervals."""
     points = [point for verdict in panel.verdicts for point in _pareto_points(analysis.results, verdict)]
     if not points:
         return None
@@ -100,7 +101,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
             axis.plot(point.time[0], point.error[0], marker=look.marker, color=look.colour, alpha=0.25, markersize=3)
             continue
         axis.errorbar(point.time[0], point.error[0], xerr=_whisker(point.time), yerr=_whisker(point.error),
-                      marker=look.marker, color=look.colour, markersize=5, elinewidth=1, linestyle=look.line,
+                      **look.line_style() | {"markersize": 5, "elinewidth": 1},
                       label=None if id(point.verdict) in named else point.verdict.contestant.name)  # fmt: skip
         named.add(id(point.verdict))
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
@@ -113,12 +114,18 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
 
 
 def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
-    """Share of (scene, target, seed) reached by a warm time, for each configuration over all its scenes but those where a flag
-    disqualifies it."""
+    """Share of (scene, target, seed) reached by a warm time, for each configuration over all scenes of its division and machine.
+
+    A scene on which it was not measured, or on which a flag disqualifies it, counts as not reached: shares are of the same whole.
+    """
+    problems: dict[tuple[str, str], int] = {}
+    for (_, _, _, division, machine), group in ranked_together(analysis.verdicts).items():
+        most = max(sum(len(quality.crossings) for quality in verdict.warm) for verdict in group)
+        problems[division, machine] = problems.get((division, machine), 0) + most
     solvers: dict[Any, list[Verdict]] = {}
     for verdict in analysis.verdicts:
         if not (verdict.contestant.settings.label or verdict.disqualified):
-            solvers.setdefault(verdict.contestant.settings._replace(scene=""), []).append(verdict)
+            solvers.setdefault(verdict.contestant.settings._replace(scene="", size=""), []).append(verdict)
     if not analysis.results.targets or not solvers:
         return None
     first = {id(verdicts[0]): verdicts for verdicts in solvers.values()}
@@ -128,11 +135,13 @@ def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
     for axis, part in zip(axes, parts, strict=True):
         for verdict in part.verdicts:
             look = palette.look(verdict.contestant)
-            times, share = ecdf([s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings])
+            own = [s.high for v in first[id(verdict)] for quality in v.warm for s in quality.crossings]
+            settings = verdict.contestant.settings
+            times, share = ecdf([*own, *[math.inf] * (problems[settings.division, settings.machine] - len(own))])
             name = verdict.contestant.name
             x = [*times[:1], *times, latest] if times.size else [latest]
             y = [0.0, *share, share[-1]] if times.size else [0.0]
-            axis.step(x, y, where="post", color=look.colour, linestyle=look.line, linewidth=look.width, label=name)
+            axis.step(x, y, where="post", markevery=0.15, label=name, **look.line_style())
         log_scales(axis)
         axis.set_ylim(0, 1.02)
         axis.set_xlabel(X_LABELS["seconds"])
