@@ -114,9 +114,9 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
 
 
 def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
-    """Share of (scene, target, seed) reached by a warm time, for each configuration over all scenes of its division and machine.
+    """Share of (scene, target, seed) reached by a warm time, for each configuration over the scenes of its division and machine.
 
-    A scene on which it was not measured, or on which a flag disqualifies it, counts as not reached: shares are of the same whole.
+    A scene on which it was not measured, or on which a flag disqualifies it, counts as not reached.
     """
     problems: dict[tuple[str, str], int] = {}
     for (_, _, _, division, machine), group in ranked_together(analysis.verdicts).items():

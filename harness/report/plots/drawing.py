@@ -76,8 +76,8 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
     return [
         *found,
         Sketch("targets-over-time", "Targets reached over time",
-               "Steps that rise with time: the share of all scenes, targets and seeds that each contestant has reached. A scene "
-               "on which it was not measured, or is not ranked, counts as not reached.",
+               "Steps that rise with time: the share of all scenes, targets and seeds that each contestant has reached. "
+               "A scene on which it was not measured, or is not ranked, counts as not reached.",
                lambda: target_ecdf(analysis, palette)),
         Sketch("speed-up-over-threads", "Speed-up over threads",
                "Speed-up against the fewest threads, with intervals; dotted: ideal; serial fraction by Amdahl's law.",
@@ -112,8 +112,8 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
                  "95 % intervals; below three blocks one dot per block.",
                  partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
-                 "Checkpoints by warm time and error; strong markers with intervals are those that no other one surely beats in "
-                 "both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
+                 "Checkpoints by warm time and error; strong markers with intervals are those that no other one surely beats "
+                 "in both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
                  "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at "
                  "the end of a phase is its own 95 % interval.",
