@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import isfinite
+from collections.abc import Iterator, Sequence
+from math import inf, isfinite
 
 from harness.analysis import Analysis
 from harness.analysis.model import Verdict, possible_winners
@@ -43,11 +43,24 @@ def _fastest(verdicts: list[Verdict], index: int, reached: list[Verdict]) -> str
         return f"not separated ({len(names)}): {', '.join(names[:MOST_NAMES])}{more}"
     best = found[0]
     words = f"{best.contestant.name}, {estimate_text(_interval(best, index))}"
-    ratio = best.quality_speedups[index]
-    if ratio is not None and best.against is not None and isfinite(ratio.ratio) and ratio.ratio > 0:
-        speed = estimate_text((ratio.ratio, ratio.low, ratio.high))
-        words += f"; {speed} times as fast as {best.against.name}"
+    ratio, other = ratio_of(best, verdicts, index)
+    if ratio:
+        words += f"; {ratio} times as fast as {other}"
     return words + ("" if len(reached) > 1 else "; no other reached it" if len(verdicts) > 1 else "; it ran alone")
+
+
+def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
+    """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
+    own = verdict.quality_speedups[index]
+    if own is not None and verdict.against is not None and isfinite(own.ratio) and own.ratio > 0:
+        return estimate_text((own.ratio, own.low, own.high)), verdict.against.name
+    rivals = [(each, ratio) for each in verdicts if each.against is verdict.contestant and not each.disqualified
+              and (ratio := each.quality_speedups[index]) is not None
+              and 0 < ratio.low <= ratio.ratio <= ratio.high < inf]  # fmt: skip
+    if not rivals:
+        return "", ""
+    rival, ratio = min(rivals, key=lambda pair: pair[0].warm[index].value)
+    return estimate_text((1 / ratio.ratio, 1 / ratio.high, 1 / ratio.low)), rival.contestant.name
 
 
 def _interval(verdict: Verdict, index: int) -> tuple[float, float, float]:

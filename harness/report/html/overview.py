@@ -18,6 +18,7 @@ from harness.report.plots.panels import Panel, panels
 from harness.report.plots.style import LINES, Palette
 from harness.report.tables.evidence import floor_text
 from harness.report.tables.model import estimate_text, number_text
+from harness.report.winners import ratio_of
 from harness.statistics.ratios import FEWEST_BLOCKS
 
 Reference = Mapping[str, Any]
@@ -105,20 +106,6 @@ def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
     time = verdict.warm[index]
     ratio, other = ratio_of(verdict, verdicts, index)
     return Entry(verdict.contestant.name, estimate_text((time.value, time.low, time.high)), ratio, other, verdict.warnings)
-
-
-def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple[str, str]:
-    """The paired ratio to its baseline. Where it is itself the baseline of others, the inverse of the fastest of them."""
-    own = verdict.quality_speedups[index]
-    if own is not None and verdict.against is not None and math.isfinite(own.ratio) and own.ratio > 0:
-        return estimate_text((own.ratio, own.low, own.high)), verdict.against.name
-    rivals = [(each, ratio) for each in verdicts if each.against is verdict.contestant and not each.disqualified
-              and (ratio := each.quality_speedups[index]) is not None
-              and 0 < ratio.low <= ratio.ratio <= ratio.high < math.inf]  # fmt: skip
-    if not rivals:
-        return "", ""
-    rival, ratio = min(rivals, key=lambda pair: pair[0].warm[index].value)
-    return estimate_text((1 / ratio.ratio, 1 / ratio.high, 1 / ratio.low)), rival.contestant.name
 
 
 def _remarks(

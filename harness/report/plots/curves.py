@@ -101,7 +101,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
             axis.plot(point.time[0], point.error[0], marker=look.marker, color=look.colour, alpha=0.25, markersize=3)
             continue
         axis.errorbar(point.time[0], point.error[0], xerr=_whisker(point.time), yerr=_whisker(point.error),
-                      **look.line_style() | {"markersize": 5, "elinewidth": 1},
+                      markersize=5, elinewidth=1, **look.line_style(),
                       label=None if id(point.verdict) in named else point.verdict.contestant.name)  # fmt: skip
         named.add(id(point.verdict))
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
@@ -114,7 +114,7 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
 
 
 def target_ecdf(analysis: Analysis, palette: Palette) -> Figure | None:
-    """Share of (scene, target, seed) reached by a warm time, for each configuration over the scenes of its division and machine.
+    """Share of (scene, target, seed) reached by a warm time, for each configuration over its division and machine.
 
     A scene on which it was not measured, or on which a flag disqualifies it, counts as not reached.
     """

@@ -113,7 +113,7 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
                  partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
                  "Checkpoints by warm time and error; strong markers with intervals are those that no other one surely beats "
-                 "in both, by more than the noise floor of the A/A twins.", partial(pareto, analysis, panel, palette))  # fmt: skip
+                 "in both, by more than the noise floor.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
                  "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at "
                  "the end of a phase is its own 95 % interval.",
