@@ -119,7 +119,7 @@ def offsets() -> Figure:
             f = (point + n * far).astype(np.float64) - center
             inside = (f * f).sum(1) < 1
             again[name].append(100 * float(inside.mean()))
-    figure, axes = _new("coordinates of the scene [m]", "rays that meet what they left [%]")
+    figure, axes = _new("coordinates of the scene [m]", "rays that hit the surface they left [%]")
     axes.semilogx(places, again["book"], "o-", color=BOOK, label="constant offset of 1e-4")
     axes.semilogx(places, again["ours"], "s-", color=OURS, label="256 ulps of the largest coordinate")
     axes.legend()

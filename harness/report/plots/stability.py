@@ -20,7 +20,7 @@ from harness.report.plots.style import FAINT, INK, Sketch, engine_colours, log_s
 
 Finding = Mapping[str, Any]
 DISTANCES = {"t/distance": "distance", "t/offset": "offset of the scene", "t/radius": "radius of the sphere"}
-RATES = {"self/scale": "scale; rays that meet what they left", "leak/scale": "scale; light in a gap"}
+RATES = {"self/scale": "scale of the scene: self-hits", "leak/scale": "scale of the scene: light through a gap"}
 LINES: dict[str, Any] = {
     "sphere": "-",
     "triangle": "--",
@@ -53,7 +53,7 @@ def sketches(findings: Sequence[Finding]) -> list[Sketch]:
                "machine epsilons of float64 and float32.",
                partial(_figure, findings, DISTANCES, _error_axis)),
         Sketch("self-hits-and-leaks", "Numerical stability: self-hits and leaks",
-               "Share of samples that met the surface they had left, and that saw light where there is none, over the "
+               "Share of samples that hit the surface they had left, and that saw light where there is none, over the "
                "scale of the scene.", partial(_figure, findings, RATES, _rate_axis)),
     ]  # fmt: skip
 
