@@ -16,6 +16,7 @@ def engines() -> str:
     rows = []
     for name in engine_names():
         made = engine(name)
+        made = getattr(made, "local", made)  # of an engine in a process of its own, its own class
         module = importlib.import_module(type(made).__module__.rpartition(".")[0])
         texts = [(inspect.getdoc(each) or "").split("\n\n")[0] for each in (module, type(made))]
         rows.append((code(name), plain(" ".join(texts))))

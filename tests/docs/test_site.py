@@ -75,7 +75,7 @@ def test_the_site_needs_no_network(site):
         ("reference/command_line", ("raybench equivalence", "--set KEY=VALUE", "Samples per pixel.")),
         ("reference/experiment", ("budget", "certify", "in [1, 1000]")),
         ("reference/scene", ("sphereflake", "tessellated_sphere", "two_sided", "degrees")),
-        ("reference/names", ("path_tracer", "embreex_batch", "rr_depth", "leaf_size", "aces")),
+        ("reference/names", ("path_tracer", "embreex_batch", "rr_depth", "leaf_size", "aces", "Cycles on the CPU")),
         ("reference/columns", ("points.csv", "time_to_quality", "warm_seconds", "relmse_corrected")),
         ("reference/api/interface", ("occluded(", "NDArray[float64]")),
         ("reference/api/plugin", ("engines.plugin.select", "engines.plugin.cosine_direction")),
