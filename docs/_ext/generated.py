@@ -2,6 +2,7 @@
 
 import re
 from functools import partial
+from pathlib import Path
 
 import columns
 import command_line
@@ -28,13 +29,21 @@ MAKERS = {
     "report of the race": partial(reports.links, "renderers"),
 }
 
+MARK = re.compile(r"<!-- generated: (.*?) -->")
+
 
 def fill(app, page, source):
     """Replaces the marks of a page."""
-    source[0] = re.sub(r"<!-- generated: (.*?) -->", lambda mark: MAKERS[mark[1]](), source[0])
+    source[0] = MARK.sub(lambda mark: MAKERS[mark[1]](), source[0])
+
+
+def outdated(app, env, added, changed, removed):
+    """Pages with marks, which are read anew in each build: Sphinx does not see that the code has changed."""
+    return [page for page in env.found_docs if MARK.search(Path(env.doc2path(page)).read_text("utf-8"))]
 
 
 def setup(app):
+    app.connect("env-get-outdated", outdated)
     app.connect("source-read", fill)
     app.connect("build-finished", reports.write)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
