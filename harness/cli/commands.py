@@ -140,7 +140,9 @@ command(IMAGES)(images.dahlquist)
 def view(
     scene: Annotated[
         str,
-        typer.Argument(help="A scene below the folder, or a bare name from scenes/.", autocompletion=shipped("scenes")),
+        typer.Argument(
+            metavar="SCENE", help="A scene below the folder, or a bare name from scenes/.", autocompletion=shipped("scenes")
+        ),
     ] = "cornell_box",
     folder: Annotated[Path, typer.Option(help="Folder that the page may read, and in which races are saved.")] = Path("."),
     engine: Annotated[str, typer.Option(help="Engine that is selected at first.", autocompletion=engines)] = DEFAULT_ENGINE,
@@ -160,7 +162,7 @@ def view(
 
 @command(RESULTS)
 def report(
-    folders: Annotated[Optional[list[Path]], typer.Argument(help="Results folders.")] = None,  # noqa: UP045
+    folders: Annotated[Optional[list[Path]], typer.Argument(metavar="FOLDER", help="Results folders.")] = None,  # noqa: UP045
     chapter: Annotated[
         Optional[Path],  # noqa: UP045
         typer.Option(
@@ -204,7 +206,7 @@ def rescore(
 
 @command(RESULTS)
 def merge(
-    folders: Annotated[list[Path], typer.Argument(help="Results folders.")],
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Results folders.")],
     out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
     references: References = None,
 ) -> None:

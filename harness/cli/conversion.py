@@ -31,7 +31,7 @@ def export(
 
 
 def import_(
-    scene: Annotated[str, typer.Argument(help="A Mitsuba file, of version 0.4 to 3.x.")],
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A Mitsuba file, of version 0.4 to 3.x.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="A folder; scene.yaml in it is replaced.")],
     define: Define = None,
     allow_outside: AllowOutside = False,

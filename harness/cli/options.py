@@ -78,16 +78,20 @@ def size(text: str) -> tuple[int, int]:
 
 
 Config = Annotated[
-    str, typer.Argument(help="An experiment: a path, or a bare name from configs/.", autocompletion=shipped("configs"))
+    str,
+    typer.Argument(
+        metavar="CONFIG", help="An experiment: a path, or a bare name from configs/.", autocompletion=shipped("configs")
+    ),
 ]
 Scene = Annotated[
     str,
     typer.Argument(
+        metavar="SCENE",
         help="A scene: a path (.yaml, or Mitsuba's .xml), or a bare name from scenes/.",
         autocompletion=shipped("scenes"),
     ),
 ]
-Folder = Annotated[Path, typer.Argument(help="A results folder.")]
+Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A results folder.")]
 Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/<name>")]  # noqa: UP045
 Set = Annotated[
     Optional[list[str]],  # noqa: UP045

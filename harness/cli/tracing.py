@@ -17,7 +17,8 @@ INTERRUPTED = 130
 
 def trace(
     scene: Annotated[
-        list[str], typer.Argument(help="Scenes: paths, or bare names from scenes/.", autocompletion=shipped("scenes"))
+        list[str],
+        typer.Argument(metavar="SCENE", help="Scenes: paths, or bare names from scenes/.", autocompletion=shipped("scenes")),
     ],
     rays: Annotated[
         Optional[list[str]],  # noqa: UP045
