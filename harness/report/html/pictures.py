@@ -27,6 +27,7 @@ BYTES_PER_PIXEL = 6.0
 CROP = 48
 """Pixels along the side of an equal-time crop."""
 MOST_CROPS = 24
+NOT_KEPT = "its image was not kept (an archive keeps a few of each scene)"
 Image = NDArray[np.float64]
 
 
@@ -95,8 +96,8 @@ def selections(results: Results, panel: Panel) -> dict[str, Selection]:
     at_spp = {key: next((p for p in points if p["spp"] == spp), None) for key, points in pictured.items()}
     last = {key: points[-1] if points else None for key, points in pictured.items()}
     return {
-        "last": _select(results, panel, "last checkpoint", last, "no image of it was kept", True),
-        "time": _select(results, panel, f"equal time, {number_text(seconds)} s", at_time, "no image of it was kept", False),
+        "last": _select(results, panel, "last checkpoint", last, NOT_KEPT, True),
+        "time": _select(results, panel, f"equal time, {number_text(seconds)} s", at_time, NOT_KEPT, False),
         "samples": _select(results, panel, f"equal samples, {spp} spp", at_spp, f"no image at {spp} spp was kept", True),
     }
 

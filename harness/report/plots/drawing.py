@@ -76,19 +76,20 @@ def _sketches(analysis: Analysis) -> list[Sketch]:
     return [
         *found,
         Sketch("targets-over-time", "Targets reached over time",
-               "Steps that rise with time: the share of all scenes, targets and seeds that each contestant has reached. "
+               "Share of all scenes, targets and seeds that each contestant has reached by a given time. "
                "A scene on which it was not measured, or is not ranked, counts as not reached.",
                lambda: target_ecdf(analysis, palette)),
         Sketch("speed-up-over-threads", "Speed-up over threads",
-               "Speed-up against the fewest threads, with intervals; dotted: ideal; serial fraction by Amdahl's law.",
+               "Speed-up over the fewest threads, with 95 % intervals. Dotted: the ideal. The serial fraction is that of "
+               "Amdahl's law.",
                lambda: thread_speedups(analysis, palette)),
         Sketch("build-against-traverse", "Accelerators: build against traverse",
-               "Points by the time an accelerator takes to build and the time of a path through it, on logarithmic axes; "
-               "lines join contestants that differ in the accelerator alone. Lower left is better.",
+               "Time to build an accelerator, and time of a path through it, on logarithmic axes. "
+               "Lines join contestants that differ in the accelerator alone. Lower left is better.",
                lambda: build_against_traverse(analysis, palette)),
         Sketch("cost-over-primitives", "Cost over the number of primitives",
-               "Rising curves on logarithmic axes: time of a path (a sample of a pixel), and of building the accelerator, over "
-               f"the primitives of the scenes, with 95 % intervals.{exponents if shows_exponents(analysis) else ''}",
+               "Time of a path (a sample of a pixel), and time to build the accelerator, over the number of primitives of the "
+               f"scenes, with 95 % intervals, on logarithmic axes.{exponents if shows_exponents(analysis) else ''}",
                lambda: cost_over_primitives(analysis, palette)),
         Sketch("cost-over-resolution", "Cost over resolution and samples",
                "Time of a path over the pixels of the image, and over the samples per pixel so far: flat where cost grows "
@@ -104,17 +105,17 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
         slopes = " Numbers in the legend are slopes of the RMSE, over samples that all share."
         note = slopes if shows_slopes(x, panel.verdicts) else ""
         yield Sketch(file_stem("error-over", word.replace(" ", "-"), title), f"{title}: error over {word}",
-                     f"Falling curves on logarithmic axes, the error of each contestant over {word}: medians over blocks. "
-                     "Bands are the range of blocks, dashed lines the targets, crosses errors below three standard errors."
+                     f"Error of each contestant over {word}: the median over blocks, on logarithmic axes. Bands: the range over "
+                     "blocks. Dashed lines: targets. Crosses: errors below three standard errors."
                      f"{note}", partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
-                 "For each target, the seconds each contestant needs: full dots warm, hollow dots cold, whiskers "
-                 "95 % intervals; below three blocks one dot per block.",
+                 "Seconds that each contestant needs for each target. Full dots: warm. Hollow dots: cold. Whiskers: "
+                 "95 % intervals. With fewer than three blocks there is one dot per block.",
                  partial(quality_bars, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("pareto", title), f"{title}: Pareto front of time against error",
-                 "Checkpoints by warm time and error; strong markers with intervals are those that no other one surely beats "
-                 "in both, by more than the noise floor.", partial(pareto, analysis, panel, palette))  # fmt: skip
+                 "Checkpoints by warm time and error. Strong markers, with intervals, are on the front: no other checkpoint is "
+                 "surely better in both, by more than the noise floor.", partial(pareto, analysis, panel, palette))  # fmt: skip
     yield Sketch(file_stem("phases", title), f"{title}: phases of a cold start",
-                 "Stacked bars of the geometric mean seconds of import, load, build, compilation and rendering; a whisker at "
-                 "the end of a phase is its own 95 % interval.",
+                 "Geometric means of the seconds of import, load, build, compilation and rendering. The whisker at the end of "
+                 "a phase is the 95 % interval of that phase.",
                  partial(phase_bars, panel))  # fmt: skip
