@@ -17,7 +17,7 @@ help:
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
 	@echo "make docs-pictures  make its pictures anew (many minutes)"
 	@echo "make microbench  time the parts: tests/benchmarks"
-	@echo "make speed       paths a second of numba, embree and Mitsuba on this machine, and their ratios (five minutes)"
+	@echo "make speed       paths per second of numba, embree and Mitsuba on this machine, and their ratios (five minutes)"
 	@echo "make baseline    measure configs/engines.yaml (half an hour, on an idle machine) and archive it in results/baseline"
 	@echo "make renderers   measure configs/renderers.yaml (an hour and a half, on an idle machine) and archive it; LuxCore"
 	@echo "                 and Cycles take part where they are installed: docs/guides/other_programs.md and cycles.md"

@@ -121,7 +121,9 @@ SHADERS: dict[str, dict[str, Option]] = {
         ),
     },
     "depth_map": {
-        "max_point": Option(None, "point at 1/1.1 of the depth that is black; null: far corner of the scene", _point_or_none)
+        "max_point": Option(
+            None, "black: depths from 1.1 times the distance to this point on; null: upper corner of the scene", _point_or_none
+        )
     },
     "albedo": {},
 }

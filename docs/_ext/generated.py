@@ -27,6 +27,7 @@ MAKERS = {
     "tone mappers": names.tone_mappers,
     "reports": reports.links,
     "report of the race": partial(reports.links, "renderers"),
+    "chapter": partial(reports.links, "chapter"),
 }
 
 MARK = re.compile(r"<!-- generated: (.*?) -->")

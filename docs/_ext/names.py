@@ -1,6 +1,5 @@
 """Engines, shaders, samplers, accelerators and tone mappers: what the registry and the tables of options say."""
 
-import importlib
 import inspect
 import json
 
@@ -12,14 +11,12 @@ from engines.tonemap import TONE_MAPPERS
 
 
 def engines() -> str:
-    """Every engine that comes with raybench, in its own words."""
+    """Every engine that comes with raybench, by the first paragraph of its class."""
     rows = []
     for name in engine_names():
         made = engine(name)
         made = getattr(made, "local", made)  # of an engine in a process of its own, its own class
-        module = importlib.import_module(type(made).__module__.rpartition(".")[0])
-        texts = [(inspect.getdoc(each) or "").split("\n\n")[0] for each in (module, type(made))]
-        rows.append((code(name), plain(" ".join(texts))))
+        rows.append((code(name), plain((inspect.getdoc(made) or "").split("\n\n")[0])))
     return table(("Engine", "What it is"), rows)
 
 
@@ -56,5 +53,5 @@ def _options(kind: str, choices) -> str:
             rows.append((shown, code(key), code(json.dumps(option.default)), plain(option.meaning), values))
             shown = ""
         if not options:
-            rows.append((shown, "", "", "", ""))
+            rows.append((shown, "none", "", "", ""))
     return table((kind, "Option", "Default", "Meaning", "Values"), rows)

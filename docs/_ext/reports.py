@@ -1,4 +1,4 @@
-"""Reports of the results that lie in the repository, as pages of the site: reports/NAME.html, made from results/NAME."""
+"""Reports of the results that lie in the repository, and the chapter about them, as pages of the site: reports/NAME.html."""
 
 import os
 import shutil
@@ -14,12 +14,16 @@ REPORTS = {
     "renderers": "raybench's engines, Mitsuba 3, LuxCoreRender and Cycles (`configs/renderers.yaml`)",
 }
 """Folder of `results/` -> what it compares. A folder that is not there has no page."""
+CHAPTER = RESULTS / "dissertation" / "chapter" / "chapter.html"
+PAGES = REPORTS | {
+    "chapter": "accelerators, shaders, samplers and threads on the dissertation's scenes (`configs/dissertation.yaml`)"
+}
 
 
 def links(*names: str) -> str:
     """A list of the reports (by default of all), as pages beside the one that shows it."""
-    there = [name for name in names or REPORTS if events_file(RESULTS / name)]
-    lines = [f'<li><a href="reports/{name}.html">{name}</a>: {_html(REPORTS[name])}</li>' for name in there]
+    there = [name for name in names or PAGES if (CHAPTER.exists() if name == "chapter" else events_file(RESULTS / name))]
+    lines = [f'<li><a href="reports/{name}.html">{name}</a>: {_html(PAGES[name])}</li>' for name in there]
     return "\n".join(["```{raw} html", "<ul>", *lines, "</ul>", "```"])
 
 
@@ -38,6 +42,8 @@ def write(app, exception) -> None:
         events = events_file(RESULTS / name)
         if events:
             _write(RESULTS / name, target / f"{name}.html")
+    if CHAPTER.exists():
+        shutil.copyfile(CHAPTER, target / "chapter.html")
 
 
 def _write(folder: Path, page: Path) -> None:

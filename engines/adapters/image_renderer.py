@@ -27,7 +27,7 @@ MEANS_ALONE = {
 
 
 WATCHED = 16
-"""Samples a pixel between two calls of `on_pass`."""
+"""Samples per pixel between two calls of `on_pass`."""
 
 
 class ImageRenderer(ABC):
@@ -39,8 +39,8 @@ class ImageRenderer(ABC):
     """
 
     samples_a_pass: int | None = None
-    """Samples a pixel of an `image`, between which `stop` and `on_pass` act; None: all that a call of `render` asks for, or at
-    most `WATCHED` for a call with `on_pass`."""
+    """Samples per pixel of an `image`, between which `stop` and `on_pass` act; None: all that a call of `render` asks for, or
+    at most `WATCHED` for a call with `on_pass`."""
 
     def __init__(self, engine: Engine, scene: Scene, settings: Settings) -> None:
         """`settings` with every choice resolved. `engine.why_not` is asked before an update."""

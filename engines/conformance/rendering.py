@@ -18,7 +18,7 @@ from engines.film import Film
 from engines.interface import Renderer
 
 ENDLESS = 10_000_000
-"""Samples a pixel that no engine finishes while a test looks on."""
+"""Samples per pixel that no engine finishes while a test looks on."""
 STOP_SECONDS = 0.2
 PATIENCE_SECONDS = 20.0
 

@@ -35,8 +35,8 @@ NOT_PROMISED = {
 
 
 class Engine:
-    """Embree traces in float32, whatever the precision of shading (float32 by default); in float64 its hits are
-    confirmed and solved anew, which `refine` switches off."""
+    """Intel's Embree finds the hits, and the kernels of `numba` do the rest. Embree traces in float32, whatever the
+    precision of shading (float32 by default). In float64 its hits are confirmed and solved again, unless `refine` is off."""
 
     name = "embree"
     lineage = "raybench-kernels"

@@ -30,7 +30,8 @@ ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIO
 
 
 class Engine:
-    """Traces triangles in float32 and shades in float64, on one thread, whatever `settings.threads` says.
+    """Embree as its Python package embreex ships it: a wavefront of rays per call, shaded by the engine `numpy`. It traces
+    triangles in float32 and shades in float64, on one thread, whatever `settings.threads` says.
 
     Other shapes beside the triangles are tested in NumPy, one by one; a scene of these alone is declined.
     """

@@ -31,7 +31,7 @@ from engines.scene import Camera, Scene, Shape, ThinLens
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
 CHUNK = 4
-"""Samples a pixel between two commits of a tile."""
+"""Samples per pixel between two commits of a tile."""
 SAMPLES_A_TABLE = 4096
 """Samples whose quasi-random points are tabulated at once."""
 STACK_CAPACITY, LARGEST_STACK = 32, 1 << 16

@@ -50,7 +50,7 @@ NOT_PROMISED = {"ties_go_to_the_lower_index": ANY, "ties_of_spheres_go_to_the_lo
 
 
 class Engine:
-    """Mitsuba 3 as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32.
+    """Mitsuba 3 (Jakob et al. 2022) as a wavefront on the CPU (`llvm_ad_rgb`), compiled anew for every scene. Float32.
 
     With `on_pass`, `stop` is heard after every sample per pixel, or where the sampler has patterns, every sixteen. Without, it
     is heard between kernel launches: a second and a half, or seventy times as long as recording one takes where
@@ -151,7 +151,7 @@ class Engine:
 
 
 class ScalarEngine(Engine):
-    """Mitsuba 3 one path at a time (`scalar_rgb`), nothing compiled at run time. Float32."""
+    """Mitsuba 3, one path at a time (`scalar_rgb`), with nothing compiled at run time. Float32."""
 
     name = "mitsuba_scalar"
     variant = library.SCALAR

@@ -43,7 +43,7 @@ class Passes:
         self._film = Film(width, height)
 
     def step(self, left: int, seen: bool) -> int:
-        """Samples a pixel after which `stop` is heard."""
+        """Samples per pixel after which `stop` is heard."""
         return 1
 
     def compile(self) -> None:

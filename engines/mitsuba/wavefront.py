@@ -75,7 +75,7 @@ class Wavefront:
         return zeros
 
     def step(self, left: int, seen: bool) -> int:
-        """Samples a pixel for the next pass, of `left` wanted. `seen`: its film is shown, so that it should come soon."""
+        """Samples per pixel for the next pass, of `left` wanted. `seen`: its film is shown, so that it should come soon."""
         if self._pattern:
             place = self.done % self._pattern
             part = LANES_OF_A_VECTOR - place % LANES_OF_A_VECTOR if seen else self._pattern

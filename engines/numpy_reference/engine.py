@@ -26,9 +26,10 @@ ACCELERATORS: dict[str, dict[str, Option]] = {
 
 
 class Engine:
-    """The reference: every shader, sampler and camera, and plugins that bring a NumPy function.
+    """The reference engine: NumPy in float64, with formulas of its own, one concept per file. It has every shader, sampler
+    and camera, and takes plugins that bring a NumPy function.
 
-    It has float64 only, accepts any number of threads and renders on one.
+    It accepts any number of threads and renders on one.
     """
 
     name = "numpy"

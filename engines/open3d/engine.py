@@ -21,7 +21,7 @@ RENDERS_NOTHING = "Open3D traces rays and renders no images: raybench trace comp
 
 
 class Engine:
-    """Answers rays in scenes of triangles; declines to render."""
+    """Open3D's RaycastingScene: it answers rays in scenes of triangles, for `raybench trace`, and declines to render."""
 
     name = "open3d"
     tracing_precision = "float32"

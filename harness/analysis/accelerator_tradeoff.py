@@ -62,7 +62,7 @@ def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
 
 
 def break_even_spp(first: Contestant, other: Contestant, speedup: Ratio | None) -> Estimate | None:
-    """Geometric mean over blocks of (build - build of the first) / (seconds a sample that it saves), where it surely
+    """Geometric mean over blocks of (build - build of the first) / (seconds per sample that it saves), where it surely
     saves some.
 
     0 where some build is no dearer. Surely none saved: never.

@@ -1,6 +1,6 @@
 """Races: the contestants of a scene, shader, size, division and machine on one target, and what `statistics.race` says of them.
 
-Beside the targets there is a race in seconds a sample, whose index is None.
+Beside the targets there is a race in seconds per sample, whose index is None.
 """
 
 from __future__ import annotations

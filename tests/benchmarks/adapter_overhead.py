@@ -183,7 +183,7 @@ def main() -> None:
     parser.add_argument("--engine", choices=[*PAIRS, "cycles"], default="mitsuba")
     parser.add_argument("--scenes", nargs="+", default=["cornell_box"], metavar="NAME", help="names or paths")
     parser.add_argument("--samplers", nargs="+", metavar="NAME", help="default: random; of cycles sobol, the only one it has")
-    parser.add_argument("--spp", nargs="+", type=int, default=[4, 16, 64], metavar="N", help="samples a pixel and call")
+    parser.add_argument("--spp", nargs="+", type=int, default=[4, 16, 64], metavar="N", help="samples per pixel and call")
     parser.add_argument("--size", type=int, default=512, help="pixels a side")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=8, help="2 or more")

@@ -2,7 +2,7 @@
 
 Mitsuba takes each XML file as it is, the other engines what the importer makes of it, all with a path tracer of the same
 depth without roulette, independent random numbers and a box filter. The blocks of all take turns. Shown are the bounds of the
-equivalence rules on the image mean and on tiles of 16 x 16 pixels, and paths a second, each ratio from the pairs of one turn.
+equivalence rules on the image mean and on tiles of 16 x 16 pixels, and paths per second, each ratio from the pairs of one turn.
 `name=spp` gives an engine another number of samples per pixel and block.
 
 With `--image FILE.exr`, of another renderer, the first engine is compared with that instead, of which each pixel of ours
@@ -56,7 +56,7 @@ class Contestant:
         self._sums = sums.copy()
 
     def rates(self) -> list[float]:
-        """Paths a second of every block."""
+        """Paths per second of every block."""
         height, width = self._sums.shape[:2]
         return [width * height * self.spp / seconds for seconds in self.seconds]
 

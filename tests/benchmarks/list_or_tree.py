@@ -2,7 +2,7 @@
 
 Scenes of random triangles, spheres and disks of several counts are traced with either accelerator: camera rays, rays
 between random points, and shadow rays between random points. Both take turns in one process; a figure is the least
-processor time over the rounds, in nanoseconds a ray, the mean of the three kinds of rays. Printed are these figures, the
+processor time over the rounds, in nanoseconds per ray, the mean of the three kinds of rays. Printed are these figures, the
 constants of the cost model (`engines.numba_cpu.accel.choice`) fitted to them, and at which counts both cost the same. Then
 the project's scenes of up to `--most` primitives are rendered with either one, and the choice of `auto` is compared with
 what is faster there.
@@ -151,7 +151,7 @@ HEADER = f"{'':44}{'list':>9}{'tree':>9}{'ratio':>8}{'predicted':>10}{'':8}"
 
 def synthetic(precision: str, rounds: int) -> None:
     rows = [measured(counts, precision, rounds) for counts in COUNTS]
-    print(f"{precision}: nanoseconds a ray\n{HEADER}")
+    print(f"{precision}: nanoseconds per ray\n{HEADER}")
     tally = Tally(COSTS[precision])
     for row in rows:
         named = [f"{n} {kind}" for n, kind in zip(row.counts, Counts._fields, strict=True) if n]
@@ -163,8 +163,8 @@ def synthetic(precision: str, rounds: int) -> None:
 
 
 def of_project(precision: str, rounds: int, most: int) -> None:
-    """Renders of the project's scenes, nanoseconds a path."""
-    print(f"\n{precision}: nanoseconds a path of depth 6, scenes of up to {most} primitives\n{HEADER}")
+    """Renders of the project's scenes, nanoseconds per path."""
+    print(f"\n{precision}: nanoseconds per path of depth 6, scenes of up to {most} primitives\n{HEADER}")
     tally = Tally(COSTS[precision])
     for name, file in paths.shipped("scenes").items():
         scene = engines.load_scene(file)

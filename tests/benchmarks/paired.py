@@ -102,7 +102,7 @@ def ask(checkout: Path, **job: Any) -> dict[str, Any]:
 
 
 def measured(base: Path, samples: dict[str, int], rounds: int) -> list[tuple[dict[str, float], dict[str, float]]]:
-    """Of each round, paths a second of the base's cases and of this checkout's."""
+    """Of each round, paths per second of the base's cases and of this checkout's."""
     found = []
     for number in range(rounds):
         order = (base, HERE) if number % 2 == 0 else (HERE, base)
@@ -129,7 +129,7 @@ def show(rounds: list[tuple[dict[str, float], dict[str, float]]]) -> None:
         mean, low, high = interval([b / a for a, b in zip(base, this, strict=True)])
         middle = [statistics.median(side) / 1e6 for side in (base, this)]
         print(f"{name:30}{middle[0]:9.3f}{middle[1]:9.3f}{mean:11.4f}   {low:.4f} to {high:.4f}")
-    print("base, this: median million paths a second of process time")
+    print("base, this: median million paths per second of process time")
 
 
 def show_processor() -> None:

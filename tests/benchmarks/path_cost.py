@@ -59,7 +59,7 @@ def rows(
 
 def line(row: Row) -> str:
     """A row of the printed table."""
-    text = f"{row.scene:14}{row.contestant:16}{row.depth:6}{row.nanoseconds:10.1f}"
+    text = f"{row.scene:14}{row.contestant:16}{row.depth:6}{row.nanoseconds:12.1f}"
     if row.ratio:
         mean, low, high = row.ratio
         text += f"{mean:14.2f}   {low:.2f} to {high:.2f}"
@@ -83,7 +83,7 @@ def main() -> None:
         parser.error("--rounds: 2 or more are wanted")
     show_processor()
     print(shlex.join(["python", "-m", "tests.benchmarks.path_cost", *sys.argv[1:]]))
-    print(f"{'scene':14}{'contestant':16}{'depth':>6}{'ns a path':>10}{'over Mitsuba':>14}   95 % interval")
+    print(f"{'scene':14}{'contestant':16}{'depth':>6}{'ns per path':>12}{'over Mitsuba':>14}   95 % interval")
     for row in rows(
         given.scenes, given.depths, given.contestants, given.rounds, given.seconds, given.pixels, given.threads
     ):

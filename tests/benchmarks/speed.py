@@ -1,4 +1,4 @@
-"""Paths a second of our engines and of Mitsuba on this machine: `make speed`, or `python -m tests.benchmarks.speed [SCENE...]`.
+"""Paths per second of our engines and of Mitsuba here: `make speed`, or `python -m tests.benchmarks.speed [SCENE...]`.
 
 SCENE is a name, a YAML file, or an XML file of Mitsuba's, which Mitsuba takes as it is. All render with a path tracer of the
 same depth without roulette, with independent random numbers, in float32. Mitsuba is timed by its own render call, warm.
@@ -75,7 +75,7 @@ def call_of(contestant: Contestant, *where: Any) -> Call:
 
 
 def measured(calls: dict[str, Call], rounds: int, seconds: float) -> dict[str, list[Seconds]]:
-    """Of each contestant, seconds a sample per pixel, round by round; a turn takes about `seconds` seconds."""
+    """Of each contestant, seconds per sample per pixel, round by round; a turn takes about `seconds` seconds."""
     samples: dict[str, int] = {}
     for label, call in calls.items():
         call(2)

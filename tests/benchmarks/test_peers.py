@@ -1,4 +1,4 @@
-"""Paths a second beside Mitsuba's, each alone; `make speed` gives the ratios, interleaved."""
+"""Paths per second beside Mitsuba's, each alone; `make speed` gives the ratios, interleaved."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Paths a second of every engine, and what becomes of samples on their way to disk."""
+"""Paths per second of every engine, and what becomes of samples on their way to disk."""
 
 from functools import cache
 
@@ -14,7 +14,7 @@ from harness.metrics import Reference, measure
 
 SCENE = "cornell_box"
 SIZES = {"numpy": (24, 1), "numba": (64, 4), "embree": (64, 4)}
-"""Pixels along a side, samples a pixel a round."""
+"""Pixels along a side, samples per pixel a round."""
 pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
 
 

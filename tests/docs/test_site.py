@@ -92,6 +92,12 @@ def test_reports_of_committed_results_are_pages_that_others_link_to(site, page):
     assert '<table class="matrix">' in (site / "reports" / "baseline.html").read_text()
 
 
+@pytest.mark.parametrize("page", ["index", "dissertation"])
+def test_the_chapter_is_a_page_that_others_link_to(site, page):
+    assert 'href="reports/chapter.html"' in (site / f"{page}.html").read_text()
+    assert "Threats to validity" in (site / "reports" / "chapter.html").read_text()
+
+
 @pytest.mark.parametrize("page", WIDE)
 def test_nothing_sticks_out_sideways(site, browser, page):
     for width in (390, 1400):

@@ -1,6 +1,6 @@
 """A results folder made of numbers with known truth: three engines, two scenes, two samplers, five seeds, and trouble.
 
-Errors follow level * spp^(2 * slope) with lognormal noise over seeds; times are seconds a sample times a drift of the
+Errors follow level * spp^(2 * slope) with lognormal noise over seeds; times are seconds per sample times a drift of the
 block. `embree` is 3 % too bright on `two_spheres`. One cell failed, one timed out, one engine lacks a feature.
 """
 

@@ -168,7 +168,7 @@ The tree is fast. On hall it is faster than the grid{{{{claim faster("hall", "nu
 @pytest.mark.usefixtures("undrawn")
 def test_prose_holds_the_numbers_of_the_results(tmp_path):
     text = written(tmp_path, accelerators(0.01, 0.02), PROSE.format(usual="\n{{usual sobol}}\n"))
-    assert text.startswith("# A chapter\n\n## Speed\n\n### Samples a second") and "not shown" not in text
+    assert text.startswith("# A chapter\n\n## Speed\n\n### Samples per second") and "not shown" not in text
     assert "On hall it is faster than the grid, by 2.00 (1.97 to 2.03). That is all." in text
     assert "- It takes 6 words.\n- It has 1,234 primitives.\n" in text and "{{" not in text
 

@@ -126,7 +126,7 @@ def test_unequal_samples_are_compared_as_they_are():
 
 
 def test_few_samples_that_missed_what_is_rare_are_no_difference_where_its_variance_is_known():
-    """A tenth of the radiance comes in one sample of 3,000: of 4 samples a pixel most tiles see none of it."""
+    """A tenth of the radiance comes in one sample of 3,000: of 4 samples per pixel most tiles see none of it."""
     rng, few, false = np.random.default_rng(10), 4, np.zeros(2, int)
     for _ in range(20):
         rare = [0.9 * TRUTH + 0.1 * TRUTH * rng.binomial(few, 1 / 3000, (64, 64, 1)) * 3000 / few for _ in range(3)]

@@ -51,6 +51,6 @@ def test_a_plan_says_what_auto_takes_and_why(tmp_path):
         for cell in cells
         if not cell.skip
     }
-    assert said["numba", "auto"].startswith("none (36 triangles; predicted ns a ray: none ")
+    assert said["numba", "auto"].startswith("none (36 triangles; predicted ns per ray: none ")
     assert said["numba", "none"] == "" and said["embree", "auto"] == ""
     assert all("auto_accelerator" not in cell.spec for cell in cells)

@@ -1,6 +1,6 @@
 """What `accelerator: auto` of numba takes: the list or the tree, whichever the counts of the scene predict to be faster.
 
-The costs are nanoseconds a ray beyond those of an empty scene. The constants were fitted by `python -m
+The costs are nanoseconds per ray beyond those of an empty scene. The constants were fitted by `python -m
 tests.benchmarks.list_or_tree`, which prints them anew, on an AMD EPYC with AVX-512 (Zen 5). Only their ratios matter to the
 choice. Planes cost the same in both, and are left out.
 """
@@ -22,7 +22,7 @@ class Counts(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """Nanoseconds a ray. In the list: of each primitive. In the tree: at all; for each doubling of the number of
+    """Nanoseconds per ray. In the list: of each primitive. In the tree: at all; for each doubling of the number of
     primitives; and for each doubling in addition where all are spheres, where all are analytic shapes (else in proportion
     to their share), and where there are several kinds."""
 
@@ -72,5 +72,5 @@ def choose(scene: Scene, precision: str) -> tuple[str, str]:
     of_list, of_tree = predicted(counts, COSTS[precision])
     kinds = "triangles", "spheres", "disks and cylinders"
     named = [f"{n:,} {kind}" for n, kind in zip(counts, kinds, strict=True) if n]
-    why = f"{', '.join(named) or 'no bounded shapes'}; predicted ns a ray: none {of_list:,.0f}, bvh {of_tree:,.0f}"
+    why = f"{', '.join(named) or 'no bounded shapes'}; predicted ns per ray: none {of_list:,.0f}, bvh {of_tree:,.0f}"
     return "none" if of_list <= of_tree else "bvh", why

@@ -132,20 +132,23 @@ def _latex_part(part: Part) -> str:
 
 
 _STYLE = """
-:root { color-scheme: light; --ink: #222; --faint: #777; --grid: #ccc; --paper: #fff; }
-body { font: 16px/1.55 Georgia, 'Times New Roman', serif; max-width: 60rem; margin: 2rem auto; padding: 0 1.2rem;
-       color: #222; background: #fff; }
+:root { color-scheme: light dark; --ink: #222; --faint: #777; --grid: #ccc; --paper: #fff; --brightness: 1; }
+@media screen and (prefers-color-scheme: dark) {
+  :root { --ink: #e6e6e6; --faint: #9a9a9a; --grid: #444; --paper: #16181b; --brightness: 1.35; }
+}
+body { font: 16px/1.55 Georgia, 'Times New Roman', serif; max-width: 70rem; margin: 2rem auto; padding: 0 1.2rem;
+       color: var(--ink); background: var(--paper); }
 h1, h2, h3, h4 { font-family: system-ui, sans-serif; line-height: 1.25; }
-.table { overflow-x: auto; margin: 1.2rem 0; }
-table { border-collapse: collapse; font: 13px/1.4 system-ui, sans-serif; }
-caption { caption-side: top; text-align: left; padding-bottom: .4rem; }
-th { border-top: 2px solid #222; border-bottom: 1px solid #222; }
-td, th { padding: .2rem .6rem; text-align: right; white-space: nowrap; }
+p, li { max-width: 52rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font: 12px/1.4 system-ui, sans-serif; font-variant-numeric: tabular-nums; }
+th { border-top: 2px solid; border-bottom: 1px solid; }
+td, th { padding: .2rem .4rem; text-align: right; white-space: nowrap; }
 td.text, th.text { text-align: left; white-space: normal; }
-tbody tr:last-child td { border-bottom: 2px solid #222; }
+tbody tr:last-child td { border-bottom: 2px solid; }
 figure { margin: 1.2rem 0; }
-figure svg { width: 100%; height: auto; }
-figcaption { font: 13px/1.4 system-ui, sans-serif; }
+figure svg { width: 100%; min-width: 34rem; height: auto; filter: brightness(var(--brightness)); }
+figcaption { font: 13px/1.4 system-ui, sans-serif; max-width: 60rem; margin: .4rem 0; }
 """
 
 
@@ -153,7 +156,8 @@ def html(chapter: Chapter) -> str:
     """One page with the figures inside it."""
     body = "\n".join(_html_section(section, 2, f"s{i}") for i, section in enumerate(chapter.sections))
     return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(chapter.title)}</title>'
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><title>{escape(chapter.title)}</title>'
         f"<style>{_STYLE}</style></head>\n<body><h1>{escape(chapter.title)}</h1>\n{body}\n</body></html>\n"
     )
 
@@ -174,7 +178,7 @@ def _html_part(part: Part, key: str) -> str:
     from harness.report.html.assembly import inline_svg
 
     drawing = inline_svg(part.plot, key)
-    return f"<figure>{drawing}<figcaption>{escape(part.plot.title)}</figcaption></figure>"
+    return f'<figure><div class="wide">{drawing}</div><figcaption>{escape(part.plot.title)}</figcaption></figure>'
 
 
 def _html_table(table: Table) -> str:
@@ -189,5 +193,6 @@ def _html_table(table: Table) -> str:
         for row in table.rows
     ]  # fmt: skip
     lines = "".join(f"<tr>{row}</tr>\n" for row in rows)
-    caption = f"<caption><b>{escape(table.title)}.</b> {escape(table.note)}</caption>"
-    return f'<div class="table"><table>{caption}<thead><tr>{head}</tr></thead>\n<tbody>{lines}</tbody></table></div>'
+    caption = f"<figcaption><b>{escape(table.title)}.</b> {escape(table.note)}</figcaption>"
+    body = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{lines}</tbody></table>"
+    return f'<figure>{caption}<div class="wide" tabindex="0">{body}</div></figure>'

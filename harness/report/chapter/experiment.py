@@ -132,10 +132,10 @@ def _accelerators(analysis: Analysis, plots: Path) -> Section | None:
         return None
     found, threads = _most_threads(every)
     speeds = Table(
-        "accelerators", "Samples a second by accelerator",
-        f"Thousands of paths (samples of a pixel) a second with {threads}; geometric mean over blocks with a 95 % interval. "
+        "accelerators", "Samples per second by accelerator",
+        f"Thousands of paths (samples of a pixel) per second with {threads}; geometric mean over blocks with a 95 % interval. "
         "Fastest: all that may be it.",
-        [*identity(found), _primitives(), *value_columns(found, "Thousands of paths a second of {}."),
+        [*identity(found), _primitives(), *value_columns(found, "Thousands of paths per second of {}."),
          Column("fastest", "The fastest, or all that may be it.")],
     )  # fmt: skip
     builds = Table(
@@ -199,9 +199,9 @@ def _shaders(analysis: Analysis, plots: Path) -> Section | None:
     shown = usual(most, "sampler")
     table = Table(
         "shaders", "Cost of a sample by shader",
-        f"Nanoseconds a path (a sample of a pixel) with {threads}; geometric mean over blocks with a 95 % interval. Sampler: "
+        f"Nanoseconds per path (a sample of a pixel) with {threads}; geometric mean over blocks with a 95 % interval. Sampler: "
         f"{shown[0].held['sampler']}. The shaders make different images.",
-        [*identity(shown), *value_columns(shown, "Nanoseconds a path of {}.")],
+        [*identity(shown), *value_columns(shown, "Nanoseconds per path of {}.")],
     )  # fmt: skip
     table.rows += [row_of(family, nanoseconds) for family in shown]
     return Section("Shaders", [TablePart(table)])

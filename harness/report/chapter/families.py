@@ -160,7 +160,7 @@ def best(analysis: Analysis, family: Family, measure: Measure = SPEEDS) -> list[
 
 
 def thousands(contestant: Contestant) -> Estimate:
-    """Thousands of paths (samples of a pixel) a second: geometric mean over blocks with its interval."""
+    """Thousands of paths (samples of a pixel) per second: geometric mean over blocks with its interval."""
     pixels = (contestant.done[0].get("width") or 0) * (contestant.done[0].get("height") or 0)
     return estimate({block: 1e-3 * pixels / seconds for block, seconds in seconds_per_sample(contestant).items()})
 

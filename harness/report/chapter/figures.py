@@ -81,7 +81,7 @@ def tails(table: Table, plots: Path) -> Plot:
 
 
 def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
-    """Paths a second of each member; a row a scene."""
+    """Paths per second of each member; one row per scene."""
     if not found:
         return None
     names = values(found)
@@ -93,7 +93,7 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
         _points(axis, rows, index, shades[index], name)
     axis.set_yticks(range(len(found)), [family.scene for family in found])
     axis.set_ylim(len(found) - 0.5, -0.5)
-    axis.set_xlabel("thousands of paths a second")
+    axis.set_xlabel("thousands of paths per second")
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(names), 5))
     shader = " and ".join(dict.fromkeys(family.shader for family in found))
@@ -102,7 +102,7 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
 
 
 def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | None:
-    """Milliseconds a frame of contestants with the names of their rows; a marker a number of threads."""
+    """Milliseconds per frame of contestants with the names of their rows; one marker per number of threads."""
     if not named:
         return None
     rows = list(dict.fromkeys(name for name, _ in named))
@@ -116,7 +116,7 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | 
         _points(axis, shown, index, COLOURS[index % len(COLOURS)], plural(threads, "thread"))
     axis.set_yticks(range(len(rows)), rows)
     axis.set_ylim(len(rows) - 0.5, -0.5)
-    axis.set_xlabel("milliseconds a frame")
+    axis.set_xlabel("milliseconds per frame")
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(counts), 5))
     return finished(figure, plots, "frames", "Frame times",

@@ -105,8 +105,8 @@ def _panel_sketches(analysis: Analysis, panel: Panel, palette: Palette) -> Itera
         slopes = " Numbers in the legend are slopes of the RMSE, over samples that all share."
         note = slopes if shows_slopes(x, panel.verdicts) else ""
         yield Sketch(file_stem("error-over", word.replace(" ", "-"), title), f"{title}: error over {word}",
-                     f"Error of each contestant over {word}: the median over blocks, on logarithmic axes. Bands: the range over "
-                     "blocks. Dashed lines: targets. Crosses: errors below three standard errors."
+                     f"Error of each contestant over {word}: the median over blocks, on logarithmic axes. Bands: the range "
+                     "over blocks. Dashed lines: targets. Crosses: errors below three standard errors."
                      f"{note}", partial(error_curves, analysis, panel, palette, x))  # fmt: skip
     yield Sketch(file_stem("time-to-quality", title), f"{title}: time to quality",
                  "Seconds that each contestant needs for each target. Full dots: warm. Hollow dots: cold. Whiskers: "
