@@ -30,6 +30,9 @@ PROBE_SCENE = {
 }  # fmt: skip
 """A scene that every engine renders: a refusal is then due to the sampler or shader in question."""
 
+PROBE_SHADER = {"name": "path_tracer", "max_depth": 16, "rr_depth": 16}
+"""Without Russian roulette, which some renderers refuse: it can be switched off in the form."""
+
 
 def menu(library: Library) -> dict[str, Any]:
     """The menu as plain data. An engine that cannot be loaded is listed with the reason."""
@@ -54,23 +57,31 @@ def _engine(name: str) -> dict[str, Any]:
         found: Engine = engine(name)
         accelerators = _table({"auto": {}, **found.accelerators()})
         own = _table(getattr(found, "samplers", dict)())
-        refused = _refused(found, [*SAMPLERS, *(sampler["name"] for sampler in own)])
+        samplers = [*SAMPLERS, *(sampler["name"] for sampler in own)]
+        refused = _refused(found, samplers)
     except RaybenchError as error:
         return {"name": name, "problem": str(error), "accelerators": [], "samplers": [], "refusals": {}}
     except Exception as error:  # third-party code may raise anything
         problem = f"{type(error).__name__}: {error}"
         return {"name": name, "problem": problem, "accelerators": [], "samplers": [], "refusals": {}}
-    return {"name": name, "problem": None, "accelerators": accelerators, "samplers": own, "refusals": refused}
+    problem = _why_nothing(refused["sampler"]) if len(refused["sampler"]) == len(set(samplers)) else None
+    return {"name": name, "problem": problem, "accelerators": accelerators, "samplers": own, "refusals": refused}
 
 
 def _refused(engine: Engine, samplers: Sequence[str]) -> dict[str, dict[str, str]]:
     """Samplers and shaders that the engine refuses: kind -> name -> reason. Shaders are tried with an accepted sampler."""
     scene = scene_from(PROBE_SCENE)
-    samplers_refused = {name: engine.why_not(scene, Settings(sampler=name)) for name in samplers}
+    samplers_refused = {name: engine.why_not(scene, Settings(shader=PROBE_SHADER, sampler=name)) for name in samplers}
     good = next((name for name, reason in samplers_refused.items() if reason is None), samplers[0])
-    shaders = {name: engine.why_not(scene, Settings(shader=name, sampler=good)) for name in SHADERS}
+    tried = {**{name: name for name in SHADERS}, "path_tracer": PROBE_SHADER}
+    shaders = {name: engine.why_not(scene, Settings(shader=shader, sampler=good)) for name, shader in tried.items()}
     refused = {"sampler": samplers_refused, "shader": shaders}
     return {kind: {name: reason for name, reason in names.items() if reason} for kind, names in refused.items()}
+
+
+def _why_nothing(reasons: Mapping[str, str]) -> str:
+    """Why an engine that refuses every sampler renders nothing: the reason that is not about the sampler, if there is one."""
+    return next((reason for name, reason in reasons.items() if f"sampler {name}" not in reason), next(iter(reasons.values())))
 
 
 def _table(table: Mapping[str, Mapping[str, Option]]) -> list[dict[str, Any]]:

@@ -78,10 +78,11 @@ class RaceController:
     def _send_message(self, type: str, **fields: Any) -> None:
         self._send(packed({"type": type, **fields}))
 
-    def _set_state(self, state: str, activity: str = "") -> None:
+    def _set_state(self, state: str, activity: str = "", racing: int | None = None) -> None:
+        """`racing` is the index of the contestant that renders."""
         self._state = state
         memory = psutil.Process().memory_info().rss
-        self._send_message("state", state=state, activity=activity, seq=self._seq, memory_bytes=memory)
+        self._send_message("state", state=state, activity=activity, racing=racing, seq=self._seq, memory_bytes=memory)
 
     # ---- the race ----------------------------------------------------------------------------------------------------
 
@@ -141,7 +142,7 @@ class RaceController:
                 return
             contestant = min(left, key=lambda contestant: contestant.seconds)
             index = contestants.index(contestant)
-            self._set_state("busy", f"contestant {index + 1} is rendering, the others wait")
+            self._set_state("busy", f"contestant {index + 1} is rendering, the others wait", index)
             self._racing = contestant
             contestant.race(slice_seconds)
             self._racing = None

@@ -7,7 +7,7 @@ publisher (`publisher`) sends frames and the state, and answers requests that do
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from time import monotonic, perf_counter
 from typing import Any
@@ -55,7 +55,9 @@ class ViewController:
     # ---- the reading thread ------------------------------------------------------------------------------------------
 
     def receive(self, request: Any) -> None:
-        key = coalescing_key(request.type, getattr(request, "finger", None))
+        key: Hashable = coalescing_key(request.type, getattr(request, "finger", None))
+        if request.type == "open":  # one that keeps no edits is not replaced by one that does
+            key = request.type, request.keep_edits
         if request.type in ANSWERED_AT_ONCE:
             self._publisher.receive(request, key)
             return
@@ -96,7 +98,13 @@ class ViewController:
             if not isinstance(error, RaybenchError):
                 traceback.print_exc()
             self._send(error_message(one_line(error)))
-            self._set_idle("idle" if self._view.interactive is None else "stopped")
+            self._set_idle(self._state_of_image())
+
+    def _state_of_image(self) -> str:
+        if self._view.interactive is None:
+            return "idle"
+        film = self._view.full_film()
+        return "finished" if film is not None and film.spp >= self._view.target_spp else "stopped"
 
     def _refuse(self, request: Any) -> None:
         raise ConfigError(f"the page with one image has no request {request.type!r}")

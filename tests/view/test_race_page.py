@@ -52,11 +52,22 @@ def test_a_target_is_undecided_for_all_where_the_reference_s_noise_reaches_the_e
         first.crossings = [{target: 0.5, seconds: 1, state: "reached", reliable: false}];
         raybench.show();
         const texts = [first.list.textContent, second.list.textContent];
+        const marks = document.querySelectorAll("#plot path[stroke-width='2.5']").length;
         first.crossings = crossings;
         raybench.show();
-        return texts; })()"""
-    for text in raced.evaluate(script):
+        return [texts, marks, document.querySelectorAll("#plot path[stroke-width='2.5']").length]; })()"""
+    texts, marks, marks_if_decided = raced.evaluate(script)
+    assert marks == 0 and marks_if_decided in (0, 2)  # the plot names no winner, either
+    for text in texts:
         assert "✓" not in text and "target 0.5: undecided, the reference is too noisy" in text
+
+
+def test_the_contestant_that_renders_is_marked(raced):
+    script = """[0, 1].map(racing => { raybench.showState({state: "busy", activity: "", racing});
+        return raybench.contestants.findIndex(contestant => contestant.box.classList.contains("running")); })"""
+    assert raced.evaluate(script) == [0, 1]
+    raced.evaluate("raybench.showState({state: 'finished', activity: ''})")
+    assert raced.evaluate("document.querySelectorAll('.running').length") == 0
 
 
 def test_images_error_maps_and_plot_are_drawn(raced):
@@ -70,6 +81,9 @@ def test_images_error_maps_and_plot_are_drawn(raced):
 
 
 def test_it_is_saved_as_results_and_opens_as_a_report(raced, viewer, folder):
+    raced.set("#name", "../derby")
+    raced.click("#save")
+    raced.wait_for(f"{ERROR}.textContent.includes('letters, digits')")
     raced.set("#name", "derby")
     raced.click("#save")
     raced.wait_for("raybench.saved")
@@ -102,4 +116,9 @@ def test_a_request_that_cannot_be_raced_is_an_error_message(browser, viewer):
     browser.set("#targets", "none")
     browser.click("#start")
     browser.wait_for(f"{ERROR}.textContent.includes('above zero')")
+    place = browser.evaluate(f"(() => {{ const box = {ERROR}.getBoundingClientRect(); return [box.top, box.bottom]; }})()")
+    assert 0 < place[0] < place[1] < 900  # in the window, beside the button
+    browser.set("#width", 2)
+    browser.click("#start")
+    assert "Width: " in browser.evaluate(f"{ERROR}.textContent")
     assert json.loads(browser.evaluate("JSON.stringify(raybench.state)")) == "stopped"

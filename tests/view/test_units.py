@@ -24,6 +24,7 @@ from harness.view.messages import header_of, packed
 from harness.view.projection import Projection
 from harness.view.race import _experiment
 from harness.view.requests import checked
+from harness.view.view_controller import ViewController
 from harness.view.yaml_export import scene_yaml
 
 VIEW = {"eye": (1.0, 2.0, 5.0), "target": (0.2, 0.9, 0.0), "up": (0.1, 1.0, 0.0)}
@@ -143,6 +144,15 @@ def test_the_menu_has_what_the_engines_list(tmp_path):
     assert strata["values"] == [4, 16, 64, 256, 1024, 4096] and strata["default"] == 64
 
 
+def test_an_engine_that_renders_nothing_is_listed_with_the_reason(tmp_path):
+    listed = {engine["name"]: engine for engine in menu(Library(tmp_path))["engines"]}
+    assert "renders no images" in listed["open3d"]["problem"]
+    samplers = {sampler["name"] for sampler in menu(Library(tmp_path))["samplers"]}
+    for engine in listed.values():
+        offered = samplers | {sampler["name"] for sampler in engine["samplers"]}
+        assert engine["problem"] or offered - {*engine["refusals"]["sampler"]}, engine["name"]
+
+
 @pytest.mark.parametrize(("request_", "words"), [
     ({"type": "nothing"}, "unknown request"), ({"type": "open"}, "scene"), ({"type": "probe", "x": -1, "y": 0}, "x"),
     ({"type": "camera", "eye": [0, 0, math.nan], "target": [0, 0, 0], "up": [0, 1, 0]}, "eye"),
@@ -152,6 +162,16 @@ def test_the_menu_has_what_the_engines_list(tmp_path):
 def test_a_request_that_is_wrong_is_refused_by_name(request_, words):
     with pytest.raises(ConfigError, match=words):
         checked(request_)
+
+
+def test_of_waiting_changes_of_settings_the_last_is_rendered_and_a_reset_before_it_is_kept(tmp_path):
+    controller = ViewController(lambda message: None, Library(tmp_path), False)
+    choices = {kind: {"name": "x"} for kind in ("shader", "sampler", "accelerator")}
+    settings = {"engine": "numpy", "threads": 1, **choices}
+    for seed, keep_edits in ((1, True), (2, False), (3, True), (4, True)):
+        request = {"type": "open", "scene": "x", "settings": settings, "seed": seed, "keep_edits": keep_edits}
+        controller.receive(checked(request))
+    assert [controller._work.take(0.0).seed for _ in range(2)] == [2, 4] and not controller._work
 
 
 def test_the_queue_keeps_the_last_request_of_a_key_and_a_limited_number_of_others():

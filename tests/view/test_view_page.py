@@ -5,13 +5,14 @@ import time
 from io import BytesIO
 
 import numpy as np
+import psutil
 import pytest
 from PIL import Image
 
 import engines
 from engines.image import read_film_layers, read_image, read_provenance
 from engines.schema.yaml_file import parse_yaml
-from tests.view.viewer_process import PIXELS, SCENE
+from tests.view.viewer_process import PIXELS, SCENE, Viewer
 
 SAVED = "btoa(Array.from(new Uint8Array(raybench.saved.bytes), b => String.fromCharCode(b)).join(''))"
 HANDLE = """(() => { const r = document.querySelector('.handle').getBoundingClientRect();
@@ -185,6 +186,7 @@ def test_the_error_map_compares_with_a_kept_image_of_the_same_view(page):
     page.wait_for("raybench.frame.error > 0 && raybench.state === 'finished'")
     assert first.max() < 10 < canvas(page).max()
     page.click("#toggle-histogram")
+    assert page.evaluate("document.getElementById('histogram').getAttribute('aria-label')") == "error map: no histogram"
     page.evaluate("document.getElementById('canvas').focus()")
     page.press("ArrowLeft")
     page.wait_for("!raybench.reference.name && document.getElementById('show').value === 'image'")
@@ -198,6 +200,7 @@ def test_a_bad_scene_is_an_error_message_with_its_line(page):
     page.wait_for(f"!{ERROR}.hidden")
     words = page.evaluate(f"{ERROR}.textContent")
     assert "bad.yaml:5" in words and "kd" in words
+    assert page.evaluate("raybench.state") == "finished"  # as the image is, which stays
     page.set("#scene", "../../etc/passwd")
     page.wait_for(f"/outside|leads out/.test({ERROR}.textContent)")
     page.set("#scene", "deep/other.yaml")
@@ -324,6 +327,45 @@ def test_the_address_holds_settings_and_camera(browser, viewer):
     finished(browser, 3)
     address = browser.evaluate("decodeURIComponent(location.hash)")
     assert all(f"{key}={value}" in address for key, value in {**settings, "seed": 7}.items())
+
+
+def test_a_new_worker_displays_as_the_lost_one_and_has_no_reference(browser, folder):
+    with Viewer(folder, "ball.yaml", "--engine", "numpy") as other:
+        browser.open(f"{other.address}#scene=ball.yaml&spp=2&exposure=3")
+        browser.wait_for("window.raybench && raybench.opened")
+        finished(browser, 2)
+        before = browser.evaluate(PIXELS)
+        browser.click("#keep-reference")
+        browser.wait_for("raybench.frame.error === 0")
+        workers = psutil.Process(other.pid).children()
+        min(workers, key=lambda worker: worker.create_time()).kill()  # the younger one is in reserve
+        browser.wait_for(f"{ERROR}.textContent.includes('killed')")
+        browser.wait_for("document.getElementById('reference-state').textContent.includes('lost')")
+        browser.click("#start")
+        browser.wait_for("raybench.opened")
+        finished(browser, 2)
+        browser.wait_for(f"{PIXELS} === {before}")
+        assert browser.evaluate("document.getElementById('show').value") == "image"
+
+
+def test_once_the_server_has_ended_every_change_says_so(browser, folder):
+    with Viewer(folder, "ball.yaml", "--engine", "numpy") as other:
+        browser.open(f"{other.address}#scene=ball.yaml&spp=2")
+        browser.wait_for("window.raybench && raybench.opened")
+        finished(browser, 2)
+    browser.wait_for(f"{ERROR}.textContent.includes('start raybench view again')")
+    browser.click("#start")
+    assert not browser.evaluate(f"{ERROR}.hidden")
+    browser.set("#seed", 2)
+    time.sleep(0.6)  # a preparation is shown after a quarter of a second
+    assert not browser.evaluate(f"{ERROR}.hidden") and browser.evaluate("document.getElementById('busy').hidden")
+
+
+def test_an_engine_that_is_not_available_is_announced(browser, viewer):
+    browser.open(f"{viewer.address}#scene=ball.yaml&engine=open3d&spp=1")
+    browser.wait_for("window.raybench && raybench.settingsForm")
+    notice = browser.evaluate("raybench.settingsForm.notice.textContent")
+    assert notice.startswith("open3d is not available: numpy is used.")
 
 
 @pytest.mark.parametrize("name", ["view.html", "race.html", "dahlquist.html"])

@@ -1,6 +1,6 @@
 // The page with Dahlquist's program: its animation, its switches, and spheres that are dragged.
 
-import { WorkerSocket, byId, count, duration, throttled, showError, themeButton } from "./socket.js";
+import { WorkerSocket, byId, count, duration, invalidEntry, throttled, showError, themeButton } from "./socket.js";
 
 const SWITCHES = ["reflections", "environment", "interlaced", "redraw"];
 const KEYBOARD = 20; // the finger number of the keyboard
@@ -68,7 +68,9 @@ function state(header) {
 }
 
 function begin() {
-  showError(null);
+  const problem = invalidEntry(byId("form"));
+  showError(problem);
+  if (problem) return;
   const value = (id) => Number(byId(id).value);
   socket.send({ type: "dahlquist", width: value("width"), height: value("height"), engine: byId("engine").value, threads: value("threads") });
   switches();

@@ -40,4 +40,16 @@ export function drawHistogram(canvas, pixels) {
   return shares;
 }
 
+// A text in place of the histogram.
+export function drawNote(canvas, text) {
+  const context = canvas.getContext("2d");
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  context.fillStyle = "#fff";
+  context.font = "11px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.fillText(text, canvas.width / 2, canvas.height / 2);
+  context.textAlign = "left";
+  canvas.setAttribute("aria-label", text);
+}
+
 const percent = (share) => `${(100 * share).toFixed(1)} %`;

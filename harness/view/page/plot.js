@@ -34,8 +34,9 @@ function markPath(kind, x, y, r) {
   return `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0z`;
 }
 
-// Contestants: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state, reliable}]}].
-export function drawPlot(svg, contestants, targets) {
+// Contestants: [{name, points: [[seconds, error, spp]], crossings: [{target, seconds, state}]}]; no time is marked for targets
+// that are undecided.
+export function drawPlot(svg, contestants, targets, isUndecided) {
   const width = Math.max(svg.clientWidth, 240); // drawn at its display size, so that text keeps its size
   const height = Math.min(Math.max(0.45 * width, 260), 460);
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -66,18 +67,18 @@ export function drawPlot(svg, contestants, targets) {
     svg.append(element("line", { x1: EDGE.left, x2: right, y1: y, y2: y, class: "target" }));
     svg.append(element("text", { x: right, y: y - 5, "text-anchor": "end" }, `target ${target}`));
   }
-  contestants.forEach((contestant, index) => drawContestant(svg, contestant, index, px, py));
+  contestants.forEach((contestant, index) => drawContestant(svg, contestant, index, px, py, isUndecided));
   svg.setAttribute("aria-label", description(contestants));
 }
 
-function drawContestant(svg, contestant, index, px, py) {
+function drawContestant(svg, contestant, index, px, py, isUndecided) {
   const colour = `var(--contestant-${index + 1})`;
   const places = contestant.points.filter(([seconds, error]) => seconds > 0 && error > 0).map(([s, e]) => [px(Math.log10(s)), py(Math.log10(e))]);
   if (places.length === 0) return;
   const path = places.map(([x, y], i) => `${i ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
   svg.append(element("path", { d: path, fill: "none", style: `stroke: ${colour}`, "stroke-width": 2 }));
   for (const [x, y] of places) svg.append(element("path", { d: markPath(index, x, y, 3), style: `fill: ${colour}` }));
-  for (const crossing of contestant.crossings.filter((c) => c.reliable && (c.state === "reached" || c.state === "at_first"))) {
+  for (const crossing of contestant.crossings.filter((c) => !isUndecided(c.target) && (c.state === "reached" || c.state === "at_first"))) {
     const [x, y] = [px(Math.log10(crossing.seconds)), py(Math.log10(crossing.target))];
     svg.append(element("path", { d: markPath(index, x, y, 8), fill: "none", style: `stroke: ${colour}`, "stroke-width": 2.5 }));
   }

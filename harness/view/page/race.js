@@ -1,6 +1,6 @@
 // The page with a race: contestants, their images and error maps, and a plot of error over time.
 
-import { WorkerSocket, byId, count, duration, showError, themeButton } from "./socket.js";
+import { WorkerSocket, byId, count, duration, invalidEntry, showError, themeButton } from "./socket.js";
 import { SettingsForm } from "./settings_form.js";
 import { drawPlot, markName } from "./plot.js";
 
@@ -8,13 +8,17 @@ const MIN_CONTESTANTS = 2;
 const MAX_CONTESTANTS = 4;
 const DEFAULTS = [["embree", {}], ["numba", {}], ["embree", { sampler: { name: "random" } }], ["numpy", {}]];
 const page = { settingsForms: [], contestants: [], targets: [], state: "idle", references: [] };
-page.show = () => page.contestants.filter((one) => one.points.length).forEach((one) => one.list.replaceChildren(...resultItems(one)));
+page.show = () => {
+  page.contestants.filter((one) => one.points.length).forEach((one) => one.list.replaceChildren(...resultItems(one)));
+  drawPlot(byId("plot"), page.contestants, page.targets, isUndecided);
+};
+page.showState = state;
 window.raybench = page;
 
 const socket = new WorkerSocket("race", {
   menu, contestants, reference, contestant, state, saved,
-  error: (header) => showError(header.text),
-  worker_lost: (header) => showError(header.text),
+  error: (header) => fail(header.text),
+  worker_lost: (header) => fail(header.text),
   warning: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("warnings").append(item); },
   progress,
   closed: () => state({ state: "stopped", activity: "no connection" }),
@@ -41,6 +45,7 @@ function contestants(header) {
   page.contestants = header.names.map((name, index) => contestantBox(name, index));
   byId("contestants").replaceChildren(...page.contestants.map((made) => made.box));
   byId("plot").replaceChildren();
+  byId("over-time").hidden = false;
   byId("settings").open = false;
 }
 
@@ -91,10 +96,7 @@ function contestant(header, bytes) {
   const radiance = radianceOf(bytes);
   paint(contestant.image, "radiance", radiance, null);
   paint(contestant.error, "error", radiance, page.references[header.contestant]);
-  contestant.list.replaceChildren(...resultItems(contestant));
   page.show();
-  page.contestants.forEach((other) => other.box.classList.toggle("running", other === contestant && !contestant.done));
-  drawPlot(byId("plot"), page.contestants, page.targets);
 }
 
 function paint(canvas, view, radiance, other) {
@@ -163,7 +165,7 @@ function state(header) {
   byId("start").disabled = !resting;
   byId("save").disabled = !resting || !page.contestants.some((contestant) => contestant.points.length);
   if (resting) byId("progress").hidden = true;
-  if (resting) page.contestants.forEach((contestant) => contestant.box.classList.remove("running"));
+  page.contestants.forEach((contestant, index) => contestant.box.classList.toggle("running", index === header.racing));
 }
 
 function saved(header) {
@@ -202,7 +204,15 @@ function writeButtons() {
   byId("remove").disabled = page.settingsForms.length <= MIN_CONTESTANTS;
 }
 
+// Shows an error, which may be below the window.
+function fail(text) {
+  showError(text);
+  byId("error").scrollIntoView({ block: "nearest" });
+}
+
 function start() {
+  const problem = invalidEntry(byId("form"));
+  if (problem) return fail(problem);
   showError(null);
   byId("saved").replaceChildren();
   byId("warnings").replaceChildren();
@@ -217,16 +227,22 @@ function start() {
       max_seconds: value("max-seconds"), slice_seconds: value("slice"),
     });
   } catch (error) {
-    showError(error.message);
+    fail(error.message);
   }
 }
 
+function save() {
+  if (!byId("name").validity.valid) return fail("Results folder: a name of letters, digits, dots, hyphens and underscores, which begins with a letter or digit.");
+  showError(null);
+  socket.send({ type: "save", name: byId("name").value });
+}
+
 themeButton();
-new ResizeObserver(() => { if (page.contestants.length) drawPlot(byId("plot"), page.contestants, page.targets); }).observe(byId("contestants"));
+new ResizeObserver(() => { if (page.contestants.length) page.show(); }).observe(byId("contestants"));
 byId("add").addEventListener("click", addContestant);
 byId("remove").addEventListener("click", removeContestant);
 byId("start").addEventListener("click", start);
 byId("stop").addEventListener("click", () => socket.send({ type: "stop" }));
-byId("save").addEventListener("click", () => { showError(null); socket.send({ type: "save", name: byId("name").value.trim() }); });
+byId("save").addEventListener("click", save);
 byId("form").addEventListener("submit", (event) => event.preventDefault());
 addEventListener("pagehide", () => { socket.close(); });

@@ -139,6 +139,10 @@ export class SettingsForm {
     this.notice.textContent = forced.join(" ");
   }
 
+  announce(text) {
+    this.notice.textContent = [text, this.notice.textContent].filter(Boolean).join(" ");
+  }
+
   offerOptions(kind, name, place) {
     const choice = this.tables()[kind].find((known) => known.name === name);
     const given = this.remembered[kind][name] ?? {};
@@ -149,7 +153,8 @@ export class SettingsForm {
       input.addEventListener("change", () => this.remember(kind, name, option, input));
       made[option.key] = input;
       const standard = option.default === null ? "none" : String(option.default);
-      return labelled(option.key, input, `${option.description} (${option.accepts}; default: ${standard})`);
+      const accepts = option.kind === "choice" ? `one of ${option.values.join(", ")}` : option.accepts;
+      return labelled(option.key, input, `${option.description} (${accepts}; default: ${standard})`);
     }));
     place.hidden = choice.options.length === 0;
     this.controls[kind].options = made;

@@ -21,6 +21,7 @@ export class WorkerSocket {
 
   send(request) {
     if (this.connection.readyState === WebSocket.OPEN) this.connection.send(JSON.stringify(request));
+    else if (this.connection.readyState === WebSocket.CLOSED) this.closed();
   }
 
   close() {
@@ -29,7 +30,7 @@ export class WorkerSocket {
   }
 
   closed() {
-    if (!this.closing) showError("The connection to the server is closed. Start raybench view again, or reload the page.");
+    if (!this.closing) showError("The connection to the server is closed. Reload the page; if the server has ended, start raybench view again and open the address that it prints.");
     this.handlers.closed?.();
   }
 }
@@ -40,6 +41,12 @@ export function showError(text) {
   const box = byId("error");
   box.hidden = !text;
   box.textContent = text ?? "";
+}
+
+// What is wrong with the first control whose value cannot be used; null where all can be.
+export function invalidEntry(form) {
+  const found = Array.from(form.elements).find((control) => control.willValidate && !control.validity.valid);
+  return found ? `${found.labels[0]?.firstChild.textContent.trim() ?? found.name}: ${found.validationMessage}` : null;
 }
 
 // Calls `act` with the latest value, at most once per animation frame.

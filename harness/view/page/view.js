@@ -1,7 +1,7 @@
 // The page with one image: controls, the image while it is refined, and the state.
 
-import { WorkerSocket, byId, count, download, duration, showError, themeButton } from "./socket.js";
-import { drawHistogram } from "./histogram.js";
+import { WorkerSocket, byId, count, download, duration, invalidEntry, showError, themeButton } from "./socket.js";
+import { drawHistogram, drawNote } from "./histogram.js";
 import { Orbit } from "./orbit.js";
 import { SettingsForm } from "./settings_form.js";
 import { ImageInput } from "./input.js";
@@ -22,18 +22,20 @@ const socket = new WorkerSocket("view", {
   warning: (header) => { const item = document.createElement("li"); item.textContent = header.text; byId("warnings").append(item); },
   file: (header, bytes) => { page.saved = { name: header.name, size: bytes.byteLength, bytes }; download(header.name, bytes, "application/octet-stream"); },
   yaml: copyText,
-  closed: () => state({ state: "stopped", activity: "no connection" }),
+  closed: () => { settled(); state({ state: "stopped", activity: "no connection" }); },
 });
 
 // ---- messages of the worker
 
 function menu(header) {
   const first = page.settingsForm === null;
-  if (!first) return; // a new worker after a lost one: the page keeps its settings
+  if (!first) return replaced(); // the page keeps its settings
   page.menu = header;
   const able = (name) => header.engines.some((engine) => engine.name === name && !engine.problem);
-  const engine = [given.settings.engine, document.body.dataset.engine].find(able) ?? header.preferred;
+  const wanted = [given.settings.engine, document.body.dataset.engine].filter(Boolean);
+  const engine = wanted.find(able) ?? header.preferred;
   page.settingsForm = new SettingsForm(byId("render-settings"), header, "Renderer", engine, given.settings);
+  if (wanted.length && wanted[0] !== engine) page.settingsForm.announce(`${wanted[0]} is not available: ${engine} is used.`);
   byId("scenes").append(...header.scenes.map((name) => new Option(name)));
   byId("mapper").append(...header.tone_mappers.map((name) => new Option(name, name, false, name === "srgb")));
   byId("scene").value = document.body.dataset.scene;
@@ -42,6 +44,16 @@ function menu(header) {
   for (const [key, id] of Object.entries(FIELDS)) if (key in given.fields) byId(id).value = given.fields[key];
   if ("exposure" in given.fields || "mapper" in given.fields) tone();
   open(false);
+}
+
+// A new worker, after one that was lost, knows neither the reference nor how the image is displayed.
+function replaced() {
+  if (page.reference?.name) {
+    page.reference = null;
+    byId("show").value = "image";
+    byId("reference-state").textContent = "None: the reference was lost with its worker process.";
+  }
+  tone();
 }
 
 const FIELDS = { scene: "scene", width: "width", height: "height", spp: "target-spp", seed: "seed", mapper: "mapper", exposure: "exposure" };
@@ -96,7 +108,7 @@ function frame(header, bytes) {
     context.drawImage(preview, 0, 0, canvas.width, canvas.height);
   }
   if (!page.expecting) preparation.end(); // frames of the old image may still arrive
-  if (header.error === undefined) page.pixels = bytes;
+  page.pixels = header.error === undefined ? bytes : null;
   showHistogram();
   byId("scale").hidden = header.error === undefined;
   if (header.error !== undefined) writeScale(header);
@@ -125,7 +137,7 @@ function state(header) {
   }
   byId("spp").textContent = header.spp === undefined ? "–" : `${done} of ${header.target_spp}`;
   byId("progress").value = header.target_spp ? done / header.target_spp : 0;
-  byId("seconds").textContent = duration(header.render_seconds);
+  byId("seconds").textContent = duration(header.render_seconds || null);
   byId("samples").textContent = count(header.samples_per_second);
   byId("rays").textContent = count(header.rays_per_second);
   byId("build").textContent = duration(header.build_seconds);
@@ -135,10 +147,10 @@ function state(header) {
 
 function probe(header) {
   page.probe = header;
-  const text = (values) => values.map((value) => (value === null ? "?" : Number(value).toPrecision(3))).join(" ");
+  const text = (values) => values.map(shortNumber).join(" ");
   const total = header.mean.reduce((a, b) => a + b, 0);
   const error = header.error.reduce((a, b) => a + (b ?? NaN), 0);
-  const relative = total > 0 && error === error ? ` (${((100 * error) / total).toPrecision(2)} %)` : "";
+  const relative = total > 0 && error === error ? `\nrelative       ${shortNumber((100 * error) / total)} %` : "";
   byId("probe").hidden = false;
   const low = header.y > canvas.height / 2;
   byId("probe").classList.toggle("top", low);
@@ -146,6 +158,13 @@ function probe(header) {
   byId("probe").textContent =
     `(${header.x}, ${header.y}), ${header.spp} samples\nmean           ${text(header.mean)}\n` +
     `var. of mean   ${text(header.variance)}\nstandard error ${text(header.error)}${relative}`;
+}
+
+// Three digits; small and large numbers with an exponent.
+function shortNumber(value) {
+  if (value === null) return "?";
+  const plain = value === 0 || (Math.abs(value) >= 0.001 && Math.abs(value) < 1000);
+  return plain ? value.toPrecision(3) : value.toExponential(2);
 }
 
 function reference(header) {
@@ -165,7 +184,9 @@ function writeScale(header) {
 }
 
 function showHistogram() {
-  if (!byId("histogram").hidden && page.pixels) page.shares = drawHistogram(byId("histogram"), new Uint8ClampedArray(page.pixels));
+  if (byId("histogram").hidden) return;
+  if (byId("show").value === "error") drawNote(byId("histogram"), "error map: no histogram");
+  else if (page.pixels) page.shares = drawHistogram(byId("histogram"), new Uint8ClampedArray(page.pixels));
 }
 
 function toggleHistogram() {
@@ -198,18 +219,10 @@ function number(id) {
   return byId(id).value === "" ? null : Number(byId(id).value);
 }
 
-// The first control with a value that cannot be used; the image stays as it is until it is corrected.
-function invalid() {
-  const found = Array.from(byId("form").elements).find((control) => control.willValidate && !control.validity.valid);
-  if (!found) return null;
-  const label = found.labels[0]?.firstChild.textContent.trim() ?? found.name;
-  return `${label}: ${found.validationMessage} The image is still that of the last valid settings.`;
-}
-
 function open(keepEdits) {
   if (page.settingsForm === null) return;
-  const problem = invalid();
-  showError(problem);
+  const problem = invalidEntry(byId("form"));
+  showError(problem && (page.opened ? `${problem} The image is still that of the last valid settings.` : problem));
   if (problem) return;
   byId("warnings").replaceChildren();
   if (!keepEdits) page.input.moved = false;
