@@ -20,6 +20,7 @@ from harness.statistics.ratios import MARGIN
 from harness.store.results import Contestant, Results
 
 Logs = NDArray[np.float64]
+READINGS: tuple[Reading, Reading] = ("interpolated", "first")
 CLOCK_SECONDS = 1e-6
 """What a clock resolves, starting and stopping it included."""
 
@@ -117,12 +118,11 @@ def _readings(results: Results, group: Sequence[Verdict], index: int | None) -> 
     own = np.array([verdict.warm[index].reading if index is not None else "" for verdict in group])
     if len(set(own)) < 2 or index is None:
         return {}
-    ways: tuple[Reading, Reading] = ("interpolated", "first")
-    read = [[_crossings(results, verdict, index, way) for verdict in group] for way in ways]
+    read = [[times_read(results, verdict, index, way) for verdict in group] for way in READINGS]
     return {"readings": [_logs(bounds) for bounds in read], "mixed": own[:, None] != own}
 
 
-def _crossings(results: Results, verdict: Verdict, index: int, reading: Reading) -> dict[int, Bound]:
+def times_read(results: Results, verdict: Verdict, index: int, reading: Reading) -> dict[int, Bound]:
     """Block -> seconds to a target. What the reference's noise may have moved is known less well: by three of its standard
     errors, for times go as the inverse of the error at the most."""
     target = as_error(results.metric, results.targets[index])
@@ -146,9 +146,14 @@ def sample_floors(results: Results) -> dict[str, float]:
     return {scene: noise_floor(found, everyone) for scene, found in own.items()}
 
 
-def race_of(measured: Sequence[Mapping[int, float]], compared: Sequence[tuple[int, int]], floor: float) -> Race:
-    """The race of contestants of which each has block -> a positive number, of which less is better."""
-    return race(*_logs([{b: Bound(value, value) for b, value in one.items()} for one in measured]), compared, floor)
+def race_of(
+    measured: Sequence[Mapping[int, float]], compared: Sequence[tuple[int, int]], floor: float,
+    readings: Sequence[Sequence[Mapping[int, Bound]]] = (), mixed: NDArray[np.bool_] | None = None,
+) -> Race:  # fmt: skip
+    """The race of contestants of which each has block -> a positive number, of which less is better. `readings`: the numbers
+    of all as found in other ways, see `statistics.race`."""
+    logs = _logs([{b: Bound(value, value) for b, value in one.items()} for one in measured])
+    return race(*logs, compared, floor, readings=[_logs(bounds) for bounds in readings], mixed=mixed)
 
 
 def margin(results: Results) -> float:
@@ -173,7 +178,7 @@ def _twins(contestants: Sequence[Contestant]) -> list[tuple[int, int]]:
 def _bounds(results: Results, verdict: Verdict, index: int | None) -> Mapping[int, Bound]:
     """Block -> seconds to the target of `index`, or seconds per sample."""
     if index is not None:
-        return _crossings(results, verdict, index, verdict.warm[index].reading)
+        return times_read(results, verdict, index, verdict.warm[index].reading)
     return _per_sample(verdict.contestant)
 
 

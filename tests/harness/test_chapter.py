@@ -304,6 +304,16 @@ def test_a_chapter_needs_results(tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_samplers_whose_curves_are_read_differently_are_not_separated_by_the_reading(tmp_path):
+    same = [cell("bvh", 0.01 * wobble(b) * (1 + 0.001 * (-1) ** b), block=b, sampler=sampler)
+            for b in range(4) for sampler in ("sobol", "random")]  # fmt: skip
+    claim = "# A\n\nThey{{claim not sooner('hall', 'random', 'sobol')}} take {{time_ratio('hall', 'random', 'sobol')}}."
+    text = written(tmp_path, same, claim)
+    assert re.search(r"They take 1\.2\d ", text), "random is read between checkpoints, sobol at the next one"
+
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_the_committed_chapter_is_what_its_prose_and_archives_say(tmp_path):
     folders = [COMMITTED, COMMITTED.parent / "dahlquist"]
     made = write_chapter(folders, tmp_path / "chapter", COMMITTED / "prose.md")[0]

@@ -9,19 +9,23 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from harness.analysis import Analysis, seconds_per_sample
 from harness.analysis.races import race_of
 from harness.report.tables import Column
-from harness.statistics import Estimate, Race, Ratio, geometric_interval
+from harness.statistics import Bound, Estimate, Race, Ratio, geometric_interval
 from harness.store.results import Contestant, choices_of, name_words
 
 
 class Measure(NamedTuple):
     """`values`: block -> a positive number of which less is better. `floor`: its noise floor as a log ratio; None stands
-    for that of seconds per sample."""
+    for that of seconds per sample. `kind`: contestants of different kinds are also compared by each of the `readings`."""
 
     values: Callable[[Contestant], Mapping[int, float]]
     floor: float | None
+    kind: Callable[[Contestant], str] | None = None
+    readings: Sequence[Callable[[Contestant], Mapping[int, Bound]]] = ()
 
 
 SPEEDS = Measure(seconds_per_sample, None)
@@ -124,7 +128,13 @@ def _race(
     analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure
 ) -> Race:  # fmt: skip
     floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
-    return race_of([measure.values(family.members[name]) for name in names], pairs, floor)
+    members = [family.members[name] for name in names]
+    own = [measure.values(member) for member in members]
+    kinds = np.array([measure.kind(member) for member in members]) if measure.kind else np.empty(0)
+    if len(set(kinds)) < 2:
+        return race_of(own, pairs, floor)
+    readings = [[reading(member) for member in members] for reading in measure.readings]
+    return race_of(own, pairs, floor, readings, kinds[:, None] != kinds)
 
 
 def ranking(family: Family, measure: Measure = SPEEDS) -> list[str]:

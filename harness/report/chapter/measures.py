@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from harness.analysis import Analysis
+from harness.analysis import Analysis, Verdict
+from harness.analysis.races import READINGS, times_read
 from harness.metrics import TRIMMED_FRACTION
 from harness.report.chapter.families import Family, Measure, estimate, words
-from harness.statistics import Estimate, geometric_interval
+from harness.statistics import Bound, Estimate, Reading, geometric_interval
 from harness.store.results import Contestant, point_error
 
 
@@ -56,13 +57,23 @@ def hardest_target(analysis: Analysis, family: Family) -> int | None:
 
 
 def times_to(analysis: Analysis, family: Family, index: int) -> Measure:
-    """Warm seconds until the target of `index`, which all of a family reach."""
+    """Warm seconds until the target of `index`, which all of a family reach; samplers whose curves are read differently are
+    compared by either reading."""
+
+    def verdict_of(contestant: Contestant) -> Verdict:
+        return next(verdict for verdict in analysis.verdicts if verdict.contestant is contestant)
 
     def values(contestant: Contestant) -> Mapping[int, float]:
-        verdict = next(verdict for verdict in analysis.verdicts if verdict.contestant is contestant)
-        return {cell["block"]: bound.high for cell, bound in zip(contestant.runs, verdict.warm[index].crossings, strict=True)}
+        found = verdict_of(contestant).warm[index].crossings
+        return {cell["block"]: bound.high for cell, bound in zip(contestant.runs, found, strict=True)}
 
-    return Measure(values, analysis.floor(family.scene, index))
+    def read(way: Reading) -> Callable[[Contestant], Mapping[int, Bound]]:
+        return lambda contestant: times_read(analysis.results, verdict_of(contestant), index, way)
+
+    def kind(contestant: Contestant) -> str:
+        return verdict_of(contestant).warm[index].reading
+
+    return Measure(values, analysis.floor(family.scene, index), kind, [read(way) for way in READINGS])
 
 
 def build_milliseconds(analysis: Analysis, contestant: Contestant) -> Estimate:
