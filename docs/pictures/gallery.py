@@ -19,8 +19,8 @@ HEAD = """# Gallery
 
 Every YAML file in `scenes/`, rendered by the path tracer. Commands and configs name a scene by its bare name. Not shown:
 `scenes/mobilert/`, three scenes whose meshes are not ours to ship and a variant of `mobilert_cornell`; `scenes/scaling/`, a
-ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml`, a scene in Mitsuba's format. All pictures:
-`python docs/pictures/gallery.py`.
+ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml`, a scene in Mitsuba's format. `python
+docs/pictures/gallery.py` makes all pictures.
 """
 FURNISHED = {
     "living_room": 256, "study": 256, "cafe": 1024, "workshop": 256, "cabinet": 256, "still_life": 256, "bathroom": 256,
@@ -50,8 +50,8 @@ $ {}
 | --- | --- | ---: |
 {}
 
-The port of Dahlquist's own program draws this picture of `dahlquist`, equal to the original's byte for byte. It has an image
-behind the balls where other engines see the sky:
+The port of Dahlquist's own program draws this picture of `dahlquist`, equal to the original's byte for byte. Behind the balls
+it has an image where the path tracer sees the sky:
 
 ![the port](pictures/gallery/dahlquist_port.png)
 
