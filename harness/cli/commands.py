@@ -31,8 +31,11 @@ from harness.cli.options import (
     References,
     Scene,
     Set,
+    choices,
+    engine_lists,
     engines,
     shipped,
+    words,
 )
 from harness.cli.options import size as parse_size
 
@@ -144,7 +147,9 @@ def view(
             metavar="SCENE", help="A scene below the folder, or a bare name from scenes/.", autocompletion=shipped("scenes")
         ),
     ] = "cornell_box",
-    folder: Annotated[Path, typer.Option(help="Folder that the page may read, and in which races are saved.")] = Path("."),
+    folder: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder that the page may read. Races are saved in it.")
+    ] = Path("."),
     engine: Annotated[str, typer.Option(help="Engine that is selected at first.", autocompletion=engines)] = DEFAULT_ENGINE,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server.", show_default="a free one")] = 0,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open no browser.")] = False,
@@ -207,7 +212,7 @@ def rescore(
 @command(RESULTS)
 def merge(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER", help="Results folders.")],
-    out: Annotated[Path, typer.Option("--out", help="A new folder for all of them.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", file_okay=False, help="A new folder for all of them.")],
     references: References = None,
 ) -> None:
     """Merge results folders into one, with a report. Times of several machines are kept apart."""
@@ -219,7 +224,7 @@ def merge(
 @command(RESULTS)
 def archive(
     folder: Folder,
-    out: Annotated[Path, typer.Option("--out", help="A new folder, or an archive that is to be replaced.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", file_okay=False, help="A new folder, or an archive to replace.")],
     images: Annotated[
         int, typer.Option(min=0, help="Images of a scene and shader: that many at the end, as many at equal time.")
     ] = 2,
@@ -267,7 +272,10 @@ def verify(
         Optional[list[str]],  # noqa: UP045
         typer.Option("--case", metavar="ID", help="Check only this case or section. May be repeated."),
     ] = None,
-    out: Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/verify")] = None,  # noqa: UP045
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/verify"),
+    ] = None,
     jobs: Annotated[
         Optional[int],  # noqa: UP045
         typer.Option(min=1, help="Processes that run in parallel.", show_default="one per core, at most 8"),
@@ -284,11 +292,16 @@ def verify(
 @command(CHECKS)
 def equivalence(
     scene: Scene,
-    engines: Annotated[str, typer.Option("--engines", metavar="A,B", help="Two or more engines; one twice is an A/A test.")],
+    engines: Annotated[
+        str,
+        typer.Option(
+            "--engines", metavar="A,B", help="Two or more engines; one twice is an A/A test.", autocompletion=engine_lists
+        ),
+    ],
     replicates: Annotated[int, typer.Option(help="Independent images per engine.")] = 16,
-    spp: Annotated[int, typer.Option(help="Samples per pixel of each.")] = 16,
+    spp: Annotated[int, typer.Option(min=1, help="Samples per pixel of each image.")] = 16,
     size: Annotated[Any, typer.Option(parser=parse_size, metavar="WxH", help="Pixels.")] = "64x64",
-    shader: Annotated[str, typer.Option(help="A shader's name.")] = "path_tracer",
+    shader: Annotated[str, typer.Option(help="A shader's name.", autocompletion=choices("SHADERS"))] = "path_tracer",
     margin: Annotated[float, typer.Option(help="Largest difference of image means that counts as equal, as a share.")] = 0.005,
     tile_margin: Annotated[float, typer.Option(help="The same for tiles of 16x16 pixels.")] = 0.05,
     seed: Annotated[int, typer.Option(help="The first seed.")] = 1,
@@ -325,7 +338,14 @@ def list_() -> None:
 
 @command(FILES)
 def schema(
-    kind: Annotated[str, typer.Argument(metavar="[experiment|scene|trace]", help="Kind of file.")] = "experiment",
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help="Kind of file: experiment, scene or trace.",
+            autocompletion=words("experiment", "scene", "trace"),
+        ),
+    ] = "experiment",
 ) -> None:
     """Print the JSON schema of experiment, scene or trace files, for editors."""
     import json

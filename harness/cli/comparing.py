@@ -32,11 +32,11 @@ def compare(
     ] = None,
     before: Annotated[
         Optional[list[Path]],  # noqa: UP045
-        typer.Option("--before", metavar="FOLDER...", help="Results folders of one side, each a session of its own."),
+        typer.Option("--before", metavar="FOLDER...", help="Results folders before the change, one per session."),
     ] = None,
     after: Annotated[
         Optional[list[Path]],  # noqa: UP045
-        typer.Option("--after", metavar="FOLDER...", help="Those of the other side. Three or more per side are tested."),
+        typer.Option("--after", metavar="FOLDER...", help="Results folders after it. Three or more per side are tested."),
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="Also show what did not change.")] = False,
     output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Write all rows: .csv, .md or .tex.")] = None,  # noqa: UP045

@@ -7,14 +7,20 @@ from typing import Annotated
 
 import typer
 
-from harness.cli.options import AllowImports, AllowOutside, Define, Scene
+from harness.cli.options import AllowImports, AllowOutside, Define, Scene, words
 
 
 def export(
     scene: Scene,
-    to: Annotated[str, typer.Option("--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.",
+            autocompletion=words("mitsuba", "pbrt"),
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="A file, or a folder for it; meshes go beside it.")],
-    max_depth: Annotated[int, typer.Option(min=1, help="Segments of a path.")] = 6,
+    max_depth: Annotated[int, typer.Option(min=1, help="Largest number of segments of a path.")] = 6,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 64,
     define: Define = None,
     allow_imports: AllowImports = False,

@@ -95,6 +95,8 @@ def _check(request: Request) -> None:
         raise ConfigError(f"-o {request.output}: must be a folder, or end in .gif or .mp4")
     if not request.output.absolute().parent.is_dir():
         raise ConfigError(f"-o {request.output}: the folder {request.output.parent} does not exist")
+    if request.animate is not None and not suffix and request.output.is_file():
+        raise ConfigError(f"-o {request.output}: is a file; a folder is wanted, or a name that ends in .gif or .mp4")
     if request.animate is not None and suffix == ".mp4":
         _encoder(request.output)
 

@@ -86,7 +86,7 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
     if outcome.failures or outcome.failed_verify_jobs:
         console.print(f"What the engines printed is in {folder / 'worker.log'}; --retry failed measures these again.")
     if (file := folder / store.WINNERS).is_file() and (winners := file.read_text("utf-8")):
-        console.print(winners, end="", markup=False, soft_wrap=True)
+        console.print(winners, end="", markup=False, soft_wrap=not console.is_terminal)
     counted = ", ".join(f"{count} {state}" for state, count in sorted(outcome.states.items()))
     console.print(f"{counted}. Report: {folder / 'report.html'}", soft_wrap=True)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli.options import DEFAULT_ENGINE, AllowCommands, AllowImports, AllowOutside, Define, Scene, engines
+from harness.cli.options import DEFAULT_ENGINE, AllowCommands, AllowImports, AllowOutside, Define, Scene, engines, words
 from harness.cli.options import choices as named
 from harness.cli.options import size as parse_size
 
@@ -34,14 +34,19 @@ def render(
         ),
     ] = "",
     accelerator: Annotated[str, typer.Option(help="A name, or a mapping with options.")] = "auto",
-    threads: Annotated[Optional[int], typer.Option(show_default="every core")] = None,  # noqa: UP045
+    threads: Annotated[Optional[int], typer.Option(help="Number of threads.", show_default="every core")] = None,  # noqa: UP045
     spp: Annotated[int, typer.Option(help="Samples per pixel.")] = 16,
     size: Annotated[
         Optional[Any],  # noqa: UP045
         typer.Option(parser=parse_size, metavar="WxH", help="Pixels.", show_default="the scene's"),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sampler: another seed gives another noise.")] = 1,
-    precision: Annotated[Optional[str], typer.Option(help="float64 or float32.", show_default="the engine's")] = None,  # noqa: UP045
+    precision: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option(
+            help="float64 or float32.", show_default="the engine's", autocompletion=words("float64", "float32")
+        ),
+    ] = None,
     tone_mapper: Annotated[
         str,
         typer.Option(
@@ -72,17 +77,24 @@ def dahlquist(
         int, typer.Option(help="Elapsed time given to each call; 3000 are a unit of the animation's time.")
     ] = 3000,
     no_reflections: Annotated[bool, typer.Option("--no-reflections", help="Balls reflect only the light probe.")] = False,
-    no_probe: Annotated[bool, typer.Option("--no-probe", help="Neither light probe nor background.")] = False,
-    interlaced: Annotated[bool, typer.Option("--interlaced", help="Every other row in each call.")] = False,
+    no_probe: Annotated[bool, typer.Option("--no-probe", help="Use neither light probe nor background.")] = False,
+    interlaced: Annotated[bool, typer.Option("--interlaced", help="Draw every other row in each call.")] = False,
     exact: Annotated[
-        bool, typer.Option("--exact", help="Without the area hierarchy, whose boxes are slightly wrong.")
+        bool, typer.Option("--exact", help="Do without the area hierarchy, whose boxes are slightly wrong.")
     ] = False,
     redraw: Annotated[bool, typer.Option("--redraw", help="Draw the background in every call, not once.")] = False,
-    probe: Annotated[str, typer.Option(help="Light probe, the image that balls reflect: checker or smooth.")] = "checker",
+    probe: Annotated[
+        str,
+        typer.Option(
+            help="Light probe, the image that balls reflect: checker or smooth.", autocompletion=words("checker", "smooth")
+        ),
+    ] = "checker",
     probe_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the light probe.")] = None,  # noqa: UP045
     background_image: Annotated[Optional[Path], typer.Option(help="An 8-bit image as the background.")] = None,  # noqa: UP045
-    engine: Annotated[str, typer.Option(help="numpy or numba; the frames are the same.")] = "numba",
-    threads: Annotated[Optional[int], typer.Option(show_default="every core")] = None,  # noqa: UP045
+    engine: Annotated[
+        str, typer.Option(help="numpy or numba; the frames are the same.", autocompletion=words("numpy", "numba"))
+    ] = "numba",
+    threads: Annotated[Optional[int], typer.Option(help="Number of threads.", show_default="every core")] = None,  # noqa: UP045
     animate: Annotated[
         Optional[int],  # noqa: UP045
         typer.Option(metavar="N", help="Write the frames of N calls, from the last of --calls on, to a folder, .gif or .mp4."),

@@ -55,6 +55,17 @@ def engines(incomplete: str) -> list[str]:
     return [name for name in engine_names() if name.startswith(incomplete)]
 
 
+def engine_lists(incomplete: str) -> list[str]:
+    """Completes the last name of a list of engines, as `numpy,numba`."""
+    before, comma, last = incomplete.rpartition(",")
+    return [before + comma + name for name in engines(last)]
+
+
+def words(*names: str) -> Callable[[str], list[str]]:
+    """Completes one of a few words."""
+    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
+
+
 def choices(table: str) -> Callable[[str], list[str]]:
     """Completes the names in a table of `engines.choices`, or of tone mappers."""
 
@@ -71,7 +82,7 @@ def size(text: str) -> tuple[int, int]:
     """Width and height in pixels, from `256x192`. Raises `ConfigError`."""
     from engines.errors import ConfigError
 
-    found = re.fullmatch(r"([0-9]{1,5})[xX]([0-9]{1,5})", text)
+    found = re.fullmatch(r"([0-9]{1,9})[xX]([0-9]{1,9})", text)
     if found is None:
         raise ConfigError(f"--size {text}: must look like 256x256")
     return int(found[1]), int(found[2])
@@ -92,7 +103,10 @@ Scene = Annotated[
     ),
 ]
 Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A results folder.")]
-Out = Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/<name>")]  # noqa: UP045
+Out = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option("--out", metavar="DIR", file_okay=False, help="Results folder.", show_default="results/<name>"),
+]
 Set = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key: --set budget.max_time=5s. May be repeated."),
@@ -108,7 +122,7 @@ def _keep_references(folder: Path | None) -> Path | None:
 References = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option(
-        metavar="DIR", callback=_keep_references,
+        metavar="DIR", file_okay=False, callback=_keep_references,
         help="Folder of references; by default $RAYBENCH_REFERENCES, or else raybench/references in the user's cache.",
     ),
 ]  # fmt: skip

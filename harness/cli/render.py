@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -136,8 +137,12 @@ def _check_output(output: Path) -> None:
 
     if output.suffix.lower() not in SUFFIXES:
         raise ConfigError(f"-o {output}: must end in one of {', '.join(SUFFIXES)}")
+    if output.is_dir():
+        raise ConfigError(f"-o {output}: is a folder; a file is wanted")
     if not output.absolute().parent.is_dir():
         raise ConfigError(f"-o {output}: the folder {output.parent} does not exist")
+    if not os.access(output.absolute().parent, os.W_OK):
+        raise ConfigError(f"-o {output}: the folder {output.parent} cannot be written to")
 
 
 def _settings(request: Request) -> dict[str, Any]:

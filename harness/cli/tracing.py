@@ -10,7 +10,7 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from harness.cli.options import AllowImports, AllowOutside, engines, shipped
+from harness.cli.options import AllowImports, AllowOutside, engines, shipped, words
 
 INTERRUPTED = 130
 
@@ -22,7 +22,8 @@ def trace(
     ],
     rays: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="SET", help="camera, shadow or incoherent rays. May be repeated.", show_default="all three"),
+        typer.Option(metavar="SET", help="camera, shadow or incoherent rays. May be repeated.", show_default="all three",
+            autocompletion=words("camera", "shadow", "incoherent")),
     ] = None,
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -52,9 +53,13 @@ def trace(
     seed: Annotated[int, typer.Option(help="Seed of the rays and of the order.")] = 1,
     baseline: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(metavar="ENGINE", help="Engine that rates are compared with.", show_default="the first that has results"),
+        typer.Option(metavar="ENGINE", help="Engine that rates are compared with.",
+            show_default="the first that has results", autocompletion=engines),
     ] = None,
-    out: Annotated[Optional[Path], typer.Option("--out", help="Results folder.", show_default="results/trace")] = None,  # noqa: UP045
+    out: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--out", metavar="DIR", help="Results folder.", show_default="results/trace"),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the results as JSON, not as tables.")] = False,
     allow_imports: AllowImports = False,
     allow_outside: AllowOutside = False,

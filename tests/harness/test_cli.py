@@ -63,6 +63,10 @@ def test_the_shell_completes_commands_and_the_names_of_scenes():
 
     assert completed("raybench pla").split() == ["plan"]
     assert "cornell_box" in completed("raybench render corn").split()
+    assert completed("raybench schema tr").split() == ["trace"]
+    assert completed("raybench export cornell_box --to p").split() == ["pbrt"]
+    assert completed("raybench equivalence cornell_box --engines numpy,numb").split() == ["numpy,numba"]
+    assert completed("raybench equivalence cornell_box --shader path").split() == ["path_tracer"]
 
 
 @pytest.mark.parametrize("width", [80, 200])
@@ -104,6 +108,7 @@ def test_nothing_heavy_is_imported_for_help():
         (["render", "cornell_box", "--shader", "my:shader"], "run with --allow-imports if you trust it"),
         (["render", "cornell_box", "--engine", "my:engine"], "run with --allow-imports if you trust it"),
         (["render", "cornell_box", "--size", "16"], "--size 16: must look like 256x256"),
+        (["render", "cornell_box", "--size", "100000x4"], "settings.width = 100000: must be an integer in [1, 65536]"),
         (["render", "cornell_box", "--size", "0x4"], "settings.width = 0: must be an integer in [1, 65536]"),
         (["render", "cornell_box", "--spp", "0"], "--spp 0: must be in [1,"),
         (["render", "cornell_box", "--spp", "many"], "Invalid value for '--spp'"),
@@ -118,6 +123,7 @@ def test_nothing_heavy_is_imported_for_help():
         (["render", "cornell_box", "-o", "image.bmpp"], "must end in one of .exr"),
         (["render", "cornell_box", "-o", "no/folder/a.exr"], "the folder no/folder does not exist"),
         (["render", "cornell_box", "--engine", "numpy", "--precision", "float32"], "computes in float64 only"),
+        (["equivalence", "cornell_box", "--engines", "numpy,numba", "--spp", "-1"], "Invalid value for '--spp'"),
         (["report", "nowhere"], "nowhere: no events.jsonl is there"),
         (["status", "nowhere"], "nowhere: no events.jsonl is there"),
         (["compare", "nowhere", "neither"], "nowhere: no events.jsonl is there"),
@@ -127,6 +133,31 @@ def test_wrong_input_is_one_message_and_exit_code_2(arguments, message, tmp_path
     said = ended(raybench(*arguments, cwd=tmp_path), 2)
     assert message in said
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "quick", "--out", "taken"], "is a file"),
+        (["plan", "quick", "--out", "taken"], "is a file"),
+        (["plan", "quick", "--references", "taken"], "is a file"),
+        (["merge", "nowhere", "--out", "taken"], "is a file"),
+        (["dahlquist", "--animate", "2", "-o", "taken"], "-o taken: is a file; a folder is wanted"),
+        (["render", "cornell_box", "-o", "folder.png"], "-o folder.png: is a folder; a file is wanted"),
+    ],
+)
+def test_a_file_in_place_of_a_folder_is_refused_before_any_work(arguments, message, tmp_path):
+    (tmp_path / "taken").touch()
+    (tmp_path / "folder.png").mkdir()
+    assert message in " ".join(ended(raybench(*arguments, cwd=tmp_path), 2).split())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.png", "taken"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_render_refuses_a_folder_that_cannot_be_written_before_it_renders(tmp_path):
+    tmp_path.chmod(0o500)
+    said = ended(raybench("render", "cornell_box", "-o", tmp_path / "a.png", cwd=tmp_path), 2)
+    assert "cannot be written to" in said and "built in" not in said
 
 
 def test_a_broken_scene_is_one_message_and_exit_code_2(tmp_path):
@@ -242,4 +273,4 @@ def test_a_closed_pipe_is_no_error():
     environment = sweeping.environment()
     done = subprocess.run(command, env=environment, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writing)
-    assert "Traceback" not in done.stderr
+    assert done.returncode == 141 and "Traceback" not in done.stderr
