@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from engines.errors import ConfigError
 from harness import config, store
@@ -162,7 +162,8 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
     same = ", ".join(f"{name} {value}" for name, value in fixed if value)
     if rows and same:
         console.print(f"The same for all: {escape(same)}", soft_wrap=True)
-    table = Table(*[names[i] for i in varying], "seeds", "state", "why", box=None, header_style="bold")
+    columns = [Column(names[i], overflow="fold") for i in varying]
+    table = Table(*columns, "seeds", "state", "why", box=None, header_style="bold")
     for row, cells in sorted(rows.items()):
         counted = Counter(states[cell.cell_id] for cell in cells)
         shown = ", ".join(f"[{progress.COLOURS[state]}]{state}[/]" + (f" {n}" if len(counted) > 1 else "")
@@ -229,7 +230,7 @@ def _certified(
         return False
     found = certificates.existing(wanted, root)
     if found is None:
-        name = f"certificate of {wanted.describe()}"
+        name = f"{wanted.describe()}, certificate"
         with progress.Terminal(stderr) as terminal:
             found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
     stdout.print(f"{wanted.describe()}: {certificates.words(found)}", markup=False, soft_wrap=True)

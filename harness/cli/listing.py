@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -24,18 +26,18 @@ def show() -> None:
     accelerators: dict[str, Mapping[str, Any]] = {}
     samplers: dict[str, Mapping[str, Any]] = {}
     shaders: dict[str, Mapping[str, Any]] = {}
-    engines = _table("engines", "", "")
+    engines = _table("engines", "", "", "")
     for name in engine_names():
         try:
             found = engine(name)
             accelerators[name] = found.accelerators()
             samplers[name] = getattr(found, "samplers", dict)()
             shaders[name] = getattr(found, "shaders", dict)()
-            engines.add_row(name, f"version {found.version}")
+            engines.add_row(name, _version(found.version), _first_sentence(found))
         except RaybenchError as error:
-            engines.add_row(name, f"cannot be loaded: {escape(str(error))}")
+            engines.add_row(name, "", f"cannot be loaded: {escape(str(error))}")
         except Exception as error:  # what others wrote may fail in any way
-            engines.add_row(name, f"fails: {escape(f'{type(error).__name__}: {error}')}")
+            engines.add_row(name, "", f"fails: {escape(f'{type(error).__name__}: {error}')}")
     console.print(engines)
     for title, table in (("shaders", SHADERS), ("samplers", SAMPLERS)):
         _options(console, title, table)
@@ -54,6 +56,18 @@ def show() -> None:
     for name, path in paths.shipped("configs").items():
         experiments.add_row(name, _question(path))
     console.print(experiments)
+
+
+def _version(version: str) -> str:
+    """An adapter's version is followed by that of its package."""
+    own, _, package = version.partition("+")
+    return f"version {own}, package not installed" if package == "none" else f"version {version}"
+
+
+def _first_sentence(engine: Any) -> str:
+    """What an engine says of itself; of an engine in a process of its own, what its class says."""
+    text = " ".join((inspect.getdoc(type(getattr(engine, "local", engine))) or "").split("\n\n")[0].split())
+    return escape(re.split(r"(?<=\.)\s(?=[A-Z])", text)[0].rstrip("."))
 
 
 def _table(title: str, *columns: str) -> Table:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Optional
@@ -35,6 +34,29 @@ class Group(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _untyped(super().get_params(ctx))
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = _found_and_wanted(error.__cause__) or error.message
+            raise
+
+
+BOUNDS = {"greater_than_equal": ("ge", "at least"), "less_than_equal": ("le", "at most")}
+"""Kinds of pydantic's errors: the key of the bound, and words."""
+
+
+def _found_and_wanted(cause: BaseException | None) -> str | None:
+    """What pydantic says of a number, with the value that was found; None of anything else."""
+    errors = getattr(cause, "errors", None)
+    found = errors()[0] if errors else {}
+    kind = found.get("type", "")
+    if kind in BOUNDS:
+        key, words = BOUNDS[kind]
+        return f"{found['input']}: must be {words} {found['ctx'][key]}"
+    wanted = {"int_parsing": "an integer", "float_parsing": "a number"}.get(kind)
+    return f"{found['input']!r}: must be {wanted}" if wanted else None
 
 
 def shipped(kind: str) -> Callable[[str], list[str]]:
@@ -81,11 +103,12 @@ def choices(table: str) -> Callable[[str], list[str]]:
 def size(text: str) -> tuple[int, int]:
     """Width and height in pixels, from `256x192`. Raises `ConfigError`."""
     from engines.errors import ConfigError
+    from harness.config.validators import width_and_height
 
-    found = re.fullmatch(r"([0-9]{1,9})[xX]([0-9]{1,9})", text)
+    found = width_and_height(text)
     if found is None:
-        raise ConfigError(f"--size {text}: must look like 256x256")
-    return int(found[1]), int(found[2])
+        raise ConfigError(f"--size {text}: width and height are wanted, as 256x192")
+    return found
 
 
 Config = Annotated[

@@ -72,7 +72,8 @@ FILTER = Record(
 
 def condition(key: str, node: Located) -> Condition:
     value = node.value
-    if key == "resolution" and isinstance(value, list) and all(is_number(child.value) for child in value):
+    sides = isinstance(value, list) and all(is_number(child.value) for child in value)
+    if key == "resolution" and (sides or isinstance(value, str)):
         wanted = RESOLUTION.read(node)
         return lambda found: found is not None and tuple(found) == wanted
     if isinstance(value, list):

@@ -54,4 +54,5 @@ def find(kind: str, given: str, beside: Path | None = None) -> Path:
     noun = {"scenes": "scene", "configs": "experiment"}[kind]
     if looks_like_path:
         raise ConfigError(f"{noun} {given!r}: there is no such file")
-    raise ConfigError(f"unknown {noun} {given!r}: {suggestion(given, known)}")
+    there = ", and what lies there is no YAML or XML file" if os.path.exists(given) else ""
+    raise ConfigError(f"unknown {noun} {given!r}{there}: {suggestion(given, known)}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from engines.schema.keys import Readable, Schema
@@ -167,10 +167,23 @@ def _size(node: Located) -> int:
 _PIXELS = integer(1, 65_536)
 
 
+PIXEL_COUNTS = r"([0-9]{1,9})[xX]([0-9]{1,9})"
+"""Width and height as text, on the command line and in files."""
+
+
+def width_and_height(text: str) -> tuple[int, int] | None:
+    """Of `256x192`; None for other text."""
+    found = re.fullmatch(PIXEL_COUNTS, text.strip())
+    return (int(found[1]), int(found[2])) if found else None
+
+
 def _resolution(node: Located) -> tuple[int, int]:
-    if not isinstance(node.value, list) or len(node.value) != 2:
-        raise node.refuse("[width, height] is wanted")
-    return _PIXELS.read(node.value[0]), _PIXELS.read(node.value[1])
+    if isinstance(node.value, list) and len(node.value) == 2:
+        return _PIXELS.read(node.value[0]), _PIXELS.read(node.value[1])
+    sides = width_and_height(node.value) if isinstance(node.value, str) else None
+    if sides is None:
+        raise node.refuse("width and height are wanted, as 256x192 or [256, 192]")
+    return _PIXELS.read(replace(node, value=sides[0])), _PIXELS.read(replace(node, value=sides[1]))
 
 
 NAME = Kind(_text, {"type": "string"})
@@ -181,5 +194,9 @@ DURATION = Kind(_duration, {"type": "string", "pattern": rf"^\s*{_DURATION}\s*$"
 """Seconds, from text with a unit."""
 SIZE = Kind(_size, {"type": "string", "pattern": rf"^\s*{_SIZE}\s*$"})
 """Bytes, from text with a unit."""
-RESOLUTION = Kind(_resolution, {"type": "array", "items": _PIXELS.json, "minItems": 2, "maxItems": 2})
+RESOLUTION = Kind(
+    _resolution,
+    {"anyOf": [{"type": "array", "items": _PIXELS.json, "minItems": 2, "maxItems": 2},
+               {"type": "string", "pattern": f"^{PIXEL_COUNTS}$"}]},
+)  # fmt: skip
 """(width, height) in pixels."""

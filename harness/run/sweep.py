@@ -221,7 +221,7 @@ class Sweep:
         try:
             found = found or certificates.make(
                 wanted, self.recorder.root, pool,
-                lambda done, count: self.listener.reference(f"certificate of {wanted.describe()}", done, count),
+                lambda done, count: self.listener.reference(f"{wanted.describe()}, certificate", done, count),
             )  # fmt: skip
         except (WorkerFailed, WorkerTimeout) as error:
             self.listener.note(f"{wanted.describe()}: no certificate: {error}")

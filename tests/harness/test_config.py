@@ -92,6 +92,8 @@ def test_zip_advances_together_and_multiplies_the_matrix():
         ("{shader: {max_depth: {lt: 6}}}", [1, 2, 4]),
         ("{resolution: [8, 8]}", [1, 2, 4]),
         ("{resolution: [[8, 8], [64, 48]]}", []),
+        ("{resolution: 64x48}", []),
+        ("{resolution: [8x8, 64x48]}", []),
         ("{scene: 'cornell*', threads: 1}", [2, 4]),
     ],
 )
@@ -160,7 +162,7 @@ MISTAKES = {
     "threads: 0": "a.yaml:4 threads = 0: must be an integer in [1, 1024]",
     "threads: yes": "a.yaml:4 threads = 'yes': must be an integer in [1, 1024]",
     "precision: double": "a.yaml:4 precision = 'double': must be one of float64, float32",
-    "resolution: [64]": "a.yaml:4 resolution: [width, height] is wanted",
+    "resolution: [64]": "a.yaml:4 resolution: width and height are wanted, as 256x192 or [256, 192]",
     "resolution: [64, 0]": "a.yaml:4 resolution[1] = 0: must be an integer in [1, 65536]",
     "shader: path_tracr": "a.yaml:4 shader: unknown shader 'path_tracr': did you mean 'path_tracer'?",
     "shader: {name: whitted, depth: 2}": "a.yaml:4 shader: unknown option of shader 'whitted' 'depth': did you mean 'm",
