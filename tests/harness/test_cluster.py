@@ -155,6 +155,8 @@ def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.5)
     with pytest.raises(ConfigError, match=r"--cluster tcp://127.0.0.1:9: no scheduler answers there"):
         sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster="tcp://127.0.0.1:9")
+    with pytest.raises(ConfigError, match=r"--cluster nowhere: the address of a scheduler is wanted, as tcp://host:8786"):
+        dask.connected("nowhere")
 
 
 def test_workers_that_are_no_machines_are_refused(tmp_path):

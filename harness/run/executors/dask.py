@@ -17,6 +17,7 @@ environment id of where they were measured.
 
 from __future__ import annotations
 
+import re
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -217,6 +218,8 @@ def connected(address: str) -> Client:
         from distributed import Client
     except ImportError as error:
         raise ConfigError("--cluster needs the package distributed: pip install 'raybench[cluster]'") from error
+    if "://" not in address and not re.search(":[0-9]+$", address):  # Dask's client raises once more when it is deleted
+        raise ConfigError(f"--cluster {address}: the address of a scheduler is wanted, as tcp://host:8786")
     try:
         return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
