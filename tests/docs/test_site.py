@@ -51,6 +51,12 @@ def test_every_picture_is_shown():
     assert pictures - shown == set()
 
 
+@pytest.mark.parametrize("page", TEXT)
+def test_no_line_is_hidden_as_a_comment(page):
+    lines = FENCE.sub("", TEXT[page]).splitlines()
+    assert [line for line in lines if line.lstrip().startswith("%")] == [], "MyST leaves out lines that begin with %"
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory) -> Path:
     """The site, built as `make docs` builds it."""
