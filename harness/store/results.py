@@ -154,6 +154,8 @@ def load_results(folder: str | Path) -> Results:
         raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is wanted")
     events = read_events(folder)
     manifest = read_manifest(folder) if (folder / "manifest.json").exists() else {}
+    if not events and not manifest:
+        raise ConfigError(f"{folder}: has an empty events.jsonl and no manifest.json; a folder of `raybench run` is wanted")
     return results_of(folder, manifest, events)
 
 

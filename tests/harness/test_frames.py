@@ -173,8 +173,9 @@ def test_an_event_may_name_a_metric_as_it_likes(tmp_path):
         (lambda folder: folder.mkdir(), "has no events.jsonl"),
         (lambda folder: damaged(folder, "manifest.json", '{"raybench_results": 99}'), "results of format 99"),
         (lambda folder: damaged(folder, "events.jsonl", "{\n{}\n"), r"events.jsonl:1: not an event"),
+        (lambda folder: [folder.mkdir(), (folder / "events.jsonl").touch()], "empty events.jsonl"),
     ],
-    ids=["missing", "empty", "another version", "damaged"],
+    ids=["missing", "empty", "another version", "damaged", "no event"],
 )
 def test_a_folder_that_cannot_be_opened_is_one_clear_line(tmp_path, change, message):
     folder = tmp_path / "results"
