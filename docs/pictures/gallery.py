@@ -23,7 +23,7 @@ ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml
 docs/pictures/gallery.py` makes all pictures.
 """
 FURNISHED = {
-    "living_room": 256, "study": 1024, "cafe": 1024, "workshop": 256, "cabinet": 256, "still_life": 256, "bathroom": 256,
+    "living_room": 256, "study": 1024, "cafe": 1024, "workshop": 256, "cabinet": 256, "still_life": 1024, "bathroom": 256,
     "desk_lamp": 256,
 }  # fmt: skip
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
