@@ -90,7 +90,7 @@ def test_without_an_encoder_the_message_names_the_extra(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--size", "10"], "--size 10: must look like"),
+        (["--size", "10"], "--size 10: width and height are wanted"),
         (["--calls", "0"], "--calls 0"),
         (["--animate", "0", "-o", "x.gif"], "--animate 0"),
         (["--probe", "chequer"], "did you mean 'checker'"),

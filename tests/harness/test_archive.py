@@ -63,7 +63,7 @@ def test_its_report_has_pictures_references_and_verdicts_without_the_original(fo
         page = page_of(out)
     finally:
         moved.rename(whole)
-    assert '"has_reference": true' in page and "image of it was kept" in page and 'bad">different' in page
+    assert '"has_reference": true' in page and "image was not kept" in page and 'bad">different' in page
 
 
 def test_made_again_it_is_the_same_and_an_archive_is_replaced(folders):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from engines.scene.geometry import unit_rows
+from engines.scene.procedural import libm
 from engines.scene.procedural.generator import BYTES_PER_FACE, Faces, generator, grid_faces
 from engines.scene.procedural.pieces import PLACED, Array, Patch, joined, placed, seamless_normals
 from engines.scene.procedural.solids import POSITIVE_TRIPLE
@@ -51,7 +52,7 @@ def rounded_box(
 
 def _line(inner: float, segments: int, middle: int) -> Array:
     """(n, 2): places of the sphere that rounds the edges, and the slope of its point."""
-    slopes = np.tan(np.linspace(-np.pi / 4, 0.0, segments + 1))
+    slopes = libm.tan(np.linspace(-np.pi / 4, 0.0, segments + 1))
     flat = np.linspace(-inner, inner, middle + 1)[1:-1]
     left = np.stack([np.full(segments + 1, -inner), slopes], axis=1)
     right = np.stack([np.full(segments + 1, inner), -slopes[::-1]], axis=1)
@@ -77,7 +78,7 @@ def cushion(
     u, v = line[:, None], line[None, :]
     x = 0.5 * size[0] * u * (1.0 - pinch * (1.0 - v**2))
     y = 0.5 * size[1] * v * (1.0 - pinch * (1.0 - u**2))
-    z = 0.5 * size[2] * np.maximum((1.0 - u**2) * (1.0 - v**2), 0.0) ** 0.45
+    z = 0.5 * size[2] * libm.power(np.maximum((1.0 - u**2) * (1.0 - v**2), 0.0), 0.45)
     faces = grid_faces(segments, segments)
     uvs = np.stack(np.broadcast_arrays(0.5 + 0.5 * u, 0.5 - 0.5 * v), axis=2).reshape(-1, 2)
     sides = [np.stack([x, y, sign * z], axis=2).reshape(-1, 3) for sign in (1.0, -1.0)]

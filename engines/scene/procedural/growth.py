@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from engines.scene.procedural import libm
 from engines.scene.geometry import unit_rows
 from engines.scene.procedural.generator import BYTES_PER_FACE, Faces, generator, grid_faces
 from engines.scene.procedural.pieces import PLACED, Array, Patch, joined, placed, seamless_normals, tangents_of
@@ -53,7 +54,8 @@ def _arch(stem: float, blade: float, angle: float, droop: float, segments: int) 
 def _blade(points: Array, side: Array, width: float, crease: float, segments: int) -> Patch:
     path = points[segments:]
     t = np.linspace(0.0, 1.0, segments + 1)
-    half = 0.5 * width * np.sin(np.pi * t**0.75) ** 0.8 + 0.004 * width
+    rise = np.sin(np.pi * libm.power(t, 0.75))
+    half = 0.5 * width * libm.power(rise, 0.8) + 0.004 * width
     up = unit_rows(np.cross(np.broadcast_to(side, path.shape), tangents_of(path)))
     up = np.where(up[:, 1:2] < 0.0, -up, up)
     across = np.linspace(-1.0, 1.0, 5)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.scene.procedural import libm
 from engines.scene.procedural.generator import BYTES_PER_SPHERE, CENTER, Spheres, generator
 from engines.scene.triple import Triple
 from engines.schema.keys import Key
@@ -39,7 +40,7 @@ def sphereflake(level: int, center: Triple, radius: float) -> Spheres:
 def _nine_directions() -> NDArray[np.float64]:
     """(9, 3) unit vectors with +y as the axis."""
     around = np.radians(np.concatenate([15.0 + 60.0 * np.arange(6), 45.0 + 120.0 * np.arange(3)]))
-    up = np.arcsin(np.concatenate([np.zeros(6), np.full(3, (2.0 / 3.0) ** 0.5)]))
+    up = libm.arcsin(np.concatenate([np.zeros(6), np.full(3, (2.0 / 3.0) ** 0.5)]))
     return np.stack([np.cos(up) * np.cos(around), np.sin(up), -np.cos(up) * np.sin(around)], axis=1)
 
 

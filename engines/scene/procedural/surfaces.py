@@ -50,7 +50,7 @@ def _gradient_noise(at: NDArray[np.float64], lattice: int, key: int) -> NDArray[
     gx, gz = np.cos(angles), np.sin(angles)
     cell = np.minimum(at.astype(np.int64), lattice - 1)
     inside = at - cell
-    smooth = inside**3 * (inside * (6.0 * inside - 15.0) + 10.0)
+    smooth = inside * inside * inside * (inside * (6.0 * inside - 15.0) + 10.0)
 
     def corner(right: int, down: int) -> NDArray[np.float64]:
         rows, columns = (cell + down)[:, None], (cell + right)[None, :]

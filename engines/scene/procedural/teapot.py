@@ -93,7 +93,8 @@ def teapot(segments: int, center: Triple, height: float, rotate_y: float) -> Fac
     body, and the spout is open. Every patch has the whole square of texture coordinates.
     """
     t = np.linspace(0.0, 1.0, segments + 1)
-    bernstein = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], axis=1)
+    u = 1 - t
+    bernstein = np.stack([u * u * u, 3 * t * u * u, 3 * t * t * u, t * t * t], axis=1)
     points = np.einsum("ui,vj,pijk->puvk", bernstein, bernstein, patches()).reshape(-1, 3)
     x, y, z = (points * (height / HEIGHT)).T
     vertices = turned(np.stack([x, z, -y], axis=1), rotate_y)
