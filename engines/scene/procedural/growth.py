@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.scene.procedural import libm
 from engines.scene.geometry import unit_rows
+from engines.scene.procedural import libm
 from engines.scene.procedural.generator import BYTES_PER_FACE, Faces, generator, grid_faces
 from engines.scene.procedural.pieces import PLACED, Array, Patch, joined, placed, seamless_normals, tangents_of
 from engines.scene.triple import Triple
