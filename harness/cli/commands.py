@@ -370,8 +370,10 @@ def main() -> None:
     try:
         app()
     except BrokenPipeError:
+        from harness.console import BROKEN_PIPE
+
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        sys.exit(141)
+        sys.exit(BROKEN_PIPE)
     except Exception as error:
         message = _as_one_line(error)
         if message is None:

@@ -126,7 +126,7 @@ def test_the_hash_is_pinned():
 SHIPPED = {  # by commit 6d31046, before there were textures
     "cornell_box": "d13163987ab95b9a96d716d491dfd4ee7018aa6300a38db4e3ed4a59b343a3af",
     "dahlquist": "4b843861db9daf44ee05147e63714e1897ecb769bdc501857f85d8b2f3852320",
-    "glassware": "2490e6217884f8c365d55721aa6964f878d32bf8e03312ad42387f83b8438ede",  # the same with and without AVX-512
+    "glassware": "2490e6217884f8c365d55721aa6964f878d32bf8e03312ad42387f83b8438ede",  # with powers as products
     "metals": "53db4c51181c1123db4eaee0459a95a8282a55be2b5c5f6acff37541f9311d3a",
     "mobilert_spheres": "f00f852c47618a6c0176dc00a12e6bf49b969f9498fb6524a71ce0c1b99cd985",
 }

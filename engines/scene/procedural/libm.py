@@ -1,7 +1,7 @@
 """Elementary functions of float64 arrays with the C library's values.
 
-NumPy has others where it finds AVX-512: their last bits differ, and with them the content hash of a scene would differ between
-machines. NumPy's sine, cosine and square root are the same everywhere.
+NumPy has others where it finds AVX-512. Their last bits may differ, and with them the content hash of a scene. Scenes whose
+generators take only sines, cosines and square roots had equal hashes on machines with and without AVX-512.
 """
 
 from __future__ import annotations
