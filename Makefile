@@ -5,6 +5,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input
 OUT := results/quick
 ARGS ?=
+, := ,
 
 .DELETE_ON_ERROR:
 .PHONY: help bench test fuzz microbench speed baseline renderers chapter chapter-text lint docs docs-pictures clean
@@ -77,18 +78,22 @@ lint: .venv/.installed-test
 	@$(BIN)/ruff check .
 	@$(BIN)/pyright
 
-# Editable installs; done again when pyproject.toml changes.
+# Editable installs with Mitsuba where it can be had; done again when pyproject.toml changes.
+define install
+	@$(PIP) install --quiet --editable '.[mitsuba$(1)]' 2>/dev/null \
+		|| { echo "raybench: Mitsuba cannot be installed, so that nothing races it: $(BIN)/python -m pip install -e '.[mitsuba]' says why" >&2; \
+		$(PIP) install --quiet --editable '.$(2)'; }
+	@touch $@ .venv/.installed
+endef
+
 .venv/.installed: pyproject.toml | .venv/bin/python
-	$(PIP) install --quiet --editable .
-	@touch $@
+	$(call install,,)
 
 .venv/.installed-test: pyproject.toml | .venv/bin/python
-	$(PIP) install --quiet --editable '.[test]'
-	@touch $@ .venv/.installed
+	$(call install,$(,)test,[test])
 
 .venv/.installed-docs: pyproject.toml | .venv/bin/python
-	$(PIP) install --quiet --editable '.[docs,mitsuba]'
-	@touch $@ .venv/.installed
+	$(call install,$(,)docs,[docs])
 
 .venv/bin/python:
 	@"$(PYTHON)" -c '' 2>/dev/null \

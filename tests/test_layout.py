@@ -38,6 +38,7 @@ PUBLIC = {
     "engines.input_files",
     "engines.interface",
     "engines.memory",
+    "engines.packages",
     "engines.registry",
     "engines.scene",
     "engines.schema.keys",
@@ -49,7 +50,7 @@ PUBLIC = {
 }
 
 _BASE = {
-    *("engines.errors", "engines.choices", "engines.concurrency"),
+    *("engines.errors", "engines.choices", "engines.concurrency", "engines.packages"),
     *("engines.film", "engines.interface", "engines.scene"),
 }
 _KERNELS = {"engines.kernels", "engines.kernels.compile"}
@@ -59,6 +60,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.errors": set(),
     "engines.concurrency": set(),
     "engines.input_files": set(),
+    "engines.packages": set(),
     "engines.sobol_numbers": set(),
     "engines.source_files": set(),
     "engines.temporary": set(),
@@ -70,7 +72,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.schema": {"engines.errors", "engines.input_files", "engines.memory"},
     "engines.scene": {
         *("engines.errors", "engines.image", "engines.input_files", "engines.memory", "engines.schema"),
-        "engines.source_files",
+        *("engines.packages", "engines.source_files"),
     },
     "engines.scene.mitsuba_xml.bake_sky": set(),
     "engines.interface": {"engines.errors", "engines.choices", "engines.film", "engines.scene"},
@@ -78,7 +80,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.conformance": _BASE,
     "engines.numpy_reference": {*_BASE, "engines.sobol_numbers"},
     "engines.kernels": _JITTED,
-    "engines.kernels.compile": {"engines.errors"},
+    "engines.kernels.compile": {"engines.errors", "engines.packages"},
     "engines.plugin": {"engines.errors", *_KERNELS},
     "engines.numba_cpu": _JITTED,
     "engines.embree": _JITTED,

@@ -31,7 +31,7 @@ FLOORS: dict[str, set[str]] = {
 """Of each room, the rooms and modules of engines/kernels that it may import. It may also import itself."""
 
 OUTSIDE: dict[str, set[str]] = {
-    "compile": {"engines.errors", "llvmlite", "numba", "numpy"},
+    "compile": {"engines.errors", "engines.packages", "llvmlite", "numba", "numpy"},
     "features": set(),
     "light_rows": {"numpy"},
     "program_rows": {"numpy"},

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.errors import Unsupported
+from engines.packages import install
 
 # rtcore_common.h, rtcore_buffer.h, rtcore_geometry.h, rtcore_scene.h of Embree 4
 _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
@@ -60,7 +61,7 @@ def library() -> ctypes.CDLL:
     try:
         files = metadata.files("embreex") or []
     except metadata.PackageNotFoundError as error:
-        raise Unsupported("the engine embree needs the package embreex: pip install embreex") from error
+        raise Unsupported(f"the engine embree needs the package embreex: {install('embreex>=4.4')}") from error
     found = sorted(str(file.locate()) for file in files if file.name.startswith("libembree4") and ".so" in file.name)
     found += sorted(str(file.locate()) for file in files if file.name.startswith(("embree4", "libembree4.")))
     for path in found:

@@ -17,6 +17,7 @@ from engines.numpy_reference.engine import supported
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.renderer import Renderer
 from engines.numpy_reference.shapes import Triangles
+from engines.packages import install
 from engines.scene import Mesh, Scene, Triangle
 
 _OPTIONS = {
@@ -61,7 +62,7 @@ class Engine:
         try:
             metadata.version("embreex")
         except metadata.PackageNotFoundError as error:
-            raise Unsupported(f"the engine {self.name} needs the package embreex: pip install embreex") from error
+            raise Unsupported(f"the engine {self.name} needs the package embreex: {install('embreex>=4.4')}") from error
         return found
 
 

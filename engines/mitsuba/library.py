@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import importlib
 import os
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata, util
 from typing import Any
 
+from engines.errors import Unsupported
+from engines.mitsuba import llvm
+from engines.packages import install_extra
+
 LLVM, SCALAR = "llvm_ad_rgb", "scalar_rgb"
-OLDEST_LLVM = 17
-"""Dr.Jit loads older ones too, some of which end the process while they compile ("Cannot select ... fminimum")."""
 _in_use = threading.RLock()
 
 
@@ -31,18 +34,28 @@ if hasattr(os, "register_at_fork"):  # not on Windows
 def lacking(variant: str) -> str | None:
     """One sentence on what has to be installed for `variant`, or None."""
     if util.find_spec("mitsuba") is None or util.find_spec("drjit") is None:
-        return "Mitsuba 3 is not installed: pip install 'raybench[mitsuba]'"
-    if variant == LLVM:
-        drjit = importlib.import_module("drjit")
-        usable = drjit.has_backend(drjit.JitBackend.LLVM)
-        found = drjit.detail.llvm_version() if usable else (0,)
-        if not usable or found[0] < OLDEST_LLVM:
-            return (
-                f"Mitsuba's llvm_ad_rgb needs a system libLLVM {OLDEST_LLVM} or later, and "
-                + (f"Dr.Jit found {'.'.join(map(str, found))}" if usable else "none was found")
-                + ": install it, or name it in DRJIT_LIBLLVM_PATH; the engine mitsuba_scalar does without"
-            )
-    return None
+        return f"Mitsuba 3 is not installed: {install_extra('mitsuba')}"
+    try:
+        path = llvm.find() if variant == LLVM else None
+        drjit = _drjit()
+    except ImportError as error:
+        return f"Mitsuba 3 cannot be loaded: {error}"
+    except Unsupported as error:
+        return str(error)
+    if variant != LLVM:
+        return None
+    if not drjit.has_backend(drjit.JitBackend.LLVM):
+        return llvm.lacking(llvm.why_unloadable(path))
+    found = drjit.detail.llvm_version()
+    return llvm.lacking(f"Dr.Jit has loaded {'.'.join(map(str, found))}") if found[0] < llvm.OLDEST else None
+
+
+def _drjit() -> Any:
+    """Dr.Jit, which loads LLVM when it is imported, before Mitsuba. Raises `ImportError`."""
+    if "drjit" not in sys.modules:
+        with _in_use, llvm.chosen():
+            importlib.import_module("drjit")
+    return sys.modules["drjit"]
 
 
 def version() -> str:
@@ -55,7 +68,7 @@ def version() -> str:
 
 def activate(variant: str, threads: int) -> tuple[Any, Any]:
     """The modules `mitsuba` and `drjit`, the one set to `variant`, the other to that number of threads."""
-    mitsuba, drjit = importlib.import_module("mitsuba"), importlib.import_module("drjit")
+    drjit, mitsuba = _drjit(), importlib.import_module("mitsuba")
     if mitsuba.variant() != variant:
         mitsuba.set_variant(variant)
         mitsuba.set_log_level(mitsuba.LogLevel.Error)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from engines.choices import Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Hits, Settings
+from engines.packages import install_extra
 from engines.scene import Mesh, Scene, Triangle
 
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": {}}
@@ -53,7 +54,7 @@ class Engine:
         if not scene.shapes or not all(isinstance(shape, Mesh | Triangle) for shape in scene.shapes):
             return "Open3D's RaycastingScene holds triangles only"
         if util.find_spec("open3d") is None:
-            return "Open3D is not installed: pip install 'raybench[open3d]'"
+            return f"Open3D is not installed: {install_extra('open3d')}"
         try:
             importlib.import_module("open3d")
         except (ImportError, OSError) as error:

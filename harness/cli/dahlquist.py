@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from engines import dahlquist
 from engines.errors import ConfigError, UnknownName
 from engines.image import write_image
+from engines.packages import install_extra
 from harness.console import consoles
 from harness.measure import machine
 
@@ -149,7 +150,7 @@ def _encoder(output: Path) -> Any:
         import imageio_ffmpeg  # pyright: ignore[reportMissingImports]  # the extra `video`
     except ImportError:
         raise ConfigError(
-            f"-o {output}: no video encoder is installed: pip install 'raybench[video]', or write a .gif or a folder"
+            f"-o {output}: no video encoder is installed: {install_extra('video')}, or write a .gif or a folder"
         ) from None
     return imageio_ffmpeg
 

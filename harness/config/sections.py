@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from engines.errors import suggestion
+from engines.packages import install_extra
 from engines.registry import is_file, split
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, Kind
@@ -179,7 +180,7 @@ def _quality(given: Given, context: Any) -> Quality:
     from harness.metrics import as_error, higher_is_better
 
     if quality.metric == "flip" and find_spec("flip_evaluator") is None:
-        raise given.at("metric").refuse("FLIP's evaluator is not installed: pip install 'raybench[flip]'")
+        raise given.at("metric").refuse(f"FLIP's evaluator is not installed: {install_extra('flip')}")
     if not higher_is_better(quality.metric):
         return quality
     if quality.targets is None or not given.has("targets"):

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from engines.errors import ConfigError
+from engines.packages import install_extra
 
 
 def open_viewer(
@@ -21,5 +22,5 @@ def open_viewer(
     try:
         from harness.view.server import serve
     except ImportError as error:
-        raise ConfigError(f"the viewer needs {error.name}: pip install 'raybench[view]'") from error
+        raise ConfigError(f"the viewer needs {error.name}: {install_extra('view')}") from error
     serve(scene, folder, port, engine, allow_imports, allow_outside, parameters, browser)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numba
 
 from engines.errors import Unsupported
+from engines.packages import install
 
 OLDEST, NEWEST = (0, 68), (0, 68)
 """The versions of Numba between which the modules here were tested: they use parts of it that are not public."""
@@ -17,7 +18,7 @@ def _check_numba() -> None:
         tested = " to ".join(dict.fromkeys(".".join(map(str, bound)) for bound in (OLDEST, NEWEST)))
         raise Unsupported(
             f"numba {numba.__version__} is installed: the engines numba and embree were tested with {tested}; "
-            f"install it with: pip install 'numba>={OLDEST[0]}.{OLDEST[1]},<{NEWEST[0]}.{NEWEST[1] + 1}'"
+            f"install it with: {install(f'numba>={OLDEST[0]}.{OLDEST[1]},<{NEWEST[0]}.{NEWEST[1] + 1}')}"
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
+from engines.packages import install_extra
 from engines.peers.luxcore.materials import material_lacks, texture_of
 from engines.peers.luxcore.renderer import Renderer
 from engines.scene import (
@@ -44,7 +45,7 @@ class Engine(AdapterEngine):
     """
 
     name = lineage = "luxcore"
-    module, install = "pyluxcore", "pip install 'raybench[luxcore]'"
+    module, install = "pyluxcore", install_extra("luxcore")
     renderer = Renderer
     own_process = True  # beside numba or llvmlite it ends the process: free(): invalid pointer
     overshoots = True

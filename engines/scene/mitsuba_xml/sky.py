@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engines.packages import install_extra
 from engines.scene.mitsuba_xml.colors import REFLECTANCE, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
@@ -33,7 +34,7 @@ def baked(importer: Importer, plugin: Plugin) -> NDArray[np.float32]:
     """(h, w, 3) the light of `sunsky`, `sky` or `sun`, with rows from pole to pole. Raises `SceneError`."""
     request = _request(plugin)
     if util.find_spec("mitsuba") is None:
-        raise plugin.refuse("is baked to an image by Mitsuba, which is not installed: pip install 'raybench[mitsuba]'")
+        raise plugin.refuse(f"is baked to an image by Mitsuba, which is not installed: {install_extra('mitsuba')}")
     program = [sys.executable, str(Path(__file__).with_name("bake_sky.py"))]
     try:
         done = subprocess.run(

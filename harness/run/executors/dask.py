@@ -27,6 +27,7 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 
 from engines.errors import ConfigError
+from engines.packages import install_extra
 from engines.temporary import TemporaryFolder
 from harness.config import paths
 from harness.hashing import digest
@@ -217,7 +218,7 @@ def connected(address: str) -> Client:
     try:
         from distributed import Client
     except ImportError as error:
-        raise ConfigError("--cluster needs the package distributed: pip install 'raybench[cluster]'") from error
+        raise ConfigError(f"--cluster needs the package distributed: {install_extra('cluster')}") from error
     if "://" not in address and not re.search(":[0-9]+$", address):  # Dask's client raises once more when it is deleted
         raise ConfigError(f"--cluster {address}: the address of a scheduler is wanted, as tcp://host:8786")
     try:
