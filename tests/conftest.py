@@ -13,7 +13,8 @@ import pytest
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
 
-from tests.browser import PROGRAM, Browser
+from tests import needs
+from tests.browser import Browser
 
 os.environ["RAYBENCH_PLOTS"] = "svg"
 
@@ -37,6 +38,8 @@ if "PYTEST_XDIST_WORKER" not in os.environ:  # its workers inherit the folders
         os.environ["TMPDIR"] = tempfile.tempdir = _temporary.name
     _references = tempfile.TemporaryDirectory(prefix="raybench-references-")
     os.environ["RAYBENCH_REFERENCES"] = _references.name
+    _found = tempfile.TemporaryDirectory(prefix="raybench-needs-")
+    os.environ[needs.RESULTS] = _found.name
 
 providers._get_local_constants = lambda: providers._local_constants
 """No constants of the sources among the examples: these would depend on which modules were imported before, and reading them
@@ -58,6 +61,7 @@ LONG = (
 def pytest_configure(config):
     """The order is that of `pytest_collection_modifyitems`, and not pytest-xdist's, by the number of a file's tests."""
     config.option.loadscopereorder = False
+    config.pluginmanager.register(needs.Plugin())
 
 
 def pytest_collection_modifyitems(items):
@@ -68,7 +72,5 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(scope="module")
 def browser():
     """A headless Chromium. It ends with its file: Playwright keeps an event loop running in the thread of the tests."""
-    if PROGRAM is None:
-        pytest.skip("Chromium is not installed")
     with Browser() as browser:
         yield browser

@@ -5,6 +5,7 @@ import pytest
 
 import engines
 from engines import Settings
+from tests.needs import needs
 
 ALPHA = (0.6, 0.2)
 DISK = {"disk": {"center": [1.2, 0, 0], "normal": [0.5, 0.6, 0.62], "radius": 0.9}, "material": "metal"}
@@ -41,9 +42,9 @@ def test_numba_has_the_tangents_of_the_reference(view):
 
 
 @pytest.mark.parametrize("view", [view for view in VIEWS if view != "behind the plane"])
+@needs("mitsuba-scalar")
 def test_mitsuba_has_the_tangents_of_the_reference(view):
     """Of disks and spheres: on planes it declines anisotropic conductors."""
-    pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
     reference, other = (image("numpy", [DISK, SPHERE], view, alpha, 256).mean() for alpha in (ALPHA, ALPHA[::-1]))
     found = image("mitsuba_scalar", [DISK, SPHERE], view, spp=256, precision="float32").mean()
     assert found == pytest.approx(reference, rel=0.02)

@@ -15,6 +15,7 @@ import pytest
 from PIL import Image as Pillow
 
 from engines.image import MAX_CHANNELS, MAX_PIXELS, SMALL_PIXELS
+from tests.needs import needs
 
 LITTLE, MUCH = 128, 1536
 """MiB: for a refusal, and for the largest image of a small file (0.75 GiB of float64)."""
@@ -94,7 +95,7 @@ def read(folder: Path, *names: str) -> list[tuple[str, list[str], float]]:
     return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@needs("linux")
 def test_images_too_large_for_their_files_are_refused_before_they_are_decoded(tmp_path):
     wide, high = 16_384, MAX_PIXELS // 16_384
     (tmp_path / "a.png").write_bytes(png(wide, high))
@@ -115,7 +116,7 @@ def test_images_too_large_for_their_files_are_refused_before_they_are_decoded(tm
         assert mebibytes < LITTLE, f"{name} took {mebibytes} MiB"
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@needs("linux", "memory")
 def test_the_largest_image_of_a_small_file_takes_bounded_memory(tmp_path):
     wide, high = 8192, SMALL_PIXELS // 8192
     (tmp_path / "a.png").write_bytes(png(wide, high))

@@ -15,8 +15,6 @@ import yaml
 from engines.input_files import NotRegularFile, open_regular, unreadable
 from engines.memory import lacking_memory
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="FIFOs, sockets and devices")
-
 HANG_SECONDS = 120
 SCENE = {
     "raybench_scene": 1,

@@ -1,6 +1,5 @@
 """The engine `open3d`: it renders nothing, says so, and traces triangles where Open3D is installed."""
 
-import importlib.util
 
 import numpy as np
 import pytest
@@ -9,10 +8,10 @@ import engines
 from engines import Settings, UnknownName, Unsupported
 from engines.interface import HasTracer
 from engines.open3d import Engine
+from engines.packages import install_extra
 from engines.scene import scene_from
+from tests.needs import needs
 from tests.test_layout import ROOT
-
-INSTALLED = importlib.util.find_spec("open3d") is not None
 
 
 @pytest.fixture(scope="module")
@@ -37,11 +36,14 @@ def test_it_renders_nothing_and_says_what_it_lacks(box):
     assert engine.why_not_tracer(box, Settings(precision="float64")) == "Open3D traces in float32 only"
     with pytest.raises(Unsupported, match="float32 only"):
         engine.tracer(box, Settings(precision="float64"))
-    if not INSTALLED:
-        assert engine.why_not_tracer(box, Settings()) == "Open3D is not installed: pip install 'raybench[open3d]'"
 
 
-@pytest.mark.skipif(not INSTALLED, reason="Open3D is not installed")
+def test_what_is_not_installed_is_named(box, monkeypatch):
+    monkeypatch.setattr("engines.open3d.engine.util.find_spec", lambda name: None)
+    assert Engine().why_not_tracer(box, Settings()) == f"Open3D is not installed: {install_extra('open3d')}"
+
+
+@needs("open3d")
 def test_its_answers_are_those_of_numpy(box):
     rng = np.random.default_rng(4)
     origins, directions = rng.uniform(-0.9, 0.9, (500, 3)), rng.normal(size=(500, 3))

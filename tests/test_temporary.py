@@ -11,7 +11,6 @@ import pytest
 
 from engines.temporary import OWNER, TemporaryFolder, remove_abandoned
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no such locks")
 ROOT = Path(__file__).resolve().parent.parent
 OWN = """
 import os, sys

@@ -58,6 +58,12 @@ def _drjit() -> Any:
     return sys.modules["drjit"]
 
 
+def modules() -> tuple[Any, Any]:
+    """The modules `mitsuba` and `drjit`. Raises `ImportError`."""
+    drjit = _drjit()
+    return importlib.import_module("mitsuba"), drjit
+
+
 def version() -> str:
     """The version of the package, without importing it."""
     try:
@@ -68,7 +74,7 @@ def version() -> str:
 
 def activate(variant: str, threads: int) -> tuple[Any, Any]:
     """The modules `mitsuba` and `drjit`, the one set to `variant`, the other to that number of threads."""
-    drjit, mitsuba = _drjit(), importlib.import_module("mitsuba")
+    mitsuba, drjit = modules()
     if mitsuba.variant() != variant:
         mitsuba.set_variant(variant)
         mitsuba.set_log_level(mitsuba.LogLevel.Error)

@@ -21,15 +21,17 @@ from engines.conformance import (
 )
 from engines.errors import UnknownName
 from tests.conformance.small_engine import Engine, Renderer
+from tests.needs import marks_of
 
 ELSEWHERE = ("cycles", "luxcore", "open3d")
 """Peers whose own tests examine them, where they are installed."""
 
 
-@pytest.mark.parametrize("name", [name for name in engines.engine_names() if name not in ELSEWHERE])
+EXAMINED = [pytest.param(name, marks=marks_of(name)) for name in engines.engine_names() if name not in ELSEWHERE]
+
+
+@pytest.mark.parametrize("name", EXAMINED)
 def test_the_engine_conforms_with_all_that_it_lists(name):
-    if name.startswith("mitsuba"):
-        pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
     # Mitsuba compiles each of hundreds of scenes; embree has numba's kernels around its intersector, compiled once more
     assert_conforms(engines.engine(name), quick=name in ("mitsuba", "mitsuba_scalar", "embree"))
 

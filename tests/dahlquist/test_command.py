@@ -10,7 +10,9 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from engines.errors import RaybenchError
+from engines.packages import install_extra
 from harness.cli import app
+from tests.needs import needs
 
 
 def command(*arguments):
@@ -57,12 +59,14 @@ def test_an_animation_is_a_folder_or_a_gif_of_consecutive_calls(tmp_path):
         assert (movie.n_frames, movie.size) == (4, (48, 48))
 
 
+@needs("ffmpeg")
 def test_an_mp4_is_written_where_an_encoder_is_installed(tmp_path):
-    encoder = pytest.importorskip("imageio_ffmpeg", reason="the extra `video` is not installed")
+    import imageio_ffmpeg
+
     file = tmp_path / "movie.mp4"
     done = command("--size", "47x33", "--engine", "numpy", "--animate", 5, "-o", file)
     assert done.exit_code == 0, done.output
-    frames, _ = encoder.count_frames_and_secs(str(file))
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(file))
     assert frames == 5
 
 
@@ -83,7 +87,7 @@ def test_without_an_encoder_the_message_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     done = command("--size", "16x16", "--engine", "numpy", "--animate", 2, "-o", tmp_path / "movie.mp4")
     assert isinstance(done.exception, RaybenchError)
-    assert "raybench[video]" in str(done.exception)
+    assert install_extra("video") in str(done.exception)
     assert not (tmp_path / "movie.mp4").exists()
 
 

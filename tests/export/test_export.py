@@ -13,6 +13,8 @@ from engines.export import export
 from harness.config import paths
 from tests.harness.sweeping import raybench
 from tests.image_tests import image_tests
+from tests.mitsuba.peer import mi
+from tests.needs import needs
 
 SIDE, SPP, REPLICATES = 24, 16, 12
 
@@ -23,7 +25,6 @@ def _scene(name):
 
 def _by_mitsuba(file):
     """(REPLICATES, h, w, 3) images of the exported file, whose own resolution and integrator count."""
-    mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
     mi.set_variant("scalar_rgb")
     loaded = mi.load_file(str(file))
     return np.stack([np.array(mi.render(loaded, spp=SPP, seed=seed)) for seed in range(REPLICATES)])
@@ -34,6 +35,7 @@ def _with_resolution(scene, width, height):
 
 
 @pytest.mark.parametrize("name", ["cornell_box", "two_spheres", "furnace"])
+@needs("mitsuba-scalar")
 def test_mitsuba_renders_the_exported_file_to_our_image(name, tmp_path):
     scene = _with_resolution(_scene(name), SIDE, SIDE)
     theirs = _by_mitsuba(export(scene, "mitsuba", tmp_path / "scene.xml", max_depth=5))

@@ -4,15 +4,15 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
 
 from engines import Settings
 from engines.export import export
 from engines.mitsuba import ScalarEngine, engine
 from engines.scene import Cylinder, EnvironmentLight, Material, Mesh, Scene, Sphere, ThinLens
-
-pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
 from tests.mitsuba.test_description import MODELS
+from tests.needs import needs
+
+pytestmark = needs("mitsuba-scalar")
 
 SIDE, SPP, SECONDS = 16, 16, 60
 RENDER = """

@@ -18,6 +18,7 @@ from engines.external.pictures import read_pfm
 from engines.external.template import filled
 from engines.scene import CustomLight
 from tests.external.describing import described
+from tests.needs import needs
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 MITSUBA = Path(sys.executable).parent / "mitsuba"
@@ -207,7 +208,7 @@ def test_portable_float_maps_are_read_from_the_bottom_up_in_either_byte_order():
             read_pfm(bad)
 
 
-@pytest.mark.skipif(not MITSUBA.exists(), reason="the command of the extra `mitsuba` is not installed")
+@needs("mitsuba-scalar")
 def test_mitsubas_own_command_makes_the_image_of_ours(monkeypatch):
     """Image means over six processes and six seeds: a false alarm has probability 1e-5 or so."""
     monkeypatch.setenv("PATH", os.pathsep.join([str(MITSUBA.parent), os.environ["PATH"]]))

@@ -15,6 +15,7 @@ from engines.image import read_film_layers, read_provenance
 from harness.run import progress
 from tests.harness import sweeping
 from tests.harness.sweeping import raybench
+from tests.needs import needs
 
 VERBS = (
     "run",
@@ -156,7 +157,7 @@ def test_a_file_in_place_of_a_folder_is_refused_before_any_work(arguments, messa
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.png", "taken"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+@needs("unprivileged")
 def test_render_refuses_a_folder_that_cannot_be_written_before_it_renders(tmp_path):
     tmp_path.chmod(0o500)
     said = ended(raybench("render", "cornell_box", "-o", tmp_path / "a.png", cwd=tmp_path), 2)

@@ -6,6 +6,7 @@ import threading
 import time
 from types import SimpleNamespace
 
+import distributed
 import numpy as np
 import pytest
 
@@ -14,8 +15,6 @@ from engines.image import read_film_layers
 from harness import store
 from harness.analysis.frames import open_results
 from tests.harness import sweeping
-
-distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 
 TEXT = sweeping.EXPERIMENT.replace("images: none", "images: last").replace(
     "'fake_engines:Other'", "'fake_engines:Phased', 'fake_engines:Broken'"

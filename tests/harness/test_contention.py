@@ -12,6 +12,7 @@ from harness.measure import contention, run_queue
 from harness.measure.contention import CPU_TIME, RUN_QUEUE, contended_by_cpu_time, judged
 from harness.measure.run_queue import EndedThreads, readable, thread_waits
 from tests.harness import sweeping
+from tests.needs import needs
 
 MILLISECOND = 10**6
 
@@ -160,7 +161,7 @@ finally:
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux" or not readable(), reason="the kernel does not count what threads wait")
+@needs("run-queue")
 def test_a_cell_beside_a_busy_process_on_its_processor_is_contended_even_where_its_threads_have_ended(tmp_path):
     sweeping.write(tmp_path)
     done = subprocess.run(

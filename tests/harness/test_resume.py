@@ -16,6 +16,7 @@ import pytest
 from harness import store
 from harness.measure.pool import Pool
 from tests.harness import sweeping
+from tests.needs import needs
 
 HANG_SECONDS = 300
 MOMENTS = 20
@@ -100,7 +101,7 @@ def assert_nothing_twice(out):
         assert [str(p.relative_to(out)) for p in kept] == [p["image"] for p in event["points"] if p["image"]]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux kills children with their parent")
+@needs("linux")
 def test_no_worker_outlives_a_killed_run_and_the_next_one_removes_its_temporary_folder(tmp_path, monkeypatch):
     out, temporary = tmp_path / "out", tmp_path / "temporary"
     temporary.mkdir()

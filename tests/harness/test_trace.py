@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -179,7 +180,6 @@ def test_run_takes_a_file_of_a_comparison_by_rays(tmp_path):
 
 
 def test_the_shipped_file_says_its_question_and_the_schema_takes_it():
-    jsonschema = pytest.importorskip("jsonschema")
     names = [name for name, path in paths.shipped("configs").items() if is_trace(path)]
     assert names == ["trace"]
     experiment = load_trace("trace")

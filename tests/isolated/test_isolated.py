@@ -20,6 +20,7 @@ from engines.interface import HasTracer
 from engines.isolated.channel import dumped, loaded
 from tests.isolated.environments import environment
 from tests.isolated.renderers import FOREIGN, KILLED, REPLACED, SLEEPING
+from tests.needs import needs
 
 ROOT = Path(__file__).resolve().parents[2]
 APART = "tests.isolated.renderers:Apart"
@@ -139,7 +140,7 @@ def alive(pid):
         return False
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+@needs("linux")
 @pytest.mark.parametrize("when", ["rest", "render"])
 def test_no_process_is_left_behind_by_one_that_ends_or_is_killed(when):
     parent = subprocess.Popen(

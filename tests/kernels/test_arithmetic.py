@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 from scipy import special
+from scipy.stats import qmc
 
 from engines.choices import Choice
 from engines.kernels.compile.jit import inline
@@ -102,7 +103,6 @@ def test_tabulated_halton_points_start_as_they_must():
 
 
 def test_tabulated_sobol_points_equal_scipys():
-    qmc = pytest.importorskip("scipy.stats").qmc
     theirs = qmc.Sobol(8, scramble=False, bits=32).random(64)
     ours = sampler.points(Choice("sobol", {"scramble": "none"}), 0, 64)[:, :8] / 2.0**32
     assert sorted(map(tuple, ours)) == sorted(map(tuple, theirs))

@@ -10,8 +10,6 @@ import engines
 from engines.kernels import driver
 from engines.kernels.compile import code_cache, second_process
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
-
 
 @pytest.fixture(autouse=True)
 def children(monkeypatch):

@@ -10,9 +10,8 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from engines.kernels.compile.processor import has_feature
+from tests.needs import needs
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKED = re.compile(r"^\s+(vmulp[sd]|vpmulld|vpmuludq|vfn?m(?:add|sub)\d+p[sd])\s.*%ymm", re.MULTILINE)
@@ -20,7 +19,7 @@ SCALAR = re.compile(r"^\s+(v?muls[sd]|vfn?m(?:add|sub)\d+s[sd]|imull)\s", re.MUL
 STAGES = {"draw": 20, "surface": 40, "shade": 40, "frosted glass": 290, "principled": 210}
 """Multiplications in vector registers that each stage has at least: half of what was counted."""
 
-pytestmark = pytest.mark.skipif(not has_feature("avx2"), reason="the processor has no AVX2")
+pytestmark = needs("avx2")
 
 
 def assembly(names, unrolls_early=False):

@@ -11,15 +11,21 @@ import engines
 from engines import Settings
 from harness.config import paths
 from tests.image_tests import image_tests
+from tests.needs import needs
 
-pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-llvm")
 
 ALPHA = 1e-4
 SIDE, REPLICATES, SPP = 24, 16, 8
-MANY = 200
-"""Surfaces above which Mitsuba takes seconds to record each kernel, for each is a case of its own."""
+MANY = {"lattice", "many_lights", "rings", "sphereflake", "tree"}
+"""Scenes of hundreds of spheres: Mitsuba records a case for each of them, which takes minutes."""
 LONG = {"bathroom", "cabinet", "cafe", "desk_lamp", "lantern", "living_room", "still_life"}
 """Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` stands for them."""
+WITHOUT_COUNTERPART = {
+    "cornell_spheres": "refraction without Fresnel's equations", "mobilert_cornell": "cameras but perspective",
+    "mobilert_cornell2": "cameras but perspective", "mobilert_spheres2": "cameras but perspective",
+}  # fmt: skip
+COMPARED = sorted(set(paths.shipped("scenes")) - LONG - MANY - set(WITHOUT_COUNTERPART))
 WAVEFRONT, SCALAR = engines.engine("mitsuba"), engines.engine("mitsuba_scalar")
 
 
@@ -28,9 +34,6 @@ def _replicates(engine, scene, shader, seed, spp=SPP):
     settings = Settings(
         SIDE, SIDE, shader=shader, sampler="random", precision=engine_precision(engine), seed=seed, threads=2
     )
-    reason = engine.why_not(scene, settings)
-    if reason is not None:
-        pytest.skip(reason)
     renderer = engine.prepare(scene, settings)
     sums = [np.zeros((SIDE, SIDE, 3))]
     sums += [renderer.render(spp).sums.copy() for _ in range(REPLICATES)]
@@ -52,14 +55,18 @@ def _scene(name):
     return engines.load_scene(paths.find("scenes", name))
 
 
-@pytest.mark.parametrize("name", sorted(set(paths.shipped("scenes")) - LONG))
+@pytest.mark.parametrize("name", COMPARED)
 def test_the_wavefront_agrees_with_embree_on_every_shipped_scene(name):
     scene = _scene(name)
-    if sum(len(getattr(shape, "radii", [0])) for shape in scene.shapes) > MANY:
-        pytest.skip("Mitsuba records a case for every sphere, which takes minutes")
     power, spp = (0.5, 4 * SPP) if name == "veach_plates" else (0.1, SPP)  # small lights in mirrors are found by chance alone
     theirs = _replicates(WAVEFRONT, scene, "path_tracer", 1, spp)
     _assert_equivalent(theirs, _replicates(engines.engine("embree"), scene, "path_tracer", 2, spp), power)
+
+
+@pytest.mark.parametrize(("name", "lacks"), WITHOUT_COUNTERPART.items())
+def test_a_shipped_scene_without_counterpart_is_declined_by_what_it_lacks(name, lacks):
+    reason = WAVEFRONT.why_not(_scene(name), Settings(SIDE, SIDE, sampler="random"))
+    assert reason is not None and lacks in reason
 
 
 @pytest.mark.parametrize("name", ["cornell_box", "two_spheres", "furnace"])

@@ -11,8 +11,7 @@ from engines.mitsuba.nodes import Placing
 from engines.mitsuba.textures import Textures
 from engines.scene import Blend, Conductor, Dielectric, Diffuse, Mixture, Null
 from harness.config import paths
-
-pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+from tests.needs import needs
 
 KD, KS = (0.3, 0.22, 0.08), (0.55, 0.42, 0.2)
 BRASS = Mixture(KD, KS)
@@ -27,8 +26,6 @@ def gears():
 
 @pytest.fixture(scope="module")
 def mitsuba():
-    if reason := engines.engine("mitsuba").why_not(gears(), Settings(sampler="random")):
-        pytest.skip(reason)
     from engines.mitsuba.library import LLVM, activate, active
 
     with active(LLVM, 1):
@@ -51,6 +48,7 @@ def sampled(mitsuba, node, count=4096):
     return np.array(weight).T, specular
 
 
+@needs("mitsuba-llvm")
 def test_every_lobe_keeps_its_colour(mitsuba):
     weights, specular = sampled(mitsuba, blends.exact(bsdf_node(BRASS, NOTHING)))
     share = max(KS) / (max(KD) + max(KS))
@@ -59,6 +57,7 @@ def test_every_lobe_keeps_its_colour(mitsuba):
     assert abs(specular.mean() - share) < 0.03
 
 
+@needs("mitsuba-llvm")
 def test_mitsubas_own_blend_does_not(mitsuba):
     """Where this fails, Mitsuba has been mended: then `engines.mitsuba.blends` is no longer needed."""
     weights, specular = sampled(mitsuba, bsdf_node(BRASS, NOTHING))
@@ -81,6 +80,7 @@ def test_blends_of_one_kind_of_lobes_stay_mitsubas(bsdf, replaced):
     assert (blends.exact(node) != node) is replaced
 
 
+@needs("mitsuba-llvm")
 def test_a_coloured_plane_under_an_even_sky_has_the_sum_of_its_lobes():
     """With Mitsuba's own blend blue is 1.4 % too dark."""
     scene = engines.scene_from({
@@ -91,8 +91,6 @@ def test_a_coloured_plane_under_an_even_sky_has_the_sum_of_its_lobes():
         "lights": [{"environment": {"radiance": 1}}],
     })  # fmt: skip
     settings = Settings(32, 32, shader={"name": "path_tracer", "max_depth": 2}, sampler="random")
-    if reason := engines.engine("mitsuba").why_not(scene, settings):
-        pytest.skip(reason)
     found = engines.engine("mitsuba").prepare(scene, settings).render(1024).mean().mean((0, 1))
     assert np.allclose(found, np.add(KD, KS), rtol=3e-3)
 

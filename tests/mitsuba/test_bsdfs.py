@@ -19,8 +19,10 @@ from tests.bsdf_parameter_sets import (
     SMOOTH_PLASTICS,
     TEAL,
 )
+from tests.mitsuba.peer import mi
+from tests.needs import needs
 
-mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-scalar")
 
 PAIRS = 1000
 

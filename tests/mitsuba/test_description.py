@@ -38,8 +38,10 @@ from engines.scene import (
     ThinDielectric,
     ThinLens,
 )
+from tests.mitsuba.peer import mi
+from tests.needs import needs
 
-mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-scalar")
 
 RNG = np.random.default_rng(3)
 IMAGE = ImageTexture(RNG.uniform(0.1, 0.4, (4, 5, 3)).astype(np.float32), to_uv=(2.0, 0.0, 0.25, 0.0, -1.5, 0.5))

@@ -9,12 +9,14 @@ import pytest
 
 import engines
 from engines import Settings, UnknownName
-from engines.mitsuba import Engine, ScalarEngine, library
+from engines.mitsuba import Engine, library
 from engines.mitsuba.patterns import ROUNDED
 from engines.mitsuba.seeds import seed_of
+from engines.packages import install_extra
+from tests.needs import needs
 from tests.plain_scene import plain_scene
 
-installed = pytest.mark.skipif(library.lacking(library.LLVM) is not None, reason=str(library.lacking(library.LLVM)))
+compiled = needs("mitsuba-llvm")
 
 
 def test_nothing_of_mitsuba_is_imported_before_it_is_used():
@@ -28,19 +30,10 @@ def test_nothing_of_mitsuba_is_imported_before_it_is_used():
 def test_what_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr(library.util, "find_spec", lambda name: None)
     reason = Engine().why_not(plain_scene(), Settings(sampler="random"))
-    assert "pip install 'raybench[mitsuba]'" in str(reason)
+    assert reason == f"Mitsuba 3 is not installed: {install_extra('mitsuba')}"
 
 
-@installed
-def test_a_missing_libllvm_is_named_and_the_scalar_variant_works(monkeypatch):
-    import drjit
-
-    monkeypatch.setattr(drjit, "has_backend", lambda backend: False)
-    assert "DRJIT_LIBLLVM_PATH" in str(Engine().why_not(plain_scene(), Settings(sampler="random")))
-    assert ScalarEngine().why_not(plain_scene(), Settings(sampler="random")) is None
-
-
-@installed
+@compiled
 @pytest.mark.parametrize(
     ("material", "words"),
     [
@@ -56,7 +49,7 @@ def test_materials_without_counterpart_are_declined(material, words):
     assert words in reason
 
 
-@installed
+@compiled
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -76,7 +69,7 @@ def test_unknown_samplers_are_refused_with_mitsubas_own_among_the_known():
         Engine().prepare(plain_scene(), Settings(sampler="multijiter"))
 
 
-@installed
+@compiled
 def test_patterns_spread_their_samples():
     """A whole pattern of Mitsuba's stratified samplers has less variance than as many independent samples."""
     scene = engines.load_scene("two_spheres")
@@ -93,7 +86,7 @@ def test_patterns_spread_their_samples():
         assert error({"name": name, count: 16}) < 0.7 * independent, name
 
 
-@installed
+@compiled
 @pytest.mark.parametrize("lanes", [64, 1 << 22], ids=["bands", "whole"])
 @pytest.mark.parametrize("sampler", ["random", "orthogonal", {"name": "multijitter", "sample_count": 4}])
 def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler, lanes, monkeypatch):
@@ -110,7 +103,7 @@ def test_a_pattern_ends_and_another_begins_wherever_calls_are_split(sampler, lan
     assert films[0].spp == 25
 
 
-@installed
+@compiled
 @pytest.mark.parametrize("name", sorted(ROUNDED))
 def test_a_whole_pattern_is_the_image_that_mitsuba_renders(name):
     """Of the same seed, in one call of exactly as many samples: what is timed is the peer's own work."""
@@ -124,7 +117,7 @@ def test_a_whole_pattern_is_the_image_that_mitsuba_renders(name):
     assert np.allclose(renderer.render(pattern.spp).mean(), theirs, rtol=1e-4, atol=1e-5)
 
 
-@installed
+@compiled
 @pytest.mark.parametrize("name", sorted(ROUNDED))
 def test_full_patterns_are_as_large_as_mitsuba_makes_them(name):
     import mitsuba as mi
@@ -152,7 +145,7 @@ def test_a_chosen_pattern_is_repeated_and_the_largest_too():
     assert Engine().full_pattern({"name": "random"}, 5) is None
 
 
-@installed
+@compiled
 def test_a_pattern_that_stop_ends_is_dropped_whole(monkeypatch):
     monkeypatch.setattr("engines.mitsuba.wavefront.MOST_LANES", 64)
     renderer = Engine().prepare(plain_scene(), Settings(6, 5, sampler={"name": "multijitter", "sample_count": 16}))
@@ -171,7 +164,7 @@ def test_a_pattern_that_stop_ends_is_dropped_whole(monkeypatch):
     assert renderer.render(16).spp == 32
 
 
-@installed
+@compiled
 def test_every_sample_of_every_pixel_has_a_stream_of_its_own():
     import drjit as dr
 
@@ -189,7 +182,7 @@ def test_every_sample_of_every_pixel_has_a_stream_of_its_own():
         assert abs(np.corrcoef(one, other)[0, 1]) < 5 / 256
 
 
-@installed
+@compiled
 @pytest.mark.parametrize("size", [(1, 1), (9, 7), (5, 8), (2, 65)])
 def test_independent_samples_are_launched_in_strips_that_hold_every_pixel(size):
     passes = Engine().prepare(plain_scene(), Settings(*size, sampler="random"))._passes
@@ -203,12 +196,3 @@ def test_independent_samples_are_launched_in_strips_that_hold_every_pixel(size):
 def test_every_seed_and_pass_has_a_seed_of_its_own():
     seeds = {seed_of(seed, part) for seed in (0, 1, 2, 2**32, 2**40 + 1) for part in range(200)}
     assert len(seeds) == 1000
-
-
-@installed
-def test_an_llvm_too_old_for_drjit_is_declined_by_name(monkeypatch):
-    import drjit
-
-    monkeypatch.setattr(drjit.detail, "llvm_version", lambda: (15, 0, 6))
-    reason = library.lacking(library.LLVM)
-    assert reason is not None and "15.0.6" in reason and "17 or later" in reason

@@ -5,9 +5,11 @@ import pytest
 
 from engines.numpy_reference.camera import camera_rays
 from engines.scene import EnvironmentLight, Mesh
+from tests.mitsuba.peer import mi
+from tests.needs import needs
 from tests.scene.mitsuba_files import LAMP, scene, written
 
-mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-scalar")
 
 FILM = '<film type="hdrfilm"><integer name="width" value="30"/><integer name="height" value="20"/></film>'
 PLACE = '<transform name="{}"><lookat origin="1,2,3" target="0,0.5,0" up="0.1,1,0"/></transform>'

@@ -10,12 +10,14 @@ from engines import Settings
 from engines.export import export
 from engines.mitsuba.nodes import facing
 from engines.scene.metals import METALS
+from tests.mitsuba.peer import mi
+from tests.needs import marks_of, needs
 
-mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-scalar")
 
 CAMERA = {"type": "orthographic", "eye": [0, 0, 5], "target": [0, 0, 0], "height": 0.01}
 FLOOR = {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 2}, "material": "floor"}
-ENGINES = ("mitsuba", "mitsuba_scalar")
+ENGINES = [pytest.param(name, marks=marks_of(name)) for name in ("mitsuba", "mitsuba_scalar")]
 
 
 def scene(material, shapes=(), lights=()):
@@ -66,6 +68,7 @@ def test_a_rough_conductor_reflects_a_spot_light_by_its_formula(engine):
 
 
 @pytest.mark.parametrize("axis", [0, 1])
+@needs("mitsuba-llvm")
 def test_the_first_roughness_is_along_the_first_tangent(axis):
     """Of a triangle from its first corner to its second; the rougher way spreads light further off the mirror direction."""
     triangle = {"triangle": {"a": [-5, -2, 0], "b": [5, -2, 0], "c": [0, 5, 0]}, "material": "floor"}
@@ -79,6 +82,7 @@ def test_the_first_roughness_is_along_the_first_tangent(axis):
 
 
 @pytest.mark.parametrize(("degrees", "share"), [(5, 1.0), (19.9, 1.0), (25, 0.5), (29, 0.1), (30.5, 0.0)])
+@needs("mitsuba-llvm")
 def test_a_spot_light_falls_off_linearly_in_the_angle(degrees, share):
     angle = math.radians(degrees)
     axis = [math.sin(angle), 0, -math.cos(angle)]
@@ -98,6 +102,7 @@ def test_a_disk_lights_what_it_faces(engine):
     assert np.allclose(mean(engine, scene({"kd": 0.5}, [both]), 256), 0.5 * 9 / (9 + 36), rtol=0.02)
 
 
+@needs("mitsuba-llvm")
 def test_rays_hit_a_disk_inside_its_radius_and_nowhere_else():
     held = scene({"kd": 0.5})
     renderer = engines.engine("mitsuba").prepare(held, Settings(4, 4, sampler="random", precision="float32"))
@@ -108,6 +113,7 @@ def test_rays_hit_a_disk_inside_its_radius_and_nowhere_else():
     assert np.allclose(hits.t[[0, 1, 2, 4]], 3) and np.allclose(hits.normal[0], [0, 0, 1])
 
 
+@needs("mitsuba-llvm")
 def test_an_exported_file_gives_mitsuba_the_same_image(tmp_path):
     spot = {"position": [0.5, 0, 2], "target": [0, 0, 0], "intensity": 5}
     above = {"disk": {"center": [0, 0, 6], "normal": [0, 0, -1], "radius": 3}, "material": "lamp"}
@@ -146,12 +152,14 @@ def test_a_tilted_plane_does_not_shadow_itself(engine, normal):
     assert np.allclose(found, 0.5 * (away @ unit) / distance**3, rtol=0.05)
 
 
+@needs("mitsuba-llvm")
 def test_ambient_light_is_for_diffuse_lobes_alone():
     shader = {"name": "whitted", "ambient": 0.3}
     assert np.allclose(mean("mitsuba", scene({"kd": 0.5}), shader=shader), 0.15, rtol=1e-4)
     assert np.all(mean("mitsuba", scene({"conductor": {"metal": "Au", "alpha": 0.3}}), shader=shader) == 0)
 
 
+@needs("mitsuba-llvm")
 def test_an_anisotropic_plane_is_declined_by_name():
     plane = {"plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}, "material": "floor"}
     held, even = (scene({"conductor": {"metal": "Au", "alpha": alpha}}, [plane]) for alpha in ([0.1, 0.2], 0.1))

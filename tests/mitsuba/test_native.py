@@ -15,8 +15,10 @@ from harness.analysis.model import ranked_together
 from harness.store.results import load_results
 from tests import forked
 from tests.harness import sweeping
+from tests.mitsuba.peer import mi
+from tests.needs import needs
 
-mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-scalar")
 
 FOG = """\
 <scene version="3.0.0">

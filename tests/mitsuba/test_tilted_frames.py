@@ -14,8 +14,10 @@ from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import dot
 from engines.scene import Blend, Bump, Conductor, Dielectric, ImageTexture, Material, Mixture, NormalMap
+from tests.mitsuba.peer import mi
+from tests.needs import needs
 
-mi = pytest.importorskip("mitsuba", reason="the extra is not installed: pip install 'raybench[mitsuba]'")
+pytestmark = needs("mitsuba-scalar")
 
 PAIRS = 400
 DP_DU, DP_DV = (2.0, 0.0, 0.0), (0.4, 1.5, 0.0)

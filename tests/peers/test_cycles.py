@@ -1,7 +1,5 @@
 """The engine cycles: its shapes and lookups, what it declines; where there is a Python with bpy, conformance and images."""
 
-import importlib.util
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,12 +15,12 @@ from engines.peers.cycles.nodes import _tall, looked_up
 from engines.scene import Disk, EnvironmentLight, Plane
 from harness.config import paths
 from harness.statistics.equivalence import equivalence
+from tests.needs import needs
 
 NAME = "engines.peers.cycles:Engine"
 PATH = {"name": "path_tracer", "max_depth": 8, "rr_depth": 8}
 SETTINGS = Settings(32, 32, shader=PATH, sampler="sobol", precision="float32", threads=2, seed=3)
-has_bpy = "RAYBENCH_CYCLES_PYTHON" in os.environ or importlib.util.find_spec("bpy") is not None
-installed = pytest.mark.skipif(not has_bpy, reason="RAYBENCH_CYCLES_PYTHON names no environment with bpy")
+installed = needs("cycles")
 
 
 def scene(shape=None, light=None, **material):

@@ -1,6 +1,5 @@
 """The engine luxcore, in a process of its own: its conformance, its images against numba's, and what it declines."""
 
-import importlib.util
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,16 +10,18 @@ import pytest
 import engines
 from engines import Settings, Unsupported
 from engines.conformance import check_engine
+from engines.packages import install_extra
 from engines.peers.luxcore import Engine
 from engines.peers.luxcore.description import importances
 from harness.config import paths
 from harness.statistics.equivalence import equivalence
+from tests.needs import needs
 from tests.plain_scene import plain_scene
 
 NAME = "engines.peers.luxcore:Engine"
 DEEP = {"name": "path_tracer", "max_depth": 8, "rr_depth": 8}
 SETTINGS = Settings(32, 32, shader=DEEP, sampler="random", precision="float32", threads=2, seed=3)
-installed = pytest.mark.skipif(importlib.util.find_spec("pyluxcore") is None, reason="pip install 'raybench[luxcore]'")
+installed = needs("luxcore")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def test_nothing_of_luxcore_is_imported_before_it_is_used():
 def test_what_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "pyluxcore", raising=False)
-    assert "pip install 'raybench[luxcore]'" in str(Engine().why_not(plain_scene(), SETTINGS))
+    assert install_extra("luxcore") in str(Engine().why_not(plain_scene(), SETTINGS))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from engines.scene.mitsuba_xml import bsdfs, emitters, sensors, shapes, textures
+from tests.needs import needs
 from tests.scene.mitsuba_files import LAMP, SENSOR, refusal, scene
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "mitsuba_scenes.md"
@@ -53,11 +54,10 @@ def test_media_of_the_table_are_refused(tmp_path, name):
     assert "media" in refusal(tmp_path, f'<shape type="sphere"><medium type="{name}" name="interior"/></shape>')
 
 
+@needs("mitsuba-scalar")
 def test_every_plugin_of_mitsuba_is_in_the_table():
-    found = util.find_spec("mitsuba")
-    if found is None or not found.submodule_search_locations:
-        pytest.skip("Mitsuba is not installed")
-    folder = Path(found.submodule_search_locations[0]) / "plugins"
+    (package,) = util.find_spec("mitsuba").submodule_search_locations
+    folder = Path(package) / "plugins"
     named = {
         file.name.removeprefix("lib").split(".")[0]
         for file in folder.iterdir()

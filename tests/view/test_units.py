@@ -26,6 +26,7 @@ from harness.view.race import _experiment
 from harness.view.requests import checked
 from harness.view.view_controller import ViewController
 from harness.view.yaml_export import scene_yaml
+from tests.needs import needs
 
 VIEW = {"eye": (1.0, 2.0, 5.0), "target": (0.2, 0.9, 0.0), "up": (0.1, 1.0, 0.0)}
 CAMERAS = [
@@ -138,10 +139,14 @@ def test_the_menu_has_what_the_engines_list(tmp_path):
     assert kinds["direct"]["accepts"].startswith("one of ") and kinds["direct"]["description"]
     refused = {e["name"]: e["refusals"] for e in listed["engines"]}
     assert refused["numpy"] == refused["embreex_batch"] == {"sampler": {}, "shader": {}}
-    if "mitsuba" in refused:
-        assert "sobol" in refused["mitsuba"]["sampler"] and "independent" not in refused["mitsuba"]["sampler"]
     strata = next(s for s in listed["samplers"] if s["name"] == "stratified")["options"][0]
     assert strata["values"] == [4, 16, 64, 256, 1024, 4096] and strata["default"] == 64
+
+
+@needs("mitsuba-llvm")
+def test_the_menu_has_samplers_of_mitsubas_own_and_says_which_of_ours_it_lacks(tmp_path):
+    refused = {engine["name"]: engine["refusals"] for engine in menu(Library(tmp_path))["engines"]}["mitsuba"]["sampler"]
+    assert "sobol" in refused and "independent" not in refused
 
 
 def test_an_engine_that_renders_nothing_is_listed_with_the_reason(tmp_path):
