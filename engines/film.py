@@ -153,7 +153,8 @@ class Film:
 
     def save(self, path: str | PathLike[str], provenance: Mapping[str, Any] | None = None,
              tone_mapper: str | ToneMapper = "srgb") -> None:  # fmt: skip
-        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header) or `.png` (8 bit).
+        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header), or 8 bit: `.png` (with provenance),
+        `.jpg` (quality 95), `.bmp`, `.tif`, `.webp` (lossless).
 
         Raises `ConfigError` for other suffixes and for files that cannot be written.
         """
