@@ -6,7 +6,9 @@ so that two halves of the image can be compared. Counts are per pixel: a stopped
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -33,8 +35,17 @@ def _zeros(width: int, height: int) -> Arrays:
     return (*colours, np.zeros((height, width), np.int64))  # type: ignore[return-value]
 
 
-allocate: Callable[[int, int], Arrays] = _zeros
-"""Makes the arrays of a film, all 0. A process that renders for another one puts them into memory that both share."""
+_allocate: ContextVar[Callable[[int, int], Arrays]] = ContextVar("_allocate", default=_zeros)
+
+
+@contextmanager
+def allocated_by(allocate: Callable[[int, int], Arrays]) -> Iterator[None]:
+    """Within, `allocate` makes the arrays of new films, all 0: a process that renders for another one shares their memory."""
+    token = _allocate.set(allocate)
+    try:
+        yield
+    finally:
+        _allocate.reset(token)
 
 
 class Film:
@@ -47,7 +58,7 @@ class Film:
     def __init__(self, width: int, height: int) -> None:
         memory.require(BYTES_A_PIXEL * width * height, f"a film of {width}x{height} pixels")
         self.width, self.height = width, height
-        self.sums, self.squares, self.even_sums, self.counts = allocate(width, height)
+        self.sums, self.squares, self.even_sums, self.counts = _allocate.get()(width, height)
         self.bad_samples = 0
         """Samples that were NaN or infinite; they count as black."""
         self._means = 0  # what `add_mean` was given, from its first mean of several samples on; single samples count too
@@ -142,7 +153,8 @@ class Film:
 
     def save(self, path: str | PathLike[str], provenance: Mapping[str, Any] | None = None,
              tone_mapper: str | ToneMapper = "srgb") -> None:  # fmt: skip
-        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header) or `.png` (8 bit).
+        """Writes `.exr` (float32: colour, variance, both halves; provenance in the header), or 8 bit: `.png` (with provenance),
+        `.jpg` (quality 95), `.bmp`, `.tif`, `.webp` (lossless).
 
         Raises `ConfigError` for other suffixes and for files that cannot be written.
         """

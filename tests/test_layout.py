@@ -8,6 +8,7 @@ brings the compiler along.
 
 import ast
 import graphlib
+import re
 import subprocess
 import sys
 import zipfile
@@ -309,6 +310,22 @@ def test_no_file_is_longer_than_400_lines_without_a_reason():
         if len(path.read_text().splitlines()) > 400
     }
     assert long == set(LONG_FILES)
+
+
+def patches(source: str) -> list[str]:
+    """Assignments to an attribute of something that a module imports, which is someone else's."""
+    nodes = list(ast.walk(ast.parse(source)))
+    imports = [node for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom))]
+    foreign = {(alias.asname or alias.name).partition(".")[0] for node in imports for alias in node.names}
+    stored = [ast.unparse(n) for n in nodes if isinstance(n, ast.Attribute) and not isinstance(n.ctx, ast.Load)]
+    return [target for target in stored if re.split(r"[.\[(]", target)[0] in foreign]
+
+
+def test_no_module_assigns_to_an_attribute_of_what_it_imports():
+    for_users = "warnings.formatwarning"  # which Python's documents tell programs to replace
+    found = {name: set(patches(path.read_text())) - {for_users} for name, path in MODULES.items()}
+    assert {name: targets for name, targets in found.items() if targets} == {}
+    assert patches("import a.b\nfrom c import d as e\na.b.c = 1\ne.x += 1\ndel a.x\nf.x = e.x") == ["a.b.c", "e.x", "a.x"]
 
 
 def test_nothing_is_called_utils():

@@ -20,8 +20,9 @@ WRITERS: dict[str, tuple[str, Callable[[Scene, Path, int, int], None]]] = {
 def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: int = 64) -> Path:
     """Writes the scene, its camera and an integrator of `max_depth` segments; returns the file.
 
-    `path` is a file of the right suffix, or a folder; meshes and images go to a folder beside the file. Raises
-    `UnknownName` for other forms, and `Unsupported` for what that renderer has no counterpart of.
+    `path` is a file of the right suffix, or a folder, which is made where it is missing; meshes and images go to a folder
+    beside the file. Raises `UnknownName` for other forms, `ConfigError` for a file that cannot be written, and `Unsupported`
+    for what that renderer has no counterpart of.
     """
     if form not in WRITERS:
         raise UnknownName("renderer to export to", form, WRITERS)
@@ -29,12 +30,17 @@ def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: i
         raise Unsupported(refusal)
     suffix, write = WRITERS[form]
     file = Path(path)
-    if file.suffix != suffix:
-        if file.suffix and not file.is_dir():
-            raise ConfigError(f"{path}: must end in {suffix}, or be a folder")
+    if file.is_dir() or not (file.suffix or file.exists()):
         file = file / f"{Path(scene.source).stem or 'scene'}{suffix}"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write(scene, file, max_depth, spp)
+    if file.suffix.lower() != suffix:
+        raise ConfigError(f"{path}: must end in {suffix}, or be a folder")
+    if file.is_dir():
+        raise ConfigError(f"{file}: is a folder; a file is expected")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write(scene, file, max_depth, spp)
+    except OSError as problem:
+        raise ConfigError(f"{file}: cannot be written: {problem.strerror or problem}") from problem
     return file
 
 

@@ -54,7 +54,7 @@ def _new(size: int) -> int:
 
 
 def allocate(width: int, height: int) -> Arrays:
-    """For `engines.film.allocate`."""
+    """For `engines.film.allocated_by`."""
     return Block(width, height).arrays()
 
 

@@ -18,8 +18,8 @@ import traceback
 from collections.abc import Sequence
 from typing import Any
 
-import engines.film
 from engines import errors
+from engines.film import allocated_by
 from engines.isolated import films
 from engines.isolated.channel import Channel, Closed, Unreadable
 from engines.isolated.environment import described
@@ -77,7 +77,7 @@ class Server:
         return getattr(self, f"_call_{verb}")(*arguments)
 
     def _call_make(self, target: str, folders: Sequence[str]) -> str:
-        sys.path += [folder for folder in folders if folder not in sys.path]
+        sys.path.extend(folder for folder in folders if folder not in sys.path)
         self._engine = make(target)
         return str(self._engine.version)
 
@@ -167,6 +167,6 @@ def serve(parent: int, dies_with_it: bool, *descriptors: int) -> None:
         import ctypes
 
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    engines.film.allocate = films.allocate
     channels = (Channel(socket.socket(fileno=each), lambda: os.getppid() == parent) for each in descriptors)
-    Server(*channels).serve()
+    with allocated_by(films.allocate):
+        Server(*channels).serve()

@@ -15,6 +15,7 @@ from engines import dahlquist
 from engines.errors import ConfigError, UnknownName
 from engines.image import write_image
 from engines.packages import install_extra
+from harness.cli.outputs import check_file, check_folder
 from harness.console import consoles
 from harness.measure import machine
 
@@ -89,16 +90,11 @@ def _check(request: Request) -> None:
         raise UnknownName("probe", request.probe, dahlquist.PROBES)
     if not 0.1 <= request.frames_per_second <= 100:
         raise ConfigError(f"--fps {request.frames_per_second:g}: must be in [0.1, 100]")
-    suffix = request.output.suffix.lower()
-    if request.animate is None and suffix != ".png":
-        raise ConfigError(f"-o {request.output}: must end in .png, whose alpha holds the flag")
-    if request.animate is not None and suffix and suffix not in MOVIES:
-        raise ConfigError(f"-o {request.output}: must be a folder, or end in .gif or .mp4")
-    if not request.output.absolute().parent.is_dir():
-        raise ConfigError(f"-o {request.output}: the folder {request.output.parent} does not exist")
-    if request.animate is not None and not suffix and request.output.is_file():
-        raise ConfigError(f"-o {request.output}: is a file; a folder is wanted, or a name that ends in .gif or .mp4")
-    if request.animate is not None and suffix == ".mp4":
+    if request.animate is None:
+        check_file(request.output, (".png",))
+    elif not request.output.suffix:
+        check_folder(request.output)
+    elif check_file(request.output, MOVIES) == ".mp4":
         _encoder(request.output)
 
 

@@ -11,6 +11,8 @@ from harness.cli.options import DEFAULT_ENGINE, AllowCommands, AllowImports, All
 from harness.cli.options import choices as named
 from harness.cli.options import size as parse_size
 
+_FILE = "Image file: .exr, .png, .jpg (quality 95), .bmp, .tif or .webp (lossless)."
+
 
 def render(
     scene: Scene,
@@ -50,16 +52,16 @@ def render(
     tone_mapper: Annotated[
         str,
         typer.Option(
-            help="linear, srgb, reinhard, aces or module:attribute; for .png.", autocompletion=named("TONE_MAPPERS")
+            help="linear, srgb, reinhard, aces or module:attribute; not for .exr.", autocompletion=named("TONE_MAPPERS")
         ),
     ] = "srgb",
-    output: Annotated[Optional[Path], typer.Option("-o", "--output", help="Image file.", show_default="<scene>.exr")] = None,  # noqa: UP045
+    output: Annotated[Optional[Path], typer.Option("-o", "--output", help=_FILE, show_default="<scene>.exr")] = None,  # noqa: UP045
     define: Define = None,
     allow_imports: AllowImports = False,
     allow_commands: AllowCommands = False,
     allow_outside: AllowOutside = False,
 ) -> None:
-    """Render one image: .exr (linear, with variance and both halves) or .png."""
+    """Render one image: .exr (linear, with variance and both halves), or 8-bit .png, .jpg, .bmp, .tif or .webp."""
     from harness.cli.render import Request, parameters_of
     from harness.cli.render import render as rendered
 

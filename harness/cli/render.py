@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -15,12 +14,14 @@ from engines import memory
 from engines.choices import SAMPLERS, SHADERS, resolve
 from engines.errors import ConfigError, Unsupported
 from engines.film import BYTES_A_PIXEL_WRITTEN, Film
+from engines.image import SUFFIXES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
 from engines.registry import load_attribute
 from engines.scene import load_scene
 from engines.schema.yaml_file import parse_yaml
 from engines.tonemap import ToneMapper, to_bitmap, tone_mapper
+from harness.cli.outputs import check_file
 from harness.config import paths
 from harness.config.settings import engine_settings, known, require_commands, require_imports
 from harness.console import allow_here, consoles
@@ -57,7 +58,7 @@ def render(request: Request) -> Film:
         raise ConfigError(f"--spp {request.spp}: must be in [1, {MAX_SPP}]")
     path = paths.find("scenes", request.scene)
     output = request.output or Path(f"{path.stem}.exr")
-    _check_output(output)
+    check_file(output, SUFFIXES)
     allow_here(request.allow_imports)
     mapper = _tone_mapper(request.tone_mapper, request.allow_imports)
     require_imports(request.engine, request.allow_imports)
@@ -130,19 +131,6 @@ def _print_summary(console: Console, film: Film, seconds: float, rays: float | N
     console.print(words, markup=False, soft_wrap=True)
     if film.bad_samples:
         console.print(f"warning: {film.bad_samples} samples were not finite; they count as black", style="yellow")
-
-
-def _check_output(output: Path) -> None:
-    from engines.image import SUFFIXES
-
-    if output.suffix.lower() not in SUFFIXES:
-        raise ConfigError(f"-o {output}: must end in one of {', '.join(SUFFIXES)}")
-    if output.is_dir():
-        raise ConfigError(f"-o {output}: is a folder; a file is wanted")
-    if not output.absolute().parent.is_dir():
-        raise ConfigError(f"-o {output}: the folder {output.parent} does not exist")
-    if not os.access(output.absolute().parent, os.W_OK):
-        raise ConfigError(f"-o {output}: the folder {output.parent} cannot be written to")
 
 
 def _settings(request: Request) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from engines.errors import ConfigError
 from harness import store
+from harness.cli.outputs import check_file
 from harness.console import consoles
 from harness.store import atomic
 from harness.trace import records
@@ -135,9 +136,7 @@ def compare(
     from harness.report.tables import TEXTS, cell_text, changes
     from harness.store.results import load_results
 
-    text = None if output is None else TEXTS.get(output.suffix.removeprefix("."))
-    if output is not None and text is None:
-        raise ConfigError(f"--output {output}: must end in one of {', '.join(f'.{name}' for name in TEXTS)}")
+    suffix = None if output is None else check_file(output, [f".{name}" for name in TEXTS])
     for folder in (*before, *after):
         require_results(folder)
     found = changes([load_results(folder) for folder in before], [load_results(folder) for folder in after], threshold)
@@ -153,8 +152,8 @@ def compare(
     counts = Counter(str(row["verdict"]) for row in found.rows)
     counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     console.print(f"{counted or 'nothing to compare'}.", soft_wrap=True)
-    if output is not None and text is not None:
-        atomic.write_text(output, text(found))
+    if output is not None and suffix is not None:
+        atomic.write_text(output, TEXTS[suffix.removeprefix(".")](found))
     return sum(bool(row.get("regression")) for row in found.rows)
 
 

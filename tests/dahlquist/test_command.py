@@ -100,7 +100,7 @@ def test_without_an_encoder_the_message_names_the_extra(tmp_path, monkeypatch):
         (["--probe", "chequer"], "did you mean 'checker'"),
         (["--engine", "nunba"], "did you mean 'numba'"),
         (["-o", "frame.jpg"], "must end in .png"),
-        (["--animate", "2", "-o", "movie.avi"], "end in .gif or .mp4"),
+        (["--animate", "2", "-o", "movie.avi"], "must end in .gif or .mp4"),
         (["-o", "nowhere/frame.png"], "the folder nowhere does not exist"),
         (["--probe-image", "nowhere.png"], "nowhere.png: cannot be read"),
         (["--threads", "0"], "--threads 0"),
