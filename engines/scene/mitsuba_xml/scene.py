@@ -75,6 +75,8 @@ def _camera(importer: Importer, tree: Plugin) -> Camera:
 def _lights(importer: Importer, tree: Plugin) -> list[Light]:
     found: list[Light] = []
     for plugin in importer.taken(tree, "emitter"):
+        if plugin.type == "area":
+            continue  # that of a shape which refers to it
         made = light(importer, plugin)
         if isinstance(made, EnvironmentLight) and any(isinstance(other, EnvironmentLight) for other in found):
             raise plugin.refuse("a second environment: a scene may have one")
@@ -85,6 +87,9 @@ def _lights(importer: Importer, tree: Plugin) -> list[Light]:
 def _finish(importer: Importer, tree: Plugin) -> None:
     """Notes about the scene as a whole. BSDFs, textures and media that nothing refers to are left aside."""
     importer.taken(tree, "bsdf", "texture", "spectrum", "medium", "phase", "volume")
+    for emitter in importer.taken(tree, "emitter"):
+        if emitter.type == "area" and id(emitter) not in importer.emitting:
+            importer.notes.add("an area emitter of no shape gives no light", emitter.element)
     for sampler in importer.taken(tree, "sampler"):
         importer.notes.drop(f"sampler {sampler.type}")
     for film in importer.taken(tree, "film", "rfilter"):
