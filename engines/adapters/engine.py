@@ -16,7 +16,7 @@ from engines.scene import EnvironmentLight, Light, Material, PointLight, Scene
 from engines.scene.bsdf import textures
 from engines.scene.support import members, model_of, refusal_of
 
-CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
+CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf")), "width": None}
 """What cameras have besides their kind, with the value that asks for nothing."""
 
 
@@ -32,7 +32,7 @@ class AdapterEngine:
     """An engine that says by class attributes what it takes; a scene or setting with anything else is declined.
 
     `shapes`, `materials`, `textures`, `lights`, `cameras`: types of `engines.scene`, `materials` those of BSDFs, wrappers
-    included. `camera_keys`: of `principal_point`, `mirror` and `clip` those that it honours. `two_sided`: whether it takes
+    included. `camera_keys`: of `CAMERA_KEYS` those that it honours. `two_sided`: whether it takes
     surfaces that emit on both sides. `lacks` declines what types do not tell.
 
     `takes_shaders`, `takes_samplers`: names, of raybench's or of `own_shaders` and `own_samplers`, each with the options for

@@ -154,7 +154,7 @@ def camera_frame(scene: Scene, settings: Settings) -> CameraFrame:
     right = _unit(np.cross(forward, camera.up))
     up = np.cross(right, forward)
     if isinstance(camera, Orthographic):
-        half = np.array([width / height, 1.0]) * camera.height / 2.0
+        half = np.array(camera.window(width / height)) / 2.0
         fov = np.zeros(2)
     else:
         along = np.array([width / height, 1.0] if camera.fov_axis == "y" else [1.0, height / width])

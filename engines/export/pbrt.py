@@ -102,8 +102,8 @@ def _view(scene: model.Scene, max_depth: int, spp: int) -> Iterator[str]:
     if isinstance(camera, (model.Perspective, model.ThinLens)):
         yield f'Camera "perspective" "float fov" [ {_shorter_fov(camera)!r} ]{_lens(camera)}'
     else:
-        y = camera.height / 2.0
-        x = y * width / height
+        across, high = camera.window(width / height)
+        x, y = across / 2.0, high / 2.0
         yield f'Camera "orthographic" "float screenwindow" [ {numbers((-x, x, -y, y))} ]'
     name = re.sub(r"[^\w.-]", "_", Path(scene.source).stem) or "scene"  # a quote in it would end pbrt's string
     yield f'Film "rgb" "integer xresolution" [ {width} ] "integer yresolution" [ {height} ] "string filename" [ "{name}.exr" ]'

@@ -36,12 +36,13 @@ def sensor(camera: Camera, width: int, height: int, sampler: Node, size: float) 
     lens: Node = {"near_clip": max(near, NEAR * size), "far_clip": FAR * size if math.isinf(far) else far}
     right, down = camera.principal_point
     if isinstance(camera, Orthographic):
-        # Mitsuba's window is two wide, whatever the shape of the image; +x is to the left
-        half = camera.height / 2.0 * width / height
+        # Mitsuba's window is two wide and has square pixels, before it is scaled; +x is to the left
+        across, high = camera.window(width / height)
         shift = np.eye(4)
-        shift[:2, 3] = 2.0 * right * half, down * camera.height
+        shift[:2, 3] = right * across, down * high
+        scale = np.diag([across / 2.0, high / 2.0 * width / height, 1.0, 1.0])
         return {
-            "type": "orthographic", **lens, "to_world": to_world @ shift @ np.diag([half, half, 1.0, 1.0]), "film": film,
+            "type": "orthographic", **lens, "to_world": to_world @ shift @ scale, "film": film,
             "sampler": sampler,
         }  # fmt: skip
     lens |= {"fov": camera.fov, "fov_axis": camera.fov_axis}

@@ -3,58 +3,134 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from engines.errors import ConfigError
 from engines.mitsuba.library import SCALAR, activate, active
 from engines.mitsuba.nodes import Node
 from engines.scene import Scene
+from engines.scene.native import NAMES_A_FILE, PLUGIN, Native
 
 MOST_SHOWN = 300
 """Characters of a message of Mitsuba's."""
 LOADING_THREADS = 2
 """At least: with one, Mitsuba 3.9 waits for ever where it decodes large EXR files."""
 _NOISE = re.compile(r"\[\w+(\.\w+:\d+)?\] |(At|While loading) dictionary node \"root\": ")
-_FILM = (
-    ("string", "pixel_format", "rgb"), ("string", "component_format", "float32"), ("boolean", "sample_border", "false"),
-)  # fmt: skip
+_FILM = {"pixel_format": "rgb", "component_format": "float32", "sample_border": False}
+_UNPASSED = ("config", "filename")
+"""Names of parameters that are those of Mitsuba's own function."""
 
 
 def load(mi: Any, scene: Scene, size: tuple[int, int], sampler: Node, robust: bool) -> Any:
     """Mitsuba's scene of the file that `scene` came from. Raises RuntimeError where Mitsuba does not load it."""
-    held: Any = scene.native
-
-    def sensor(element: ElementTree.Element) -> None:
-        film = ElementTree.SubElement(element, "film", type="hdrfilm")
-        for name, side in zip(("width", "height"), size, strict=True):
-            ElementTree.SubElement(film, "integer", name=name, value=str(side))
-        for tag, name, value in _FILM:
-            ElementTree.SubElement(film, tag, name=name, value=value)
-        ElementTree.SubElement(film, "rfilter", type="box")
-        made = ElementTree.SubElement(element, "sampler", type=sampler["type"])
-        ElementTree.SubElement(made, "integer", name="sample_count", value=str(sampler["sample_count"]))
-
-    xml = _with_robustness(held.xml(sensor), robust)
     try:
-        loaded = mi.load_string(xml)
+        loaded = _instantiated(mi, scene.native, size, sampler, robust, optimize=True)
     except RuntimeError as problem:
         if "Mesh::merge()" not in str(problem):
             raise
         # Mitsuba 3.9 tries to make one mesh of those with one BSDF, and fails where flip_normals differs
-        loaded = mi.load_string(xml, optimize=False)
+        loaded = _instantiated(mi, scene.native, size, sampler, robust, optimize=False)
     if not loaded.sensors():
         raise RuntimeError("no sensor")
     return loaded
 
 
-def _with_robustness(xml: str, robust: bool) -> str:
-    root = ElementTree.fromstring(xml)
-    name = "embree_use_robust_intersections"
-    for given in root.findall(f"boolean[@name='{name}']"):
-        root.remove(given)
-    ElementTree.SubElement(root, "boolean", name=name, value=str(robust).lower())
-    return ElementTree.tostring(root, encoding="unicode")
+def _instantiated(mi: Any, held: Native, size: tuple[int, int], sampler: Node, robust: bool, optimize: bool) -> Any:
+    """Mitsuba reads the file itself, and only the tree that it makes of it is changed."""
+    if wrong := next((name for name in _UNPASSED if name in held.parameters), None):
+        raise RuntimeError(f"Mitsuba takes no parameter ${wrong} from outside: give it another name")
+    config = mi.parser.ParserConfig(mi.variant())
+    config.unused_parameters = mi.LogLevel.Debug
+    config.merge_equivalent = config.merge_meshes = optimize
+    before = mi.file_resolver()
+    looking = mi.FileResolver(before)
+    looking.prepend(mi.filesystem.path(str(held.file.parent)))
+    mi.set_file_resolver(looking)
+    try:
+        state = mi.parser.parse_file(config, str(held.file), **held.parameters)
+    finally:
+        mi.set_file_resolver(before)  # else a folder `plugins` beside the scene would be one of Mitsuba's
+    for path in state.files:
+        _same(Path(str(path)), held.xml)
+    _replace_sensor(mi, state, size, sampler)
+    state.root.props["embree_use_robust_intersections"] = robust
+    _place_files(held, state, mi.parser.ParserState(state), looking)
+    mi.parser.transform_all(config, state)
+    return mi.parser.instantiate(config, state)
+
+
+def _replace_sensor(mi: Any, state: Any, size: tuple[int, int], sampler: Node) -> None:
+    """Takes the integrators and all sensors but the first from the scene, and gives that one a film and a sampler of ours."""
+    kinds, read = mi.ObjectType, mi.parser.ParserState(state)  # a copy: a property counts as used once it has been read
+    children = list(_children(read, 0))
+    sensors = [(name, index) for name, index in children if state.nodes[index].type == kinds.Sensor]
+    if not sensors:
+        raise RuntimeError("no sensor")
+    for name, index in children:
+        kind = state.nodes[index].type
+        if kind == kinds.Integrator or (kind == kinds.Sensor and (name, index) != sensors[0]):
+            del state.root.props[name]
+    first = sensors[0][1]
+    for name, index in _children(read, first):
+        if state.nodes[index].type in (kinds.Film, kinds.Sampler):
+            del state.nodes[first].props[name]
+    film = _append(mi, state, kinds.Film, "hdrfilm", {"width": size[0], "height": size[1], **_FILM})
+    filtered = _append(mi, state, kinds.ReconstructionFilter, "box", {})
+    count = {"sample_count": sampler["sample_count"]}
+    drawn = _append(mi, state, kinds.Sampler, sampler["type"], count)
+    reference = mi.Properties.ResolvedReference
+    state.nodes[film].props["raybench_filter"] = reference(filtered)
+    state.nodes[first].props["raybench_film"] = reference(film)
+    state.nodes[first].props["raybench_sampler"] = reference(drawn)
+
+
+def _append(mi: Any, state: Any, kind: Any, plugin: str, properties: Node) -> int:
+    node = mi.parser.SceneNode()
+    node.type = kind
+    node.props.set_plugin_name(plugin)
+    for name, value in properties.items():
+        node.props[name] = value
+    state.nodes.append(node)
+    return len(state.nodes) - 1
+
+
+def _children(state: Any, index: int) -> Iterator[tuple[str, int]]:
+    """The nodes within a node, and those that it refers to, by the names of its properties."""
+    props = state.nodes[index].props
+    for name in props.keys():
+        value = props[name]
+        if type(value).__name__ == "ResolvedReference":
+            yield name, value.index()
+        elif type(value).__name__ == "Reference" and value.id() in state.id_to_index:
+            yield name, state.id_to_index[value.id()]
+
+
+def _place_files(held: Native, state: Any, read: Any, looking: Any) -> None:
+    """Gives every file that the scene names its path, found as Mitsuba finds it; `read` is a copy of `state`. Raises
+    RuntimeError where that is another than raybench has looked up, and for names of plugins that are no words."""
+    seen, waiting = {0}, [0]
+    while waiting:
+        index = waiting.pop()
+        props = read.nodes[index].props
+        if PLUGIN.fullmatch(props.plugin_name()) is None:
+            raise RuntimeError("the name of a plugin must be letters, digits and _, at most 64")
+        for name in props.keys():
+            text = props[name] if props.type(name) == props.Type.String else ""
+            if text and NAMES_A_FILE.search(name):
+                state.nodes[index].props[name] = str(_same(Path(str(looking.resolve(text))), held.named))
+            elif "/" in text or "\\" in text:
+                raise RuntimeError(f"{name} is a path in a property that names no file")
+        inner = {child for _, child in _children(read, index)} - seen
+        seen |= inner
+        waiting += inner
+
+
+def _same(path: Path, known: frozenset[Path]) -> Path:
+    if (found := path.resolve()) not in known:
+        raise RuntimeError(f"Mitsuba takes {path}, which is none of the files that raybench has found")
+    return found
 
 
 _answers: dict[str, str | None] = {}

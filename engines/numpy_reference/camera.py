@@ -68,7 +68,8 @@ def _axes(camera: Opening) -> tuple[Array, Array, Array]:
 def _half_extents(camera: Opening, aspect: float) -> tuple[float, float]:
     """Half the width and height of the window: in metres, at distance 1 for a pinhole, in radians for an arctan map."""
     if isinstance(camera, Orthographic):
-        return aspect * camera.height / 2.0, camera.height / 2.0
+        across, high = camera.window(aspect)
+        return across / 2.0, high / 2.0
     half = float(np.radians(camera.fov) / 2.0)
     if not isinstance(camera, PerspectiveArctan):
         half = float(np.tan(half))

@@ -83,7 +83,8 @@ class PerspectiveArctan:
 
 @dataclass(frozen=True, slots=True)
 class Orthographic:
-    """Parallel rays along target - eye from a window centred on `eye`, `height` metres high in full."""
+    """Parallel rays along target - eye from a window centred on `eye`, `height` metres high in full; `width` metres wide, or
+    as wide as its pixels are square with None."""
 
     eye: Triple
     target: Triple
@@ -93,6 +94,11 @@ class Orthographic:
     principal_point: tuple[float, float] = (0.0, 0.0)
     mirror: bool = False
     clip: tuple[float, float] = (0.0, math.inf)
+    width: float | None = None
+
+    def window(self, aspect: float) -> tuple[float, float]:
+        """Width and height in metres, for an image that is `aspect` times as wide as high."""
+        return aspect * self.height if self.width is None else self.width, self.height
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +204,8 @@ CAMERAS = {
         PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
     ),
     "orthographic": _camera(
-        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres"), **_FILM
+        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres"), **_FILM,
+        width=Key(POSITIVE, "Width of the window, by default such that pixels are square.", None, unit="metres"),
     ),
 }  # fmt: skip
 

@@ -27,7 +27,7 @@ CHUNK = 1 << 20
 """Numbers of an array that are copied at a time."""
 _FILM = {"principal_point", "mirror", "clip"}
 LATER = {
-    Perspective: _FILM, Orthographic: _FILM, EnvironmentLight: {"rotation", "rows"}, Conductor: {"distribution"},
+    Perspective: _FILM, Orthographic: _FILM | {"width"}, EnvironmentLight: {"rotation", "rows"}, Conductor: {"distribution"},
 }  # fmt: skip
 """Fields that came later: they count where they differ from their defaults, so that older scenes keep their hashes."""
 

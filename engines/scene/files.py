@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from os import PathLike, fspath
 from os.path import isfile  # False, where Path.is_file raises for names that are too long
 from pathlib import Path
@@ -58,10 +58,6 @@ class Place:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_roots", tuple(root.resolve() for root in (self.folder, *scene_folders())))
-
-    def looking_in(self, folder: Path) -> Place:
-        """The same place with one more folder to look in, before the others."""
-        return replace(self, first=(folder, *self.first))
 
     def find(self, node: Located, name: str, folder: Path | None = None) -> Path:
         """The file that `name`, written at `node`, means.

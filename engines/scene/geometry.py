@@ -1,12 +1,21 @@
-"""Geometry of triangles: normals, which have an area, fans of polygons, and vertex normals of a smooth mesh."""
+"""Geometry of triangles: normals, which have an area, fans of polygons, and vertex normals of a smooth mesh.
+
+A vertex normal of zeros says that there is none: `with_face_normals` gives each face its own there.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 CHUNK = 1 << 18
 """Faces handled at a time, so that temporaries stay small beside the mesh."""
+UP = np.array([0.0, 1.0, 0.0])
+"""The normal of what no ray can hit."""
+CANCELLED = 1e-6
+"""A sum of normals shorter than this share of their lengths has no direction but that of rounding."""
 
 
 def face_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -31,24 +40,60 @@ def has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray
 
 
 def vertex_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(n, 3) unit: area-weighted means of the adjacent faces; (0, 1, 0) where there is none."""
+    """(n, 3) unit: area-weighted means of the adjacent faces; zeros where there is none, or where they cancel."""
     corners = vertices[faces]
     extent = np.abs(vertices).max(initial=1e-300)
     corners = corners / extent
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sums = np.zeros_like(vertices)
+    return summed_normals(faces, np.repeat(areas[:, None], 3, axis=1), len(vertices))
+
+
+def summed_normals(faces: NDArray[np.int32], shares: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """(count, 3) unit sums, at each vertex, of the `shares` (m, 3, 3) of faces at their corners; zeros where they cancel."""
+    sums, lengths = np.zeros((count, 3)), np.zeros(count)
     for corner in range(3):
         for axis in range(3):
-            sums[:, axis] += np.bincount(faces[:, corner], areas[:, axis], len(vertices))
+            sums[:, axis] += np.bincount(faces[:, corner], shares[:, corner, axis], count)
+        lengths += np.bincount(faces[:, corner], np.linalg.norm(shares[:, corner], axis=1), count)
+    sums[np.linalg.norm(sums, axis=1) <= CANCELLED * lengths] = 0.0
     return unit_rows(sums)
 
 
 def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3) rows at length 1; zero rows become (0, 1, 0)."""
+    """(n, 3) rows at length 1; rows of zeros stay as they are."""
     largest = np.abs(rows).max(axis=1, initial=0.0, keepdims=True)
     scaled = rows / np.where(largest > 0.0, largest, 1.0)
-    scaled = np.where(largest > 0.0, scaled, np.array([0.0, 1.0, 0.0]))
-    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    return scaled / np.where(largest > 0.0, np.linalg.norm(scaled, axis=1, keepdims=True), 1.0)
+
+
+class Smooth(NamedTuple):
+    """A mesh with a unit normal at each vertex. `replaced` counts the corners that have the normal of their face."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float64]
+    uvs: NDArray[np.float64] | None
+    replaced: int
+
+
+def with_face_normals(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64],
+    uvs: NDArray[np.float64] | None,
+) -> Smooth:  # fmt: skip
+    """The mesh with a vertex of its own, and the normal of its face, for each corner whose normal is zeros."""
+    lacking = ~normals.any(axis=1)
+    face, corner = np.nonzero(lacking[faces])
+    if not lacking.any():
+        return Smooth(vertices, faces, normals, uvs, 0)
+    normals = np.where(lacking[:, None], UP, normals)  # of vertices that no face has any more
+    own = unit_rows(face_normals(vertices, faces[face]))
+    own[~own.any(axis=1)] = UP
+    vertex, faces = faces[face, corner], faces.copy()
+    faces[face, corner] = np.arange(len(vertices), len(vertices) + len(face))
+    more = None if uvs is None else np.concatenate([uvs, uvs[vertex]])
+    return Smooth(
+        np.concatenate([vertices, vertices[vertex]]), faces, np.concatenate([normals, own]), more, len(face)
+    )  # fmt: skip
 
 
 def fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -144,10 +144,24 @@ def _image(given: Given, context: SceneReader) -> Any:
             image = read_texels(file).astype(np.float64) if file.suffix.lower() == ".hdr" else read_image(file)
         except SceneError as problem:
             raise SceneError(f"{node.where}: {problem}") from problem
-    if not (image >= 0.0).all() or image.max() == float("inf"):
-        raise node.refuse("holds radiance that is negative, infinite or not a number")
-    image.flags.writeable = False
+    if not np.isfinite(image).all():
+        raise node.refuse("holds radiance that is infinite or not a number")
+    image, negative = without_negative(image)
+    if negative:
+        context.warnings.append(f"{node.where}: {negative}")
     return image
+
+
+def without_negative(image: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """(h, w, 3) radiance, read-only, in which negative texels are 0, and the note that says so, or "". Filters that sharpen
+    leave such texels in maps."""
+    negative = (image < 0.0).any(axis=2)
+    note = ""
+    if negative.any():
+        note = f"{int(negative.sum())} texels with negative radiance, down to {image.min():g}, are taken as 0"
+    image = np.ascontiguousarray(np.maximum(image, 0.0))
+    image.flags.writeable = False
+    return image, note
 
 
 ORTHOGONAL = 1e-5

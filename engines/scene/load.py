@@ -28,12 +28,11 @@ def load_scene(
     """
     file = find_scene(path)
     if is_xml(file):
-        from engines.scene.mitsuba_xml import import_scene, read_root
+        from engines.scene.mitsuba_xml import import_scene, read_document
         from engines.scene.native import with_file
 
-        place = Place(file.parent, allow_outside)
-        root, place = read_root(file, place, parameters)
-        return with_file(file, root, place, lambda: import_scene(file, root, place), natively)
+        document = read_document(file, Place(file.parent, allow_outside), parameters)
+        return with_file(document, lambda: import_scene(document), natively)
     if parameters:
         raise SceneError(f"{file}: parameters are for Mitsuba's XML files")
     root = read_yaml(file)

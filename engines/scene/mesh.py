@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engines.scene.bsdf import uses_uvs
 from engines.scene.context import SceneReader
 from engines.scene.formats.mesh import MeshData, read_mesh
-from engines.scene.geometry import unit_rows, vertex_normals
+from engines.scene.geometry import unit_rows, vertex_normals, with_face_normals
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, POINT, POSITIVE, ROWS, TEXT, Kind, integer
@@ -70,11 +70,20 @@ def _mesh(given: Given, context: SceneReader) -> Mesh:
         data = _inline(given, uvs)
     materials = _face_materials(given, context, data)
     data = _placed(given, data)
-    normals = data.normals
-    if smooth and normals is None:
-        normals = smooth_normals(data)
     name = given["file"] or "inline mesh"
-    return read_only_mesh(data.vertices, data.faces, materials, normals if smooth else None, name, data.uvs)
+    if not smooth:
+        return read_only_mesh(data.vertices, data.faces, materials, None, name, data.uvs)
+    normals = smooth_normals(data) if data.normals is None else data.normals
+    made = with_face_normals(data.vertices, data.faces, normals, data.uvs)
+    if made.replaced:
+        context.warnings.append(f"{name}: {faceted(made.replaced)}")
+    return read_only_mesh(made.vertices, made.faces, materials, made.normals, name, made.uvs)
+
+
+def faceted(corners: int) -> str:
+    """The note about so many corners that `with_face_normals` has replaced."""
+    several = f"{corners} corners of triangles have" if corners > 1 else "1 corner of a triangle has"
+    return f"{several} no vertex normal, or normals that cancel: the normal of the triangle is taken there"
 
 
 def _shape_index(given: Given) -> int:
@@ -84,7 +93,8 @@ def _shape_index(given: Given) -> int:
 
 
 def smooth_normals(data: MeshData) -> NDArray[np.float64]:
-    """(n, 3) area-weighted means of adjacent faces; vertices that texture coordinates have split count as one."""
+    """(n, 3) area-weighted means of adjacent faces, zeros where they cancel; vertices that texture coordinates have split count
+    as one."""
     if data.origins is None:
         return vertex_normals(data.vertices, data.faces)
     whole = np.zeros((int(data.origins.max()) + 1, 3))

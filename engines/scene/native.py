@@ -1,89 +1,74 @@
-"""A Mitsuba scene file as it is, for the engines that take one: its elements, the files that it names, and their hash.
+"""A Mitsuba scene file as it is, for the engines that take one: the files that it names, and their hash.
 
 Mitsuba reads files and loads plugins by their names. So every name of a file is looked up here, within the folders that a
-scene may read, and what Mitsuba is given is what was found; and the name of a plugin is a word, never a path.
+scene may read, and Mitsuba may read no other; and the name of a plugin is a word, never a path.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 from engines.errors import SceneError
 from engines.input_files import open_regular, unreadable
 from engines.scene.cameras import Perspective
-from engines.scene.files import Place
-from engines.scene.mitsuba_xml.document import Element
+from engines.scene.mitsuba_xml.document import Document, Element
 from engines.scene.mitsuba_xml.properties import snake_case
 from engines.scene.scene import Scene
 
 DEFAULT_SIZE = (768, 576)
 """Of a film that does not say."""
 CHUNK = 1 << 20
-_PLUGIN = re.compile(r"[A-Za-z0-9_]{1,64}")
-_NAMES_A_FILE = re.compile(r"file|path", re.IGNORECASE)
-_OF_SENSORS = ("film", "sampler")
+PLUGIN = re.compile(r"[A-Za-z0-9_]{1,64}")
+NAMES_A_FILE = re.compile(r"file|path", re.IGNORECASE)
+OF_SENSORS = ("film", "sampler")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Native:
     """A file in Mitsuba's own format. `refusal` says why raybench cannot import it, None where it can.
 
-    `digest` is a hash of the elements and of the files that they name; `size` the film's width and height.
+    `xml` are the paths of all XML files, the included ones too, `named` those of the files that they name: the only ones that
+    Mitsuba may read. `parameters` are values of `$name` from outside, `size` is the film's width and height. `digest` is a
+    hash of the elements as they stand in the files, of the parameters and of the files that are named.
     """
 
-    root: Element
+    file: Path
+    parameters: Mapping[str, str]
+    xml: frozenset[Path]
+    named: frozenset[Path]
     digest: str
     size: tuple[int, int]
     refusal: str | None = None
-    _files: dict[int, Path] = field(default_factory=dict)
-
-    def xml(self, sensor: Callable[[ElementTree.Element], None]) -> str:
-        """The scene for Mitsuba: names of files are absolute, integrators and all sensors but the first are gone, and
-        `sensor` gives that one a film and a sampler of its own."""
-        sensors = [child for child in self.root.children if child.tag == "sensor"]
-        dropped = {id(child) for child in (*sensors[1:], *(c for c in self.root.children if c.tag == "integrator"))}
-        named = {element.attributes.get("id") for _, element in _walk(self.root) if element.tag in _OF_SENSORS}
-        dropped |= {id(ref) for ref in sensors[0].children if ref.tag == "ref" and ref.attributes.get("id") in named}
-        root = self._written(self.root, dropped)
-        sensor(next(child for child in root if child.tag == "sensor"))
-        return ElementTree.tostring(root, encoding="unicode")
-
-    def _written(self, element: Element, dropped: set[int]) -> ElementTree.Element:
-        made = ElementTree.Element(element.tag, element.attributes)
-        if id(element) in self._files:
-            made.set("filename" if element.tag == "spectrum" else "value", str(self._files[id(element)]))
-        for child in element.children:
-            unwanted = element.tag == "sensor" and child.tag in _OF_SENSORS
-            if not unwanted and id(child) not in dropped:
-                made.append(self._written(child, dropped))
-        return made
 
 
-def native(root: Element, place: Place, refusal: str | None = None) -> Native:
-    """The file whose `scene` element is `root`. Raises `SceneError` for what Mitsuba must not be given: names that are no
-    plugin's, files that are not there or lie outside, and scenes without a sensor."""
-    sensors = [child for child in root.children if child.tag == "sensor"]
+def native(document: Document, refusal: str | None = None) -> Native:
+    """The file of a document. Raises `SceneError` for what Mitsuba must not be given: names that are no plugin's, files that
+    are not there or lie outside, and scenes without a sensor."""
+    sensors = [child for child in document.root.children if child.tag == "sensor"]
     if not sensors:
-        raise root.refuse("has no sensor")
-    files: dict[int, Path] = {}
-    hashed = hashlib.sha256(b"mitsuba scene 1")
-    for depth, element in _walk(root):
-        hashed.update(repr((depth, element.tag, sorted(element.attributes.items()))).encode())
-        if _PLUGIN.fullmatch(element.attributes.get("type", "scene")) is None:
+        raise document.root.refuse("has no sensor")
+    named: dict[Path, None] = {}
+    hashed = hashlib.sha256(f"mitsuba scene 2 {document.digest}".encode())
+    for element in _walk(document.root):
+        if PLUGIN.fullmatch(element.attributes.get("type", "scene")) is None:
             raise element.refuse("the name of a plugin must be letters, digits and _, at most 64")
         if (name := _named_file(element)) is not None:
-            files[id(element)] = place.find(element.located(name), name).resolve()
-            hashed.update(_hash_of(files[id(element)], element))
-    return Native(root, hashed.hexdigest(), _size(sensors[0]), refusal, files)
+            file = document.place.find(element.located(name), name)
+            if file not in named:
+                hashed.update(_hash_of(file, element))
+            named[file] = None
+    return Native(
+        document.file.absolute(), document.parameters, frozenset(document.files), frozenset(named), hashed.hexdigest(),
+        _size(sensors[0]), refusal,
+    )  # fmt: skip
 
 
-def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Scene], natively: bool) -> Scene:
+def with_file(document: Document, imported: Callable[[], Scene], natively: bool) -> Scene:
     """The imported scene with its file. Where `imported` refuses, with `natively`, a scene that has nothing but the file: a
     name, a size, and the refusal. What Mitsuba must not be given is imported alone, with a warning: an unused texture may be
     missing. Raises `SceneError`."""
@@ -92,18 +77,19 @@ def with_file(file: Path, root: Element, place: Place, imported: Callable[[], Sc
     except SceneError as problem:
         if not natively:
             raise
-        return _unimported(file, native(root, place, str(problem)))
+        return _unimported(document, native(document, str(problem)))
     try:
-        return replace(scene, native=native(root, place))
+        return replace(scene, native=native(document))
     except SceneError as problem:
         said = f"Mitsuba's engines get what raybench imported, not the file: {problem}"
         return replace(scene, warnings=(*scene.warnings, said))
 
 
-def _unimported(file: Path, found: Native) -> Scene:
+def _unimported(document: Document, found: Native) -> Scene:
     camera = Perspective((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), 40.0, "y", found.size)
     warnings = (f"only engines that take Mitsuba's files as they are render it: {found.refusal}",)
-    return Scene(file.stem, camera, (), (), (), found.digest, str(file), warnings, _integrator(found.root), found)
+    name, source, shader = document.file.stem, str(document.file), _integrator(document.root)
+    return Scene(name, camera, (), (), (), found.digest, source, warnings, shader, found)
 
 
 def _integrator(root: Element) -> dict[str, Any] | None:
@@ -119,12 +105,12 @@ def _integrator(root: Element) -> dict[str, Any] | None:
     return {"name": "mitsuba", "type": element.required("type"), **{snake_case(name): value for name, value in options.items()}}
 
 
-def _walk(element: Element, depth: int = 0) -> Iterator[tuple[int, Element]]:
-    """All elements but those that have no say."""
-    yield depth, element
+def _walk(element: Element) -> Iterator[Element]:
+    """All elements but films and samplers, which have no say."""
+    yield element
     for child in element.children:
-        if not (element.tag == "sensor" and child.tag in _OF_SENSORS):
-            yield from _walk(child, depth + 1)
+        if child.tag not in OF_SENSORS:
+            yield from _walk(child)
 
 
 def _named_file(element: Element) -> str | None:
@@ -134,7 +120,7 @@ def _named_file(element: Element) -> str | None:
     if element.tag != "string":
         return None
     text = element.attributes.get("value", "")
-    if _NAMES_A_FILE.search(element.attributes.get("name", "")):
+    if NAMES_A_FILE.search(element.attributes.get("name", "")):
         return text
     if "/" in text or "\\" in text:
         raise element.refuse_value("is a path in a property that names no file")

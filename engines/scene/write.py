@@ -218,8 +218,8 @@ def _camera(camera: Camera) -> Keys:
     if isinstance(camera, CustomCamera):
         raise ConfigError("the camera is a plugin, which cannot be written")
     keys = {item.name: _plain(getattr(camera, item.name)) for item in fields(camera)}
-    for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf])):
-        if keys.get(key) == default:
+    for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf]), ("width", None)):
+        if key in keys and keys[key] == default:
             del keys[key]
     return {"type": _CAMERAS[type(camera)], **keys}
 

@@ -86,9 +86,11 @@ def camera_rays(scene: Scene, count: int, rng: np.random.Generator) -> Rays:
     place = np.stack([pixel % width, pixel // width], axis=1) + rng.random((count, 2))
     forward, right, up = _frame(camera)
     parallel = isinstance(camera, Orthographic)
-    half = camera.height / 2 if parallel else math.tan(math.radians(camera.fov) / 2)
-    horizontal = not parallel and camera.fov_axis == "x"
-    across, along = (half, half / aspect) if horizontal else (half * aspect, half)
+    if isinstance(camera, Orthographic):
+        across, along = (side / 2 for side in camera.window(aspect))
+    else:
+        half = math.tan(math.radians(camera.fov) / 2)
+        across, along = (half, half / aspect) if camera.fov_axis == "x" else (half * aspect, half)
     share = 2 * (place / [width, height] - camera.principal_point) - 1
     aside = share[:, :1] * across * right - share[:, 1:] * along * up
     eye, ahead = np.array(camera.eye), np.broadcast_to(forward, (count, 3))

@@ -126,7 +126,11 @@ SENSORS = {
         '<sensor type="perspective"><transform name="to_world"><scale value="2"/></transform></sensor>', "must not scale"
     ),
     "sheared": (
-        '<sensor type="orthographic"><transform name="to_world"><scale x="2"/></transform></sensor>', "stretch"
+        '<sensor type="orthographic"><transform name="to_world"><matrix value="1 1 0 0 1 0 0 0 1"/></transform></sensor>',
+        "shear",
+    ),
+    "flat": (
+        '<sensor type="orthographic"><transform name="to_world"><scale x="0"/></transform></sensor>', "flatten"
     ),
     "huge film": (SENSOR.replace('value="8"', 'value="10000000"'), "65536"),
     "fov": (SENSOR.replace('value="40"', 'value="190"'), "(0, 180)"),

@@ -42,7 +42,8 @@ def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]
     up = np.cross(right, forward)
     aspect, angles = width / height, (0.0, 0.0)
     if isinstance(camera, Orthographic):
-        half = (aspect * camera.height / 2, camera.height / 2)
+        across, high = camera.window(aspect)
+        half = (across / 2, high / 2)
     else:
         angle = math.radians(camera.fov) / 2
         extent = angle if isinstance(camera, PerspectiveArctan) else math.tan(angle)

@@ -10,6 +10,7 @@ import io
 import os
 import struct
 import warnings
+from codecs import BOM_UTF8
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -38,6 +39,11 @@ MAX_LIBRARIES = 1000
 """MTL files of an OBJ."""
 
 
+LENGTH = (
+    "it is cut short, or an element mixes lists of several lengths: triangulate it, or save it as ASCII"
+)
+
+
 class At(Protocol):
     """Where a file is named: what messages begin with, and the error for the file."""
 
@@ -49,8 +55,8 @@ class At(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MeshData:
-    """`vertices` (n, 3) float64, `faces` (m, 3) int32, unit vertex `normals` (n, 3) and texture coordinates `uvs` (n, 2) where
-    asked for and there, and for files with materials `face_materials` (m,) indices into `materials`, or, of a PLY, as they
+    """`vertices` (n, 3) float64, `faces` (m, 3) int32, unit vertex `normals` (n, 3), zeros where the file gives none, and
+    texture coordinates `uvs` (n, 2) where asked for and there, and for files with materials `face_materials` (m,) indices into `materials`, or, of a PLY, as they
     stand there.
 
     Where vertices of the file have been split for normals or texture coordinates, `origins` (n,) are their indices there.
@@ -126,6 +132,7 @@ def _content(at: At, file: Path, suffix: str) -> bytes:
             data = stream.read(size)
     except OSError as problem:
         raise at.refuse(unreadable(problem)) from problem
+    data = data.removeprefix(BOM_UTF8) if suffix in (".obj", ".ply") or data[3:8] == b"solid" else data
     if not data.strip():
         raise at.refuse("is empty")
     return data
@@ -251,7 +258,8 @@ def _read_with_trimesh(at: At, suffix: str, data: bytes, with_normals: bool, wit
             found = _ply_parts(data) if suffix == ".ply" else _stl_parts(data)
             parts = [_arrays(part) for part in found]
     except Exception as problem:
-        raise at.refuse(f"is not a usable {suffix[1:].upper()} file: {problem}") from problem
+        reason = LENGTH if "unexpected length" in str(problem) and b"\nformat binary" in data[:1000] else str(problem)
+        raise at.refuse(f"is not a usable {suffix[1:].upper()} file: {reason}") from problem
     if not any(len(part.faces) for part in parts):
         raise at.refuse("has no faces")
     vertices = np.concatenate([part.vertices for part in parts])

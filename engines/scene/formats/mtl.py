@@ -16,6 +16,7 @@ and -clamp count. Other maps, and images that cannot be read, are left out with 
 from __future__ import annotations
 
 import math
+from codecs import BOM_UTF8
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -69,7 +70,7 @@ def read_mtl(file: Path, node: Located, context: Any) -> tuple[dict[str, Materia
         raise node.refuse(f"its MTL {file} is not an MTL file: it holds binary data or passes 16 MiB")
     raw: dict[str, Raw] = {}
     name, current = "", None
-    lines = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = data.removeprefix(BOM_UTF8).decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for number, line in enumerate(lines, 1):
         parts = line.split("#", 1)[0].split()
         if len(parts) < 2:

@@ -22,7 +22,8 @@ AtLine = Callable[[int, str], SceneError]
 
 @dataclass(frozen=True, slots=True)
 class Polygons:
-    """`vertices` (n, 3); `faces` (m, 3) and, where every corner has one, `face_normals` (m, 3) into `normals`;
+    """`vertices` (n, 3); `faces` (m, 3) and, where any corner has one, `face_normals` (m, 3) into `normals`, whose last row is
+    zeros, for the corners without;
     `face_materials` (m,) into `material_names`, where "" stands for faces before the first usemtl."""
 
     vertices: NDArray[np.float64]
@@ -56,9 +57,7 @@ class TextureCorners:
     def read(self, at_line: AtLine) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """(n, 2) coordinates and (m, 3) indices of them; the last is (0, 0), for corners without. Raises as `parse_obj`."""
         coordinates = _rows(self.statements, at_line, 1, 2)
-        found = np.full(len(self.corners), len(coordinates), np.int32)
-        given = self.corners != 0
-        found[given] = _absolute(self.corners[given], self.lines[given], self.statements.lines, "texture coordinate", at_line)
+        found = _where_given(self.corners, self.lines, self.statements.lines, "texture coordinate", at_line)
         return np.concatenate([coordinates, np.zeros((1, 2))]), found[self.fan]
 
 
@@ -77,7 +76,8 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
                 libraries[parts[1].strip()] = None
     if not kinds["f"].text:
         raise at_line(1, "not an OBJ file with faces")
-    vertices, normals = _rows(kinds["v"], at_line), _rows(kinds["vn"], at_line)
+    vertices = _rows(kinds["v"], at_line)
+    normals = np.concatenate([_rows(kinds["vn"], at_line), np.zeros((1, 3))])
     finite = np.isfinite(vertices).all(axis=1)
     if not finite.all():
         wrong = int(np.argmin(finite))
@@ -88,7 +88,7 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
     fan, face_of_triangle = fans(counts)
     face_normals = None
     if corner_normals is not None:
-        face_normals = _absolute(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
+        face_normals = _where_given(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
     materials, names = _materials(kinds["usemtl"], kinds["f"].lines)
     texture = None if corner_uvs is None else TextureCorners(kinds["vt"], corner_uvs, lines, fan)
     return Polygons(
@@ -147,8 +147,8 @@ Numbers = NDArray[np.int64]
 
 
 def _corners(faces: _Statements, at_line: AtLine) -> tuple[Numbers, Numbers | None, Numbers | None, Numbers]:
-    """Indices of vertices, of texture coordinates (0 where a corner has none) and (where all corners have them) of normals
-    as written, and the corners of each face."""
+    """Indices of vertices, of texture coordinates and of normals as written, 0 where a corner has none and None where none
+    has one, and the corners of each face."""
     lines = _without_comments(faces.text)
     counts = np.array([len(line.split()) for line in lines], np.int64)
     if (counts < 3).any():
@@ -163,8 +163,8 @@ def _corners(faces: _Statements, at_line: AtLine) -> tuple[Numbers, Numbers | No
 
 
 def _corner_numbers(text: str) -> tuple[Numbers, Numbers | None, Numbers | None]:
-    """The vertex, where any has one the texture coordinate, and where all have one the normal of corners written `v`, `v/t`,
-    `v//n` or `v/t/n`."""
+    """The vertex, and where any has one the texture coordinate and the normal, of corners written `v`, `v/t`, `v//n` or
+    `v/t/n`."""
     if "/" not in text:
         return np.array(list(map(int, text.split())), np.int64), None, None
     corners = text.replace("//", "/0/").split()
@@ -178,7 +178,7 @@ def _corner_numbers(text: str) -> tuple[Numbers, Numbers | None, Numbers | None]
         parts = [(*corner.split("/"), "", "")[:3] for corner in corners]
         table = np.array([[int(part[0]), int(part[1] or 0), int(part[2] or 0)] for part in parts], np.int64)
     normals = table[:, 2] if table.shape[1] == 3 else np.zeros(1, np.int64)
-    return table[:, 0], table[:, 1] if table[:, 1].any() else None, normals if normals.all() else None
+    return table[:, 0], table[:, 1] if table[:, 1].any() else None, normals if normals.any() else None
 
 
 def _is_corner(token: str) -> bool:
@@ -200,6 +200,16 @@ def _absolute(
         at = int(np.argmax(wrong))
         raise at_line(int(lines[at]), f"{what} {indices[at]}: there are {len(defined)}, counted from 1")
     return found.astype(np.int32)
+
+
+def _where_given(
+    indices: NDArray[np.int64], lines: NDArray[np.int64], defined: list[int], what: str, at_line: AtLine
+) -> NDArray[np.int32]:
+    """Indices from 0, and the number of things where a corner has none."""
+    found = np.full(len(indices), len(defined), np.int32)
+    given = indices != 0
+    found[given] = _absolute(indices[given], lines[given], defined, what, at_line)
+    return found
 
 
 def _materials(uses: _Statements, face_lines: list[int]) -> tuple[NDArray[np.int32], list[str]]:

@@ -22,7 +22,12 @@ _HEX = re.compile(r"#([0-9a-fA-F]{6})")
 
 def color(element: Element, role: str) -> Triple:
     """The colour of an element. Raises `SceneError` with its line."""
-    r, g, b = _values(element, role)
+    return checked_color(element, _values(element, role), role)
+
+
+def checked_color(element: Element, values: Triple, role: str) -> Triple:
+    """The values, which an element gives. Raises `SceneError` for negative ones, and for shares above 1."""
+    r, g, b = values
     least, most = min(r, g, b), max(r, g, b)
     if least < 0.0:
         raise element.refuse_value("must not be negative")

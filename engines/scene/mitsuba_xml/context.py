@@ -53,7 +53,8 @@ class Notes:
 @dataclass(slots=True)
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
-    are names of BSDFs that are black from behind."""
+    are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `names` of materials with how
+    often each was asked for."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -61,6 +62,8 @@ class Importer:
     built: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     building: list[Plugin] = field(default_factory=list)
     one_sided: dict[str, None] = field(default_factory=dict)
+    emitting: dict[int, Plugin] = field(default_factory=dict)
+    names: dict[str, int] = field(default_factory=dict)
 
     @property
     def place(self) -> Place:
@@ -127,13 +130,23 @@ class Importer:
             bsdf = None
         key = ("material", bsdf, radiance)
         if key not in self.built:
-            taken = {material.name for material in self.reader.table.materials}
-            unique, count = name, 1
-            while unique in taken:
-                count += 1
-                unique = f"{name}_{count}"
-            self.built[key] = self.reader.table.add(Material(unique, emission=radiance, bsdf=bsdf))
+            self.built[key] = self.reader.table.add(Material(self._unique(name), emission=radiance, bsdf=bsdf))
         return self.built[key]
+
+    def _unique(self, name: str) -> str:
+        """The name, with a number that makes it one of its own."""
+        found = name
+        while found in self.names:
+            self.names[name] += 1
+            found = f"{name}_{self.names[name]}"
+        self.names[found] = 1
+        return found
+
+    def claim(self, emitter: Plugin, shape: Plugin) -> None:
+        """Says that an emitter is that of a shape. Raises `SceneError` where it has one: Mitsuba allows one shape."""
+        other = self.emitting.setdefault(id(emitter), shape)
+        if other is not shape:
+            raise shape.refuse(f"its emitter is that of {other.element.where} too: give each shape an emitter of its own")
 
     def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
         """Raises `SceneError` where a transform has led out of the range of numbers."""

@@ -1,14 +1,19 @@
 """The XML of a Mitsuba scene as elements with their lines: parameters replaced, included files in place.
 
+Names mean what they mean in Mitsuba 3.9 (`src/core/parser.cpp`): of a parameter's values those from outside count first,
+then the first `default` in document order; a file's includes are looked for beside it, then in its `path` folders, then in
+those of the files that include it.
+
 Expat reads it with everything switched off that makes XML dangerous: a document type, and with it every entity, is refused.
 Bytes, depth, the number of elements and the text that parameters grow into are bounded, over all included files together.
 """
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -29,7 +34,8 @@ NEWEST_OLD = (2, 0)
 OPAQUE = ("hide",)
 """Elements that are left out with all that is in them."""
 
-_PARAMETER = re.compile(r"\$(\w+)")
+_PARAMETER = re.compile(r"\\\$|\$(\w*)")
+"""A dollar after a backslash, which stands for itself, or the name of a parameter with what follows it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +91,34 @@ def _short(text: str) -> str:
     return f'"{text[:MAX_SHOWN]}"' if len(text) <= MAX_SHOWN else f'"{text[:MAX_SHOWN]}..."'
 
 
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A Mitsuba file that has been read: its `scene` element complete, and where the files are that it names.
+
+    `files` are the XML files, included ones too. `digest` is a hash of their elements as they stand there, and of
+    `parameters`, the values from outside.
+    """
+
+    file: Path
+    root: Element
+    place: Place
+    parameters: Mapping[str, str]
+    files: tuple[Path, ...]
+    digest: str
+
+
+def read_document(file: Path, place: Place, parameters: Mapping[str, str] | None = None) -> Document:
+    """The document of a file. `parameters` are values of `$name` from outside. Raises `SceneError` with file and line for
+    whatever is wrong."""
+    reader = Reader(place, dict(parameters or {}))
+    root, folders = reader.read(file, str(file))
+    place = replace(place, first=tuple(folders[:-1]))
+    return Document(file, root, place, reader.parameters, tuple(reader.files), reader.hashed.hexdigest())
+
+
 @dataclass(slots=True)
 class Reader:
-    """Reads a file with those that it includes. `parameters` are values of `$name` from outside; they win over `default`.
-    `place` learns the folders of `path` elements."""
+    """Reads a file with those that it includes."""
 
     place: Place
     parameters: Mapping[str, str]
@@ -97,51 +127,64 @@ class Reader:
     left: int = MAX_ELEMENTS
     bytes_left: int = MAX_BYTES
     includes: int = 0
+    files: list[Path] = field(default_factory=list)
+    hashed: Any = field(default_factory=hashlib.sha256)
 
-    def read(self, file: Path, name: str) -> Element:
-        """The `scene` element of a file, complete. Raises `SceneError` with file and line for whatever is wrong."""
+    def read(self, file: Path, name: str) -> tuple[Element, list[Path]]:
+        """The `scene` element of the main file, and the folders in which it looks for others."""
         self.defined = dict(self.parameters)
-        root = self._file(file, name, (file.resolve(),))
+        self.hashed.update(repr(sorted(self.parameters.items())).encode())
+        folders = [self.place.folder]
+        root = self._file(file, name, (file.absolute(),), folders)
+        if root.tag != "scene":
+            raise root.refuse("the root of a Mitsuba scene is <scene>")
         for parameter in self.parameters:
             if parameter not in self.used:
                 known = (self.used | self.defined.keys()) - {parameter}
                 raise SceneError(f"{name}: has no parameter ${parameter[:MAX_SHOWN]}: {suggestion(parameter, known)}")
-        return root
+        return root, folders
 
-    def _file(self, file: Path, name: str, within: tuple[Path, ...]) -> Element:
+    def _file(self, file: Path, name: str, within: tuple[Path, ...], folders: list[Path]) -> Element:
+        self.files.append(within[-1].resolve())
         root = _Parser(self, name).parse(_content(file, name, self))
-        if root.tag != "scene":
-            raise root.refuse("the root of a Mitsuba scene is <scene>")
-        return self._expanded(root, within)
+        return self._expanded(root, within, folders)
 
-    def _expanded(self, element: Element, within: tuple[Path, ...]) -> Element:
+    def _expanded(self, element: Element, within: tuple[Path, ...], folders: list[Path]) -> Element:
         """The element with parameters replaced and includes in place, in the order of the document."""
         if element.attributes:
             element.attributes = {key: self._replaced(element, text) for key, text in element.attributes.items()}
+        if element.tag == "spectrum" and "filename" in element.attributes:
+            name = element.attributes["filename"]
+            element.attributes["filename"] = str(self._found(element, name, folders))
         children: list[Element] = []
         for child in element.children:
             if child.tag == "default":
                 self._define(child)
             elif child.tag == "include":
-                children += self._included(child, within)
+                children += self._included(child, within, folders)
             elif child.tag == "path":
-                self._look_in(child, within[-1].parent)
+                self._look_in(child, within[-1].parent, folders)
             elif child.tag not in OPAQUE:
-                children.append(self._expanded(child, within))
+                children.append(self._expanded(child, within, folders))
         element.children = children
         return element
 
     def _define(self, element: Element) -> None:
         name = element.required("name")
         self.used.add(name)
-        if name not in self.parameters:
-            self.defined[name] = self._replaced(element, element.required("value"))
+        value = self._replaced(element, element.required("value"))
+        self.defined.setdefault(name, value)
 
-    def _look_in(self, element: Element, folder: Path) -> None:
-        """A `path` element: files are looked for in its folder, which is relative to the file's, before the others."""
-        if len(self.place.first) >= MAX_PATHS:
+    def _look_in(self, element: Element, folder: Path, folders: list[Path]) -> None:
+        """A `path` element: a folder relative to the file's, in which the file looks before the others."""
+        if len(folders) > MAX_PATHS:
             raise element.refuse(f"more than {MAX_PATHS} folders to look in")
-        self.place = self.place.looking_in(folder / self._replaced(element, element.required("value")))
+        name = self._replaced(element, element.required("value"))
+        starts = (start for start in (folder, *folders) if (start / name).is_dir())
+        folders.insert(0, next(starts, folder) / name)
+
+    def _found(self, element: Element, name: str, folders: list[Path]) -> Path:
+        return replace(self.place, first=tuple(folders)).find(element.located(name), name)
 
     def _replaced(self, element: Element, text: str) -> str:
         if "$" not in text:
@@ -150,6 +193,8 @@ class Reader:
         def value(match: re.Match[str]) -> str:
             # the longest known name wins, as in "$name_of_file" with a parameter "name"
             word = match[1]
+            if word is None:
+                return "$"
             for end in range(len(word), 0, -1):
                 if word[:end] in self.defined:
                     self.used.add(word[:end])
@@ -162,17 +207,27 @@ class Reader:
 
         return _PARAMETER.sub(value, text)
 
-    def _included(self, element: Element, within: tuple[Path, ...]) -> list[Element]:
+    def _included(self, element: Element, within: tuple[Path, ...], folders: list[Path]) -> list[Element]:
+        """What stands in place of an `include` element: the children of a `scene`, or the plugin that is the root."""
         name = self._replaced(element, element.required("filename"))
         self.includes += 1
         if self.includes > MAX_INCLUDES or len(within) > MAX_NESTED_INCLUDES:
             raise element.refuse(f"more than {MAX_INCLUDES} included files, or {MAX_NESTED_INCLUDES} within each other")
-        file = self.place.find(element.located(name), name)
-        if file in within:
+        inner = [within[-1].parent, *folders]
+        file = self._found(element, name, inner)
+        if file in (outer.resolve() for outer in within):
             raise element.refuse(f"{name[:MAX_SHOWN]!r} includes itself")
         if not file.is_file():
             raise element.refuse(f"{name[:MAX_SHOWN]!r} is not a regular file")
-        return self._file(file, name, (*within, file)).children
+        root = self._file(file, name, (*within, file), inner)
+        if root.tag == "scene":
+            return root.children
+        if "type" not in root.attributes:
+            raise root.refuse("the root of an included file is <scene>, or a plugin with a type")
+        root.attributes.pop("name", None)
+        if "name" in element.attributes:
+            root.attributes["name"] = self._replaced(element, element.attributes["name"])
+        return [root]
 
 
 def _content(file: Path, name: str, reader: Reader) -> bytes:
@@ -219,6 +274,7 @@ class _Parser:
         if not self._open:
             self._source = Source(self._name, _version(self._name, line, attributes))
         element = Element(tag, attributes, line, self._source)
+        self._reader.hashed.update(repr((len(self._open), tag, sorted(attributes.items()))).encode())
         self._reader.left -= 1
         if self._reader.left < 0:
             raise element.refuse(f"more than {MAX_ELEMENTS} elements")

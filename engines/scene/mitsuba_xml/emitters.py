@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 
-from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
+from engines.scene.lights import (
+    DirectionalLight,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    SpotLight,
+    without_negative,
+)
 from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
@@ -115,10 +121,10 @@ def _envmap(importer: Importer, plugin: Plugin) -> EnvironmentLight:
     images = importer.reader.images
     file = images.file(named.located(named.attributes["value"]), importer.place)
     image = images.linear(file, images.texels[file].dtype.kind == "u", "").astype(np.float64)
-    image = np.ascontiguousarray(np.broadcast_to(image, (*image.shape[:2], 3)))
-    if not (image >= 0.0).all() or not math.isfinite(image.max()):
-        raise named.refuse("holds radiance that is negative, infinite or not a number")
-    image.flags.writeable = False
+    image = np.broadcast_to(image, (*image.shape[:2], 3))
+    image, negative = without_negative(image)
+    if negative:
+        importer.notes.add(negative, named)
     scale = plugin.number("scale", default=1.0, low=0.0)
     return EnvironmentLight((scale, scale, scale), image, rotation(plugin), "poles")
 
@@ -140,7 +146,6 @@ EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {
     "sun": _sky,
 }
 REFUSED = {
-    "area": "an area emitter stands within the shape that emits",
     "directionalarea": "has no counterpart",
     "projector": "has no counterpart",
     "collimated": "has no counterpart",

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +11,10 @@ from numpy.typing import NDArray
 from engines.scene.cameras import Camera, CustomCamera, PerspectiveArctan
 from engines.scene.content import content_hash
 from engines.scene.context import SceneReader
-from engines.scene.files import Place
 from engines.scene.lights import EnvironmentLight, Light
 from engines.scene.mesh import Mesh
 from engines.scene.mitsuba_xml.context import MAX_NAMED, Importer, Notes
-from engines.scene.mitsuba_xml.document import Element, Reader
+from engines.scene.mitsuba_xml.document import Document
 from engines.scene.mitsuba_xml.emitters import light
 from engines.scene.mitsuba_xml.integrators import shader
 from engines.scene.mitsuba_xml.properties import Plugin, plugin_tree
@@ -30,23 +27,17 @@ CLIP_REACH = 4.0
 """Distance of the corners of the near plane from the eye, in distances of the plane: 1 / cos(75 degrees)."""
 
 
-def read_root(file: Path, place: Place, parameters: Mapping[str, str] | None = None) -> tuple[Element, Place]:
-    """The `scene` element of a file, complete: included files in place, `$name` replaced, those of `parameters` first. And
-    `place` with the folders that the file says to look in."""
-    reader = Reader(place, dict(parameters or {}))
-    return reader.read(file, str(file)), reader.place
-
-
-def import_scene(file: Path, root: Element, place: Place) -> Scene:
-    """The scene of a Mitsuba XML file, of version 0.4 to 3.x, with the element `root`.
+def import_scene(document: Document) -> Scene:
+    """The scene of a Mitsuba XML file, of version 0.4 to 3.x.
 
     What was dropped or approximated stands in the warnings of the scene. Raises `SceneError` with file and line for what is
     wrong, and for what has no counterpart.
     """
+    file, root = document.file, document.root
     ids: dict[str, Plugin] = {}
     tree = plugin_tree(root, ids)
     name = file.resolve().parent.name if file.stem == "scene" else file.stem
-    reader = SceneReader(place, name, str(file))
+    reader = SceneReader(document.place, name, str(file))
     importer = Importer(reader, ids, Notes(main=str(file)))
     suggested = _integrator(importer, tree)
     seen = _camera(importer, tree)
@@ -84,6 +75,8 @@ def _camera(importer: Importer, tree: Plugin) -> Camera:
 def _lights(importer: Importer, tree: Plugin) -> list[Light]:
     found: list[Light] = []
     for plugin in importer.taken(tree, "emitter"):
+        if plugin.type == "area":
+            continue  # that of a shape which refers to it
         made = light(importer, plugin)
         if isinstance(made, EnvironmentLight) and any(isinstance(other, EnvironmentLight) for other in found):
             raise plugin.refuse("a second environment: a scene may have one")
@@ -94,6 +87,9 @@ def _lights(importer: Importer, tree: Plugin) -> list[Light]:
 def _finish(importer: Importer, tree: Plugin) -> None:
     """Notes about the scene as a whole. BSDFs, textures and media that nothing refers to are left aside."""
     importer.taken(tree, "bsdf", "texture", "spectrum", "medium", "phase", "volume")
+    for emitter in importer.taken(tree, "emitter"):
+        if emitter.type == "area" and id(emitter) not in importer.emitting:
+            importer.notes.add("an area emitter of no shape gives no light", emitter.element)
     for sampler in importer.taken(tree, "sampler"):
         importer.notes.drop(f"sampler {sampler.type}")
     for film in importer.taken(tree, "film", "rfilter"):

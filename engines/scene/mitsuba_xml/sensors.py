@@ -11,7 +11,7 @@ import numpy as np
 from engines.scene.cameras import LARGEST_SIDE, Camera, Orthographic, Perspective, ThinLens
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
-from engines.scene.mitsuba_xml.transforms import Matrix, similarity
+from engines.scene.mitsuba_xml.transforms import RIGID, Matrix, similarity
 from engines.scene.triple import Triple
 
 NEAR, FAR = 1e-2, 1e4
@@ -72,11 +72,9 @@ def _triple(values: Matrix) -> Triple:
     return x, y, z
 
 
-def _frame(plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
+def _frame(matrix: Matrix) -> dict[str, Any]:
     """eye, target, up and mirror of a camera-to-world matrix: +z forward, +y up, +x to the left."""
     left, up, forward, eye = (matrix[:3, column] for column in range(4))
-    if similarity(matrix[:3, :3]) is None:
-        raise plugin.refuse("to_world of a sensor must not stretch or shear")
     reach = float(np.linalg.norm(forward))
     # a target as far away as the eye is from the origin: the direction keeps its digits
     target = eye + forward / reach * max(1.0, float(np.abs(eye).max()))
@@ -84,11 +82,11 @@ def _frame(plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
     return {"eye": _triple(eye), "target": _triple(target), "up": _triple(up / np.linalg.norm(up)), "mirror": mirror}
 
 
-def _clip(plugin: Plugin, scale: float = 1.0) -> tuple[float, float]:
+def _clip(plugin: Plugin) -> tuple[float, float]:
     near, far = (plugin.positive(name, default=default) for name, default in (("near_clip", NEAR), ("far_clip", FAR)))
     if near >= far:
         raise plugin.refuse_property("near_clip", f"must be less than far_clip, which is {far:g}")
-    return near * scale, far * scale
+    return near, far
 
 
 def _principal_point(plugin: Plugin) -> tuple[float, float]:
@@ -134,11 +132,12 @@ def _focal_length(plugin: Plugin) -> float:
 
 def _rigid(plugin: Plugin) -> dict[str, Any]:
     matrix = plugin.transform()
-    frame, scale = _frame(plugin, matrix), similarity(matrix[:3, :3])
-    assert scale is not None
+    scale = similarity(matrix[:3, :3])
+    if scale is None:
+        raise plugin.refuse("to_world of this sensor must not stretch or shear")
     if not plugin.element.source.old and abs(scale - 1.0) > 1e-3:
         raise plugin.refuse("to_world of this sensor must not scale")
-    return frame
+    return _frame(matrix)
 
 
 def _lens(plugin: Plugin, size: tuple[int, int]) -> dict[str, Any]:
@@ -163,11 +162,18 @@ def _thin_lens(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Cam
 
 
 def _orthographic(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> Camera:
-    """The window is two wide before `to_world`."""
+    """The window is two wide, and its pixels are square, before `to_world`, whose scale along x and y it takes. The scale along
+    z moves the near plane; between the planes lie `far_clip` - `near_clip` metres, whatever the scale."""
     matrix = plugin.transform()
-    frame, scale = _frame(plugin, matrix), similarity(matrix[:3, :3])
-    assert scale is not None
-    return Orthographic(**frame, height=2.0 * scale * size[1] / size[0], resolution=size, clip=_clip(plugin, scale))
+    x, y, z = (float(length) for length in np.linalg.norm(matrix[:3, :3], axis=0))
+    if min(x, y, z) <= 0.0 or similarity(matrix[:3, :3] / [x, y, z]) is None:
+        raise plugin.refuse("to_world of a sensor must not shear, or flatten")
+    near, far = _clip(plugin)
+    stretched = {} if abs(x / y - 1.0) <= RIGID else {"width": 2.0 * x}
+    return Orthographic(
+        **_frame(matrix), height=2.0 * y * size[1] / size[0], resolution=size,
+        clip=(near * z, near * z + far - near), **stretched,
+    )  # fmt: skip
 
 
 SENSORS: dict[str, Callable[[Importer, Plugin, tuple[int, int]], Camera]] = {

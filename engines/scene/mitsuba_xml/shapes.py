@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.scene.bsdf import Bsdf, Conductor, Dielectric, Diffuse, Principled, Sides, is_textured
-from engines.scene.geometry import unit_rows
-from engines.scene.mesh import Mesh
+from engines.scene.geometry import unit_rows, with_face_normals
+from engines.scene.mesh import Mesh, faceted
 from engines.scene.mitsuba_xml import tessellate
 from engines.scene.mitsuba_xml.bsdfs import bsdf, turned
 from engines.scene.mitsuba_xml.context import Importer
@@ -64,6 +64,8 @@ def _look(importer: Importer, plugin: Plugin) -> Look:
     for what, several in (("BSDF", found), ("emitter", emitters)):
         if len(several) > 1:
             raise plugin.refuse(f"has {len(several)} of what it may have one of, {what}")
+    if emitters:
+        importer.claim(emitters[0], plugin)
     radiance = area_radiance(importer, emitters[0]) if emitters else BLACK
     if found:
         return Look(bsdf(importer, found[0]).bsdf, radiance, found[0].label)
@@ -107,14 +109,16 @@ def _mesh(importer: Importer, plugin: Plugin, look: Look, triangles: Triangles, 
 
     Normals are those of the inverse transpose; without normals the winding says what is in front before the transform.
     """
-    vertices, normals, faces = placed(matrix, triangles.vertices), triangles.normals, triangles.faces
+    vertices, faces, uvs, normals = triangles
+    vertices = placed(matrix, vertices)
     importer.check_finite(plugin, vertices)
     if normals is None:
         swapped = np.full(len(faces), mirrored(matrix) != turn)
     else:
         normals = transformed_normals(matrix, normals) * (-1.0 if turn else 1.0)
+        vertices, faces, normals, uvs, _ = with_face_normals(vertices, faces, normals, uvs)
         swapped = against(vertices, faces, normals)
-    return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, triangles.uvs)
+    return finished(importer, plugin, look, vertices, _swapped(faces, swapped), normals, uvs)
 
 
 def transformed_normals(matrix: Matrix, normals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -241,6 +245,10 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     else:
         own = data.normals
         normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
+        vertices, faces, normals, uvs, replaced = with_face_normals(vertices, faces, normals, data.uvs)
+        if replaced:
+            importer.notes.add(faceted(replaced), named)
+        data = replace(data, uvs=uvs)
         normals = -normals if turn else normals
         faces = _swapped(faces, against(vertices, faces, normals))
     if data.uvs is None and is_textured(look.bsdf):

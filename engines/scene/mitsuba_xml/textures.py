@@ -8,14 +8,23 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.mitsuba_xml.colors import EMISSION, HOTTEST, REFLECTANCE, color, of_black_body, of_samples
+from engines.scene.mitsuba_xml.colors import (
+    EMISSION,
+    HOTTEST,
+    REFLECTANCE,
+    checked_color,
+    color,
+    of_black_body,
+    of_samples,
+)
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.textures import IDENTITY, Checkerboard, Color, ImageTexture, Number, Texture, UVMatrix
-from engines.scene.triple import Triple
+from engines.scene.triple import BLACK, Triple
 
 FILTERS = {"bilinear": "bilinear", "nearest": "nearest", "trilinear": "bilinear", "ewa": "bilinear"}
+VECTORS = ("vector", "point")
 WRAPS = ("repeat", "mirror", "clamp")
 HARMLESS = ("accel", "format", "cache", "max_anisotropy", "bitmap_cache")
 
@@ -38,6 +47,8 @@ def number_or_texture(
     for name in names:
         if (found := importer.named(plugin, name)) is not None:
             made = texture(importer, found)
+            if found.type == "rawconstant" and found.values["value"].tag in VECTORS:
+                raise found.refuse("a number is expected here, not a vector")
             if not isinstance(made, tuple):
                 return _as_number(made)
             return _checked(found, sum(made) / 3.0, low, high)
@@ -76,6 +87,10 @@ def texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> Text
 def image_texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> ImageTexture:
     """The image of a plugin whose gradient or texels are wanted. Raises `SceneError` for anything else."""
     found = texture(importer, plugin, role)
+    if plugin.type == "rawconstant" and isinstance(found, tuple):
+        pixels = np.array(found, np.float32).reshape(1, 1, 3)
+        pixels.flags.writeable = False
+        return ImageTexture(pixels, name=plugin.label)
     if not isinstance(found, ImageTexture):
         raise plugin.refuse("an image is wanted here: a bitmap texture")
     return found
@@ -177,6 +192,16 @@ def _constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
     return color(element, role)
 
 
+def _raw_constant(importer: Importer, plugin: Plugin, role: str) -> Triple:
+    """A number for all channels, or a vector."""
+    element = plugin.spectrum("value")
+    if element is None or element.tag not in ("float", "integer", *VECTORS):
+        raise plugin.refuse("value: a <float> or a <vector> is expected")
+    if element.tag in VECTORS:
+        return checked_color(element, plugin.point("value") or BLACK, role)
+    return color(element, role)
+
+
 def _d65(importer: Importer, plugin: Plugin, role: str) -> Triple:
     """White, as in the RGB variants of Mitsuba 3."""
     grey = plugin.number("scale", default=1.0, low=0.0, high=1.0 if role == REFLECTANCE else math.inf)
@@ -206,7 +231,7 @@ def _sampled(importer: Importer, plugin: Plugin, role: str) -> Triple:
 
 TEXTURES = {
     "bitmap": _bitmap, "checkerboard": _checkerboard, "scale": _scaled, "srgb": _constant, "uniform": _constant,
-    "rawconstant": _constant, "d65": _d65, "blackbody": _black_body, "regular": _sampled, "irregular": _sampled,
+    "rawconstant": _raw_constant, "d65": _d65, "blackbody": _black_body, "regular": _sampled, "irregular": _sampled,
 }  # fmt: skip
 REFUSED = {
     "mesh_attribute": "attributes of a mesh are not read: bake them into a bitmap",

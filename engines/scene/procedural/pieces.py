@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.geometry import has_area, unit_rows, vertex_normals
+from engines.scene.geometry import UP, has_area, unit_rows, vertex_normals
 from engines.scene.procedural.generator import CENTER, ROTATE_Y, Faces, turned
 from engines.scene.triple import Triple
 from engines.schema import fields
@@ -39,12 +39,13 @@ def joined(patches: Sequence[Patch], name: str) -> Faces:
 
 
 def seamless_normals(points: Array, faces: NDArray[np.int32]) -> Array:
-    """(n, 3) means of adjacent faces, in which vertices at one place count as one."""
+    """(n, 3) means of adjacent faces, in which vertices at one place count as one; `UP` where these have no area."""
     _, same = np.unique(np.round(points, 9), axis=0, return_inverse=True)
     same = same.ravel()
     whole = np.zeros((int(same.max()) + 1, 3))
     whole[same] = points
-    return vertex_normals(whole, same[faces].astype(np.int32))[same]
+    normals = vertex_normals(whole, same[faces].astype(np.int32))[same]
+    return np.where(normals.any(axis=1)[:, None], normals, UP)
 
 
 def curve(points: Array, spans: int, closed: bool = False) -> Array:
