@@ -8,11 +8,12 @@ ARGS ?=
 , := ,
 
 .DELETE_ON_ERROR:
-.PHONY: help bench test fuzz microbench speed baseline renderers chapter chapter-text lint docs docs-pictures clean
+.PHONY: help bench test test-slow fuzz microbench speed baseline renderers chapter chapter-text lint docs docs-pictures clean
 
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
 	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
+	@echo "make test-slow   the tests that 'make test' leaves out: further cases of what quick tests show"
 	@echo "make fuzz        read a thousand damaged scenes, meshes, images, configs and events each (ARGS='--seed 2')"
 	@echo "make lint        ruff and pyright"
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
@@ -35,6 +36,9 @@ bench: .venv/.installed
 
 test: .venv/.installed-test
 	@$(BIN)/python -m pytest --ignore=tests/benchmarks -n auto --dist loadfile $(ARGS)
+
+test-slow: .venv/.installed-test
+	@$(BIN)/python -m pytest --ignore=tests/benchmarks -m slow -n auto $(ARGS)
 
 fuzz: .venv/.installed-test
 	@$(BIN)/python -m tests.fuzz $(ARGS)

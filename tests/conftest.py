@@ -1,5 +1,5 @@
-"""What every test shares: hypothesis draws the same examples in every run, and sets no time limit on one. Reports come with
-SVG alone, for PNG and PDF take most of a report's time; tests/harness/test_plots.py draws them all. And one browser.
+"""What every test shares: hypothesis draws the same examples in every run, and sets no time limit on one. Reports come
+without plots, which take most of a report's time, unless a test asks for `with_plots`. And one browser.
 References are kept in a folder of the session: the user's own are neither read nor written.
 
 Temporary files lie in memory where there is such a file system, unless TMPDIR says where: results are synced to the disk
@@ -16,7 +16,7 @@ from hypothesis.internal.conjecture import providers
 from tests import needs
 from tests.browser import Browser
 
-os.environ["RAYBENCH_PLOTS"] = "svg"
+os.environ["RAYBENCH_PLOTS"] = "none"
 
 HERE = Path(__file__).resolve().parent
 IN_MEMORY = Path("/dev/shm")
@@ -58,6 +58,12 @@ LONG = (
 """Files of few tests that take long. They start first: otherwise one worker has them left when the others are done."""
 
 
+@pytest.hookimpl
+def pytest_xdist_auto_num_workers(config):
+    """One more than the cores: tests wait for processes, time-outs and disks."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 def pytest_configure(config):
     """The order is that of `pytest_collection_modifyitems`, and not pytest-xdist's, by the number of a file's tests."""
     config.option.loadscopereorder = False
@@ -67,6 +73,12 @@ def pytest_configure(config):
 def pytest_collection_modifyitems(items):
     places = {HERE / name: place for place, name in enumerate(LONG)}
     items.sort(key=lambda item: places.get(item.path, len(LONG)))
+
+
+@pytest.fixture
+def with_plots(monkeypatch):
+    """Reports come with plots, as SVG alone; tests/harness/test_plots.py draws all formats."""
+    monkeypatch.setenv("RAYBENCH_PLOTS", "svg")
 
 
 @pytest.fixture(scope="module")

@@ -17,4 +17,6 @@ def reported(tmp_path_factory):
     """The synthetic folder with tables, plots and report: derived once for all workers. To be read, not changed."""
     from tests.harness import once, synthetic
 
-    return once.built(tmp_path_factory, "reported", synthetic.write_reported)
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("RAYBENCH_PLOTS", "svg")
+        return once.built(tmp_path_factory, "reported", synthetic.write_reported)

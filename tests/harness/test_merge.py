@@ -60,7 +60,8 @@ def merged(here, there):
 @pytest.fixture(scope="module")
 def commanded(here, there):
     """What the command printed, and the folder that it wrote."""
-    return raybench("merge", here, there, "--out", here.parent / "out"), here.parent / "out"
+    out = here.parent / "out"
+    return raybench("merge", here, there, "--out", out, RAYBENCH_PLOTS="svg"), out
 
 
 def done(folder):

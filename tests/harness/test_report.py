@@ -237,7 +237,7 @@ def test_the_report_is_rebuilt_from_manifest_events_and_images_alone(folder, tmp
     assert page_of(copy) == page_of(folder)
 
 
-def test_no_cell_done(folder, tmp_path):
+def test_no_cell_done(folder, tmp_path, with_plots):
     copy = rewritten(folder, tmp_path / "copy", lambda events: [e for e in events if e.get("state") != "done"])
     text = write_derived(copy).read_text(encoding="utf-8")
     assert "nothing to compare yet" in text and "mitsuba" in text
@@ -275,7 +275,7 @@ def few_cells(events):
     return [event for event in events if event["event"] != "cell" or wanted(event)]
 
 
-def test_nonfinite_metrics_and_points_do_not_break_it(folder, tmp_path):
+def test_nonfinite_metrics_and_points_do_not_break_it(folder, tmp_path, with_plots):
     bad = {"relmse_e0.01_corrected": float("inf"), "relmse_e0.01_se": float("nan"), "nonfinite": 3.0}
 
     def spoil(events):

@@ -100,7 +100,7 @@ def test_rates_are_rays_over_seconds_and_ratios_those_of_the_baseline(measured):
     assert base["error_rate"].high == pytest.approx(1 - 0.05 ** (1 / COUNT))
 
 
-def test_the_command_writes_results_that_report_reads_again(tmp_path):
+def test_the_command_writes_results_that_report_reads_again(tmp_path, with_plots):
     words = ["cornell_box", *options(engine="numpy", rays="incoherent", count=300, checked=300, hard=50, repeats=3,
                                      max_time="1ms", out=tmp_path / "out")]  # fmt: skip
     done = raybench("trace", *words, "--json")

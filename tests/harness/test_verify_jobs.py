@@ -55,7 +55,7 @@ def test_a_second_run_asks_nothing_again_and_another_case_alone(finished):
     assert {event["spec"]["case"] for event in added} == {"self/scale"}
 
 
-def test_the_report_draws_them_and_has_their_table(finished, tmp_path):
+def test_the_report_draws_them_and_has_their_table(finished, tmp_path, with_plots):
     analysis = analyse(load_results(finished[1]))
     plots = draw_stability(analysis.results.check_results, tmp_path)
     assert [plot.name for plot in plots] == ["stability-of-t", "self-hits-and-leaks"]

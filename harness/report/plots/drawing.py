@@ -17,7 +17,7 @@ from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
 from harness.report.plots.curves import error_curves, pareto, shows_slopes, target_ecdf
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives, shows_exponents
-from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, save
+from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, formats, save
 
 OF_A_PANEL = {
     "error-over-time": "error over warm time", "error-over-cold-time": "over cold time", "error-over-samples": "over samples",
@@ -53,7 +53,9 @@ def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[
 
 
 def draw_sketches(sketches: Sequence[Sketch], target: Path) -> list[Plot]:
-    """Draws those that their results allow."""
+    """Draws those that their results allow; nothing for `RAYBENCH_PLOTS=none`."""
+    if not formats():
+        return []
     target.mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context(cast(Any, STYLE)):
         figures = [(sketch, sketch.make()) for sketch in sketches]

@@ -157,14 +157,18 @@ def small_multiples(count: int, width: float, height: float, sharey: bool = True
 
 
 def formats() -> tuple[str, ...]:
-    """Those of `$RAYBENCH_PLOTS`, for whom drawing takes too long: `svg,png`, say. By default all. The report needs svg.
+    """Those of `$RAYBENCH_PLOTS`, for whom drawing takes too long: `svg,png`, say, or `none`. By default all. Where anything is
+    drawn, svg is among them: the report shows it.
 
     Raises ConfigError for what is no format.
     """
     names = [name.strip() for name in os.environ.get("RAYBENCH_PLOTS", ",".join(FORMATS)).split(",")]
+    if names == ["none"]:
+        return ()
     for name in names:
         if name not in FORMATS:
-            raise ConfigError(f"$RAYBENCH_PLOTS: {name!r} is no format of a plot; wanted: any of {', '.join(FORMATS)}")
+            expected = f"none, or any of {', '.join(FORMATS)}"
+            raise ConfigError(f"$RAYBENCH_PLOTS: {name!r} is no format of a plot; expected: {expected}")
     return tuple(name for name in FORMATS if name in ("svg", *names))
 
 
