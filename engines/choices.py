@@ -23,7 +23,10 @@ class Option:
     check: Callable[[Any], str | None]
 
 
-OMITTED: dict[tuple[str, str], Any] = {("path_tracer", "light_sampler"): "uniform", ("path_tracer", "light_candidates"): 1}
+OMITTED: dict[tuple[str, str], Any] = {
+    ("path_tracer", "light_sampler"): "uniform", ("path_tracer", "light_candidates"): 1,
+    ("path_tracer", "transparent_shadows"): False, ("path_tracer", "hide_emitters"): False,
+}  # fmt: skip
 """Options that came after the first published results, with the values at which descriptions leave them out: what those
 results describe keeps its identity."""
 
@@ -118,6 +121,15 @@ SHADERS: dict[str, dict[str, Option]] = {
             1,
             "light samples per vertex; one of them, resampled by its unshadowed irradiance, gets a shadow ray",
             integer(1, 32),
+        ),
+        "transparent_shadows": Option(
+            False,
+            "whether light passes null, masks and thin panes on straight ways: shadow rays get their transmittance, and passing "
+            "one is no segment",
+            one_of(False, True),
+        ),
+        "hide_emitters": Option(
+            False, "whether the camera does not see lights: shapes that emit are absent, environments black", one_of(False, True)
         ),
     },
     "depth_map": {

@@ -22,6 +22,10 @@ from engines.scene import Scene
 from engines.scene.light_hierarchy import lit_through
 
 
+MOST_NULL_LOBES = 1024
+"""Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
+
+
 class Stopped(Exception):
     """Raised inside a pass when `stop` was called; the pass is dropped."""
 
@@ -74,15 +78,45 @@ class Context:
         direction it would meet a light that is seen from the side much earlier than it ends.
         """
         self.rays += direction.shape[1]
-        origin = surface.spawn(direction)
+        ray = self._shadow_ray(surface, direction, distance)
+        return ~self.tracer.occluded(*ray, self.check, surface.primitive_id)
+
+    def transmittance(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> Array:
+        """(3, n) the share of light that null lobes let pass on the same way: 0 where anything else lies on it."""
+        share, lanes = np.ones(direction.shape), np.arange(direction.shape[1])
+        with np.errstate(invalid="ignore"):
+            target = surface.point + distance * direction
+        for _ in range(MOST_NULL_LOBES):
+            self.rays += lanes.size
+            origin, aim, t_max = self._shadow_ray(surface, direction, distance)
+            hits = self.tracer.closest(origin, aim, t_max, self.check, surface.primitive_id)
+            met = np.flatnonzero(hits.primitive_id >= 0)
+            surface = self.surface(origin.take(met, axis=1), aim.take(met, axis=1), hits.take(met))
+            passed = self.materials.transmittance(surface)
+            share[:, lanes[met]] *= passed
+            on = np.flatnonzero((passed > 0.0).any(axis=0))
+            lanes, surface = lanes[met[on]], surface.take(on)
+            if not lanes.size:
+                return share
+            # from there to the same place
+            endless = np.isinf(distance[met[on]])
+            with np.errstate(invalid="ignore"):
+                way = target.take(lanes, axis=1) - surface.point
+                length = norm(way)
+                direction = np.where(endless, aim.take(met[on], axis=1), way / length)
+            distance = np.where(endless, np.inf, length)
+        share[:, lanes] = 0.0
+        return share
+
+    def _shadow_ray(self, surface: SurfaceInteraction, direction: Array, distance: Array) -> tuple[Array, Array, Array]:
+        """Origin, direction (3, n) and length (n,) of the ray to the place that lies so far away."""
         side = np.where(dot(surface.geometric, direction) < 0.0, -surface.offset, surface.offset)
         with np.errstate(invalid="ignore"):
             aim = distance * direction - side * surface.geometric
             length = norm(aim)
             aim = np.where(np.isinf(distance), direction, aim / length)
         t_max = length * (1.0 - self.tracer.offset) - surface.offset
-        t_max = np.where(np.isinf(distance), np.inf, t_max)
-        return ~self.tracer.occluded(origin, aim, t_max, self.check, surface.primitive_id)
+        return surface.spawn(direction), aim, np.where(np.isinf(distance), np.inf, t_max)
 
     def environment(self, direction: Array) -> Array:
         """(3, n) radiance of all lights at infinity together from unit directions."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes
+from engines.numpy_reference.bsdf.interface import NullLobes
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.tilts import kept, shadowing
 from engines.numpy_reference.vectors import Array, Indices, Mask
@@ -43,6 +44,13 @@ class Materials:
                 self._model[mine], self._member[mine] = len(self._models), np.arange(mine.size)
                 self.lobes[mine] = model.lobes
                 self._models.append(model)
+        self._crossed = np.array([isinstance(model, NullLobes) for model in self._models], bool)
+        self.null_lobes = self._wrappers.masks or bool(self._crossed.any())
+        """Whether any surface may let rays pass as if it were not there."""
+
+    def emits(self, at: SurfaceInteraction) -> Mask:
+        """(n,) whether the surface emits, on whichever side."""
+        return (self.emission > 0.0).any(axis=0)[at.material]
 
     def emitted(self, at: SurfaceInteraction) -> Array:
         """(3, n) radiance that the surface sends back along the rays that found it."""
@@ -80,6 +88,15 @@ class Materials:
             return found
         passing, pdf = at.wrapped.passing, np.where(np.isinf(found.pdf), np.inf, found.pdf * at.wrapped.opacity)
         return BSDFSample(*(np.where(passing, *pair) for pair in ((-at.wo, found.wi), (1.0, found.weight), (np.inf, pdf))))
+
+    def passes(self, at: SurfaceInteraction, wi: Array) -> Mask:
+        """(n,) whether a sample `wi` is that of a null lobe: straight on through a mask, null or a thin pane."""
+        straight = (wi == -at.wo).all(axis=0) & self._crossed[self._model[self._leaf(at)]]
+        return straight if at.wrapped is None else straight | at.wrapped.passing
+
+    def transmittance(self, at: SurfaceInteraction) -> Array:
+        """(3, n) the mean weight of what null lobes let pass along the rays that found the surface."""
+        return self._wrappers.transmittance(at, self._leaf_transmittance)
 
     def follow(self, at: SurfaceInteraction, lobe: Lobes) -> tuple[Indices, BSDFSample]:
         """What one delta lobe shows, as if it were the only one; and at which points, of all n. The lobe of transmission goes
@@ -120,6 +137,14 @@ class Materials:
             return found
         weight = found.weight * shadowing(at, at.wrapped, found.wi)
         return found._replace(weight=np.where(kept(at, at.wrapped, found.wi), weight, 0.0))
+
+    def _leaf_transmittance(self, at: SurfaceInteraction) -> Array:
+        assert at.wrapped is not None
+        found = np.zeros(at.wo.shape)
+        for model, lanes, member, here in self._by_model(at):
+            if isinstance(model, NullLobes):
+                found[:, lanes] = model.transmittance(member, here)
+        return np.where(kept(at, at.wrapped, -at.wo), found * shadowing(at, at.wrapped, -at.wo), 0.0)
 
     def _follows(self, at: SurfaceInteraction, lobe: Lobes) -> Mask:
         if at.wrapped is None or lobe != Lobes.SPECULAR_TRANSMISSION:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.numpy_reference.bsdf import Lobes
-from engines.numpy_reference.context import Context
+from engines.numpy_reference.context import MOST_NULL_LOBES, Context
 from engines.numpy_reference.direct_light import resample_light, sample_light
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
@@ -37,6 +37,12 @@ class Paths(NamedTuple):
     geometric: Array
     origin_primitive: Indices
     """Id of the primitive that the ray starts from, -1 for the camera's."""
+    depth: Indices
+    """Segments so far, 1 on the way from the camera."""
+    crossed: Array
+    """Metres since the last vertex to where the ray starts: 0 unless null lobes were crossed freely."""
+    direct_view: Mask
+    """Whether the camera sees along the ray: null lobes alone lie behind it."""
 
     def take(self, lanes: Indices) -> Paths:
         """Some of the paths."""
@@ -48,9 +54,10 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
     n = pixel.size
     total = np.zeros((3, n))
     paths = Paths(
-        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1)
-    )
-    for depth in range(1, context.options["max_depth"] + 1):
+        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1),
+        np.ones(n, np.int64), np.zeros(n), np.ones(n, bool),
+    )  # fmt: skip
+    for event in range(1, context.options["max_depth"] + MOST_NULL_LOBES):
         context.check()
         # the next surface
         hits = context.closest(paths.origin, paths.direction, paths.origin_primitive)
@@ -58,22 +65,42 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
         arrived = np.flatnonzero(hits.primitive_id >= 0)
         paths, hits = paths.take(arrived), hits.take(arrived)
         at = context.surface(paths.origin, paths.direction, hits)
-        total[:, paths.lane] += _emission(context, paths, at, hits.t)
-        if depth == context.options["max_depth"] or not paths.lane.size:
+        absent = _absent(context, paths, at)
+        total[:, paths.lane] += np.where(absent, 0.0, _emission(context, paths, at, hits.t))
+        goes_on = paths.depth < context.options["max_depth"]
+        if not (goes_on | absent | _crosses_freely(context)).any():
             break
         # what it does with light
-        base = 2 + 8 * (depth - 1)
+        base = _base(event)
         at, uc = context.materials.walk(at, context.draw(paths.pixel, sample, base + LOBE))
-        total[:, paths.lane] += _direct(context, paths, at, sample, base)
-        paths = _scattered(context, paths, at, uc, sample, base)
-        if depth >= context.options["rr_depth"]:
-            paths = _roulette(context, paths, sample, base)
+        total[:, paths.lane] += _direct(context, paths, at, goes_on & ~absent, sample, base)
+        paths, scattered = _scattered(context, paths, at, absent, hits.t, uc, sample, event)
+        paths = _roulette(context, paths, scattered & (paths.depth > context.options["rr_depth"]), sample, base)
     return total
+
+
+def _base(event: int) -> int:
+    """The first dimension of the vertex at the end of a path's ray number `event`, from 1 on."""
+    return 2 + 8 * (event - 1)
+
+
+def _crosses_freely(context: Context) -> bool:
+    """Whether null lobes are no vertices."""
+    return context.options["transparent_shadows"] and context.materials.null_lobes
+
+
+def _absent(context: Context, paths: Paths, at: SurfaceInteraction) -> Mask:
+    """(n,) whether the surface is an emitter that hides from the camera."""
+    if not context.options["hide_emitters"]:
+        return np.zeros(paths.depth.size, bool)
+    return (paths.depth == 1) & context.materials.emits(at)
 
 
 def _environment(context: Context, paths: Paths, missed: Indices) -> Array:
     """(3, n) radiance of the lights at infinity that rays find, weighted; 0 for rays not in `missed`."""
     found = np.zeros(paths.direction.shape)
+    if context.options["hide_emitters"]:
+        missed = missed[~paths.direct_view[missed]]
     if missed.size:
         lost = paths.take(missed)
         for light in context.lights.infinite:
@@ -93,7 +120,8 @@ def _emission(context: Context, paths: Paths, at: SurfaceInteraction, distance: 
     lanes = np.flatnonzero((emitted > 0.0).any(axis=0))
     if lanes.size:
         paths = paths.take(lanes)
-        pdf = context.lights.pdf(at.take(lanes), paths.origin, distance[lanes])
+        start = paths.origin - paths.crossed * paths.direction
+        pdf = context.lights.pdf(at.take(lanes), start, paths.crossed + distance[lanes])
         pdf = pdf / _choices(context, paths, at.primitive_id[lanes])
         weight = _weight_of_scattering(context, paths.pdf, pdf, listed=pdf > 0.0)
         found[:, lanes] = paths.throughput * weight * emitted.take(lanes, axis=1)
@@ -123,10 +151,10 @@ def _weight_of_scattering(context: Context, pdf: Array, pdf_light: Array, listed
         return np.where(only_way, 1.0, 1.0 / (1.0 + ratio * ratio))
 
 
-def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int, base: int) -> Array:
-    """(3, n) light from one sample of one light through the lobes that are no deltas."""
+def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask, sample: int, base: int) -> Array:
+    """(3, n) light from one sample of one light through the lobes that are no deltas; 0 of paths that are not `asked`."""
     found = np.zeros(paths.direction.shape)
-    lanes = np.flatnonzero(context.materials.has(at, Lobes.NON_SPECULAR))
+    lanes = np.flatnonzero(asked & context.materials.has(at, Lobes.NON_SPECULAR))
     if not context.lights.count or not lanes.size:
         return found
     # which light, and where on it
@@ -151,26 +179,41 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, sample: int,
     # unless something stands in between
     reaches = (value != 0.0).any(axis=0)
     lit = np.flatnonzero(reaches & (added != 0.0).any(axis=0))  # NaN is not 0: it is traced, and counted as a bad sample
-    clear = context.unoccluded(at.take(lit), light.wi.take(lit, axis=1), light.distance[lit])
-    lit = lit[clear]
-    found[:, lanes[lit]] = added.take(lit, axis=1)
+    way = at.take(lit), light.wi.take(lit, axis=1), light.distance[lit]
+    visible = context.transmittance(*way) if _crosses_freely(context) else context.unoccluded(*way)
+    found[:, lanes[lit]] = np.where(visible, visible * added.take(lit, axis=1), 0.0)
     return found
 
 
-def _scattered(context: Context, paths: Paths, at: SurfaceInteraction, uc: Array, sample: int, base: int) -> Paths:
-    """The paths that go on, each in a direction that its BSDF has sampled; `uc` (n,) chooses lobes."""
+def _scattered(
+    context: Context, paths: Paths, at: SurfaceInteraction, absent: Mask, distance: Array, uc: Array, sample: int, event: int
+) -> tuple[Paths, Mask]:
+    """The paths that go on, each in a direction that its BSDF has sampled, and whether each has left a vertex. `uc` (n,) chooses
+    lobes; where the surface is `absent` (n,), the ray goes straight on."""
+    base = _base(event)
     u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
     found = context.materials.sample(at, uc, u0, u1)
-    paths = paths._replace(
-        origin=at.spawn(found.wi), direction=found.wi, throughput=paths.throughput * found.weight, pdf=found.pdf,
-        normal=at.normal, vertex=at.point, geometric=at.geometric, origin_primitive=at.primitive_id,
+    null, wi = absent | context.materials.passes(at, found.wi), np.where(absent, -at.wo, found.wi)
+    weight = np.where(absent, 1.0, found.weight)
+    vertex = ~null if _crosses_freely(context) else ~absent
+    following = paths._replace(
+        origin=at.spawn(wi), direction=wi, throughput=paths.throughput * weight, origin_primitive=at.primitive_id,
+        pdf=np.where(vertex, found.pdf, paths.pdf), normal=np.where(vertex, at.normal, paths.normal),
+        vertex=np.where(vertex, at.point, paths.vertex), geometric=np.where(vertex, at.geometric, paths.geometric),
+        depth=paths.depth + vertex, crossed=np.where(vertex, 0.0, paths.crossed + distance),
+        direct_view=paths.direct_view & null,
     )  # fmt: skip
-    return paths.take(np.flatnonzero((found.weight != 0.0).any(axis=0)))
+    goes_on = (weight != 0.0).any(axis=0) & (following.depth <= context.options["max_depth"])
+    goes_on &= event + 1 - following.depth < MOST_NULL_LOBES
+    kept = np.flatnonzero(goes_on)
+    return following.take(kept), vertex[kept]
 
 
-def _roulette(context: Context, paths: Paths, sample: int, base: int) -> Paths:
-    """The paths that survive, with the weight of those that do not."""
+def _roulette(context: Context, paths: Paths, played: Mask, sample: int, base: int) -> Paths:
+    """The paths that survive where it is `played`, with the weight of those that do not; and the others."""
+    if not played.any():
+        return paths
     survival = np.minimum(paths.throughput.max(axis=0, initial=0.0), 0.95)
-    kept = np.flatnonzero(context.draw(paths.pixel, sample, base + ROULETTE) < survival)
+    kept = np.flatnonzero(~played | (context.draw(paths.pixel, sample, base + ROULETTE) < survival))
     paths = paths.take(kept)
-    return paths._replace(throughput=paths.throughput / survival[kept])
+    return paths._replace(throughput=paths.throughput / np.where(played, survival, 1.0)[kept])

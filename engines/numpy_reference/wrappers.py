@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any, get_args
 
@@ -24,7 +24,7 @@ _BLACK = Mixture()
 class Wrappers:
     """The BSDFs of m materials, taken apart: a node for each wrapper and each of the `leaves`, which are no wrappers.
 
-    `any` says whether there are wrappers; `placed` (m,) which materials need texture coordinates.
+    `any` says whether there are wrappers, `masks` whether masks are among them; `placed` (m,) which materials need texture coordinates.
     """
 
     def __init__(self, bsdfs: Sequence[Bsdf]) -> None:
@@ -34,6 +34,7 @@ class Wrappers:
         self.leaves = [node for node in self._nodes if not isinstance(node, _WRAPPERS)]
         wraps = np.array([isinstance(node, _WRAPPERS) for node in self._nodes], bool)
         self.any = bool(wraps.any())
+        self.masks = any(isinstance(node, MaskWrapper) for node in self._nodes)
         self._leaf = np.where(wraps, -1, np.cumsum(~wraps) - 1)
         self._of_material = self._leaf[self._root]
         self._parts = np.array([self._numbers(node) for node in self._nodes], np.int64).reshape(-1, 2).T
@@ -65,6 +66,34 @@ class Wrappers:
                     else:
                         walk.tilt(lanes, wrapper, self._transmits[number])
         return walk.ended(self._leaf[node])
+
+    def transmittance(self, at: SurfaceInteraction, of_leaf: Callable[[SurfaceInteraction], Array]) -> Array:
+        """(3, n) the transmittance of surfaces, given that of leaves (docs/transport.md, "Null lobes")."""
+        nowhere = Wrapped(np.full(at.front.size, -1), np.ones(at.front.size), np.zeros(at.front.size, bool), at.normal, at.normal)
+        found, root = np.empty(at.wo.shape), self._root[at.material]
+        for number in np.unique(root):
+            lanes = np.flatnonzero(root == number)
+            found[:, lanes] = self._passed(number, at._replace(wrapped=nowhere).take(lanes), of_leaf)
+        return found
+
+    def _passed(self, number: int, at: SurfaceInteraction, of_leaf: Callable[[SurfaceInteraction], Array]) -> Array:
+        """(3, n) the same of one node, at points as the wrappers around it have left them."""
+        bsdf, parts = self._nodes[number], self._parts[:, number]
+        assert at.wrapped is not None
+        if self._leaf[number] >= 0:
+            return of_leaf(at._replace(wrapped=at.wrapped._replace(leaf=np.full(at.front.size, self._leaf[number]))))
+        if isinstance(bsdf, Bump | NormalMap):
+            tilt = tilted(bsdf, at, self._transmits[number])
+            innermost = np.where(tilt.scatters & at.wrapped.innermost.any(axis=0), at.normal, 0.0)
+            frame = {"normal": tilt.normal, "dp_du": tilt.dp_du, "dp_dv": tilt.dp_dv}
+            return self._passed(parts[0], at._replace(**frame, wrapped=at.wrapped._replace(innermost=innermost)), of_leaf)
+        first = self._passed(parts[0], at, of_leaf)
+        if isinstance(bsdf, Sides):
+            return np.where(at.front, first, self._passed(parts[1], at, of_leaf))
+        share = self._share(np.full(at.front.size, number), at)
+        if isinstance(bsdf, Blend):
+            return (1.0 - share) * first + share * self._passed(parts[1], at, of_leaf)
+        return 1.0 - share * (1.0 - first)
 
     def _enter(self, bsdf: Any) -> int:
         """The number of a node, whose parts have theirs. One that stands in several places has one."""

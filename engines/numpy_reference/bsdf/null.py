@@ -26,6 +26,9 @@ class NullBSDF:
         passes = 1.0 if lobes & Lobes.SPECULAR_TRANSMISSION else 0.0
         return BSDFSample(-at.wo, np.full((3, n), passes), np.full(n, np.inf))
 
+    def transmittance(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return np.ones((3, member.size))
+
     def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         return np.zeros(wi.shape)
 

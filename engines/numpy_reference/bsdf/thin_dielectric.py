@@ -27,8 +27,7 @@ class ThinDielectricBSDF:
         self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
     ) -> BSDFSample:
         """The mirror direction with the probability R, else straight on."""
-        once, _ = fresnel_dielectric(dot(at.wo, at.normal), self._ior[member])
-        reflectance = 2.0 * once / (1.0 + once)
+        reflectance = self._mirrored_share(member, at)
         r = reflectance * has(lobes, Lobes.SPECULAR_REFLECTION)
         t = (1.0 - reflectance) * has(lobes, Lobes.SPECULAR_TRANSMISSION)
         mirror = uc * (r + t) < r
@@ -36,6 +35,13 @@ class ThinDielectricBSDF:
         weight = np.where(mirror, self._reflectance(member, at), self._transmittance(member, at)) * (r + t)
         good = ~mirror | at.reflects(wi)
         return BSDFSample(wi, np.where(good, weight, 0.0), np.full(member.size, np.inf))
+
+    def transmittance(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return (1.0 - self._mirrored_share(member, at)) * self._transmittance(member, at)
+
+    def _mirrored_share(self, member: Indices, at: SurfaceInteraction) -> Array:
+        once, _ = fresnel_dielectric(dot(at.wo, at.normal), self._ior[member])
+        return 2.0 * once / (1.0 + once)
 
     def evaluate(self, member: Indices, at: SurfaceInteraction, wi: Array) -> Array:
         return np.zeros(wi.shape)
