@@ -184,7 +184,8 @@ class Plugin:
     def pytest_runtest_setup(self, item):
         for name in self._of(item):
             if reason := lacking(name):
-                (pytest.fail if name in required() else pytest.skip)(f"{PREFIX}{name}: {reason}")
+                said = f"{PREFIX}{name}: {reason}"
+                pytest.fail(said, pytrace=False) if name in required() else pytest.skip(said)
 
     def pytest_terminal_summary(self, terminalreporter):
         reasons = [str(report.longrepr[2]) for report in terminalreporter.stats.get("skipped", ()) if report.longrepr]

@@ -118,6 +118,7 @@ class Sweep:
             })  # fmt: skip
         self.recorder.record_environment(self.recorder.env_id, self.recorder.environment)
         self._note_other_machines()
+        self._note_skipped()
         if experiment.quality.targets is not None:
             self._append_targets(list(experiment.quality.targets))
         planned = {cell.cell_id for cell in self.plan.cells}
@@ -130,6 +131,17 @@ class Sweep:
             known = self.recorder.latest.get(cell.cell_id)
             if known is not None and known.get("division", "closed") != cell.division:
                 self.recorder.append({**known, "division": cell.division})
+
+    def _note_skipped(self) -> None:
+        """A line for each engine and reason."""
+        scenes = {cell.scene.name for cell in self.plan.cells}
+        skipped: dict[tuple[str, str], set[str]] = {}
+        for cell in self.plan.cells:
+            if cell.skip:
+                skipped.setdefault((cell.engine_name, cell.skip), set()).add(cell.scene.name)
+        for (engine, reason), where in skipped.items():
+            on = "" if where == scenes else f" on {', '.join(sorted(where))}"
+            self.listener.note(f"{engine} is skipped{on}: {reason}")
 
     def _cells(self) -> list[Cell]:
         """What is to be measured, and what may be measured again: on another machine it may be another contestant."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from harness.metrics import Reference, as_error, corrected_error_map, measure, standard_error
+from tests.needs import needs
 
 TRUTH = np.random.default_rng(1).uniform(0.05, 1.5, (48, 40, 3))
 
@@ -39,7 +40,7 @@ def test_names_carry_epsilon():
 def test_an_image_equal_to_its_reference_has_no_error():
     scores = measure(TRUTH, exact_reference(), 0.01)
     assert scores["relmse_e0.01"] == scores["mse"] == scores["mape"] == scores["smape"] == scores["nonfinite"] == 0
-    assert scores["psnr"] == math.inf and scores["ssim"] == pytest.approx(1) and scores.get("flip", 0.0) == 0
+    assert scores["psnr"] == math.inf and scores["ssim"] == pytest.approx(1)
 
 
 def test_uncorrected_error_is_inflated_by_reference_noise_and_corrected_is_not():
@@ -187,7 +188,13 @@ def test_perceptual_scores_worsen_with_noise():
     rng = np.random.default_rng(4)
     few, many = (measure(TRUTH + rng.normal(0, s, TRUTH.shape), exact_reference(), 0.01) for s in (0.02, 0.3))
     assert few["ssim"] > many["ssim"] and few["psnr"] > many["psnr"]
-    assert "flip" not in few or few["flip"] < many["flip"]
+
+
+@needs("flip")
+def test_flip_is_zero_without_an_error_and_rises_with_noise():
+    rng = np.random.default_rng(4)
+    none, few, many = (measure(TRUTH + rng.normal(0, s, TRUTH.shape), exact_reference(), 0.01) for s in (0.0, 0.02, 0.3))
+    assert 0 == none["flip"] < few["flip"] < many["flip"]
 
 
 def test_mean_radiance_is_reported_a_channel():
