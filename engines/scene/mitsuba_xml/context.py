@@ -16,6 +16,7 @@ from engines.scene.files import Place
 from engines.scene.materials import Material
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.mitsuba_xml.transforms import Matrix
 from engines.scene.shapes import Shape, check_area
 from engines.scene.triple import BLACK, Triple
 
@@ -27,7 +28,7 @@ MAX_NAMED = 5
 class Notes:
     """Notes by what they say, each with the lines that it is about, and names of what is dropped."""
 
-    lines: dict[str, list[str]] = field(default_factory=dict)
+    lines: dict[str, dict[str, None]] = field(default_factory=dict)
     dropped: dict[str, None] = field(default_factory=dict)
     main: str = ""
 
@@ -35,7 +36,7 @@ class Notes:
         """A note about an element."""
         own = element.source.name == self.main
         where = f"line {element.line}" if own else f"{element.source.name}:{element.line}"
-        self.lines.setdefault(text, []).append(where)
+        self.lines.setdefault(text, {})[where] = None
 
     def drop(self, what: str) -> None:
         """Counts something that does not change the expected image."""
@@ -45,7 +46,7 @@ class Notes:
         """Every note once."""
         for text, lines in self.lines.items():
             more = f" and {len(lines) - MAX_NAMED} more" if len(lines) > MAX_NAMED else ""
-            yield f"{', '.join(lines[:MAX_NAMED])}{more}: {text}"
+            yield f"{', '.join(list(lines)[:MAX_NAMED])}{more}: {text}"
         if self.dropped:
             yield f"dropped, as the expected image does not depend on them: {', '.join(self.dropped)}"
 
@@ -54,7 +55,8 @@ class Notes:
 class Importer:
     """The state of importing one scene. `built` are results by the plugin (its identity) and how it was asked for; `one_sided`
     are names of BSDFs that are black from behind; `emitting` are the shapes of area emitters, `names` of materials with how
-    often each was asked for."""
+    often each was asked for. `outer` is the `to_world` of the instance whose copies are being made, and `copied` counts the
+    primitives of all."""
 
     reader: SceneReader
     ids: dict[str, Plugin]
@@ -64,6 +66,8 @@ class Importer:
     one_sided: dict[str, None] = field(default_factory=dict)
     emitting: dict[int, Plugin] = field(default_factory=dict)
     names: dict[str, int] = field(default_factory=dict)
+    outer: Matrix | None = None
+    copied: int = 0
 
     @property
     def place(self) -> Place:
@@ -147,6 +151,11 @@ class Importer:
         other = self.emitting.setdefault(id(emitter), shape)
         if other is not shape:
             raise shape.refuse(f"its emitter is that of {other.element.where} too: give each shape an emitter of its own")
+
+    def to_world(self, plugin: Plugin) -> Matrix:
+        """(4, 4) that of a shape, with that of the instance after it."""
+        own = plugin.transform()
+        return own if self.outer is None else self.outer @ own
 
     def check_finite(self, plugin: Plugin, vertices: NDArray[np.float64]) -> None:
         """Raises `SceneError` where a transform has led out of the range of numbers."""

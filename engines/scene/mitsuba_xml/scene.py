@@ -16,10 +16,10 @@ from engines.scene.mesh import Mesh
 from engines.scene.mitsuba_xml.context import MAX_NAMED, Importer, Notes
 from engines.scene.mitsuba_xml.document import Document
 from engines.scene.mitsuba_xml.emitters import light
+from engines.scene.mitsuba_xml.groups import shapes
 from engines.scene.mitsuba_xml.integrators import shader
 from engines.scene.mitsuba_xml.properties import Plugin, plugin_tree
 from engines.scene.mitsuba_xml.sensors import camera
-from engines.scene.mitsuba_xml.shapes import shapes
 from engines.scene.scene import Scene, scene_warnings
 from engines.scene.shapes import Shape
 

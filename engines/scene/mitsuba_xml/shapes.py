@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -41,11 +41,11 @@ class Look:
         return max(self.radiance) > 0.0
 
 
-def shapes(importer: Importer, plugin: Plugin) -> list[Shape]:
-    """The shapes of a plugin with their materials. Raises `SceneError`."""
+def shape(importer: Importer, plugin: Plugin) -> Shape:
+    """The shape of a plugin with its material. Raises `SceneError`."""
     make = SHAPES.get(plugin.type)
     if make is None:
-        raise plugin.refuse(REFUSED.get(plugin.type, f"unknown shape: known: {', '.join(SHAPES)}"))
+        raise plugin.refuse(REFUSED.get(plugin.type, f"unknown shape: known: {', '.join((*SHAPES, *GROUPS))}"))
     for medium in importer.taken(plugin, "medium"):
         raise medium.refuse("media have no counterpart")
     for inside in importer.taken(plugin, "subsurface"):
@@ -55,7 +55,7 @@ def shapes(importer: Importer, plugin: Plugin) -> list[Shape]:
     found = make(importer, plugin, _look(importer, plugin))
     importer.finish(plugin)
     importer.check_area(plugin, found)
-    return [found]
+    return found
 
 
 def _look(importer: Importer, plugin: Plugin) -> Look:
@@ -159,16 +159,16 @@ def finished(
 
 def _rectangle(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     turn = plugin.boolean("flip_normals", default=False)
-    return _mesh(importer, plugin, look, tessellate.rectangle(), plugin.transform(), turn)
+    return _mesh(importer, plugin, look, tessellate.rectangle(), importer.to_world(plugin), turn)
 
 
 def _cube(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     turn = plugin.boolean("flip_normals", default=False)
-    return _mesh(importer, plugin, look, tessellate.cube(), plugin.transform(), turn)
+    return _mesh(importer, plugin, look, tessellate.cube(), importer.to_world(plugin), turn)
 
 
 def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
-    matrix, turn = plugin.transform(), plugin.boolean("flip_normals", default=False)
+    matrix, turn = importer.to_world(plugin), plugin.boolean("flip_normals", default=False)
     radius = _round(matrix[:3, 0], matrix[:3, 1])
     if radius is None:
         importer.notes.add("a stretched disk is made of triangles", plugin.element)
@@ -183,9 +183,9 @@ def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
 
 
 def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
-    matrix, center = plugin.transform(), plugin.point("center", (0.0, 0.0, 0.0))
+    matrix, center = importer.to_world(plugin), plugin.point("center", (0.0, 0.0, 0.0))
     radius = plugin.positive("radius", default=1.0)
-    inside_out = plugin.boolean("flip_normals", default=False) != mirrored(matrix)
+    inside_out = plugin.boolean("flip_normals", default=False) != mirrored(plugin.transform())  # an instance keeps the front
     local = np.eye(4)
     local[:3, :3] *= radius
     local[:3, 3] = center
@@ -206,7 +206,7 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
 
 
 def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
-    matrix, radius = plugin.transform(), plugin.positive("radius", default=1.0)
+    matrix, radius = importer.to_world(plugin), plugin.positive("radius", default=1.0)
     ends = [
         np.array(plugin.point(name, default)) for name, default in (("p0", (0.0, 0.0, 0.0)), ("p1", (0.0, 0.0, 1.0)))
     ]
@@ -235,25 +235,38 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
 
 def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
     """OBJ, PLY or serialized: one mesh, whatever groups and materials the file has."""
+    key = (id(plugin), "mesh")
+    if key not in importer.built:
+        importer.built[key] = _read(importer, plugin)
+    vertices, faces, normals, uvs = importer.built[key]
+    if importer.outer is not None:
+        vertices = placed(importer.outer, vertices)
+        normals = None if normals is None else transformed_normals(importer.outer, normals)
+        faces = _swapped(faces, np.full(len(faces), mirrored(importer.outer)))
+        importer.check_finite(plugin, vertices)
+    if uvs is None and is_textured(look.bsdf):
+        importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
+    return finished(importer, plugin, look, vertices, faces, normals, uvs)
+
+
+def _read(
+    importer: Importer, plugin: Plugin
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """Vertices, faces, normals and texture coordinates of a file as its `to_world` places them."""
     named, matrix = plugin.file("filename"), plugin.transform()
     turn, flat = plugin.boolean("flip_normals", default=False), plugin.boolean("face_normals", default=False)
     data = read_file(importer, plugin, named, flat)
-    vertices, faces, normals = placed(matrix, data.vertices), data.faces, None
+    vertices, faces = placed(matrix, data.vertices), data.faces
     importer.check_finite(plugin, vertices)
     if flat:
-        faces = _swapped(faces, np.full(len(faces), turn))
-    else:
-        own = data.normals
-        normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
-        vertices, faces, normals, uvs, replaced = with_face_normals(vertices, faces, normals, data.uvs)
-        if replaced:
-            importer.notes.add(faceted(replaced), named)
-        data = replace(data, uvs=uvs)
-        normals = -normals if turn else normals
-        faces = _swapped(faces, against(vertices, faces, normals))
-    if data.uvs is None and is_textured(look.bsdf):
-        importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
-    return finished(importer, plugin, look, vertices, faces, normals, data.uvs)
+        return vertices, _swapped(faces, np.full(len(faces), turn)), None, data.uvs
+    own = data.normals
+    normals = angle_weighted_normals(vertices, faces) if own is None else transformed_normals(matrix, own)
+    vertices, faces, normals, uvs, replaced = with_face_normals(vertices, faces, normals, data.uvs)
+    if replaced:
+        importer.notes.add(faceted(replaced), named)
+    normals = -normals if turn else normals
+    return vertices, _swapped(faces, against(vertices, faces, normals)), normals, uvs
 
 
 def tangents(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -293,10 +306,9 @@ SHAPES: dict[str, Callable[[Importer, Plugin, Look], Shape]] = {
     "ply": _from_file,
     "serialized": _from_file,
 }
+GROUPS = ("merge", "shapegroup", "instance")
+"""Plugins that `groups` takes apart."""
 REFUSED = {
-    "instance": "instances have no counterpart: write the shapes out",
-    "shapegroup": "instances have no counterpart: write the shapes out",
-    "merge": "has no counterpart: leave it out, with its shapes in its place",
     "hair": "curves have no counterpart",
     "bsplinecurve": "curves have no counterpart",
     "linearcurve": "curves have no counterpart",
