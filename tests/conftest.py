@@ -58,7 +58,7 @@ LONG = (
 """Files of few tests that take long. They start first: otherwise one worker has them left when the others are done."""
 
 
-@pytest.hookimpl
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config):
     """One more than the cores: tests wait for processes, time-outs and disks."""
     return len(os.sched_getaffinity(0)) + 1

@@ -1,5 +1,6 @@
-"""`raybench` in a process of its own, which is forked from one that has imported what the commands need: to import it takes
-longer than most commands. Python's own start and `python -m harness` are tested in tests/harness/test_cli.py."""
+"""Processes that are forked from one that has imported what commands and workers need: to import it takes longer than most of
+them. Python's own start, `python -m harness` and workers as users have them are tested in tests/harness/test_cli.py and by the
+commands of the other tests."""
 
 from __future__ import annotations
 
@@ -9,11 +10,76 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
+
+from harness.measure import pool
 
 FORKS = multiprocessing.get_context("forkserver")
-FORKS.set_forkserver_preload(["harness.cli", "harness.cli.experiments", "harness.report", "engines"])
+FORKS.set_forkserver_preload(
+    ["harness.cli", "harness.cli.experiments", "harness.report", "harness.run.sweep", "harness.measure.clock", "engines"]
+)
+
+
+class Forked:
+    """`function(*arguments)` in a process of its own with that folder and environment. Has what the tests and
+    `harness.measure.pool` use of `subprocess.Popen`, in whose place it stands."""
+
+    def __init__(
+        self, function: Callable[..., object], arguments: Sequence[Any], cwd: str | Path | None, environment: Mapping[str, str],
+        stdout: str | Path = os.devnull, stderr: str | Path = os.devnull, piped: bool = False, new_session: bool = False,
+    ) -> None:  # fmt: skip
+        """Output is added to the files `stdout` and `stderr`; where `piped`, stdin and stdout are pipes instead."""
+        self.returncode: int | None = None
+        self.stdin = self.stdout = None
+        pipes: tuple[Any, ...] = ()
+        if piped:
+            (their_in, our_in), (our_out, their_out) = FORKS.Pipe(duplex=False), FORKS.Pipe(duplex=False)
+            pipes = their_in, their_out
+            self.stdin = open(os.dup(our_in.fileno()), "wb", buffering=0)  # noqa: SIM115 (closed by who uses it)
+            self.stdout = open(os.dup(our_out.fileno()), "rb", buffering=0)  # noqa: SIM115
+        place = str(cwd or Path.cwd()), dict(environment), (str(stdout), str(stderr)), pipes, new_session
+        self._process = FORKS.Process(target=_run, args=(function, tuple(arguments), *place))
+        self._process.start()
+        self.pid = self._process.pid
+        for end in (*pipes, *((our_in, our_out) if piped else ())):
+            end.close()
+
+    def wait(self, timeout: float | None = None) -> int:
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            raise subprocess.TimeoutExpired(str(self._process), timeout or 0.0)
+        self.returncode = self._process.exitcode
+        return self.returncode
+
+    def kill(self) -> None:
+        self._process.kill()
+
+
+def _run(
+    function: Callable[..., object], arguments: tuple[Any, ...], cwd: str, environment: dict[str, str],
+    outputs: tuple[str, str], pipes: tuple[Any, ...], new_session: bool,
+) -> None:  # fmt: skip
+    """Calls the function in this process, which it ends."""
+    if new_session:
+        os.setsid()
+    os.chdir(cwd)
+    os.environ.clear()
+    os.environ.update(environment)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for path, stream in zip(outputs, (sys.stdout, sys.stderr), strict=True):
+        with open(path, "ab") as file:
+            stream.flush()
+            os.dup2(file.fileno(), stream.fileno())
+    for place, pipe in enumerate(pipes):
+        os.dup2(pipe.fileno(), place)
+        pipe.close()
+    sys.path[:0] = environment.get("PYTHONPATH", "").split(os.pathsep)
+    function(*arguments)
 
 
 def raybench(
@@ -29,29 +95,37 @@ def raybench(
         out, err = Path(folder) / "stdout", Path(folder) / "stderr"
         for path in (out, err):
             path.touch()
-        outputs = str(out), str(out if merged else err)
-        process = FORKS.Process(target=_command, args=(words, str(cwd or Path.cwd()), dict(environment), outputs))
-        process.start()
-        process.join(timeout)
-        if process.exitcode is None:
+        process = Forked(_command, [words], cwd, environment, out, out if merged else err)
+        try:
+            code = process.wait(timeout)
+        except subprocess.TimeoutExpired:
             process.kill()
-            process.join()
-            raise subprocess.TimeoutExpired(words, timeout or 0.0)
-        return subprocess.CompletedProcess(words, process.exitcode, out.read_text(), err.read_text())
+            process.wait()
+            raise
+        return subprocess.CompletedProcess(words, code, out.read_text(), err.read_text())
 
 
-def _command(words: list[str], cwd: str, environment: dict[str, str], outputs: tuple[str, str]) -> None:
-    """What the command does, in this process, which it ends."""
-    os.chdir(cwd)
-    os.environ.clear()
-    os.environ.update(environment)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    for path, stream in zip(outputs, (sys.stdout, sys.stderr), strict=True):
-        with open(path, "ab") as file:
-            stream.flush()
-            os.dup2(file.fileno(), stream.fileno())
-    sys.path[:0] = environment.get("PYTHONPATH", "").split(os.pathsep)
+def _command(words: list[str]) -> None:
     from harness.cli import main
 
     sys.argv = words
+    main()
+
+
+@contextmanager
+def workers() -> Iterator[None]:
+    """Within, workers of `harness.measure.pool` that this process starts are forked, too. Their imports take no time."""
+
+    def start(command: Sequence[str], *, stderr: Any, env: Mapping[str, str], **options: Any) -> Forked:
+        assert list(command[1:]) == ["-P", "-m", "harness.measure.worker"] and options["start_new_session"]
+        return Forked(_worker, [], None, env, stderr=stderr.name, piped=True, new_session=True)
+
+    stands_in = SimpleNamespace(Popen=start, PIPE=subprocess.PIPE, TimeoutExpired=subprocess.TimeoutExpired)
+    with mock.patch.object(pool, "subprocess", stands_in):
+        yield
+
+
+def _worker() -> None:
+    from harness.measure.worker import main
+
     main()

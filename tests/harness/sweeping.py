@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
-from harness import config, store
+from harness import config, metrics, store
 from harness.plan import planner
 from harness.plan.cells import Plan
 from harness.run import sweep
@@ -78,10 +80,31 @@ def run(path: Path, out: Path, overrides: Sequence[str] = (), **options: Any) ->
 
 
 def run_plan(made: Plan, out: Path, **options: Any) -> tuple[sweep.Outcome, Quiet]:
-    """The sweep of a plan."""
+    """The sweep of a plan, by workers that are forked."""
+    with forked.workers():
+        return _swept(made, out, **options)
+
+
+def _swept(made: Plan, out: Path, **options: Any) -> tuple[sweep.Outcome, Quiet]:
     listener = Quiet()
     with store.locked(out):
         return sweep.run(made, out, sweep.Options(allow_imports=True, **options), listener), listener
+
+
+def started(path: Path, out: Path, said: Path, **changes: str) -> forked.Forked:
+    """A sweep in a process of its own, by workers as users have them; what was measured and noted is added to the file `said`.
+    With one cheap metric: the moments of interest are those of the store, not of SSIM's imports."""
+    return forked.Forked(_measure_and_tell, [path, out], None, environment(**changes), stderr=said)
+
+
+def _measure_and_tell(path: Path, out: Path) -> None:
+    with mock.patch.object(metrics, "measure", _one_metric):
+        outcome, listener = _swept(planner.make(config.load(path), allow_imports=True), out)
+    print(outcome.measured, "measured", *listener.notes, file=sys.stderr)
+
+
+def _one_metric(image: Any, reference: Any, *_: Any) -> dict[str, float]:
+    return {"relmse_e0.01": float(((image - reference.mean) ** 2).mean())}
 
 
 def rows(folder: Path) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import functools
 import json
-import os
 import random
 import signal
 import subprocess
@@ -19,25 +18,16 @@ from tests.harness import sweeping
 from tests.needs import needs
 
 HANG_SECONDS = 300
-MOMENTS = 20
-SCRIPT = """
-import sys
-from pathlib import Path
-from tests.harness import sweeping
-from harness import metrics
-metrics.measure = lambda image, reference, *rest: {"relmse_e0.01": float(((image - reference.mean) ** 2).mean())}
-outcome, listener = sweeping.run(Path(sys.argv[1]), Path(sys.argv[2]))
-print(outcome.measured, "measured", *listener.notes, file=sys.stderr)
-"""
-"""A run with one cheap metric: the moments of interest are those of the store, not of SSIM's imports."""
 LONGEST_SECONDS = 1.5
-"""A whole run takes about a second; a kill that comes later than its end is not counted."""
+"""A whole run takes a second or two; a kill that comes later than its end is not counted."""
 TEXT = sweeping.EXPERIMENT.replace("images: none", "images: last")
 
 
-def start(path, out, **changes):
-    command = [sys.executable, "-c", SCRIPT, str(path), str(out)]
-    return subprocess.Popen(command, env=sweeping.environment(**changes), stderr=subprocess.PIPE, text=True)
+def finished(path, out, said):
+    """What a run says that nobody kills."""
+    run = sweeping.started(path, out, said)
+    assert run.wait(HANG_SECONDS) == 0, said.read_text()
+    return said.read_text()
 
 
 def until(holds):
@@ -65,28 +55,25 @@ def undisturbed(tmp_path_factory):
     """The rows of a run that nobody killed."""
     folder = tmp_path_factory.mktemp("undisturbed")
     path = sweeping.write(folder, TEXT)
-    run = start(path, folder / "out")
-    _, said = run.communicate(timeout=HANG_SECONDS)
-    assert run.returncode == 0, said
+    finished(path, folder / "out", folder / "said")
     return sweeping.rows(folder / "out")
 
 
-def test_killed_at_random_moments_a_run_ends_with_the_rows_of_an_undisturbed_one(tmp_path, undisturbed):
+@pytest.mark.parametrize(("seed", "kills"), [(2017, 5), pytest.param(2018, 20, marks=pytest.mark.slow)])
+def test_killed_at_random_moments_a_run_ends_with_the_rows_of_an_undisturbed_one(tmp_path, undisturbed, seed, kills):
     """A folder is killed until it is complete in spite of it, then the next one: every kill hits a run at work."""
-    moments = random.Random(2017)
+    moments = random.Random(seed)
     path, folders, killed = sweeping.write(tmp_path, TEXT), [tmp_path / "out0"], 0
-    while killed < MOMENTS:
-        run = start(path, folders[-1])
-        time.sleep(moments.uniform(0.1, LONGEST_SECONDS))
+    while killed < kills:
+        run = sweeping.started(path, folders[-1], tmp_path / "said")
+        time.sleep(moments.uniform(0.05, LONGEST_SECONDS))
         run.kill()
-        run.communicate()
+        run.wait(HANG_SECONDS)
         killed += run.returncode == -signal.SIGKILL
         if run.returncode == 0:
             folders.append(tmp_path / f"out{len(folders)}")
     for out in folders:
-        run = start(path, out)
-        _, said = run.communicate(timeout=HANG_SECONDS)
-        assert run.returncode == 0, said
+        finished(path, out, tmp_path / "said")
         assert sweeping.rows(out) == undisturbed
         assert_nothing_twice(out)
 
@@ -106,10 +93,10 @@ def test_no_worker_outlives_a_killed_run_and_the_next_one_removes_its_temporary_
     out, temporary = tmp_path / "out", tmp_path / "temporary"
     temporary.mkdir()
     path = sweeping.write(tmp_path, TEXT.replace("fake_engines:Other", "fake_engines:Hanging"))
-    run = start(path, out, TMPDIR=str(temporary))
+    run = sweeping.started(path, out, tmp_path / "said", TMPDIR=str(temporary))
     until(lambda: ours(out))
-    os.kill(run.pid, signal.SIGKILL)
-    run.communicate()
+    run.kill()
+    run.wait(HANG_SECONDS)
     until(lambda: ours(out) == [])
     (left,) = temporary.iterdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
@@ -120,12 +107,11 @@ def test_no_worker_outlives_a_killed_run_and_the_next_one_removes_its_temporary_
 
 def test_a_torn_last_line_is_reported_and_its_cell_measured_again(tmp_path, undisturbed):
     out, path = tmp_path / "out", sweeping.write(tmp_path, TEXT)
-    assert start(path, out).wait(HANG_SECONDS) == 0
+    finished(path, out, tmp_path / "said")
     data = (out / store.EVENTS).read_bytes()
     (out / store.EVENTS).write_bytes(data[:-40])
-    run = start(path, out)
-    _, said = run.communicate(timeout=HANG_SECONDS)
-    assert run.returncode == 0 and "1 measured" in said and "cut short" in said
+    said = finished(path, out, tmp_path / "said again")
+    assert "1 measured" in said and "cut short" in said
     assert sweeping.rows(out) == undisturbed
     for line in (out / store.EVENTS).read_text().splitlines():
         json.loads(line)
