@@ -2,6 +2,8 @@
 
     regenerate -> closest -> surface -> draw -> material -> light -> BSDFs -> shade -> occluded -> add direct light -> finish
 
+Where shadow rays cross null lobes, they have a third batch, in which closest, surface and transmit take the place of occluded.
+
 A lane that finishes its sample takes the next of the tile at once: from its lane of a second batch, in which the camera
 begins samples together. Where all lanes finish at once, samples begin in the batch itself. A tile is rendered in passes of a
 few samples per pixel. A pass fills a buffer, which then goes to the film in the order of samples: neither threads nor the way
@@ -20,10 +22,21 @@ from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, positive_lanes
 from engines.kernels.compile.values import bits_set, call_stage, fetch_add, highest_bit, lowest_bit, select
 from engines.kernels.lane.vector import Vec3, select3
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, copy_paths, ray_batch, waiting_rays
+from engines.kernels.layout import (
+    CAMERA_DIMENSIONS,
+    LANES,
+    MOST_NULL_LOBES,
+    VERTEX_DIMENSIONS,
+    copy_paths,
+    ray_batch,
+    waiting_rays,
+)
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
-DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, MATERIAL, FIRST_BSDF = range(11)
+(
+    DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, MATERIAL, DARK_SURFACE, TRANSMIT,
+    FIRST_BSDF,
+) = range(13)  # fmt: skip
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 
@@ -114,6 +127,8 @@ class Plan(NamedTuple):
     """Some material has wrappers or textures."""
     last_depth: int
     """See `stages.shade.last_depth`."""
+    transparent: bool
+    """Shadow rays cross null lobes."""
 
 
 class Issued(NamedTuple):
@@ -201,7 +216,35 @@ def _some_scatter(rays, last_depth):
 
 
 @inline
-def _advance(rays, stages, batch, scene, plan, zero):
+def _cross_null_lobes(rays, stages, shadows, scene, real):
+    """Multiplies the light samples by what null lobes let pass on their way; returns the rays that were traced."""
+    walk, zero, one, traced = ray_batch(shadows, real), real(0), real(1), 0
+    for lane in range(np.uint64(LANES)):
+        walk.origin[lane] = rays.shadow_origin[lane]
+        walk.direction[lane] = rays.wi[lane]
+        walk.t[lane] = rays.shadow_t_max[lane]
+        walk.light_distance[lane] = rays.light_distance[lane]
+        walk.destination[lane] = rays.destination[lane]
+        walk.origin_primitive[lane] = rays.origin_primitive[lane]
+        walk.held_primitive[lane] = -1
+        walk.throughput[lane] = Vec3(one, one, one)
+    for _ in range(MOST_NULL_LOBES):
+        lanes = positive_lanes(walk.t)
+        if lanes == 0:
+            break
+        traced += bits_set(lanes)
+        call_stage(stages[CLOSEST], shadows, scene)
+        call_stage(stages[DARK_SURFACE], shadows, scene)
+        call_stage(stages[TRANSMIT], shadows, scene)
+    for lane in range(np.uint64(LANES)):
+        passed = select3(walk.t[lane] > zero, Vec3(zero, zero, zero), walk.throughput[lane])
+        rays.direct[lane] = rays.direct[lane] * passed
+        rays.occluded[lane] = 0
+    return traced
+
+
+@inline
+def _advance(rays, stages, batch, shadows, scene, plan, real):
     """One segment of every path; returns the rays that were traced."""
     traced = bits_set(positive_lanes(rays.t))
     call_stage(stages[CLOSEST], batch, scene)
@@ -219,10 +262,12 @@ def _advance(rays, stages, batch, scene, plan, zero):
     if plan.lit:
         # where no ray is sent, light of sources that touch the surface may be left
         shadow_rays = positive_lanes(rays.shadow_t_max)
-        if shadow_rays != 0:
+        if shadow_rays != 0 and plan.transparent:
+            traced += _cross_null_lobes(rays, stages, shadows, scene, real)
+        elif shadow_rays != 0:
             traced += bits_set(shadow_rays)
             call_stage(stages[OCCLUDED], batch, scene)
-        _add_direct_light(rays, zero, shadow_rays != 0)
+        _add_direct_light(rays, real(0), shadow_rays != 0)
     return traced
 
 
@@ -251,10 +296,9 @@ def _finish(rays, stacks, capacity, plan, buffer):
 @cache
 def driver(real: Any) -> Any:
     """The kernel that one thread runs: takes tiles until there are none, or until `control[STOP]` is set."""
-    zero = real(0)
 
     def drive(
-        stages, batch, spare, stack, capacity, scene, plan, tiles, done, target, chunk, width, control,
+        stages, batch, spare, shadows, stack, capacity, scene, plan, tiles, done, target, chunk, width, control,
         sums, squares, even_sums, counts, buffer, totals,
     ):  # fmt: skip
         rays, stacks = ray_batch(batch, real), waiting_rays(stack, real)
@@ -277,7 +321,7 @@ def driver(real: Any) -> Any:
                     idle |= idle_now
                     if idle == EVERY_LANE:
                         break
-                    traced += _advance(rays, stages, batch, scene, plan, zero)
+                    traced += _advance(rays, stages, batch, shadows, scene, plan, real)
                     free, fits = _finish(rays, stacks, capacity, plan, buffer)
                     if not fits:
                         control[STACK_FULL] = 1

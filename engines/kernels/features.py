@@ -54,8 +54,16 @@ class SceneFeatures(NamedTuple):
     choices: bool = False
     """Some program takes one way or the other by chance."""
     masks: bool = False
+    blends: int = 0
+    """How many blends some program has around each other, counted along their first parts."""
     tilts: bool = False
     """Some program tilts the shading normal."""
+
+    null_lobes: bool = False
+    """Some surface lets rays pass as if it were not there."""
+    transparent: bool = False
+    """And the integrator crosses it freely, with shadow rays too; hidden_emitters: the camera does not see what emits."""
+    hidden_emitters: bool = False
 
     @property
     def of_bsdfs(self) -> SceneFeatures:

@@ -43,6 +43,8 @@ LIGHT_CANDIDATES = 32
 """Light samples at a vertex of which one is taken, at most."""
 VERTEX_DIMENSIONS = 8
 """Dimensions from the first of a vertex to the first of the next; the last one is not drawn."""
+MOST_NULL_LOBES = 1024
+"""Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 CAMERA_DIMENSIONS = 2
 """Dimensions before the first vertex: the place in the pixel."""
 
@@ -169,6 +171,14 @@ class RayBatch(LaneRecord):
     target_sum = real()
     target_begin = real()  # the sum of those before a candidate
     target = real()  # of the candidate that is picked
+    # where null lobes are crossed freely, or emitters hide from the camera
+    sample_null = flag()  # the sample goes straight on, as if no surface were there
+    absent = flag()  # the surface is an emitter that hides
+    scattered = flag()  # something else than null lobes lies between the camera and the ray
+    crossed = real()  # the way from the last vertex to the ray's origin
+    vertex_point = vector()  # the last vertex, and its geometric normal
+    vertex_normal = vector()
+    destination = vector()  # of a shadow ray: the place on the light
 
 
 PATH_NUMBERS = RayBatch.fields["waiting"].first + 1
@@ -384,8 +394,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 
 __all__ = [
-    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "PATH_NUMBERS", "SHAPE_PARAMETERS",
-    "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "EnvironmentRow", "LeafRow", "LightRow",
+    "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "MOST_NULL_LOBES", "PATH_NUMBERS",
+    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "EnvironmentRow", "LeafRow", "LightRow",
     "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
     "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_paths", "ray_batch",
     "scene_table", "stack_bytes", "waiting_rays",

@@ -25,7 +25,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.flatten.light_samplers import bind_light_sampler
 from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
-from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface
+from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, Scene, Shape, ThinLens
 
 TILE = 32
@@ -112,6 +112,7 @@ class Renderer:
         start, compiled = time.perf_counter(), jit.compile_seconds
         flat = flatten(scene, self._real, self._tracing)
         bind_light_sampler(flat, scene, shade.light_sampler(self._wanted.shader))
+        flat.features = shade.with_integrator(flat.features, self._wanted.shader)
         self._accelerator.build(flat, self._wanted.threads)
         compiled = jit.compile_seconds - compiled
         self._build_seconds = time.perf_counter() - start - compiled
@@ -165,6 +166,7 @@ class Renderer:
         shading = shade.shade_features(integrator, features)
         uses = shade.uses(integrator, shading)
         resampled = shade.light_candidates(self.settings.shader) > 1
+        crosses = features.transparent and shading.lit
 
         def lights() -> Any:
             return light.stage(features, shading.every, resampled, real)
@@ -182,6 +184,7 @@ class Renderer:
             *([lights] if shading.lit else []),
             lambda: sampler.stages(self.settings.sampler, real, lens),
             lambda: camera.stage(self._scene.camera, real),
+            *([lambda: surface.dark_stage(features, real), lambda: transmit.stage(features, real)] if crosses else []),
         ])  # fmt: skip
         closest, occluded = self._accelerator.stages(features, real)
         draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, lens)
@@ -190,8 +193,8 @@ class Renderer:
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(
             shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None,
-            shade.last_depth(self.settings.shader),
-        )
+            shade.last_depth(self.settings.shader, features), crosses,
+        )  # fmt: skip
         order = [
             draw_pixel,
             camera.stage(self._scene.camera, real),
@@ -202,8 +205,10 @@ class Renderer:
             shaded,
             occluded,
         ]
-        self._kept = [*order, *([programs] if programs else []), *bsdfs]  # machine code lives as long as its stage
-        last = [programs.address if programs else 0, *(stage.address for stage in bsdfs)]
+        walk = [surface.dark_stage(features, real), transmit.stage(features, real)] if crosses else []
+        self._kept = [*order, *([programs] if programs else []), *walk, *bsdfs]  # machine code lives as long as its stage
+        last = [programs.address if programs else 0, *([stage.address for stage in walk] or [0, 0])]
+        last += [stage.address for stage in bsdfs]
         return np.array([*(stage.address for stage in order), 0, *last], np.int64)
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
@@ -280,12 +285,13 @@ class Renderer:
         self, stages: NDArray[np.int64], plan: driver.Plan, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64],
         target: int, memory: NDArray[np.uint8], stack: NDArray[np.uint8],
     ) -> NDArray[np.int64]:  # fmt: skip
-        """What one thread does; returns the driver's totals."""
+        """What one thread does; returns the driver's totals. Shadow rays have a batch of their own where they cross null lobes."""
+        shadows = aligned(self._batch_bytes if plan.transparent else 0)
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * TILE * TILE, self._real)
         sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
         driver.driver(self._real)(
-            stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, stack.ctypes.data,
+            stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, shadows.ctypes.data, stack.ctypes.data,
             self._stack_capacity, self._flat.address, plan, tiles, done, target, CHUNK, film.width, self._control,
             *sums, film.counts.reshape(-1), buffer, totals,
         )  # fmt: skip
@@ -293,7 +299,7 @@ class Renderer:
 
     def _compile_driver(self) -> None:
         """Compiles or loads the driver, by a call without tiles."""
-        stages, plan = np.zeros(1, np.int64), driver.Plan(False, False, False, 1, 0, False, 0)
+        stages, plan = np.zeros(1, np.int64), driver.Plan(False, False, False, 1, 0, False, 0, False)
         nothing = self._tiles[:0], self._done[:0], 0
         self._call_driver(stages, plan, self.film, *nothing, self._memory[0], self._stacks[0])
 

@@ -277,6 +277,11 @@ KINDS: dict[type, Callable[[Any], int]] = {
 """The model of each type of leaf."""
 
 
+def transmittance_of(kind: int) -> Any:
+    """The lane function of a model whose transmission is a null lobe, None of the others."""
+    return MODELS[kind].lane(SceneFeatures()).transmittance
+
+
 def leaf_of(material: Material) -> Any:
     """A material's BSDF; the `Mixture` of its lobes where it has none."""
     if material.bsdf is not None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
-from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of
+from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of, transmittance_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
 from engines.scene.support import leaves, transmits
@@ -211,17 +211,28 @@ class Programs:
         parts = [first, second] if kind in (SIDES, BLEND) else [first]
         return [texture] * (texture >= 0) + [found for part in parts for found in self._textures_of(part)]
 
+    def _blends(self, node: int) -> int:
+        """Blends around each other in a node, counted along their first parts."""
+        kind, first, second, _, _ = (int(number) for number in self.nodes[node])
+        if kind == LEAF:
+            return 0
+        inner = [self._blends(part) for part in ([first, second] if kind in (SIDES, BLEND) else [first])]
+        return max(inner[0] + 1, inner[1]) if kind == BLEND else max(inner)
+
     def features(self) -> dict[str, Any]:
         """The features that the materials in use bring."""
         used = [self.materials[index] for index in self.used]
         kinds = {row[0] for row in self.nodes}
+        found = leaf_features(leaf for material in used for leaf in leaves_in(material))
         return {
-            **leaf_features(leaf for material in used for leaf in leaves_in(material)),
+            **found,
             "emission": any(material.emits for material in used),
             "programs": bool(self),
             "textures": len(self.textures) > 0,
             "uvs": any(self.first[index] >= 0 for index in self.on_uvs),
             "choices": bool(kinds & {MASK, BLEND}),
             "masks": MASK in kinds,
+            "null_lobes": MASK in kinds or any(map(transmittance_of, found["bsdfs"])),
+            "blends": max((self._blends(first) for first in self.first.tolist() if first >= 0), default=0),
             "tilts": bool(kinds & {BUMP, NORMAL_MAP}),
         }

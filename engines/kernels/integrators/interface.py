@@ -103,6 +103,8 @@ class Integrator(NamedTuple):
     lit: bool = True
     """It samples lights."""
     shadows: bool = True
+    crossing_step: Any = None
+    """The step for scenes where rays may cross surfaces that are no vertices; its last argument says whether the sample does."""
 
 
 @inline

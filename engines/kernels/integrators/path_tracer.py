@@ -15,7 +15,8 @@ DIRECT_OPTION, LIGHT_CANDIDATES = 2, 3
 
 
 @inline
-def step(si, light, bsdf, draws, path, options):
+def _path_step(si, light, bsdf, draws, path, options, crosses):
+    """One vertex; where the sample `crosses`, the surface is none: segments and the pdf stay, and there is no roulette."""
     zero, one = const(0.0, si.t), const(1.0, si.t)
     none = Vec3(zero, zero, zero)
     max_depth, rr_depth, direct = options[0], options[1], options[2]
@@ -41,13 +42,13 @@ def step(si, light, bsdf, draws, path, options):
 
     # one lobe carries the path on
     side = dot(si.geometric_normal, sample.wi)
-    alive = goes_on & sample.valid & (select(sample.transmitted, -side, side) > zero)
+    alive = (goes_on | (crosses & (not si.miss))) & sample.valid & (select(sample.transmitted, -side, side) > zero)
     throughput = path.throughput * (sample.weight.color * sample.weight.scale)
 
     # roulette
     survival = largest(throughput)
     survival = select(survival < const(0.95, survival), survival, const(0.95, survival))
-    plays = path.depth >= rr_depth
+    plays = (path.depth >= rr_depth) & (not crosses)
     alive = alive & ((draws.roulette < survival) | (not plays))
     throughput = throughput * select(plays, one / select(survival > zero, survival, one), one)
     return ScatterResult(
@@ -57,11 +58,16 @@ def step(si, light, bsdf, draws, path, options):
         sample.wi,
         sample.transmitted,
         throughput,
-        sample.pdf,
+        select(crosses, path.pdf, sample.pdf),
         False,
         none,
         none,
     )
 
 
-INTEGRATOR = Integrator(step, Uses(value=True, sample=True))
+@inline
+def step(si, light, bsdf, draws, path, options):
+    return _path_step(si, light, bsdf, draws, path, options, False)
+
+
+INTEGRATOR = Integrator(step, Uses(value=True, sample=True), crossing_step=_path_step)

@@ -173,11 +173,13 @@ def _make_load_shapes(features: SceneFeatures, real: Any) -> Any:
 
 
 @inline
-def _choices(rays, lane, scene, primitive, light, real):
-    """1 / the probability with which the light that was hit would have been chosen at the vertex that the ray left, which
-    is still in the batch; 1 where nobody asks: of camera rays, and after a specular event."""
+def _choices(rays, lane, scene, primitive, light, transparent, real):
+    """1 / the probability with which the light that was hit would have been chosen at the last vertex, which is still in the
+    batch; 1 where nobody asks: of camera rays, and after a specular event."""
     if primitive < 0 or light < 0 or not rays.pdf[lane] < real(np.inf):
         return 1.0
+    if transparent:  # null lobes may lie between
+        return light_hierarchy.choices(scene, light, rays.vertex_point[lane], rays.vertex_normal[lane], real)
     return light_hierarchy.choices(scene, light, rays.point[lane], rays.geometric_normal[lane], real)
 
 
@@ -220,7 +222,7 @@ def _keep_ids(rays):
 def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene, hits) that copies what the scene holds of the lights that the lanes in the word have hit."""
     parameters = max((lights.MODELS[kind].parameters for kind in area_lights(features)), default=0)
-    power, hierarchy = features.power_lights, features.light_hierarchy
+    power, hierarchy, transparent = features.power_lights, features.light_hierarchy, features.transparent
     first, own = LightRow.fields["parameters"].first, lane_number("light_parameters")
     columns = tuple(range(first, first + parameters))
     load_rows = make_load_rows("kept_row", LightRow, columns, tuple(range(own, own + parameters)))
@@ -234,7 +236,7 @@ def _make_load_lights(features: SceneFeatures, real: Any) -> Any:
                 keep_scalar()
                 light = rays.primitive_light[lane]
                 if hierarchy:
-                    rays.light_choices[lane] = _choices(rays, lane, scene, rays.primitive[lane], light, real)
+                    rays.light_choices[lane] = _choices(rays, lane, scene, rays.primitive[lane], light, transparent, real)
                 else:
                     rays.light_choices[lane] = scene.light_choices[light if light >= 0 else np.int32(0)]
         for lane in range(np.uint64(LANES)):

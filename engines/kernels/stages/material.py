@@ -117,7 +117,7 @@ class State(NamedTuple):
 
 
 @inline
-def _share(scene, node, at, textures):
+def share_of(scene, node, at, textures):
     """The opacity of a mask, the weight of a blend: in [0, 1]."""
     value = node.value
     if textures and node.texture >= 0.0:
@@ -150,25 +150,26 @@ def _after_blend(state, node, share):
     return State(following, u, state.opacity, state.passing, state.tilts, state.before, state.frame)
 
 
+@inline
+def tilted(scene, node, kind, frame, before, at, front, ng, wo):
+    """(the frame of a bump or normal map, the shading normal before it): see `State`."""
+    texture, through = np.int64(node.texture), node.second == THROUGH
+    if kind == BUMP:
+        slope, scale = gradient_at(scene, texture, at.u, at.v), node.value
+        if through and not front:
+            scale = -scale
+        found = tilt.bump(frame, ng, wo, slope.x * scale, slope.y * scale)
+    else:
+        found = tilt.normal_map(frame, front, through, wo, color_at(scene, texture, at.u, at.v))
+    if dot(before, before) == 0.0 or not (found.seen or through):
+        return found, Vec3(0.0, 0.0, 0.0)
+    return found, frame.normal
+
+
 @cache
 def _make_walk(features: SceneFeatures) -> Any:
     """The function (scene, first node, u, at, front, ng, wo, frame) -> State at the leaf."""
     textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
-
-    @inline
-    def tilted(scene, state, node, kind, at, front, ng, wo):
-        frame, texture, through = state.frame, np.int64(node.texture), node.second == THROUGH
-        if kind == BUMP:
-            slope, scale = gradient_at(scene, texture, at.u, at.v), node.value
-            if through and not front:
-                scale = -scale
-            found = tilt.bump(frame, ng, wo, slope.x * scale, slope.y * scale)
-        else:
-            found = tilt.normal_map(frame, front, through, wo, color_at(scene, texture, at.u, at.v))
-        before = frame.normal
-        if dot(state.before, state.before) == 0.0 or not (found.seen or through):
-            before = Vec3(0.0, 0.0, 0.0)
-        return State(np.int64(node.first), state.u, state.opacity, state.passing, state.tilts + 1, before, found)
 
     @inline
     def walk(scene, first, u, at, front, ng, wo, frame):
@@ -181,11 +182,13 @@ def _make_walk(features: SceneFeatures) -> Any:
                 state = State(following, state.u, state.opacity, state.passing, state.tilts, state.before, state.frame)
             if choices:
                 if masks and kind == MASK:
-                    state = _after_mask(state, node, _share(scene, node, at, textures))
+                    state = _after_mask(state, node, share_of(scene, node, at, textures))
                 elif kind == BLEND:
-                    state = _after_blend(state, node, _share(scene, node, at, textures))
+                    state = _after_blend(state, node, share_of(scene, node, at, textures))
             if tilts and kind >= BUMP:
-                state = tilted(scene, state, node, kind, at, front, ng, wo)
+                frame, before = tilted(scene, node, kind, state.frame, state.before, at, front, ng, wo)
+                following = np.int64(node.first)
+                state = State(following, state.u, state.opacity, state.passing, state.tilts + 1, before, frame)
             node = scene.nodes[state.node]
             kind = np.int64(node.kind)
         return state
@@ -194,7 +197,7 @@ def _make_walk(features: SceneFeatures) -> Any:
 
 
 @inline
-def _look_up(rays, lane, scene, leaf, at):
+def look_up(rays, lane, scene, leaf, at):
     """Puts the parameters of a leaf that textures give into the batch."""
     first, last = np.int64(leaf.texture), np.int64(-1)
     color = Vec3(0.0, 0.0, 0.0)
@@ -214,7 +217,7 @@ def _look_up(rays, lane, scene, leaf, at):
 
 
 @cache
-def _make_locate(features: SceneFeatures) -> Any:
+def make_locate(features: SceneFeatures) -> Any:
     """The function (rays, scene, lanes) that keeps the coordinates of the hits of these lanes, and prefetches texels that
     their programs may read there."""
     coordinates, textures = _make_coordinates(features), features.textures
@@ -240,7 +243,7 @@ def _make_locate(features: SceneFeatures) -> Any:
 
 
 @inline
-def _coordinates(rays, lane):
+def coordinates_at(rays, lane):
     """Those that are kept."""
     u, v, a, b, c, d, e, f = lane_numbers(rays.kept, lane)
     return Coordinates(u, v, Vec3(a, b, c), Vec3(d, e, f))
@@ -263,11 +266,11 @@ def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
     textures, uvs, tangents = features.textures, features.uvs, features.tangents
     choices, masks, tilts = features.choices, features.masks, features.tilts
     located, below_one = textures or uvs or tangents, 1.0 - float(np.finfo(real).epsneg)
-    locate, walk = _make_locate(features), _make_walk(features)
+    locate, walk = make_locate(features), _make_walk(features)
 
     @inline
     def shade(rays, lane, scene, first):
-        at = _coordinates(rays, lane)  # of what nobody reads, where nothing is located
+        at = coordinates_at(rays, lane)  # of what nobody reads, where nothing is located
         ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
         frame = tilt.Tilted(to_float64(rays.normal[lane]), at.dp_du, at.dp_dv, True)
         u = np.float64(rays.draw[3, lane])
@@ -277,7 +280,7 @@ def _make(features: SceneFeatures, several: bool, real: Any) -> Any:
         for k in range(BSDF_PARAMETERS):
             rays.bsdf[k, lane] = constants[k]
         if textures:
-            _look_up(rays, lane, scene, leaf, at)
+            look_up(rays, lane, scene, leaf, at)
         if several:
             rays.bsdf_model[lane] = np.int64(leaf.first)
         if choices:

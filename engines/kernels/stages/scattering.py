@@ -1,6 +1,7 @@
 """The BSDF at a vertex: its value and pdf for the light's direction, and a sample by this vertex's random numbers.
 
-Where a scene has masks or tilted normals, both act around the model's functions (docs/transport.md, "Wrappers").
+Where a scene has masks or tilted normals, both act around the model's functions (docs/transport.md, "Wrappers"). An emitter
+that hides from the camera has only a sample that goes straight on.
 
 Where a scene has one model, the shade stage calls it in its own loop, and nothing is stored. Where it has several, each
 model has a stage of its own that runs only in batches of which some lane has hit it, and the shade stage loads the
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -105,10 +106,28 @@ def _beyond_mask(rays, lane, si, transmission):
     return _select_sample(opacity < one, _straight_on(si, one - opacity), transmission)
 
 
+class Around(NamedTuple):
+    """What acts around a model's functions."""
+
+    masks: bool
+    tilts: bool
+    hides: bool
+    """Emitters may hide from the camera."""
+    tells_null: bool
+    """Samples of null lobes are told from others."""
+
+
+def around(features: SceneFeatures) -> Around:
+    """What acts around the models of a scene."""
+    tells_null = features.transparent or (features.hidden_emitters and features.null_lobes)
+    return Around(features.masks, features.tilts, features.hidden_emitters, tells_null)
+
+
 @cache
-def _make_scatter(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses) -> Any:
+def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering of the model `kind`, as far as an integrator uses it."""
     bsdf, light_through = MODELS[kind].lane(features), features.transmission
+    (masks, tilts, hides, tells_null), crosses = wrapping, bsdf.transmittance is not None
     evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
     use_value, use_sample, use_specular, use_albedos = uses
 
@@ -118,6 +137,7 @@ def _make_scatter(kind: int, features: SceneFeatures, masks: bool, tilts: bool, 
         none = Vec3(zero, zero, zero)
         value, pdf, diffuse, albedo = Spectrum(none, zero), zero, none, none
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
+        null = False
         if use_value:
             value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
             if tilts:
@@ -132,6 +152,12 @@ def _make_scatter(kind: int, features: SceneFeatures, masks: bool, tilts: bool, 
                 sample = _tilted_sample(rays, lane, sample)
             if masks:
                 sample = _masked_sample(rays, lane, si, sample)
+            if tells_null:
+                null = (crosses & sample.transmitted) | (masks & rays.passing[lane])
+            if hides:
+                absent = rays.absent[lane]
+                value = Spectrum(value.color, select(absent, zero, value.scale))
+                sample, null = _select_sample(absent, _straight_on(si, const(1.0, si.t)), sample), null | absent
         if use_specular:
             reflection = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_REFLECTION)
             transmission = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_TRANSMISSION)
@@ -147,7 +173,7 @@ def _make_scatter(kind: int, features: SceneFeatures, masks: bool, tilts: bool, 
                 diffuse = diffuse * rays.opacity[lane]
             diffuse, albedo = select3(si.miss, none, diffuse), select3(si.miss, none, albedo)
         through = light_through & (dot(si.normal, wi) < zero)
-        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through)
+        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through, null)
 
     return scatter
 
@@ -175,7 +201,7 @@ def _load_scattering(rays, lane, si, through):
                    zero, False, rays.reflection_valid[lane]),
         BSDFSample(rays.transmission_wi[lane], Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
                    zero, rays.transmission_through[lane], rays.transmission_valid[lane]),
-        rays.diffuse_albedo[lane], rays.albedo[lane], through,
+        rays.diffuse_albedo[lane], rays.albedo[lane], through, rays.sample_null[lane],
     )  # fmt: skip
 
 
@@ -184,12 +210,13 @@ def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     if len(features.bsdfs) > 1:
         return _make_load_scattering(features.transmission)
     kind = features.bsdfs[0] if features.bsdfs else 0
-    return _make_scatter(kind, features.of_bsdfs, features.masks, features.tilts, uses)
+    return _make_scatter(kind, features.of_bsdfs, around(features), uses)
 
 
-def _make(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses, real: Any) -> Any:
-    scatter = _make_scatter(kind, features, masks, tilts, uses)
+def _make(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses, real: Any) -> Any:
+    scatter = _make_scatter(kind, features, wrapping, uses)
     use_value, use_sample, use_specular, use_albedos = uses
+    tells_null = wrapping.tells_null or wrapping.hides
 
     def scattering(batch, scene_address):
         rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
@@ -211,6 +238,8 @@ def _make(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Us
                     rays.sample_pdf[lane] = found.sample.pdf
                     rays.sample_transmitted[lane] = found.sample.transmitted
                     rays.sample_valid[lane] = found.sample.valid
+                    if tells_null:
+                        rays.sample_null[lane] = found.null
                 if use_specular:
                     rays.reflection_wi[lane] = found.reflection.wi
                     rays.reflection_color[lane] = found.reflection.weight.color
@@ -232,9 +261,9 @@ def stages(features: SceneFeatures, uses: Uses, real: Any) -> list[Any]:
     """One stage for each model of a scene that has several; none where it has one."""
     if len(features.bsdfs) < 2 or not any(uses):
         return []
-    return [_stage(kind, features.of_bsdfs, features.masks, features.tilts, uses, real) for kind in features.bsdfs]
+    return [_stage(kind, features.of_bsdfs, around(features), uses, real) for kind in features.bsdfs]
 
 
 @cache
-def _stage(kind: int, features: SceneFeatures, masks: bool, tilts: bool, uses: Uses, real: Any) -> Any:
-    return compile_stage(_make(kind, features, masks, tilts, uses, real))
+def _stage(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses, real: Any) -> Any:
+    return compile_stage(_make(kind, features, wrapping, uses, real))

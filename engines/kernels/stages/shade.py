@@ -14,13 +14,22 @@ from engines.choices import Choice
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.lights import CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT
 from engines.kernels.flatten.shapes import analytic_shape
 from engines.kernels.integrators import albedo, depth_map, no_shadows, path_tracer, whitted
 from engines.kernels.integrators.interface import Integrator, Path, SurfaceInteraction, Uses
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
 from engines.kernels.lane.vector import Vec3, dot, length, select3
-from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, VERTEX_DRAWS, ray_batch, scene_table
+from engines.kernels.layout import (
+    CAMERA_DIMENSIONS,
+    LANES,
+    MOST_NULL_LOBES,
+    VERTEX_DIMENSIONS,
+    VERTEX_DRAWS,
+    ray_batch,
+    scene_table,
+)
 from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering
 
 INTEGRATORS: Mapping[str, Integrator] = {
@@ -50,6 +59,17 @@ def light_candidates(shader: Choice) -> int:
     return 1 if shader.plugin is not None else shader.options.get("light_candidates", 1)
 
 
+def with_integrator(features: SceneFeatures, shader: Choice) -> SceneFeatures:
+    """The features, with those that options of the integrator bring."""
+    if shader.plugin is not None or shader.name != "path_tracer":
+        return features
+    shines = features.emission or bool({CONSTANT_ENVIRONMENT, IMAGE_ENVIRONMENT} & {*features.lights})
+    return features._replace(
+        transparent=shader.options["transparent_shadows"] and features.null_lobes,
+        hidden_emitters=shader.options["hide_emitters"] and shines,
+    )
+
+
 def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
     """The integrator's options (8,) as numbers: max_depth, then what its step reads."""
     row = np.zeros(OPTIONS)
@@ -69,9 +89,11 @@ def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[
     return row
 
 
-def last_depth(shader: Choice) -> int:
+def last_depth(shader: Choice, features: SceneFeatures) -> int:
     """The depth from which on the integrator reads of a vertex its emission alone, as it does of a miss; 0 where it may read
     more of any."""
+    if features.transparent or features.hidden_emitters:
+        return 0
     return int(shader.options["max_depth"]) if shader.plugin is None and shader.name == "path_tracer" else 0
 
 
@@ -103,6 +125,10 @@ class ShadeFeatures(NamedTuple):
     """Light samples may lie on the far side of a surface that transmits their light."""
     curved: tuple[int, ...]
     """Kinds of shapes, besides spheres, that a ray which leaves one may meet again."""
+    transparent: bool
+    """Null lobes are crossed freely, with shadow rays too."""
+    hides: bool
+    """Emitters hide from the camera, and are crossed freely then."""
 
 
 @inline
@@ -129,12 +155,14 @@ def _store_shadow_ray(rays, lane, si, light, direct, offset, share, working, sha
     aim = light.wi * light.distance - si.geometric_normal * step
     way, endless = length(aim), light.distance == infinite
     rays.wi[lane] = select3(endless, light.wi, aim * (const(1.0, way) / way))
+    if shading.transparent:
+        rays.destination[lane] = si.point + light.wi * light.distance
     way = select(endless, infinite, way * share - offset)
     rays.shadow_t_max[lane] = select(sent & shading.shadows, way, const(-1.0, way))
 
 
 @cache
-def _make_left(curved: tuple[int, ...]) -> Any:
+def make_left(curved: tuple[int, ...]) -> Any:
     """The function (rays, lane) -> id of the flat primitive that the lane's ray leaves, -1 for none. (Of a sphere the id does
     no harm: nobody asks.)"""
 
@@ -144,7 +172,7 @@ def _make_left(curved: tuple[int, ...]) -> Any:
 
     if not curved:
         return primitive
-    kind, flat = curved[0], _make_left(curved[1:])
+    kind, flat = curved[0], make_left(curved[1:])
 
     @inline
     def left(rays, lane):
@@ -169,6 +197,29 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
     rays.t[lane] = select(goes, const(math.inf, offset), const(-1.0, offset))
 
 
+@inline
+def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offset, depth, left):
+    """The same where the ray may have crossed a surface that is no vertex: depth and last vertex stay then."""
+    dimension = rays.dimension[lane]
+    first, pdf = dimension == CAMERA_DIMENSIONS, rays.cosine_pdf[lane]
+    crossed = select(first, const(0.0, offset), rays.crossed[lane]) + si.t
+    rays.crossed[lane] = select(goes & crosses, crossed, const(0.0, offset))
+    rays.scattered[lane] = goes & ((rays.scattered[lane] & (not first)) | (not null))
+    rays.vertex_point[lane] = select3(crosses, rays.vertex_point[lane], si.point)
+    rays.vertex_normal[lane] = select3(crosses, rays.vertex_normal[lane], si.geometric_normal)
+    _store_next_ray(rays, lane, si, path, result, goes, offset, 1, 0, depth, left)
+    rays.cosine_pdf[lane] = select(crosses, pdf, rays.cosine_pdf[lane])
+    rays.depth[lane] = select(crosses, depth, rays.depth[lane])
+    rays.dimension[lane] = dimension + VERTEX_DIMENSIONS
+
+
+@inline
+def _has_crossed_many(rays, lane, depth, crosses):
+    """Whether this null lobe is the last that a path may cross: it has had so many rays more than segments."""
+    earlier = (rays.dimension[lane] - CAMERA_DIMENSIONS) // VERTEX_DIMENSIONS + 1 - depth
+    return crosses & (earlier + 1 >= MOST_NULL_LOBES)
+
+
 class State(NamedTuple):
     """One lane before its step."""
 
@@ -190,7 +241,7 @@ def _load(rays, scene, lane, lit, real):
 
 
 @inline
-def _store(rays, lane, before, result, n_lights, shading, left, share, real):
+def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, share, real):
     """What the lane does next."""
     working, depth, si = before.working, before.depth, before.si
     light, per_vertex, stays = np.int64(0), np.int64(1), False
@@ -202,14 +253,19 @@ def _store(rays, lane, before, result, n_lights, shading, left, share, real):
     offset = rays.offset[lane]
     if shading.lit:
         _store_shadow_ray(rays, lane, si, before.light, result.direct, offset, share, working, shading)
-    ends = working & (not stays)
-    goes = ends & result.alive
-    rays.done[lane] = ends & (not result.alive)
+    ends, alive = working & (not stays), result.alive
+    if shading.transparent or shading.hides:
+        alive = alive & (not _has_crossed_many(rays, lane, depth, crosses))
+    goes = ends & alive
+    rays.done[lane] = ends & (not alive)
     if shading.branches:
         rays.branch[lane] = goes & result.branch
         rays.branch_direction[lane] = result.branch_direction
         rays.branch_throughput[lane] = result.branch_throughput
         rays.branch_origin[lane] = si.point + si.geometric_normal * offset
+    if shading.transparent or shading.hides:
+        _store_crossing_ray(rays, lane, si, before.path, result, crosses, null, goes, offset, depth, left)
+        return
     following = select(stays, light + 1, 0)
     _store_next_ray(rays, lane, si, before.path, result, goes, offset, per_vertex, following, depth, left)
 
@@ -224,7 +280,8 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    lit, left = shading.lit, _make_left(shading.curved)
+    lit, left = shading.lit, make_left(shading.curved)
+    transparent, hides = shading.transparent, shading.hides
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -233,10 +290,20 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
         for lane in range(np.uint64(LANES)):
             before, draws = _load(rays, scene, lane, lit, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
-            result = step(before.si, before.light, bsdf, draws, before.path, options)
-            _store(rays, lane, before, result, n_lights, shading, left, share, real)
+            if transparent or hides:
+                crosses = bsdf.null if transparent else rays.absent[lane]
+                result = step(before.si, before.light, bsdf, draws, before.path, options, crosses)
+                _store(rays, lane, before, result, crosses, bsdf.null, n_lights, shading, left, share, real)
+            else:
+                result = step(before.si, before.light, bsdf, draws, before.path, options)
+                _store(rays, lane, before, result, False, False, n_lights, shading, left, share, real)
 
     return shade
+
+
+def curved_shapes(features: SceneFeatures) -> tuple[int, ...]:
+    """Kinds of shapes, besides spheres, that a ray which leaves one may meet again."""
+    return tuple(kind for kind in features.analytic if analytic_shape(kind).curved)
 
 
 def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeatures:
@@ -245,8 +312,10 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
     through = lit and features.transmission
-    curved = tuple(kind for kind in features.analytic if analytic_shape(kind).curved)
-    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, through, curved)
+    return ShadeFeatures(
+        lit, lit and integrator.every_light, branches, integrator.shadows, through, curved_shapes(features),
+        features.transparent, features.hidden_emitters,
+    )  # fmt: skip
 
 
 def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:
@@ -256,7 +325,8 @@ def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:
 
 def stage(integrator: Integrator, shading: ShadeFeatures, features: SceneFeatures, real: Any) -> Any:
     """The shade stage of an integrator."""
-    return _stage(integrator.step, make_scattering(features, uses(integrator, shading)), shading, real)
+    step = integrator.crossing_step if shading.transparent or shading.hides else integrator.step
+    return _stage(step, make_scattering(features, uses(integrator, shading)), shading, real)
 
 
 @cache

@@ -20,8 +20,9 @@ from engines.kernels.flatten import lights
 from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_shape
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
-from engines.kernels.lane.vector import Vec3, dot, extent, select3, sin_cos_turn, to_float64
+from engines.kernels.lane.vector import Vec3, dot, extent, largest, select3, sin_cos_turn, to_float64
 from engines.kernels.layout import (
+    CAMERA_DIMENSIONS,
     LANES,
     MarginRow,
     ray_batch,
@@ -36,8 +37,9 @@ OFFSET_ULPS = 256.0
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
     *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment", "uvs", "power_lights", "light_hierarchy",
+    "turned_environment", "uvs", "power_lights", "light_hierarchy", "transparent", "hidden_emitters",
 )  # fmt: skip
+_MATERIALS = (*_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "uvs")
 
 
 def margins(tracing: Any) -> NDArray[np.float64]:
@@ -192,6 +194,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     several, smooth = features.spheres or features.planes or len(features.analytic) > 0, features.smooth
     weighted = features.power_lights or features.light_hierarchy
     emission, tangents, shining = features.emission, features.tangents, area_lights(features)
+    transparent, hides = features.transparent, features.hidden_emitters
     listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
@@ -219,15 +222,24 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             rays.primitive[lane] = select(miss, np.int32(-1), primitive)
             front = _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents)
             emitted, light_pdf = none, zero
+            if hides:
+                rays.absent[lane] = False
             if emission:
                 lit = (not miss) & (front | (rays.two_sided[lane] > zero))
+                if hides:
+                    absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.emission[lane]) > zero)
+                    rays.absent[lane] = absent
+                    lit = lit & (not absent)
                 emitted = select3(lit, rays.emission[lane], none)
                 if listed_shapes:
                     facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
                     parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
                     if weighted:
                         choices = rays.light_choices[lane]
-                    light_pdf = select(listed, light_pdf_of(parameters, shape, o, found.t, facing, choices), zero)
+                    way = found.t
+                    if transparent:  # from the last vertex
+                        o, way = o - d * rays.crossed[lane], way + rays.crossed[lane]
+                    light_pdf = select(listed, light_pdf_of(parameters, shape, o, way, facing, choices), zero)
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
@@ -235,6 +247,10 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             rays.light_pdf[lane] = light_pdf
         if image_environment:
             _image_environment(rays, scene, environment_choices, turned, real)
+        if hides:
+            for lane in range(np.uint64(LANES)):
+                unseen = rays.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
+                rays.emission[lane] = select3(unseen, none, rays.emission[lane])
 
     return surface
 
@@ -276,6 +292,11 @@ def stage(features: SceneFeatures, real: Any) -> Any:
 def bare_stage(features: SceneFeatures, real: Any) -> Any:
     """The same without materials and lights: where a ray met which shape, and the geometric normal there."""
     return _stage(features.only(*_SHAPES), real)
+
+
+def dark_stage(features: SceneFeatures, real: Any) -> Any:
+    """The same without lights, of shadow rays."""
+    return _stage(features.only(*_MATERIALS), real)
 
 
 @cache

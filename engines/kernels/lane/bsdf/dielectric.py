@@ -70,16 +70,26 @@ def _sample_smooth(parameters, si, u_lobe, u0, u1, which):
 
 
 @inline
+def _mirrored_share(direction, normal, ior):
+    """Of a pane, with all reflections between its faces."""
+    one, two = const(1.0, ior), const(2.0, ior)
+    f = fresnel_dielectric(-dot(direction, normal), ior).reflectance
+    return two * f / (one + f)
+
+
+@inline
 def _sample_thin(parameters, si, u_lobe, u0, u1, which):
-    one, two = const(1.0, si.t), const(2.0, si.t)
-    f = fresnel_dielectric(-dot(si.direction, si.normal), parameters[0]).reflectance
-    between = two * f / (one + f)  # with all reflections between the faces
-    mirror = reflect(si.direction, si.normal)
-    return _delta_lobes(parameters, si, u_lobe, which, between, mirror, si.direction, one)
+    share, mirror = _mirrored_share(si.direction, si.normal, parameters[0]), reflect(si.direction, si.normal)
+    return _delta_lobes(parameters, si, u_lobe, which, share, mirror, si.direction, const(1.0, si.t))
+
+
+@inline
+def _through_thin(parameters, direction, normal):
+    return _transmittance(parameters) * (const(1.0, direction.x) - _mirrored_share(direction, normal, parameters[0]))
 
 
 SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos)
-THIN = LaneBSDF(no_value, no_pdf, _sample_thin, _albedos)
+THIN = LaneBSDF(no_value, no_pdf, _sample_thin, _albedos, _through_thin)
 
 
 class _Microfacet(NamedTuple):

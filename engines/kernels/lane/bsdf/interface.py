@@ -54,6 +54,8 @@ class Scattering(NamedTuple):
     """A colour that represents the material where no light is computed."""
     through: bool
     """The light lies on the far side, from where `value` is transmitted."""
+    null: bool
+    """The sample goes straight on as if no surface were there, where an integrator tells such samples from others."""
 
 
 class LaneBSDF(NamedTuple):
@@ -63,12 +65,15 @@ class LaneBSDF(NamedTuple):
     pdf(parameters, si, wi) -> float: per solid angle, of `sample` with all lobes
     sample(parameters, si, u_lobe, u0, u1, lobes) -> BSDFSample
     albedos(parameters, si) -> (diffuse, albedo), as in `Scattering`
+    transmittance(parameters, direction, normal) -> Vec3: the mean weight of what goes straight on along the ray's direction, of
+        models whose transmission is a null lobe
     """
 
     evaluate: Any
     pdf: Any
     sample: Any
     albedos: Any
+    transmittance: Any = None
 
 
 @inline

@@ -1,0 +1,188 @@
+"""What null lobes let pass of a shadow ray: the transmittance of the surface that it has met, and the ray beyond (docs/transport.md,
+"Null lobes" and "Transparent shadows").
+
+Shadow rays have a batch of their own, which goes through the stages "closest", "surface" without lights, and this one, until
+every ray has arrived at its light or is blocked. `throughput` is what has passed, and `t` not above 0 where a ray has ended.
+Transmittances are scalar code: what is read differs from lane to lane.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.records import lane_numbers
+from engines.kernels.compile.values import const, lowest_bit, select
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.materials import transmittance_of
+from engines.kernels.flatten.programs import BLEND, BUMP, LEAF, MASK, SIDES, THROUGH
+from engines.kernels.lane import tilt
+from engines.kernels.lane.vector import Vec3, largest, length, select3, to_float64, to_real
+from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
+from engines.kernels.stages.material import coordinates_at, look_up, make_locate, share_of, tilted
+from engines.kernels.stages.shade import curved_shapes, make_left
+
+_FEATURES = (
+    "triangles", "spheres", "planes", "analytic", "bsdfs", "programs", "textures", "uvs", "choices", "masks", "blends", "tilts",
+)  # fmt: skip
+
+
+@cache
+def _make_of_model(kinds: tuple[int, ...]) -> Any:
+    """The function (model, parameters, direction, normal) -> transmittance of a leaf of one of these models."""
+
+    @inline
+    def opaque(model, parameters, direction, normal):
+        zero = const(0.0, direction.x)
+        return Vec3(zero, zero, zero)
+
+    if not kinds:
+        return opaque
+    own, rest, transmittance = kinds[0], _make_of_model(kinds[1:]), transmittance_of(kinds[0])
+    if transmittance is None:
+        return rest
+
+    @inline
+    def of_model(model, parameters, direction, normal):
+        if model == own:
+            return transmittance(parameters, direction, normal)
+        return rest(model, parameters, direction, normal)
+
+    return of_model
+
+
+@cache
+def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, lane, scene, leaf, at, frame, before) -> transmittance of a program's leaf, in float64."""
+    of_model, textures, tilts = _make_of_model(features.bsdfs), features.textures, features.tilts
+
+    @inline
+    def of_leaf(rays, lane, scene, leaf, at, frame, before):
+        constants = scene.leaves[np.int64(leaf.second)].bsdf
+        for k in range(BSDF_PARAMETERS):
+            rays.bsdf[k, lane] = constants[k]
+        if textures:
+            look_up(rays, lane, scene, leaf, at)
+        direction, normal = rays.direction[lane], to_real(frame.normal, real)
+        found = to_float64(of_model(np.int64(leaf.first), lane_numbers(rays.bsdf, lane), direction, normal))
+        if tilts:
+            d = to_float64(direction)
+            factor = tilt.terminator(to_float64(rays.normal[lane]), frame.normal, d)
+            found = found * (factor if tilt.is_consistent(before, frame.normal, d) else 0.0)
+        return found
+
+    return of_leaf
+
+
+@cache
+def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
+    """The function (rays, lane, scene, node, share, at, frame, before) -> what a program lets pass of a share of light. `blends`:
+    so many may lie around each other."""
+    textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
+    of_leaf, of_first = _make_of_leaf(features, real), _make_of_node(features, blends - 1, real) if blends else None
+
+    @inline
+    def of_node(rays, lane, scene, first, share, at, frame, before):
+        passed, front = Vec3(0.0, 0.0, 0.0), rays.front[lane]
+        ng, wo = to_float64(rays.geometric_normal[lane]), -to_float64(rays.direction[lane])
+        node = scene.nodes[first]
+        kind = np.int64(node.kind)
+        while kind != LEAF:
+            following = np.int64(node.first)
+            if kind == SIDES and not front:
+                following = np.int64(node.second)
+            if choices:
+                if masks and kind == MASK:
+                    opacity = share_of(scene, node, at, textures)
+                    through = share * (1.0 - opacity)
+                    passed, share = passed + Vec3(through, through, through), share * opacity
+                elif blends and kind == BLEND:
+                    weight = share_of(scene, node, at, textures)
+                    passed = passed + of_first(rays, lane, scene, following, share * (1.0 - weight), at, frame, before)
+                    following, share = np.int64(node.second), share * weight
+            if tilts and kind >= BUMP and node.second == THROUGH:
+                frame, before = tilted(scene, node, kind, frame, before, at, front, ng, wo)
+            node = scene.nodes[following]
+            kind = np.int64(node.kind)
+        return passed + of_leaf(rays, lane, scene, node, at, frame, before) * share
+
+    return of_node
+
+
+@cache
+def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, lane, scene) -> transmittance of the surface that a lane's ray has met."""
+    several, only = len(features.bsdfs) > 1, features.bsdfs[0]
+    of_model, programs = _make_of_model(features.bsdfs), features.programs
+    of_node = _make_of_node(features, features.blends, real) if programs else None
+
+    @inline
+    def transmittance(rays, lane, scene):
+        if programs:
+            first = np.int64(scene.programs[scene.primitives[rays.primitive[lane]].material])
+            if first >= 0:
+                at, normal = coordinates_at(rays, lane), to_float64(rays.normal[lane])
+                frame = tilt.Tilted(normal, at.dp_du, at.dp_dv, True)
+                return to_real(of_node(rays, lane, scene, first, 1.0, at, frame, normal), real)
+        model = np.int64(rays.bsdf_model[lane]) if several else np.int64(only)
+        return of_model(model, lane_numbers(rays.bsdf, lane), rays.direction[lane], rays.normal[lane])
+
+    return transmittance
+
+
+@inline
+def _hits(rays):
+    lanes = np.int64(0)
+    for lane in range(np.uint64(LANES)):
+        lanes |= np.int64(0 if rays.miss[lane] else 1) << np.int64(lane)
+    return lanes
+
+
+@inline
+def _store_next_rays(rays, share, left, real):
+    """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
+    zero, infinite = real(0), real(math.inf)
+    for lane in range(np.uint64(LANES)):
+        goes = (not rays.miss[lane]) & (largest(rays.throughput[lane]) > zero)
+        offset, endless = rays.offset[lane], rays.light_distance[lane] == infinite
+        origin = rays.point[lane] - rays.geometric_normal[lane] * offset
+        aim = rays.destination[lane] - origin
+        way = length(aim)
+        rays.origin[lane] = origin
+        rays.direction[lane] = select3(endless, rays.direction[lane], aim * (real(1) / way))
+        rays.t[lane] = select(goes, select(endless, infinite, way * share - offset), real(-1))
+        rays.origin_primitive[lane] = left(rays, lane)
+
+
+def _make(features: SceneFeatures, real: Any) -> Any:
+    transmittance, textures = _make_transmittance(features, real), features.textures
+    locate, programs = make_locate(features), features.programs
+    left = make_left(curved_shapes(features))
+
+    def transmit(batch, scene_address):
+        rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
+        hits = _hits(rays)
+        if programs and textures:
+            locate(rays, scene, hits)
+        while hits != 0:
+            lane = np.uint64(lowest_bit(hits))
+            hits &= hits - 1
+            passed = transmittance(rays, lane, scene)
+            rays.throughput[lane] = rays.throughput[lane] * passed
+        _store_next_rays(rays, real(scene.margins[0].shadow_share), left, real)
+
+    return transmit
+
+
+def stage(features: SceneFeatures, real: Any) -> Any:
+    """The stage of a scene whose shadow rays cross null lobes."""
+    return _stage(features.only(*_FEATURES), real)
+
+
+@cache
+def _stage(features: SceneFeatures, real: Any) -> Any:
+    return compile_stage(_make(features, real))
