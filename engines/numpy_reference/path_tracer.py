@@ -37,6 +37,8 @@ class Paths(NamedTuple):
     geometric: Array
     origin_primitive: Indices
     """Id of the primitive that the ray starts from, -1 for the camera's."""
+    eta: Array
+    """Index of refraction where the ray is, over that where the camera is."""
 
     def take(self, lanes: Indices) -> Paths:
         """Some of the paths."""
@@ -48,8 +50,9 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
     n = pixel.size
     total = np.zeros((3, n))
     paths = Paths(
-        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1)
-    )
+        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1),
+        np.ones(n),
+    )  # fmt: skip
     for depth in range(1, context.options["max_depth"] + 1):
         context.check()
         # the next surface
@@ -164,13 +167,15 @@ def _scattered(context: Context, paths: Paths, at: SurfaceInteraction, uc: Array
     paths = paths._replace(
         origin=at.spawn(found.wi), direction=found.wi, throughput=paths.throughput * found.weight, pdf=found.pdf,
         normal=at.normal, vertex=at.point, geometric=at.geometric, origin_primitive=at.primitive_id,
+        eta=paths.eta * context.materials.eta(at, found.wi),
     )  # fmt: skip
     return paths.take(np.flatnonzero((found.weight != 0.0).any(axis=0)))
 
 
 def _roulette(context: Context, paths: Paths, sample: int, base: int) -> Paths:
-    """The paths that survive, with the weight of those that do not."""
-    survival = np.minimum(paths.throughput.max(axis=0, initial=0.0), 0.95)
+    """The paths that survive, with the weight of those that do not. Refraction scales radiance by 1/eta^2, which says nothing
+    about what a path is worth."""
+    survival = np.minimum(paths.throughput.max(axis=0, initial=0.0) * paths.eta**2, 0.95)
     kept = np.flatnonzero(context.draw(paths.pixel, sample, base + ROULETTE) < survival)
     paths = paths.take(kept)
     return paths._replace(throughput=paths.throughput / survival[kept])

@@ -44,8 +44,8 @@ def step(si, light, bsdf, draws, path, options):
     alive = goes_on & sample.valid & (select(sample.transmitted, -side, side) > zero)
     throughput = path.throughput * (sample.weight.color * sample.weight.scale)
 
-    # roulette
-    survival = largest(throughput)
+    # roulette, as if refraction did not scale radiance
+    survival = largest(throughput) * (path.eta_scale * bsdf.eta_scale)
     survival = select(survival < const(0.95, survival), survival, const(0.95, survival))
     plays = path.depth >= rr_depth
     alive = alive & ((draws.roulette < survival) | (not plays))
@@ -64,4 +64,4 @@ def step(si, light, bsdf, draws, path, options):
     )
 
 
-INTEGRATOR = Integrator(step, Uses(value=True, sample=True))
+INTEGRATOR = Integrator(step, Uses(value=True, sample=True), roulette=True)

@@ -21,7 +21,7 @@ from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.sampling import cosine_pdf
 from engines.kernels.lane.vector import Vec3, dot, length, select3
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, VERTEX_DRAWS, ray_batch, scene_table
-from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering
+from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering, refracts
 
 INTEGRATORS: Mapping[str, Integrator] = {
     "path_tracer": path_tracer.INTEGRATOR, "whitted": whitted.INTEGRATOR, "no_shadows": no_shadows.INTEGRATOR,
@@ -103,6 +103,8 @@ class ShadeFeatures(NamedTuple):
     """Light samples may lie on the far side of a surface that transmits their light."""
     curved: tuple[int, ...]
     """Kinds of shapes, besides spheres, that a ray which leaves one may meet again."""
+    refracts: bool
+    """`Path.eta_scale` is kept."""
 
 
 @inline
@@ -180,12 +182,13 @@ class State(NamedTuple):
 
 
 @inline
-def _load(rays, scene, lane, lit, real):
+def _load(rays, scene, lane, shading, real):
     none, depth = Vec3(real(0), real(0), real(0)), rays.depth[lane]
     light = LightSample(none, real(0), none, real(0))
-    if lit:
+    if shading.lit:
         light = LightSample(rays.wi[lane], rays.light_distance[lane], rays.li[lane], rays.light_sample_pdf[lane])
-    path = Path(rays.throughput[lane], real(depth), rays.pdf[lane])
+    eta_scale = select(depth > 1, rays.eta_scale[lane], real(1)) if shading.refracts else real(1)
+    path = Path(rays.throughput[lane], real(depth), rays.pdf[lane], eta_scale)
     return State(rays.alive[lane], depth, load_interaction(rays, scene, lane), light, path)
 
 
@@ -224,17 +227,19 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    lit, left = shading.lit, _make_left(shading.curved)
+    left = _make_left(shading.curved)
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         options, n_lights = _eight_options(scene, real), scene.n_lights
         share = real(scene.margins[0].shadow_share)
         for lane in range(np.uint64(LANES)):
-            before, draws = _load(rays, scene, lane, lit, real), load_draws(rays, lane)
+            before, draws = _load(rays, scene, lane, shading, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             result = step(before.si, before.light, bsdf, draws, before.path, options)
             _store(rays, lane, before, result, n_lights, shading, left, share, real)
+            if shading.refracts:
+                rays.eta_scale[lane] = before.path.eta_scale * bsdf.eta_scale
 
     return shade
 
@@ -246,7 +251,8 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     branches = integrator.branches or (integrator.branches_at_specular and both)
     through = lit and features.transmission
     curved = tuple(kind for kind in features.analytic if analytic_shape(kind).curved)
-    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, through, curved)
+    bends = integrator.roulette and refracts(features)
+    return ShadeFeatures(lit, lit and integrator.every_light, branches, integrator.shadows, through, curved, bends)
 
 
 def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntFlag
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,15 @@ class BSDF(Protocol):
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         """(3, n) the colour that the shader `albedo` shows; 0 for what only emits."""
+        ...
+
+
+@runtime_checkable
+class Refracts(Protocol):
+    """A BSDF that bends what it transmits."""
+
+    def eta(self, member: Indices, at: SurfaceInteraction) -> Array:
+        """(n,) index of refraction behind the surface over the one before it, as the viewer sees it."""
         ...
 
 

@@ -78,7 +78,7 @@ def _sample_thin(parameters, si, u_lobe, u0, u1, which):
     return _delta_lobes(parameters, si, u_lobe, which, between, mirror, si.direction, one)
 
 
-SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos)
+SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos, ior=0)
 THIN = LaneBSDF(no_value, no_pdf, _sample_thin, _albedos)
 
 
@@ -154,7 +154,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         valid = (which == ALL) & (wo.z > zero) & (select(reflects, wi.z, -wi.z) > zero)
         return BSDFSample(to_world(frame, wi), spectrum, density, not reflects, valid)
 
-    return LaneBSDF(evaluate, pdf, sample, _albedos)
+    return LaneBSDF(evaluate, pdf, sample, _albedos, ior=0)
 
 
 def maker(distribution: Distribution) -> Callable[[SceneFeatures], LaneBSDF]:

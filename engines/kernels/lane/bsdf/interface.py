@@ -54,6 +54,8 @@ class Scattering(NamedTuple):
     """A colour that represents the material where no light is computed."""
     through: bool
     """The light lies on the far side, from where `value` is transmitted."""
+    eta_scale: float
+    """eta^2 where `sample` is refracted, eta being the index of refraction behind the surface over that before it; else 1."""
 
 
 class LaneBSDF(NamedTuple):
@@ -63,12 +65,15 @@ class LaneBSDF(NamedTuple):
     pdf(parameters, si, wi) -> float: per solid angle, of `sample` with all lobes
     sample(parameters, si, u_lobe, u0, u1, lobes) -> BSDFSample
     albedos(parameters, si) -> (diffuse, albedo), as in `Scattering`
+
+    `ior` is the place of the index of refraction inside among the parameters of a model that refracts, else None.
     """
 
     evaluate: Any
     pdf: Any
     sample: Any
     albedos: Any
+    ior: int | None = None
 
 
 @inline
