@@ -164,6 +164,9 @@ class RayBatch(LaneRecord):
     # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
     untilted_normal = vector()
     outer_normal = vector()
+    # where it has BSDFs that refract (`Scattering.eta_scale`): of this vertex's sample, and the product along the path
+    sample_eta_scale = real()
+    eta_scale = real()
     # where the light sample is one of several candidates (`stages.resampling`)
     drawn = reals(3)  # the vertex's random numbers, from which each candidate's follow
     candidate = integer()

@@ -16,7 +16,7 @@ Radiance = Callable[[Any, Any, Any], Any]
 
 
 def path_node(options: Any) -> dict[str, Any]:
-    """Mitsuba's integrator for our `path_tracer`: its depth counts as ours does, and so does its roulette's."""
+    """Mitsuba's integrator for our `path_tracer`: its depth counts alike, and its roulette begins and decides alike."""
     return {"type": "path", "max_depth": options["max_depth"], "rr_depth": options["rr_depth"]}
 
 

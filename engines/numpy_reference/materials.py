@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes
+from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes, Refracts
 from engines.numpy_reference.bsdf.interface import NullLobes
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.tilts import kept, shadowing
-from engines.numpy_reference.vectors import Array, Indices, Mask
+from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 from engines.numpy_reference.wrappers import Wrappers
 from engines.scene import Bsdf, Material, Mixture
 
@@ -127,6 +127,16 @@ class Materials:
         for model, lanes, member, here in self._by_model(at):
             density[lanes] = model.pdf(member, here, wi[:, lanes])
         return density if at.wrapped is None else np.where(kept(at, at.wrapped, wi), density * at.wrapped.opacity, 0.0)
+
+    def eta(self, at: SurfaceInteraction, wi: Array) -> Array:
+        """(n,) index of refraction where rays along `wi` are, over that where the ray that found the surface was: 1 of what is
+        reflected, or goes straight on."""
+        found = np.ones(at.material.size)
+        for model, lanes, member, here in self._by_model(at):
+            if isinstance(model, Refracts):
+                found[lanes] = model.eta(member, here)
+        refracted = dot(at.geometric, wi) < 0.0
+        return np.where(refracted if at.wrapped is None else refracted & ~at.wrapped.passing, found, 1.0)
 
     def _sampled(self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes) -> BSDFSample:
         """`BSDF.sample`, and what tilts do to it."""

@@ -43,6 +43,8 @@ class Paths(NamedTuple):
     """Metres since the last vertex to where the ray starts: 0 unless null lobes were crossed freely."""
     direct_view: Mask
     """Whether the camera sees along the ray: null lobes alone lie behind it."""
+    eta: Array
+    """Index of refraction where the ray is, over that where the camera is."""
 
     def take(self, lanes: Indices) -> Paths:
         """Some of the paths."""
@@ -55,7 +57,7 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
     total = np.zeros((3, n))
     paths = Paths(
         np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1),
-        np.ones(n, np.int64), np.zeros(n), np.ones(n, bool),
+        np.ones(n, np.int64), np.zeros(n), np.ones(n, bool), np.ones(n),
     )  # fmt: skip
     for event in range(1, context.options["max_depth"] + MOST_NULL_LOBES):
         context.check()
@@ -194,14 +196,14 @@ def _scattered(
     u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
     found = context.materials.sample(at, uc, u0, u1)
     null, wi = absent | context.materials.passes(at, found.wi), np.where(absent, -at.wo, found.wi)
-    weight = np.where(absent, 1.0, found.weight)
+    weight, eta = np.where(absent, 1.0, found.weight), np.where(absent, 1.0, context.materials.eta(at, found.wi))
     vertex = ~null if _crosses_freely(context) else ~absent
     following = paths._replace(
         origin=at.spawn(wi), direction=wi, throughput=paths.throughput * weight, origin_primitive=at.primitive_id,
         pdf=np.where(vertex, found.pdf, paths.pdf), normal=np.where(vertex, at.normal, paths.normal),
         vertex=np.where(vertex, at.point, paths.vertex), geometric=np.where(vertex, at.geometric, paths.geometric),
         depth=paths.depth + vertex, crossed=np.where(vertex, 0.0, paths.crossed + distance),
-        direct_view=paths.direct_view & null,
+        direct_view=paths.direct_view & null, eta=paths.eta * eta,
     )  # fmt: skip
     goes_on = (weight != 0.0).any(axis=0) & (following.depth <= context.options["max_depth"])
     goes_on &= event + 1 - following.depth < MOST_NULL_LOBES
@@ -210,10 +212,11 @@ def _scattered(
 
 
 def _roulette(context: Context, paths: Paths, played: Mask, sample: int, base: int) -> Paths:
-    """The paths that survive where it is `played`, with the weight of those that do not; and the others."""
+    """The paths that survive where it is `played`, with the weight of those that do not; and the others. Refraction scales
+    radiance by 1/eta^2, which says nothing about what a path is worth."""
     if not played.any():
         return paths
-    survival = np.minimum(paths.throughput.max(axis=0, initial=0.0), 0.95)
+    survival = np.minimum(paths.throughput.max(axis=0, initial=0.0) * paths.eta**2, 0.95)
     kept = np.flatnonzero(~played | (context.draw(paths.pixel, sample, base + ROULETTE) < survival))
     paths = paths.take(kept)
     return paths._replace(throughput=paths.throughput / np.where(played, survival, 1.0)[kept])

@@ -57,6 +57,8 @@ class Path(NamedTuple):
     """Segments so far: 1 for the camera ray."""
     pdf: float
     """Solid-angle pdf of the last direction; inf after a specular event, and from the camera."""
+    eta_scale: float
+    """The product of `Scattering.eta_scale` along the path; 1 for an integrator without `roulette`."""
 
 
 class ScatterResult(NamedTuple):
@@ -102,6 +104,8 @@ class Integrator(NamedTuple):
     """The same, in a scene with both specular reflection and transmission."""
     lit: bool = True
     """It samples lights."""
+    roulette: bool = False
+    """Its paths follow `Scattering.sample` alone, and play Russian roulette, for which `Path.eta_scale` is kept."""
     shadows: bool = True
     crossing_step: Any = None
     """The step for scenes where rays may cross surfaces that are no vertices; its last argument says whether the sample does."""

@@ -45,8 +45,8 @@ def _path_step(si, light, bsdf, draws, path, options, crosses):
     alive = (goes_on | (crosses & (not si.miss))) & sample.valid & (select(sample.transmitted, -side, side) > zero)
     throughput = path.throughput * (sample.weight.color * sample.weight.scale)
 
-    # roulette
-    survival = largest(throughput)
+    # roulette, as if refraction did not scale radiance
+    survival = largest(throughput) * (path.eta_scale * bsdf.eta_scale)
     survival = select(survival < const(0.95, survival), survival, const(0.95, survival))
     plays = (path.depth >= rr_depth) & (not crosses)
     alive = alive & ((draws.roulette < survival) | (not plays))
@@ -70,4 +70,4 @@ def step(si, light, bsdf, draws, path, options):
     return _path_step(si, light, bsdf, draws, path, options, False)
 
 
-INTEGRATOR = Integrator(step, Uses(value=True, sample=True), crossing_step=_path_step)
+INTEGRATOR = Integrator(step, Uses(value=True, sample=True), crossing_step=_path_step, roulette=True)

@@ -129,6 +129,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
     bsdf, light_through = MODELS[kind].lane(features), features.transmission
     (masks, tilts, hides, tells_null), crosses = wrapping, bsdf.transmittance is not None
     evaluate, pdf_of, sample_of, albedos = bsdf.evaluate, bsdf.pdf, bsdf.sample, bsdf.albedos
+    bends, ior = bsdf.ior is not None, bsdf.ior or 0
     use_value, use_sample, use_specular, use_albedos = uses
 
     @inline
@@ -137,7 +138,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
         none = Vec3(zero, zero, zero)
         value, pdf, diffuse, albedo = Spectrum(none, zero), zero, none, none
         sample, reflection, transmission = no_sample(zero), no_sample(zero), no_sample(zero)
-        null = False
+        null, eta_scale = False, const(1.0, si.t)
         if use_value:
             value, pdf = evaluate(parameters, si, wi), pdf_of(parameters, si, wi)
             if tilts:
@@ -148,6 +149,9 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
                 value, pdf = Spectrum(value.color, value.scale * rays.opacity[lane]), pdf * rays.opacity[lane]
         if use_sample:
             sample = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, ALL)
+            if bends:
+                refracted = sample.transmitted & (not rays.passing[lane]) if masks else sample.transmitted
+                eta_scale = _eta_scale(si, parameters[ior], refracted)
             if tilts:
                 sample = _tilted_sample(rays, lane, sample)
             if masks:
@@ -158,6 +162,7 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
                 absent = rays.absent[lane]
                 value = Spectrum(value.color, select(absent, zero, value.scale))
                 sample, null = _select_sample(absent, _straight_on(si, const(1.0, si.t)), sample), null | absent
+                eta_scale = select(absent, const(1.0, si.t), eta_scale)
         if use_specular:
             reflection = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_REFLECTION)
             transmission = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_TRANSMISSION)
@@ -173,25 +178,33 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
                 diffuse = diffuse * rays.opacity[lane]
             diffuse, albedo = select3(si.miss, none, diffuse), select3(si.miss, none, albedo)
         through = light_through & (dot(si.normal, wi) < zero)
-        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through, null)
+        return Scattering(value, pdf, sample, reflection, transmission, diffuse, albedo, through, null, eta_scale)
 
     return scatter
 
 
+@inline
+def _eta_scale(si, ior, refracted):
+    one = const(1.0, si.t)
+    eta = select(refracted, select(si.front, ior, one / ior), one)
+    return eta * eta
+
+
 @cache
-def _make_load_scattering(light_through: bool) -> Any:
+def _make_load_scattering(light_through: bool, bends: bool) -> Any:
     """The function (rays, lane, si, draws) -> Scattering that the stages of the models have stored."""
 
     @inline
     def load(rays, lane, si, draws):
         through = light_through & (dot(si.normal, rays.wi[lane]) < const(0.0, si.t))
-        return _load_scattering(rays, lane, si, through)
+        eta_scale = rays.sample_eta_scale[lane] if bends else const(1.0, si.t)
+        return _load_scattering(rays, lane, si, through, eta_scale)
 
     return load
 
 
 @inline
-def _load_scattering(rays, lane, si, through):
+def _load_scattering(rays, lane, si, through, eta_scale):
     zero = const(0.0, si.t)
     return Scattering(
         Spectrum(rays.value_color[lane], rays.value_scale[lane]), rays.value_pdf[lane],
@@ -201,19 +214,24 @@ def _load_scattering(rays, lane, si, through):
                    zero, False, rays.reflection_valid[lane]),
         BSDFSample(rays.transmission_wi[lane], Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
                    zero, rays.transmission_through[lane], rays.transmission_valid[lane]),
-        rays.diffuse_albedo[lane], rays.albedo[lane], through, rays.sample_null[lane],
+        rays.diffuse_albedo[lane], rays.albedo[lane], through, rays.sample_null[lane], eta_scale,
     )  # fmt: skip
+
+
+def refracts(features: SceneFeatures) -> bool:
+    """Whether some model of the scene bends what it transmits."""
+    return any(MODELS[kind].lane(features.of_bsdfs).ior is not None for kind in features.bsdfs)
 
 
 def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
     """The function (rays, lane, si, draws) -> Scattering that the shade stage calls."""
     if len(features.bsdfs) > 1:
-        return _make_load_scattering(features.transmission)
+        return _make_load_scattering(features.transmission, uses.sample and refracts(features))
     kind = features.bsdfs[0] if features.bsdfs else 0
     return _make_scatter(kind, features.of_bsdfs, around(features), uses)
 
 
-def _make(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses, real: Any) -> Any:
+def _make(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
     scatter = _make_scatter(kind, features, wrapping, uses)
     use_value, use_sample, use_specular, use_albedos = uses
     tells_null = wrapping.tells_null or wrapping.hides
@@ -240,6 +258,8 @@ def _make(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses, real
                     rays.sample_valid[lane] = found.sample.valid
                     if tells_null:
                         rays.sample_null[lane] = found.null
+                    if bends:
+                        rays.sample_eta_scale[lane] = found.eta_scale
                 if use_specular:
                     rays.reflection_wi[lane] = found.reflection.wi
                     rays.reflection_color[lane] = found.reflection.weight.color
@@ -261,9 +281,10 @@ def stages(features: SceneFeatures, uses: Uses, real: Any) -> list[Any]:
     """One stage for each model of a scene that has several; none where it has one."""
     if len(features.bsdfs) < 2 or not any(uses):
         return []
-    return [_stage(kind, features.of_bsdfs, around(features), uses, real) for kind in features.bsdfs]
+    concern = features.of_bsdfs, around(features), uses.sample and refracts(features), uses, real
+    return [_stage(kind, *concern) for kind in features.bsdfs]
 
 
 @cache
-def _stage(kind: int, features: SceneFeatures, wrapping: Around, uses: Uses, real: Any) -> Any:
-    return compile_stage(_make(kind, features, wrapping, uses, real))
+def _stage(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
+    return compile_stage(_make(kind, features, wrapping, bends, uses, real))

@@ -30,7 +30,7 @@ from engines.kernels.layout import (
     ray_batch,
     scene_table,
 )
-from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering
+from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering, refracts
 
 INTEGRATORS: Mapping[str, Integrator] = {
     "path_tracer": path_tracer.INTEGRATOR, "whitted": whitted.INTEGRATOR, "no_shadows": no_shadows.INTEGRATOR,
@@ -129,6 +129,8 @@ class ShadeFeatures(NamedTuple):
     """Null lobes are crossed freely, with shadow rays too."""
     hides: bool
     """Emitters hide from the camera, and are crossed freely then."""
+    refracts: bool
+    """`Path.eta_scale` is kept."""
 
 
 @inline
@@ -231,12 +233,13 @@ class State(NamedTuple):
 
 
 @inline
-def _load(rays, scene, lane, lit, real):
+def _load(rays, scene, lane, shading, real):
     none, depth = Vec3(real(0), real(0), real(0)), rays.depth[lane]
     light = LightSample(none, real(0), none, real(0))
-    if lit:
+    if shading.lit:
         light = LightSample(rays.wi[lane], rays.light_distance[lane], rays.li[lane], rays.light_sample_pdf[lane])
-    path = Path(rays.throughput[lane], real(depth), rays.pdf[lane])
+    eta_scale = select(depth > 1, rays.eta_scale[lane], real(1)) if shading.refracts else real(1)
+    path = Path(rays.throughput[lane], real(depth), rays.pdf[lane], eta_scale)
     return State(rays.alive[lane], depth, load_interaction(rays, scene, lane), light, path)
 
 
@@ -280,15 +283,14 @@ def _eight_options(scene, real):
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
-    lit, left = shading.lit, make_left(shading.curved)
-    transparent, hides = shading.transparent, shading.hides
+    left, transparent, hides = make_left(shading.curved), shading.transparent, shading.hides
 
     def shade(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
         options, n_lights = _eight_options(scene, real), scene.n_lights
         share = real(scene.margins[0].shadow_share)
         for lane in range(np.uint64(LANES)):
-            before, draws = _load(rays, scene, lane, lit, real), load_draws(rays, lane)
+            before, draws = _load(rays, scene, lane, shading, real), load_draws(rays, lane)
             bsdf = scattering(rays, lane, before.si, draws)
             if transparent or hides:
                 crosses = bsdf.null if transparent else rays.absent[lane]
@@ -297,6 +299,8 @@ def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
             else:
                 result = step(before.si, before.light, bsdf, draws, before.path, options)
                 _store(rays, lane, before, result, False, False, n_lights, shading, left, share, real)
+            if shading.refracts:
+                rays.eta_scale[lane] = before.path.eta_scale * bsdf.eta_scale
 
     return shade
 
@@ -312,9 +316,10 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     both = features.specular_reflection and (features.specular_transmission or features.masks)
     branches = integrator.branches or (integrator.branches_at_specular and both)
     through = lit and features.transmission
+    bends = integrator.roulette and refracts(features)
     return ShadeFeatures(
         lit, lit and integrator.every_light, branches, integrator.shadows, through, curved_shapes(features),
-        features.transparent, features.hidden_emitters,
+        features.transparent, features.hidden_emitters, bends,
     )  # fmt: skip
 
 

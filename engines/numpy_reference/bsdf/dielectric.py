@@ -53,7 +53,7 @@ class DielectricBSDF:
         value = np.zeros(wi.shape)
         lanes = np.flatnonzero(~self._roughness.smooth[member] & (reflects(at, wi) | transmits(at, wi)))
         member, at = member[lanes], at.take(lanes)
-        facets, eta = self._roughness.at(member, at), index_ratio(at, self._ior[member])
+        facets, eta = self._roughness.at(member, at), self.eta(member, at)
         towards = facets.frame.to_local(wi.take(lanes, axis=1))
         m, possible = facets.halfway(towards, eta)
         reflectance, _ = fresnel_dielectric(dot(facets.wo, m), eta)
@@ -67,7 +67,7 @@ class DielectricBSDF:
         density = np.zeros(member.size)
         lanes = np.flatnonzero(~self._roughness.smooth[member] & (reflects(at, wi) | transmits(at, wi)))
         member, at = member[lanes], at.take(lanes)
-        facets, eta = self._roughness.at(member, at), index_ratio(at, self._ior[member])
+        facets, eta = self._roughness.at(member, at), self.eta(member, at)
         towards = facets.frame.to_local(wi.take(lanes, axis=1))
         m, possible = facets.halfway(towards, eta)
         reflectance, _ = fresnel_dielectric(dot(facets.wo, m), eta)
@@ -82,8 +82,11 @@ class DielectricBSDF:
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         return self._transmittance(member, at)
 
+    def eta(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return index_ratio(at, self._ior[member])
+
     def _sample_smooth(self, member: Indices, at: SurfaceInteraction, uc: Array, lobes: Lobes) -> BSDFSample:
-        eta = index_ratio(at, self._ior[member])
+        eta = self.eta(member, at)
         reflectance, c2 = fresnel_dielectric(dot(at.wo, at.normal), eta)
         r = reflectance * has(lobes, Lobes.SPECULAR_REFLECTION)
         t = (1.0 - reflectance) * has(lobes, Lobes.SPECULAR_TRANSMISSION)
@@ -94,7 +97,7 @@ class DielectricBSDF:
         return BSDFSample(wi, np.where(good, weight, 0.0), np.full(member.size, np.inf))
 
     def _sample_rough(self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array) -> BSDFSample:
-        facets, eta = self._roughness.at(member, at), index_ratio(at, self._ior[member])
+        facets, eta = self._roughness.at(member, at), self.eta(member, at)
         m = facets.sample_visible(u0, u1)
         reflectance, c2 = fresnel_dielectric(dot(facets.wo, m), eta)
         mirror = uc < reflectance

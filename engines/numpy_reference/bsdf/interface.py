@@ -94,6 +94,15 @@ class NullLobes(Protocol):
         ...
 
 
+@runtime_checkable
+class Refracts(Protocol):
+    """A BSDF that bends what it transmits."""
+
+    def eta(self, member: Indices, at: SurfaceInteraction) -> Array:
+        """(n,) index of refraction behind the surface over the one before it, as the viewer sees it."""
+        ...
+
+
 def mirrored(at: SurfaceInteraction) -> Array:
     """(3, n) directions that a mirror shows at `wo`."""
     return 2.0 * dot(at.wo, at.normal) * at.normal - at.wo

@@ -55,7 +55,7 @@ class MixtureBSDF:
         # refraction
         lanes = np.flatnonzero((u >= d + r) & (t > 0.0))
         here = at.take(lanes)
-        through = refracted(here, self._index_ratio(member[lanes], here))
+        through = refracted(here, self.eta(member[lanes], here))
         side = dot(here.geometric, through.wi)
         good = np.where(through.total, side, -side) > 0.0
         weight = np.where(good, weights.refraction[:, lanes] * (q[lanes] / t[lanes] * through.scale), 0.0)
@@ -83,13 +83,13 @@ class MixtureBSDF:
         kd, ks, kt = (color(member, at) for color in self._colors)
         coated = self._fresnel[member]
         if coated.any():
-            reflectance, _ = fresnel_dielectric(np.abs(dot(at.wo, at.normal)), self._index_ratio(member, at))
+            reflectance, _ = fresnel_dielectric(np.abs(dot(at.wo, at.normal)), self.eta(member, at))
             ks = np.where(coated, ks * reflectance, ks)
             kt = np.where(coated, kt * (1.0 - reflectance), kt)
         weights = zip((kd, ks, kt), LOBES, strict=True)
         return _Weights(*(weight if lobe in lobes else np.zeros_like(weight) for weight, lobe in weights))
 
-    def _index_ratio(self, member: Indices, at: SurfaceInteraction) -> Array:
+    def eta(self, member: Indices, at: SurfaceInteraction) -> Array:
         return index_ratio(at, self._ior[member])
 
 

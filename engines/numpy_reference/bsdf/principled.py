@@ -10,7 +10,7 @@ import numpy as np
 from engines.numpy_reference.bsdf import ggx
 from engines.numpy_reference.bsdf.facets import Facets
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
-from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, reflects, refracted, transmits
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, index_ratio, reflects, refracted, transmits
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.textures import ColorParameter, NumberParameter
 from engines.numpy_reference.vectors import Array, Indices, Mask, cosine_hemisphere, dot
@@ -69,6 +69,9 @@ class PrincipledBSDF:
 
     def albedo(self, member: Indices, at: SurfaceInteraction) -> Array:
         return self._color(member, at)
+
+    def eta(self, member: Indices, at: SurfaceInteraction) -> Array:
+        return index_ratio(at, self._eta[member])
 
     def _sample(self, member: Indices, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array) -> BSDFSample:
         surface = self._surface(member, at)

@@ -88,7 +88,7 @@ def _through_thin(parameters, direction, normal):
     return _transmittance(parameters) * (const(1.0, direction.x) - _mirrored_share(direction, normal, parameters[0]))
 
 
-SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos)
+SMOOTH = LaneBSDF(no_value, no_pdf, _sample_smooth, _albedos, ior=0)
 THIN = LaneBSDF(no_value, no_pdf, _sample_thin, _albedos, _through_thin)
 
 
@@ -164,7 +164,7 @@ def _make(distribution: Distribution, tangents: bool) -> LaneBSDF:
         valid = (which == ALL) & (wo.z > zero) & (select(reflects, wi.z, -wi.z) > zero)
         return BSDFSample(to_world(frame, wi), spectrum, density, not reflects, valid)
 
-    return LaneBSDF(evaluate, pdf, sample, _albedos)
+    return LaneBSDF(evaluate, pdf, sample, _albedos, ior=0)
 
 
 def maker(distribution: Distribution) -> Callable[[SceneFeatures], LaneBSDF]:

@@ -56,6 +56,8 @@ class Scattering(NamedTuple):
     """The light lies on the far side, from where `value` is transmitted."""
     null: bool
     """The sample goes straight on as if no surface were there, where an integrator tells such samples from others."""
+    eta_scale: float
+    """eta^2 where `sample` is refracted, eta being the index of refraction behind the surface over that before it; else 1."""
 
 
 class LaneBSDF(NamedTuple):
@@ -67,6 +69,8 @@ class LaneBSDF(NamedTuple):
     albedos(parameters, si) -> (diffuse, albedo), as in `Scattering`
     transmittance(parameters, direction, normal) -> Vec3: the mean weight of what goes straight on along the ray's direction, of
         models whose transmission is a null lobe
+
+    `ior` is the place of the index of refraction inside among the parameters of a model that refracts, else None.
     """
 
     evaluate: Any
@@ -74,6 +78,7 @@ class LaneBSDF(NamedTuple):
     sample: Any
     albedos: Any
     transmittance: Any = None
+    ior: int | None = None
 
 
 @inline

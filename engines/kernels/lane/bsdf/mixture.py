@@ -123,7 +123,7 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
         shown = select3(largest(ks) > zero, ks, shown)
         return kd, select3(largest(kd) > zero, kd, shown)
 
-    return LaneBSDF(evaluate, pdf, sample, albedos)
+    return LaneBSDF(evaluate, pdf, sample, albedos, ior=_INTERFACE[0] if transmission else None)
 
 
 def _make_sample_any(lobes_of: Any, specular: bool) -> Any:

@@ -271,7 +271,7 @@ def _make(transmission: bool, clearcoat: bool, tangents: bool) -> LaneBSDF:
         side = ((u >= one + of.coat) | (out > zero)) & (select(transmits, -wi.z, wi.z) > zero)
         return BSDFSample(to_world(frame, wi), weight, density, transmits, (which == ALL) & positive & side)
 
-    return LaneBSDF(evaluate, pdf, sample, _albedos)
+    return LaneBSDF(evaluate, pdf, sample, _albedos, ior=6 if transmission else None)
 
 
 def make(features: SceneFeatures) -> LaneBSDF:
