@@ -112,8 +112,8 @@ def _replicates(engine, scene, seeds, **settings):
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(("engine", "precision"), [("numba", "float32"), ("embree", "float32"), ("embree", "float64")])
 def test_engines_of_other_arithmetic_agree_statistically(name, engine, precision):
-    """Welch's test a pixel with Sidak's correction, and one on image means, each with a false alarm in 1 of 50,000 draws: all 24
-    of them in 5 of 10,000."""
+    """Welch's test a pixel with Sidak's correction, and one on image means, each with a false alarm in 1 of 50,000 draws:
+    together the 24 have one in 5 of 10,000."""
     scene = engines.load_scene(name)
     ours = _replicates(engine, scene, range(100, 124), precision=precision)
     theirs = _replicates("numba", scene, range(200, 224), precision="float64")
