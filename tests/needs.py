@@ -65,13 +65,6 @@ import subprocess, tempfile
 with tempfile.TemporaryDirectory() as folder:
     subprocess.run(["git", "-C", folder, "init", "-q"], check=True)
 """
-CACHE = """
-import tempfile
-from engines.kernels.compile.code_cache import cache_folder
-folder = cache_folder()
-folder.mkdir(parents=True, exist_ok=True)
-tempfile.TemporaryFile(dir=folder).write(b"a")
-"""
 MEMORY = """
 import sys, psutil
 from engines.memory import limit_bytes
@@ -108,7 +101,6 @@ NEEDS = {
     "flip": FLIP,
     "ffmpeg": "import imageio_ffmpeg; imageio_ffmpeg.get_ffmpeg_version()",
     "git": GIT,
-    "cache": CACHE,
     "memory": MEMORY,
     "linux": "import sys; sys.exit(None if sys.platform == 'linux' else 'reads /proc')",
     "unprivileged": UNPRIVILEGED,

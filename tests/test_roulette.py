@@ -11,6 +11,7 @@ import pytest
 import engines
 from engines import Settings
 from engines.scene import Dielectric, EnvironmentLight, Material, Mesh, Mixture, Perspective, Principled, Scene
+from tests.needs import needs
 
 SIDE, FACES, INDEX = 64, 2, 1.5
 FRESNEL = ((INDEX - 1) / (INDEX + 1)) ** 2
@@ -55,9 +56,9 @@ def test_paths_in_glass_survive_as_those_outside(engine, precision, rr_depth):
     assert_pass(samples(SMOOTH, engine, precision, rr_depth), rr_depth, (1 - FRESNEL) ** 2)
 
 
+@needs("mitsuba-scalar")
 @pytest.mark.parametrize("rr_depth", [1, 2, 3])
 def test_mitsuba_counts_segments_and_scales_as_ours(rr_depth):
-    pytest.importorskip("mitsuba")
     assert_pass(samples(SMOOTH, "mitsuba_scalar", None, rr_depth), rr_depth, (1 - FRESNEL) ** 2)
 
 
