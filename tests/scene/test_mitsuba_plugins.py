@@ -1,7 +1,7 @@
 """The table of docs/guides/mitsuba_scenes.md says what the importer does, and every plugin of Mitsuba's is in it."""
 
 import re
-from importlib import util
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -56,8 +56,7 @@ def test_media_of_the_table_are_refused(tmp_path, name):
 
 @needs("mitsuba-scalar")
 def test_every_plugin_of_mitsuba_is_in_the_table():
-    (package,) = util.find_spec("mitsuba").submodule_search_locations
-    folder = Path(package) / "plugins"
+    folder = Path(metadata.distribution("mitsuba").locate_file("mitsuba/plugins"))
     named = {
         file.name.removeprefix("lib").split(".")[0]
         for file in folder.iterdir()
