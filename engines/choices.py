@@ -1,10 +1,12 @@
 """Names and options of shaders, samplers and accelerators: one table, read by every engine, `raybench list` and docs.
 
-A choice is written as a name, as `{name: ..., option: value}`, or as a plugin object (anything with a `name`).
+A choice is written as a name, as `{name: ..., option: value}`, or as a plugin object (anything with a `name`), which in Python
+may also stand as the name of a mapping with options.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -153,11 +155,27 @@ SMOOTH_SAMPLERS = ("random",)
 patterns (powers of two, all strata) and larger between them."""
 
 
+def _plugin_choice(kind: str, plugin: Any, options: Mapping[str, Any]) -> Choice:
+    """A plugin with its own options, of which some are given. Where the default is a number, the value must be one."""
+    defaults: Mapping[str, Any] = getattr(plugin, "options", None) or {}
+    for key, value in options.items():
+        if key not in defaults:
+            raise UnknownName(f"option of {kind} {plugin.name!r}", key, defaults)
+        lacks = _finite(value) if _finite(defaults[key]) is None else None
+        if lacks:
+            raise ConfigError(f"{kind} {plugin.name}.{key} = {value!r}: must be {lacks}")
+    return Choice(plugin.name, {**defaults, **options}, plugin)
+
+
+def _finite(value: Any) -> str | None:
+    return None if isinstance(value, (int, float)) and math.isfinite(value) else "a finite number"
+
+
 def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) -> Choice:
     """Turns what a user wrote into a `Choice` with every option present; NumPy numbers become Python's.
 
     Raises `UnknownName` for names and options not in `table`, `ConfigError` for values out of range. A plugin object
-    (not a string or mapping) is taken as it is; its options come from its own `options` mapping, if it has one.
+    (not a string or mapping) stands for itself; its own `options` mapping, if it has one, gives names and defaults.
     """
     if isinstance(given, Choice):
         return given if given.plugin is not None else resolve(kind, given.describe(), table)
@@ -166,9 +184,11 @@ def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) ->
     if not isinstance(given, Mapping):
         if not hasattr(given, "name"):
             raise ConfigError(f"{kind} = {given!r}: a name, a mapping with a name, or a plugin object is wanted")
-        return Choice(given.name, dict(getattr(given, "options", {})), given)
+        given = {"name": given}
     options = {key: _plain(value) for key, value in given.items()}
     name = options.pop("name", None)
+    if isinstance(getattr(name, "name", None), str):
+        return _plugin_choice(kind, name, options)
     if not isinstance(name, str):
         raise ConfigError(f"{kind} = {dict(given)!r}: the key 'name' is wanted")
     if name not in table:

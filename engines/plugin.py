@@ -28,8 +28,9 @@ class Shader:
     """A shader as a plugin: give it to `Settings.shader`, or name it in YAML as `module:attribute`.
 
     `jitted` is the step of the engines numba and embree, `numpy(context, origins, directions, pixels, sample) -> (n, 3)`
-    the radiance along n rays for the engine numpy. An engine whose function is missing declines by `why_not`. The step's
-    `options` argument holds eight numbers: the values of `options` in order.
+    the radiance along n rays for the engine numpy. An engine whose function is missing declines by `why_not`.
+    `options`: names and defaults, at most eight numbers; a mapping `{"name": ..., option: value}` changes single ones. The
+    step's `options` argument holds their values in order, in eight numbers, `context.options` by name.
     `lights`: "one" light sample per vertex, or "all" for a call per light.
     """
 
@@ -45,6 +46,9 @@ class Sampler:
     """A sampler as a plugin: `jitted(pixel, sample, dimension, seed_key)`, all uint32, gives a float in [0, 1);
     `numpy(pixels, sample, dimension, seed)` gives its 32 bits, (n,) uint32. Both are pure functions; see `Shader` for the
     engines.
+
+    `options`: names and default numbers, as of a `Shader`. Where there are any, `jitted` gets a fifth argument, their values in
+    order, and `numpy` a mapping.
 
     `smooth`: whether its samples are independent, so that the error falls smoothly with every sample.
     """

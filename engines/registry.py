@@ -6,7 +6,6 @@ is the Python that runs the engine, `mitsuba@/path/to/environment`: see `engines
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import sys
@@ -15,6 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from engines.errors import ConfigError, RaybenchError, UnknownName
+from engines.imports import imported
 from engines.interface import Engine
 
 GROUP = "raybench.engines"
@@ -162,14 +162,10 @@ def _described(path: str) -> Engine:
 
 def load_attribute(path: str) -> Any:
     """The object at `module:attribute`; raises `ConfigError` where there is none."""
-    module, _, attribute = path.partition(":")
     try:
-        found: Any = importlib.import_module(module)
-        for part in attribute.split("."):
-            found = getattr(found, part)
+        return imported(path)
     except (Exception, SystemExit) as error:
         raise ConfigError(f"{path}: cannot be imported: {error}") from error
-    return found
 
 
 def _made(found: Any, name: object) -> Engine:

@@ -1,10 +1,8 @@
-"""What commands share: where they print, and whether code of the working directory may be imported."""
+"""What commands share: where they print."""
 
 from __future__ import annotations
 
 import os
-import sys
-from pathlib import Path
 
 from rich.console import Console
 
@@ -30,10 +28,3 @@ def consoles() -> tuple[Console, Console]:
         if not console.is_terminal:
             console.width = WIDTH_WITHOUT_TERMINAL
     return made[0], made[1]
-
-
-def allow_here(allow_imports: bool) -> None:
-    """Code that files name may lie in the working directory."""
-    here = str(Path.cwd())
-    if allow_imports and here not in sys.path:
-        sys.path.insert(0, here)

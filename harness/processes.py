@@ -19,10 +19,23 @@ THREAD_POOLS = (
 """Set to 1 in workers: an engine's threads are the cell's `threads`, not those of a library below it."""
 
 
-def worker_environment(allow_imports: bool) -> dict[str, str]:
-    """The environment of workers: this checkout's packages first, no hidden threads, vectors of the full width."""
+def allow_here(allow_imports: bool, folder: Path | None = None) -> None:
+    """Code that files name may lie in the working directory; first it is looked for in `folder`, that of an experiment."""
+    places = [str(place.absolute()) for place in (Path.cwd(), folder) if place is not None]
+    for place in places if allow_imports else ():
+        sys.path[:] = [place, *(other for other in sys.path if other != place)]
+
+
+def worker_environment(allow_imports: bool, code: Path | None = None) -> dict[str, str]:
+    """The environment of workers: this checkout's packages first, no hidden threads, vectors of the full width.
+
+    With `allow_imports` modules are found where this process finds them, and before that in the folder `code`.
+    """
+    from engines.imports import users_folders
+
     root = str(Path(__file__).resolve().parent.parent)
-    paths = [root, *([os.getcwd()] if allow_imports else []), os.environ.get("PYTHONPATH", "")]
+    more = [*([str(code)] if code else []), *users_folders(), os.getcwd()] if allow_imports else []
+    paths = [root, *more, os.environ.get("PYTHONPATH", "")]
     changes: dict[str, str] = dict.fromkeys(THREAD_POOLS, "1")
     # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be.
     changes["NUMBA_CPU_NAME"] = os.environ.get("NUMBA_CPU_NAME", "")

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
 from engines.interface import Engine
+from engines.registry import load_attribute
 from engines.source_files import INSTALLED, OWN, code_files, digest, own_engine_files
 from harness.hashing import digest as data_digest
 
@@ -35,6 +36,12 @@ def engine_code(engine: Engine, name: str) -> str:
 def environment_of(engine: Engine) -> dict[str, str]:
     """What an engine says of the environment that the user has chosen for it: names and versions; empty for this process's."""
     return dict(getattr(engine, "environment", None) or {})
+
+
+def plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Hashes of the code of plugins, `module:attribute`, among a cell's choices: a changed file is another request."""
+    names = [value["name"] for value in settings.values() if isinstance(value, Mapping)]
+    return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
 def plugin_code(plugin: Any, name: str) -> str:

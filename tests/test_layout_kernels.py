@@ -25,7 +25,9 @@ FLOORS: dict[str, set[str]] = {
     },
     "driver": {*COMPILED, "compile.masks", "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
-    "renderer": {"compile.jit", "compile.second_process", "driver", "features", "flatten", "layout", "queries", "stages"},
+    "renderer": {
+        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "layout", "queries", "resolve", "stages"),
+    },
     "resolve": {"flatten", "layout"},
 }
 """Of each room, the rooms and modules of engines/kernels that it may import. It may also import itself."""

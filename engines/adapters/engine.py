@@ -12,9 +12,8 @@ from engines.adapters.image_renderer import ImageRenderer
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Settings
-from engines.scene import EnvironmentLight, Light, Material, PointLight, Scene
-from engines.scene.bsdf import textures
-from engines.scene.support import members, model_of, refusal_of
+from engines.scene import EnvironmentLight, PointLight, Scene
+from engines.scene.support import foreign, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf")), "width": None}
 """What cameras have besides their kind, with the value that asks for nothing."""
@@ -132,38 +131,17 @@ class AdapterEngine:
 
     def _scene_lacks(self, scene: Scene) -> Iterator[str | None]:
         camera, name = scene.camera, self.name
-        if not isinstance(camera, self.cameras):
-            yield f"{name} takes no camera of the kind {_kind(camera)}"
+        yield foreign(scene, {*self.cameras, *self.shapes, *self.lights, *self.materials, *self.textures}, name)
         for key, default in CAMERA_KEYS.items():
             if key not in self.camera_keys and getattr(camera, key, default) != default:
                 yield f"{name} has no counterpart of a camera's {key}"
-        for shape in scene.shapes:
-            if not isinstance(shape, self.shapes):
-                yield f"{name} takes no shape of the kind {_kind(shape)}"
-        yield from map(self._material_lacks, scene.materials)
-        yield from map(self._light_lacks, scene.lights)
+        for material in scene.materials:
+            if material.emits and material.two_sided and not self.two_sided:
+                yield f"material {material.name!r}: {name} has no surfaces that emit on both sides"
+        if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
+            yield f"{name}'s point lights fall off with the square of the distance"
         if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
             yield f"the scene has several environments, of which {name} renders one"
-
-    def _material_lacks(self, material: Material) -> str | None:
-        bsdf = model_of(material)
-        for part, taken in (*((part, self.materials) for part in members(bsdf)), *((t, self.textures) for t in textures(bsdf))):
-            if not isinstance(part, taken):
-                return f"material {material.name!r}: {self.name} takes none of the kind {_kind(part)}"
-        if material.emits and material.two_sided and not self.two_sided:
-            return f"material {material.name!r}: {self.name} has no surfaces that emit on both sides"
-        return None
-
-    def _light_lacks(self, light: Light) -> str | None:
-        if not isinstance(light, self.lights):
-            return f"{self.name} takes no light of the kind {_kind(light)}"
-        if isinstance(light, PointLight) and not light.falloff:
-            return f"{self.name}'s point lights fall off with the square of the distance"
-        return None
-
-
-def _kind(thing: object) -> str:
-    return type(thing).__name__
 
 
 def _listed(values: Container[Any]) -> str:

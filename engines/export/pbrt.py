@@ -20,13 +20,18 @@ import engines.scene as model
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
 from engines.mitsuba.bsdfs import material_lacks, rough
-from engines.mitsuba.cameras import camera_lacks
+from engines.mitsuba.cameras import CAMERAS, camera_lacks
+from engines.mitsuba.lights import LIGHTS
 from engines.mitsuba.nodes import facing
-from engines.mitsuba.shapes import extent
+from engines.mitsuba.shapes import SHAPES, extent
 from engines.mitsuba.textures import is_texture, largest
-from engines.scene.support import model_of
+from engines.scene.support import foreign, model_of
 
 PLANE_EXTENTS = 1e3
+KNOWN: frozenset[type] = frozenset({
+    *CAMERAS, *SHAPES, *LIGHTS, model.Mixture, model.Diffuse, model.Conductor, model.Dielectric, model.ThinDielectric,
+})  # fmt: skip
+"""The types of scenes that are written."""
 
 
 def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64) -> None:
@@ -46,6 +51,8 @@ def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64
 
 def _lacks(scene: model.Scene) -> str | None:
     """One sentence on what pbrt has no counterpart for, or None."""
+    if lacks := foreign(scene, KNOWN, "pbrt"):
+        return lacks
     if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
         return f"pbrt has no counterpart of {lacks}"
     for material in scene.materials:
@@ -61,8 +68,6 @@ def _view_lacks(camera: Any) -> str | None:
 
 
 def _light_lacks(light: model.Light) -> str | None:
-    if isinstance(light, model.CustomLight):
-        return "pbrt has no counterpart of light plugins"
     if isinstance(light, model.EnvironmentLight) and light.image is not None:
         return "pbrt's images of the sky are octahedral, and ours is latitude-longitude"
     if isinstance(light, model.PointLight) and not light.falloff:
@@ -83,13 +88,9 @@ def _bsdf_lacks(bsdf: model.Bsdf) -> str | None:
             return f"the tangents of an anisotropic {type(bsdf).__name__.lower()}"
         if bsdf.distribution != "ggx":
             return "microfacets but GGX"
-    colors = {
-        model.Mixture: ("ks", "kt") if isinstance(bsdf, model.Mixture) and largest(bsdf.kt) > 0.0 else (),
-        model.Dielectric: ("reflectance", "transmittance"), model.ThinDielectric: ("reflectance", "transmittance"),
-        model.Conductor: (), model.Diffuse: (),
-    }.get(type(bsdf))  # fmt: skip
-    if colors is None:
-        return f"the BSDF {type(bsdf).__name__}"
+    colors = ("reflectance", "transmittance") if isinstance(bsdf, (model.Dielectric, model.ThinDielectric)) else ()
+    if isinstance(bsdf, model.Mixture) and largest(bsdf.kt) > 0.0:
+        colors = ("ks", "kt")
     return "tinted glass" if any(getattr(bsdf, name) != model.WHITE for name in colors) else None
 
 

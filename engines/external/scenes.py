@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.scene import Scene
-from engines.scene.support import plugins
+from engines.scene.support import foreign
+from engines.scene.write import KNOWN
 
 Format = Callable[[Scene, Settings, Path], Path]
 
@@ -25,8 +26,8 @@ def own_file(scene: Scene, settings: Settings, folder: Path) -> Path:
         raise Unsupported(f"the scene {scene.name!r} is not in a file as it is: a program cannot be given it")
     if scene.native is not None:
         raise Unsupported(f"the scene {scene.name!r} is in a file of Mitsuba's: raybench import writes one of raybench's")
-    for what, _ in plugins(scene):
-        raise Unsupported(f"the scene {scene.name!r} has a {what} plugin, which a program cannot be given")
+    if lacks := foreign(scene, KNOWN, "a scene file without code"):
+        raise Unsupported(lacks)
     return Path(scene.source).absolute()
 
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from engines import interface
 from engines.concurrency import CallGuard
 from engines.film import Film
+from engines.imports import users_folders
 from engines.interface import Hits, OnPass, Settings
 from engines.isolated.films import Block, film_in
 from engines.isolated.process import Process
@@ -158,6 +159,7 @@ def _send_scene(process: Process, scene: Scene) -> None:
     """Sends a scene unless it is the last one that was sent: planning asks of one scene many times."""
     if process.scene is not scene:
         process.scene = None
+        process.call("folders", users_folders())  # loading the scene may have found plugins beside it
         process.call("scene", scene)
         process.scene = scene
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import site
 import socket
 import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError, RaybenchError, RendererFailed, Unsupported
+from engines.imports import users_folders
 from engines.isolated.channel import Channel, Closed
 from engines.isolated.films import Block
 
@@ -62,7 +61,7 @@ class Process:
         self._output = _Output(reading)
         self._calls, self._queries, self._stops = (Channel(each, self._alive) for each in ours)
         try:
-            self.version: str = self.call("make", target, _users_folders())
+            self.version: str = self.call("make", target, users_folders())
         except RaybenchError as error:
             self.end()
             raise ConfigError(f"{python}: cannot run the engine {name}: {error}") from error
@@ -202,13 +201,6 @@ def _started(python: str, descriptors: list[int], output: int) -> subprocess.Pop
     return subprocess.Popen(
         words, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=output, pass_fds=descriptors
     )
-
-
-def _users_folders() -> list[str]:
-    """The folders of `sys.path` that belong to no installation of Python: where code of the user's lies."""
-    installed = {sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix, site.getusersitepackages()}
-    folders = [os.path.abspath(folder) for folder in sys.path]
-    return [folder for folder in folders if not any(Path(folder).is_relative_to(each) for each in installed)]
 
 
 def _signal(number: int) -> str:

@@ -76,8 +76,11 @@ class Server:
     def _call(self, verb: str, *arguments: Any) -> Any:
         return getattr(self, f"_call_{verb}")(*arguments)
 
-    def _call_make(self, target: str, folders: Sequence[str]) -> str:
+    def _call_folders(self, folders: Sequence[str]) -> None:
         sys.path.extend(folder for folder in folders if folder not in sys.path)
+
+    def _call_make(self, target: str, folders: Sequence[str]) -> str:
+        self._call_folders(folders)
         self._engine = make(target)
         return str(self._engine.version)
 

@@ -36,6 +36,8 @@ from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRo
 from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
 BSDF_PARAMETERS = 15
+SHADER_OPTIONS = 8
+"""Numbers in the scene's options that belong to the integrator."""
 SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
@@ -398,7 +400,8 @@ def aligned(size: int) -> NDArray[np.uint8]:
 
 __all__ = [
     "ACCELERATOR", "BSDF_PARAMETERS", "CAMERA_DIMENSIONS", "LANES", "LIGHT_PARAMETERS", "MOST_NULL_LOBES", "PATH_NUMBERS",
-    "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow", "EnvironmentRow", "LeafRow", "LightRow",
+    "SHADER_OPTIONS", "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow",
+    "EnvironmentRow", "LeafRow", "LightRow",
     "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow", "RangeRow", "RayBatch", "SceneTable",
     "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned", "batch_bytes", "copy_paths", "ray_batch",
     "scene_table", "stack_bytes", "waiting_rays",

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import Choice
 from engines.concurrency import CallGuard
-from engines.errors import RendererFailed
+from engines.errors import RendererFailed, Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.kernels import driver, queries
@@ -24,9 +24,11 @@ from engines.kernels.compile.second_process import compile_jobs
 from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.flatten.light_samplers import bind_light_sampler
-from engines.kernels.layout import LANES, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
+from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
+from engines.kernels.resolve import KNOWN
 from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, Scene, Shape, ThinLens
+from engines.scene.support import foreign
 
 TILE = 32
 """Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
@@ -127,7 +129,7 @@ class Renderer:
     def _bind_options(self) -> None:
         shader, chosen = self.settings.shader, self.settings.sampler
         numbers = np.zeros(16)
-        numbers[: shade.OPTIONS] = shade.option_numbers(shader, self._flat.bounds, self._flat.center)
+        numbers[: SHADER_OPTIONS] = shade.option_numbers(shader, self._flat.bounds, self._flat.center)
         if chosen.plugin is None and chosen.name == "constant":
             numbers[sampler.SAMPLER_OPTION] = chosen.options["value"]
         elif chosen.plugin is None and chosen.name == "stratified":
@@ -315,8 +317,11 @@ class Renderer:
         """Changes the view or the shapes (a new accelerator is built) and restarts the film."""
         with self._guard.updating():
             scene = self._scene if camera is None else replace(self._scene, camera=camera)
+            scene = scene if shapes is None else replace(scene, shapes=tuple(shapes))
+            if lacking := foreign(scene, KNOWN, "the engine", ("camera", "shape")):
+                raise Unsupported(lacking)
             if shapes is not None:
-                self._build(replace(scene, shapes=tuple(shapes)))
+                self._build(scene)
             elif camera is not None:
                 if self._wanted.size(scene) != (self.film.width, self.film.height):
                     self._resize(scene)

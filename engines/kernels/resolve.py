@@ -4,17 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
-from engines.kernels.flatten.lights import plugin_parameters
-from engines.kernels.flatten.programs import leaves_in
-from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS
-from engines.scene import CustomBSDF, CustomLight, EnvironmentLight, Scene
-from engines.scene.support import option_numbers, plugin_without, refusal_of
+from engines.kernels.flatten.lights import ROWS, plugin_parameters
+from engines.kernels.flatten.materials import KINDS
+from engines.kernels.flatten.programs import WRAPPERS, leaves_in
+from engines.kernels.flatten.shapes import ANALYTIC
+from engines.kernels.layout import BSDF_PARAMETERS, LIGHT_PARAMETERS, SHADER_OPTIONS
+from engines.scene import (
+    Camera,
+    CustomBSDF,
+    CustomLight,
+    EnvironmentLight,
+    Mesh,
+    Plane,
+    Scene,
+    Sphere,
+    SphereSet,
+    Texture,
+    Triangle,
+)  # fmt: skip
+from engines.scene.support import foreign, option_numbers, plugin_without, refusal_of
+
+KNOWN: frozenset[type] = frozenset({
+    *get_args(Camera), Plane, Sphere, SphereSet, Triangle, Mesh, *ANALYTIC, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture),
+})  # fmt: skip
+"""The types of scenes that are rendered."""
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
@@ -36,13 +55,16 @@ def _plugins(settings: Settings) -> dict[str, Any]:
 
 def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
-    if refusal := refusal_of(scene):
+    if refusal := refusal_of(scene) or foreign(scene, KNOWN, f"the engine {engine}"):
         return refusal
     for part, function in _plugins(settings).items():
         if function is None:
             return (
                 f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
             )
+    given: Any = settings.shader
+    if given.plugin is not None and (count := len(option_numbers(given.options))) > SHADER_OPTIONS:
+        return f"the options of {given.name!r} are {count} numbers, of which the engine {engine} takes {SHADER_OPTIONS}"
     if lacking := plugin_without(scene, "jitted"):
         return f"{lacking} has no `jitted` function, which the engine {engine} needs"
     for plugin, given, most in _numbers_of_plugins(scene):

@@ -20,7 +20,6 @@ from engines.scene import (
     Bump,
     Checkerboard,
     Conductor,
-    CustomBSDF,
     Dielectric,
     Diffuse,
     Mask,
@@ -36,6 +35,7 @@ from engines.scene import (
 from engines.scene.bsdf import leaves
 from engines.scene.support import members, model_of
 
+WRAPPERS = (Mask, Blend, Bump, NormalMap, Sides)
 TILTS = (Bump, NormalMap)
 DARK = Diffuse(BLACK)
 
@@ -67,8 +67,6 @@ def material_lacks(material: Material) -> str | None:
 
 def _lacks(part: Bsdf) -> str | None:
     """What one of its `members` lacks."""
-    if isinstance(part, CustomBSDF):
-        return "BSDF plugins"
     if out_of_range(part):
         return "textures that leave the range in which raybench holds them"
     if isinstance(part, Mixture):

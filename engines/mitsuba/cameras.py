@@ -13,18 +13,19 @@ NEAR, FAR = 1e-4, 1e7
 """The clipping planes of a camera without its own, in extents of the scene: nothing is meant to be cut off."""
 
 
+CAMERAS = (Perspective, Orthographic, ThinLens)
+
+
 def camera_lacks(camera: Camera) -> str | None:
     """What of a camera Mitsuba has no counterpart for, or None."""
     if isinstance(camera, ThinLens) and camera.principal_point != (0.0, 0.0):
         return "a thin lens with a principal point"
-    if isinstance(camera, (Perspective, Orthographic, ThinLens)):
-        return None
-    return "cameras but perspective, orthographic and thin lens ones"
+    return None
 
 
 def sensor(camera: Camera, width: int, height: int, sampler: Node, size: float) -> Node:
     """A sensor with a film of `width` x `height` pixels and a box filter. `size`: the extent of the scene."""
-    assert isinstance(camera, (Perspective, Orthographic, ThinLens))
+    assert isinstance(camera, CAMERAS)
     film = {
         "type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb",
         "component_format": "float32", "sample_border": False,

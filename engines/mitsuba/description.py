@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from engines.mitsuba.bsdfs import bsdf_node, material_lacks
-from engines.mitsuba.cameras import camera_lacks
-from engines.mitsuba.lights import light_node, lights_lack
+from engines.mitsuba.bsdfs import MODELS, WRAPPERS, bsdf_node, material_lacks
+from engines.mitsuba.cameras import CAMERAS, camera_lacks
+from engines.mitsuba.lights import LIGHTS, light_node, lights_lack
 from engines.mitsuba.nodes import Node, Placing
-from engines.mitsuba.shapes import Part, parts, planes_lack
-from engines.mitsuba.textures import Textures
+from engines.mitsuba.shapes import SHAPES, Part, parts, planes_lack
+from engines.mitsuba.textures import TEXTURES, Textures
 from engines.scene import Scene
-from engines.scene.support import model_of
+from engines.scene.support import foreign, model_of
 
-__all__ = ["Description", "described", "scene_lacks"]
+__all__ = ["KNOWN", "Description", "described", "scene_lacks"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +44,14 @@ def described(scene: Scene, placing: Placing, robust: bool = True) -> Descriptio
     return Description(nodes, found)
 
 
+KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPERS, *TEXTURES})
+"""The types of scenes that are described."""
+
+
 def scene_lacks(scene: Scene) -> str | None:
     """One sentence on what of the scene Mitsuba has no counterpart for, or None."""
+    if lacks := foreign(scene, KNOWN, "Mitsuba"):
+        return lacks
     if lacks := camera_lacks(scene.camera):
         return f"Mitsuba has no counterpart of {lacks}"
     for material in scene.materials:

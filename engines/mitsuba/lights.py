@@ -2,34 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from engines.mitsuba.nodes import Array, Node, Placing, facing, rgb
-from engines.scene import CustomLight, DirectionalLight, EnvironmentLight, Light, PointLight, Scene, SpotLight
+from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight, Scene, SpotLight
 
 
 def lights_lack(scene: Scene) -> str | None:
     """One sentence on what of the scene's lights Mitsuba has no counterpart for, or None."""
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return "the scene has several environments, of which Mitsuba renders one"
-    if any(isinstance(light, CustomLight) for light in scene.lights):
-        return "Mitsuba has no counterpart of light plugins"
     if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
         return "Mitsuba's point lights fall off with the square of the distance"
     return None
 
 
 def light_node(light: Light, placing: Placing) -> Node:
-    if isinstance(light, PointLight):
-        return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
-    if isinstance(light, DirectionalLight):
-        return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
-    if isinstance(light, SpotLight):
-        return {
-            "type": "spot", "to_world": facing(light.position, light.direction, 1.0), "intensity": rgb(light.intensity),
-            "cutoff_angle": light.cutoff, "beam_width": light.beam_width,
-        }  # fmt: skip
-    assert isinstance(light, EnvironmentLight)
+    return LIGHTS[type(light)](light, placing)
+
+
+def _point(light: PointLight, placing: Placing) -> Node:
+    return {"type": "point", "position": list(light.position), "intensity": rgb(light.intensity)}
+
+
+def _directional(light: DirectionalLight, placing: Placing) -> Node:
+    return {"type": "directional", "direction": list(light.direction), "irradiance": rgb(light.irradiance)}
+
+
+def _spot(light: SpotLight, placing: Placing) -> Node:
+    return {
+        "type": "spot", "to_world": facing(light.position, light.direction, 1.0), "intensity": rgb(light.intensity),
+        "cutoff_angle": light.cutoff, "beam_width": light.beam_width,
+    }  # fmt: skip
+
+
+def _environment(light: EnvironmentLight, placing: Placing) -> Node:
     if light.image is None:
         return {"type": "constant", "radiance": rgb(light.radiance)}
     rotation = np.eye(4)
@@ -37,6 +47,11 @@ def light_node(light: Light, placing: Placing) -> Node:
     image = light.image * np.array(light.radiance)
     image = image if light.rows == "poles" else _knots(image)
     return {"type": "envmap", **placing.image("sky", image), "to_world": rotation}
+
+
+LIGHTS: dict[type, Callable[[Any, Placing], Node]] = {
+    PointLight: _point, DirectionalLight: _directional, SpotLight: _spot, EnvironmentLight: _environment,
+}  # fmt: skip
 
 
 def _knots(image: Array) -> Array:

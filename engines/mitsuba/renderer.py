@@ -16,7 +16,7 @@ from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.mitsuba import rays
-from engines.mitsuba.cameras import camera_lacks
+from engines.mitsuba.description import scene_lacks
 from engines.mitsuba.library import LLVM, active
 from engines.mitsuba.scalar import Passes
 from engines.mitsuba.stage import staged
@@ -80,13 +80,14 @@ class Renderer:
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         """Takes another camera or other shapes: loads the scene anew, and restarts the film."""
         self._require_described("its camera and shapes are those of the file")
-        if camera is not None and (lacks := camera_lacks(camera)):
-            raise Unsupported(f"Mitsuba has no counterpart of {lacks}")
+        scene = self._scene if camera is None else replace(self._scene, camera=camera)
+        scene = scene if shapes is None else replace(scene, shapes=tuple(shapes))
+        if lacks := scene_lacks(scene):
+            raise Unsupported(lacks)
         with self._guard.updating():
-            scene = self._scene if camera is None else replace(self._scene, camera=camera)
             size = self.settings.size(scene)
             film = self.film if size == (self.film.width, self.film.height) else Film(*size)  # first: it may be refused
-            self._build(scene if shapes is None else replace(scene, shapes=tuple(shapes)))
+            self._build(scene)
             self.film = film
             self.film.clear()
 

@@ -20,6 +20,9 @@ GAP = 1e-5
 """Half the distance between the sides of a surface that emits on both, in extents of the scene."""
 
 
+SHAPES = (Plane, Disk, Cylinder, Sphere, SphereSet, Triangle, Mesh)
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """A shape of Mitsuba's: `node` without its name, the scene's shape it comes from, and what its primitives are there.

@@ -65,8 +65,11 @@ def pixels(texture: ImageTexture, kind: str) -> Array:
     return np.ascontiguousarray(found, np.float32)
 
 
+TEXTURES = (ImageTexture, Checkerboard)
+
+
 def is_texture(value: Any) -> bool:
-    return isinstance(value, (ImageTexture, Checkerboard))
+    return isinstance(value, TEXTURES)
 
 
 def luminance(color: Triple) -> float:

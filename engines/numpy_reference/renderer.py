@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,22 +17,31 @@ from engines.errors import Unsupported
 from engines.film import Film
 from engines.interface import Hits, OnPass, Settings
 from engines.numpy_reference.accelerators.tracer import Tracer
+from engines.numpy_reference.bsdf import BSDFS
 from engines.numpy_reference.camera import camera_rays, clipped
 from engines.numpy_reference.context import Context, Stopped
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import barycentric
+from engines.numpy_reference.lights import LIGHTS
 from engines.numpy_reference.sampler import Sampler
 from engines.numpy_reference.shader import shader_function
+from engines.numpy_reference.shapes import SHAPES
 from engines.numpy_reference.vectors import Array, Indices, norm
-from engines.scene import Camera, Scene, Shape, ThinLens
-from engines.scene.support import plugin_without
+from engines.scene import Camera, Scene, Shape, Texture, ThinLens, Wrapper
+from engines.scene.support import foreign, plugin_without
 
 CHUNK = 32_768
 """Paths that are followed together: bounds the memory of a pass to some tens of megabytes."""
 
 
-def require_numpy(scene: Scene) -> None:
-    """Raises `Unsupported` where a plugin of the scene has no half for NumPy."""
+KNOWN: frozenset[type] = frozenset({*BSDFS, *LIGHTS, *SHAPES, *get_args(Wrapper), *get_args(Texture), *get_args(Camera)})
+"""The types of scenes that are rendered."""
+
+
+def require_numpy(scene: Scene, name: str) -> None:
+    """Raises `Unsupported` for what the engine `name` does not know, and where a plugin has no half for NumPy."""
+    if lacking := foreign(scene, KNOWN, f"the engine {name}"):
+        raise Unsupported(lacking)
     if lacking := plugin_without(scene, "numpy"):
         raise Unsupported(f"{lacking} has no NumPy function (`numpy`)")
 
@@ -93,13 +103,15 @@ class Renderer:
     def update(self, camera: Camera | None = None, shapes: Sequence[Shape] | None = None) -> None:
         """Takes another camera or other shapes, and restarts the film."""
         with self._guard.updating():
-            scene = self._scene if camera is None else replace(self._scene, camera=camera)
-            require_numpy(scene)
+            scene = replace(
+                self._scene, camera=camera or self._scene.camera, shapes=self._scene.shapes if shapes is None else tuple(shapes)
+            )
+            require_numpy(scene, "numpy")
             width, height = self._wanted.size(scene)
             same_size = (width, height) == (self._film.width, self._film.height)
             film = self._film if same_size else Film(width, height)  # first: it may be refused
             if shapes is not None:
-                scene, rendered = replace(scene, shapes=tuple(shapes)), self._context.rays
+                rendered = self._context.rays
                 self._build(scene)
                 self._rays_rendered += rendered
             self._scene, self._film = scene, film

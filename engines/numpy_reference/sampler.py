@@ -157,7 +157,8 @@ def _stratified(choice: Choice, keys: Keys) -> Draw:
 
 
 def _plugin(choice: Choice, seed: int) -> Draw:
-    return lambda pixels, sample, dimension: np.asarray(choice.plugin.numpy(pixels, sample, dimension, seed))
+    more = (choice.options,) if choice.options else ()
+    return lambda pixels, sample, dimension: np.asarray(choice.plugin.numpy(pixels, sample, dimension, seed, *more))
 
 
 _BUILT_IN: dict[str, Callable[[Choice, Keys], Draw]] = {

@@ -16,6 +16,7 @@ from engines.errors import Unsupported
 from engines.interface import Hits, Settings
 from engines.packages import install_extra
 from engines.scene import Mesh, Scene, Triangle
+from engines.scene.support import foreign
 
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": {}}
 RENDERS_NOTHING = "Open3D traces rays and renders no images: raybench trace compares it"
@@ -51,8 +52,10 @@ class Engine:
             return "Open3D takes no accelerator plugins"
         if settings.precision == "float64":
             return "Open3D traces in float32 only"
-        if not scene.shapes or not all(isinstance(shape, Mesh | Triangle) for shape in scene.shapes):
-            return "Open3D's RaycastingScene holds triangles only"
+        if not scene.shapes:
+            return "Open3D's RaycastingScene holds triangles only, and the scene has none"
+        if lacks := foreign(scene, {Mesh, Triangle}, "Open3D's RaycastingScene", kinds=("shape",)):
+            return lacks
         if util.find_spec("open3d") is None:
             return f"Open3D is not installed: {install_extra('open3d')}"
         try:

@@ -186,16 +186,14 @@ def leaves(bsdf: Bsdf | None) -> Iterator[Bsdf]:
 
 
 def is_opaque(bsdf: Bsdf) -> bool:
-    """Whether no light passes a BSDF; of a plugin that is not known."""
-    if isinstance(bsdf, Mask):
-        return False
-    if isinstance(bsdf, Wrapper):
+    """Whether no light is known to pass a BSDF: not so of a plugin, nor of any type that is none of ours."""
+    if isinstance(bsdf, Blend | Bump | NormalMap | Sides):
         return all(inner is None or is_opaque(inner) for inner in _inside(bsdf))
     if isinstance(bsdf, Mixture):
         return bsdf.kt == BLACK
     if isinstance(bsdf, Principled):
         return bsdf.spec_trans == 0.0
-    return not isinstance(bsdf, Dielectric | ThinDielectric | Null)
+    return isinstance(bsdf, Diffuse | Conductor | Plastic)
 
 
 def textures(bsdf: Any) -> Iterator[Texture]:

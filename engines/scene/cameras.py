@@ -211,7 +211,7 @@ CAMERAS = {
 
 
 def _custom(node: Located, named: Located, context: Any) -> CustomCamera:
-    plugin = load_plugin(named, "camera", context.allow_imports, CAMERAS)
+    plugin = load_plugin(named, "camera", context.allow_imports, context.place.folder, CAMERAS)
     if getattr(plugin, "options", None) is None:
         options = {key: child.plain() for key, child in node.value.items() if key not in ("type", "resolution")}
     else:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from engines.errors import UnknownName, suggestion
+from engines.imports import imported
 from engines.schema import fields
 from engines.schema.yaml_file import Located
 
 
-def load_plugin(named: Located, what: str, allow_imports: bool, known: Collection[str] = ()) -> Any:
-    """The plugin that a scene names here; from Python `named` may hold the plugin itself. A class is called.
+def load_plugin(named: Located, what: str, allow_imports: bool, folder: Path, known: Collection[str] = ()) -> Any:
+    """The plugin that a scene in `folder` names here; from Python `named` may hold the plugin itself. A class is called.
 
     `known` are the names of what is built in, for the message about a name without a colon.
     """
@@ -28,19 +29,15 @@ def load_plugin(named: Located, what: str, allow_imports: bool, known: Collectio
             raise named.refuse(f"{built_in} module:attribute")
         if not allow_imports:
             raise named.refuse("imports code: pass --allow-imports (from Python: allow_imports=True) to permit it")
-        plugin = _load_attribute(named)
+        plugin = _load_attribute(named, folder)
     return plugin() if isinstance(plugin, type) else plugin
 
 
-def _load_attribute(named: Located) -> Any:
-    module, _, attribute = named.value.partition(":")
+def _load_attribute(named: Located, folder: Path) -> Any:
     try:
-        found: Any = importlib.import_module(module)
-        for part in attribute.split("."):
-            found = getattr(found, part)
-    except Exception as problem:
+        return imported(named.value, folder)
+    except (Exception, SystemExit) as problem:
         raise named.refuse(f"cannot be imported: {problem}") from problem
-    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +55,7 @@ class PluginKind:
         if "type" not in node.value:
             raise node.refuse_key("type", "is missing: module:attribute of a plugin is wanted")
         named = node.value["type"]
-        plugin = load_plugin(named, self.what, context.allow_imports)
+        plugin = load_plugin(named, self.what, context.allow_imports, context.place.folder)
         if not isinstance(getattr(plugin, "options", None), Mapping):
             raise named.refuse(f"is no {self.what} plugin: it has no `options`, a mapping from names to defaults")
         return self.make(plugin, read_options(node, plugin, ("type",)))

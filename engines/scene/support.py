@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
+
+import numpy as np
 
 from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, Mixture, NormalMap, Sides, is_opaque
 from engines.scene.cameras import CustomCamera
@@ -15,6 +18,48 @@ from engines.scene.scene import Scene
 def refusal_of(scene: Scene) -> str | None:
     """Why there is nothing of a scene but a file of Mitsuba's, in the importer's words, or None."""
     return None if scene.native is None else scene.native.refusal
+
+
+KINDS = ("camera", "shape", "light", "BSDF", "texture")
+"""Kinds of the parts of a scene."""
+
+
+def foreign(scene: Scene, known: Collection[type], who: str, kinds: Collection[str] = KINDS) -> str | None:
+    """One sentence on the first part of a scene whose type is not among `known`, those that `who` translates, or None.
+
+    Whatever translates scenes asks this first: what it does not know is refused, and never guessed.
+    """
+    for where, kind, part in _parts(scene):
+        if kind in kinds and type(part) not in known:
+            plugin = getattr(part, "plugin", None)
+            name = type(part).__name__ if plugin is None else f"plugin {getattr(plugin, 'name', type(plugin).__name__)!r}"
+            return f"{where}{who} has no counterpart of the {kind} {name}"
+    return None
+
+
+def _parts(scene: Scene) -> Iterator[tuple[str, str, Any]]:
+    """Where each part of a scene stands, its kind, and the part."""
+    yield "", "camera", scene.camera
+    for index, shape in enumerate(scene.shapes):
+        yield f"shapes[{index}]: ", "shape", shape
+    for index, light in enumerate(scene.lights):
+        yield f"lights[{index}]: ", "light", light
+    for material in scene.materials:
+        where = f"material {material.name!r}: "
+        for part in members(model_of(material)):
+            yield where, "BSDF", part
+            yield from ((where, "texture", value) for value in _textures(part))
+
+
+def _textures(part: Any) -> Iterator[Any]:
+    """What a BSDF has in place of numbers, but for BSDFs inside."""
+    inside = [*members(part)][1:]
+    for item in fields(part) if is_dataclass(part) and not isinstance(part, CustomBSDF) else ():
+        value = getattr(part, item.name)
+        for each in value if isinstance(value, tuple) else (value,):
+            plain = each is None or isinstance(each, (bool, int, float, str, np.generic))
+            if not plain and not any(each is other for other in inside):
+                yield each
 
 
 def plugins(scene: Scene) -> list[tuple[str, Any]]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from engines.errors import ConfigError
 from engines.image import decoded_srgb, write_channels, write_image
 from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides, is_opaque
-from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective, PerspectiveArctan, ThinLens
+from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.formats.ply import ply_bytes
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.materials import Material
@@ -34,7 +34,8 @@ from engines.scene.models import (
 from engines.scene.scene import FORMAT, Scene
 from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
 from engines.scene.sphere_set import SphereSet
-from engines.scene.textures import IDENTITY, ImageTexture, Texture
+from engines.scene.support import foreign
+from engines.scene.textures import IDENTITY, Checkerboard, ImageTexture, Texture
 from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema.fields import unit
 
@@ -63,6 +64,8 @@ def save_scene(scene: Scene, folder: str | PathLike[str]) -> Path:
     import yaml
 
     root = Path(folder)
+    if lacks := foreign(scene, KNOWN, "a scene file"):
+        raise ConfigError(lacks)
     try:
         root.mkdir(parents=True, exist_ok=True)
         tree = _Writer(root).scene(scene)
@@ -128,10 +131,7 @@ class _Writer:
             if bsdf.back is None and front and bsdf.front and "sides" not in front and is_opaque(bsdf.front):
                 return {**front, "sides": "front"}
             return {"by_side": {side: self.bsdf(part) for side in ("front", "back") if (part := getattr(bsdf, side))}}
-        write = _BSDFS.get(type(bsdf))
-        if write is None:
-            raise ConfigError(f"{self.root}: a material has a plugin, which cannot be written")
-        return write(self, bsdf)
+        return _BSDFS[type(bsdf)](self, bsdf)
 
     def value(self, value: Any) -> Any:
         """A number, a colour, or the name of a texture."""
@@ -192,11 +192,10 @@ class _Writer:
                 "position": [*light.position], "direction": _direction(light.direction),
                 "intensity": _color(light.intensity), "cutoff": light.cutoff, "beam_width": light.beam_width,
             }}  # fmt: skip
-        if isinstance(light, EnvironmentLight):
-            image = {} if light.image is None else {"image": self.sky(light.image)}
-            how = _other_than(light, {"rotation": EnvironmentLight(WHITE).rotation, "rows": "cells"}) if image else {}
-            return {"environment": {"radiance": _color(light.radiance), **image, **how}}
-        raise ConfigError(f"{self.root}: a light is a plugin, which cannot be written")
+        assert isinstance(light, EnvironmentLight)
+        image = {} if light.image is None else {"image": self.sky(light.image)}
+        how = _other_than(light, {"rotation": EnvironmentLight(WHITE).rotation, "rows": "cells"}) if image else {}
+        return {"environment": {"radiance": _color(light.radiance), **image, **how}}
 
     def sky(self, image: NDArray[np.float64]) -> str:
         """An EXR file, or a PNG where the image has come from eight bits, which float32 does not hold exactly."""
@@ -215,8 +214,6 @@ _CAMERAS = {
 
 
 def _camera(camera: Camera) -> Keys:
-    if isinstance(camera, CustomCamera):
-        raise ConfigError("the camera is a plugin, which cannot be written")
     keys = {item.name: _plain(getattr(camera, item.name)) for item in fields(camera)}
     for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf]), ("width", None)):
         if key in keys and keys[key] == default:
@@ -265,6 +262,13 @@ _BSDFS: dict[type, Callable[[_Writer, Any], Keys]] = {
     Bump: _wrapper("bump"),
     NormalMap: _wrapper("normal_map"),
 }
+
+
+KNOWN: frozenset[type] = frozenset({
+    *_CAMERAS, *_SHAPES, Mesh, SphereSet, PointLight, DirectionalLight, SpotLight, EnvironmentLight, *_BSDFS, Mixture, Sides,
+    ImageTexture, Checkerboard,
+})  # fmt: skip
+"""The types of scenes that are written."""
 
 
 def _color(color: Triple) -> float | list[float]:

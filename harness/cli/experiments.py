@@ -17,7 +17,7 @@ from engines.errors import ConfigError
 from harness import config, store
 from harness.cli.results import require_results, write_derived
 from harness.config import Experiment
-from harness.console import allow_here, consoles
+from harness.console import consoles
 from harness.measure.pool import Pool, WorkerFailed
 from harness.plan import planner, verify_jobs
 from harness.plan.cells import Cell, Plan, words
@@ -38,7 +38,6 @@ def results_folder(experiment: Experiment, out: Path | None) -> Path:
 def run(given: str, out: Path | None, overrides: Sequence[str], fresh: bool, options: Options) -> int:
     """Measures and reports; 0, 1 where a cell failed or timed out, 130 where it was interrupted."""
     stdout, stderr = consoles()
-    allow_here(options.allow_imports)
     experiment = config.load(given, overrides)
     folder = results_folder(experiment, out)
     signal.signal(signal.SIGTERM, _interrupt)
@@ -127,7 +126,6 @@ def _planned(
     given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed, console: Console
 ) -> tuple[Plan, Path]:  # fmt: skip
     """The plan of an experiment, its warnings said, and its results folder."""
-    allow_here(allowed[0])
     experiment = config.load(given, overrides)
     made = planner.make(experiment, *allowed)
     _warn(made, console)

@@ -23,9 +23,10 @@ from engines.schema.yaml_file import parse_yaml
 from engines.tonemap import ToneMapper, to_bitmap, tone_mapper
 from harness.cli.outputs import check_file
 from harness.config import paths
-from harness.config.settings import engine_settings, known, require_commands, require_imports
-from harness.console import allow_here, consoles
+from harness.config.settings import completed, engine_settings, known, require_commands, require_imports
+from harness.console import consoles
 from harness.measure import clock, machine
+from harness.processes import allow_here
 from harness.run.progress import duration
 
 MAX_SPP = 2**31
@@ -148,7 +149,7 @@ def _settings(request: Request) -> dict[str, Any]:
             raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is wanted")
         if kind in tables and ":" not in given["name"]:
             given = resolve(kind, given, known(kind, given["name"], tables[kind])).describe()
-        settings[kind] = given
+        settings[kind] = completed(kind, given, request.allow_imports)
     return settings
 
 

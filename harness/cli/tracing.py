@@ -91,7 +91,8 @@ def run_file(
 def measure(experiment: Any, out: Path | None, as_json: bool, allowed: tuple[bool, bool], command: Sequence[str]) -> int:
     """Measures, writes and prints; the exit code: 1 where a contestant failed, 2 where all declined, 130 if interrupted.
     `allowed`: imports, and files outside of the scenes' folders."""
-    from harness.console import allow_here, consoles
+    from harness.console import consoles
+    from harness.processes import allow_here
     from harness.report.tracing import show, write
     from harness.run import trace as run_trace
     from harness.store import make_out
@@ -100,7 +101,7 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allowed: tuple[boo
     stdout, stderr = consoles()
     allow_imports, allow_outside = allowed
     experiment = replace(experiment, scenes=tuple(replace(file, allow_outside=allow_outside) for file in experiment.scenes))
-    allow_here(allow_imports)
+    allow_here(allow_imports, experiment.folder)
     folder = out or Path("results") / experiment.name
     make_out(folder)
     try:

@@ -112,6 +112,8 @@ class Experiment:
     verify: VerifyConfig | None
     limits: Limits
     equivalence: Mapping[str, float]
+    folder: Path
+    """That of the file, where code that it names is looked for first."""
 
 
 def load(given: str | Path, overrides: Iterable[str] = ()) -> Experiment:
@@ -142,6 +144,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
         remeasure=given["remeasure"] if timing else 0, images=given["images"], warnings=tuple(warnings), resolved={},
         source=source, verify=given["verify"], timing=timing, baseline=given["baseline"], limits=given["limits"],
         equivalence=given["equivalence"], pairs=tuple(given["pairs"]), same_within=given["same_within"],
+        folder=folder,
     )  # fmt: skip
     return replace(experiment, resolved=_resolved(experiment))
 

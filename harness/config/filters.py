@@ -15,7 +15,7 @@ from typing import Any
 from engines.registry import split
 from engines.schema.keys import Given, Key, Record, Schema
 from engines.schema.yaml_file import Located
-from harness.config.settings import SETTINGS
+from harness.config.settings import CHOICES, SETTINGS
 from harness.config.validators import RESOLUTION, is_number, listing, number
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
@@ -26,7 +26,6 @@ _BOUNDS = Record("Bounds of a number.", {
     "ge": Key(_BOUND, "At least this.", None), "gt": Key(_BOUND, "More than this.", None),
     "le": Key(_BOUND, "At most this.", None), "lt": Key(_BOUND, "Less than this.", None),
 })  # fmt: skip
-CHOICES = ("shader", "sampler", "accelerator")
 Condition = Callable[[Any], bool]
 
 

@@ -1,12 +1,13 @@
 """The settings of a cell: the keys that describe and read them, and how plain data becomes `engines.Settings`.
 
 A name of the form `module:attribute` is code of the user's. It is imported only when imports are allowed, and is then
-the plugin object itself, or a factory called with the options written beside the name.
+the plugin object itself, some of whose options the mapping changes, or a class or function called with the options.
 """
 
 from __future__ import annotations
 
 import contextlib
+import inspect
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from engines import choices
-from engines.errors import ConfigError, RaybenchError, suggestion
+from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.interface import Settings
 from engines.registry import (
     BUILT_IN,
@@ -229,6 +230,8 @@ _BUDGET = Record(
 BUDGET = Budget(**_changes(_BUDGET.read(locate({})).values))
 """That of a file that gives none."""
 
+CHOICES = ("shader", "sampler", "accelerator")
+"""Settings that have options."""
 DIVISIONS = ("closed", "open")
 SETTINGS = {
     "scene": Key(
@@ -265,21 +268,50 @@ SETTINGS = {
 
 def engine_settings(plain: Mapping[str, Any], seed: int, allow_imports: bool) -> Settings:
     """`engines.Settings` of a cell's plain data: shader, sampler, accelerator, precision, threads, width, height."""
-    chosen = {kind: plugin_or_choice(plain[kind], allow_imports) for kind in ("shader", "sampler", "accelerator")}
+    chosen = {kind: plugin_or_choice(kind, plain[kind], allow_imports) for kind in CHOICES}
     return Settings(
         width=plain["width"], height=plain["height"], threads=plain["threads"], precision=plain["precision"],
         seed=seed, **chosen,
     )  # fmt: skip
 
 
-def plugin_or_choice(given: Mapping[str, Any], allow_imports: bool) -> Any:
-    """The choice itself, or for `module:attribute` the object that it names."""
-    if ":" not in given["name"]:
-        return dict(given)
-    require_imports(given["name"], allow_imports)
-    found = load_attribute(given["name"])
-    options = {key: value for key, value in given.items() if key != "name"}
-    return found(**options) if options or isinstance(found, type) else found
+def plugin_or_choice(kind: str, given: Mapping[str, Any], allow_imports: bool) -> Any:
+    """The choice itself, or for `module:attribute` the plugin that it names, with its options."""
+    return _plugin(kind, given, allow_imports)[0] if ":" in given["name"] else dict(given)
+
+
+def completed(kind: str, given: Mapping[str, Any], allow_imports: bool) -> dict[str, Any]:
+    """A choice with all options of the plugin that it names: what identifies it, whether or not defaults are written."""
+    return _plugin(kind, given, allow_imports)[1] if ":" in given["name"] else dict(given)
+
+
+def _plugin(kind: str, given: Mapping[str, Any], allow_imports: bool) -> tuple[Any, dict[str, Any]]:
+    """What an engine gets for a `module:attribute`, and its description."""
+    name, options = given["name"], {key: value for key, value in given.items() if key != "name"}
+    require_imports(name, allow_imports)
+    found = load_attribute(name)
+    if isinstance(found, type) or (callable(found) and not hasattr(found, "name")):
+        options = _arguments(f"{kind} {name!r}", found, options)
+        try:
+            return found(**options), {"name": name, **options}
+        except (Exception, SystemExit) as error:
+            raise ConfigError(f"{kind} {name}: cannot be created: {type(error).__name__}: {error}") from error
+    choice = choices.resolve(kind, {"name": found, **options}, {})
+    return choice, {"name": name, **choice.options}
+
+
+def _arguments(what: str, make: Any, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of a class or function that makes a plugin: `options`, and defaults for those that are left out."""
+    parameters = list(inspect.signature(make).parameters.values())
+    known = {each.name: each.default for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)}
+    for key in options:
+        if key not in known and not any(each.kind is each.VAR_KEYWORD for each in parameters):
+            raise UnknownName(f"option of {what}", key, known)
+    for key, default in known.items():
+        if default is inspect.Parameter.empty and key not in options:
+            raise ConfigError(f"{what}: the option {key!r} is missing")
+    plain = {key: value for key, value in known.items() if isinstance(value, (bool, int, float, str, type(None)))}
+    return {**plain, **options}
 
 
 def require_commands(name: str, allowed: bool) -> None:

@@ -100,10 +100,12 @@ class TraceExperiment:
     seed: int
     baseline: str | None
     same_within: float
+    folder: Path | None
+    """That of the file, where code that it names is looked for first; None for a command line."""
 
     def describe(self) -> dict[str, Any]:
         """The whole as plain data."""
-        plain = {key: getattr(self, key) for key in self.__dataclass_fields__ if key not in ("scenes", "contestants")}
+        plain = {key: getattr(self, key) for key in self.__dataclass_fields__ if key not in ("scenes", "contestants", "folder")}
         scenes = [{"name": each.name, "path": paths.shown(Path(each.path))} for each in self.scenes]
         return {**plain, "scenes": scenes, "contestants": [dict(each) for each in self.contestants]}
 
@@ -151,5 +153,6 @@ def _parsed(root: Located, folder: Path | None, stem: str) -> TraceExperiment:
     return TraceExperiment(
         name=given["name"] or stem, question=given["question"] or "", scenes=tuple(dict.fromkeys(given["scene"])),
         rays=tuple(dict.fromkeys(given["rays"])), contestants=tuple(contestants),
-        max_time_seconds=given["max_time"], timeout_seconds=given["timeout"], **{key: given[key] for key in same},
+        max_time_seconds=given["max_time"], timeout_seconds=given["timeout"], folder=folder,
+        **{key: given[key] for key in same},
     )  # fmt: skip

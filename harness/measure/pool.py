@@ -58,9 +58,11 @@ class Worker:
     """
 
     def __init__(
-        self, engine: str, allow_imports: bool, log: Path, most_bytes: int | None = None, folder: Path | None = None
+        self, engine: str, allow_imports: bool, log: Path, most_bytes: int | None = None, folder: Path | None = None,
+        code: Path | None = None,
     ) -> None:  # fmt: skip
-        """`folder` is where the process and what it starts keep temporary files."""
+        """`folder` is where the process and what it starts keep temporary files, `code` where code that files name is looked
+        for first."""
         try:
             log.parent.mkdir(parents=True, exist_ok=True)
             self._log = log.open("ab")
@@ -70,8 +72,8 @@ class Worker:
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "harness.measure.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=self._log, env={**worker_environment(allow_imports), **({"TMPDIR": str(folder)} if folder else {})},
-                start_new_session=True, bufsize=0,
+                stderr=self._log, start_new_session=True, bufsize=0,
+                env={**worker_environment(allow_imports, code), **({"TMPDIR": str(folder)} if folder else {})},
             )  # fmt: skip
         except OSError as error:
             self._log.close()
@@ -208,10 +210,11 @@ class Worker:
 class Pool:
     """One worker an engine, at most one of them busy; the others wait on their pipes and cost nothing."""
 
-    def __init__(self, allow_imports: bool, log: Path, most_bytes: int | None = None) -> None:
-        """`most_bytes` of memory are allowed to a worker and its children; None: a share of the machine's."""
+    def __init__(self, allow_imports: bool, log: Path, most_bytes: int | None = None, code: Path | None = None) -> None:
+        """`most_bytes` of memory are allowed to a worker and its children; None: a share of the machine's. `code` is the folder
+        where code that files name is looked for first."""
         remove_abandoned()
-        self._allow_imports, self._most_bytes = allow_imports, most_bytes
+        self._allow_imports, self._most_bytes, self._code = allow_imports, most_bytes, code
         self._workers: dict[str, Worker] = {}
         self._folder = TemporaryFolder()
         self._log = log
@@ -232,7 +235,8 @@ class Pool:
         if engine in self._workers and (self._workers[engine].busy or not self._workers[engine].usable):
             self._workers.pop(engine).kill()
         if engine not in self._workers:
-            self._workers[engine] = Worker(engine, self._allow_imports, self._log, self._most_bytes, self._temporary)
+            limits = self._most_bytes, self._temporary, self._code
+            self._workers[engine] = Worker(engine, self._allow_imports, self._log, *limits)
         return self._workers[engine]
 
     def cell(self, engine: str, request: Mapping[str, Any], timeout_seconds: float) -> Generator[WorkerMessage]:

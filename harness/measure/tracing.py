@@ -50,7 +50,7 @@ def why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_imp
 
 
 def _settings(wanted: Mapping[str, Any], allow_imports: bool, **more: Any) -> Settings:
-    accelerator = plugin_or_choice(wanted["accelerator"], allow_imports)
+    accelerator = plugin_or_choice("accelerator", wanted["accelerator"], allow_imports)
     return Settings(accelerator=accelerator, precision=wanted["precision"], threads=wanted["threads"], **more)
 
 

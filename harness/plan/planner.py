@@ -18,13 +18,21 @@ from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
 from engines.interface import Engine
 from engines.registry import engine as engine_of
-from engines.registry import lineage_of, load_attribute
+from engines.registry import lineage_of
 from engines.scene import Scene
 from harness.config import SCHEMA_VERSION, Experiment
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.config.paths import shown
 from harness.config.sections import AUTOMATIC
-from harness.config.settings import Budget, SceneFile, engine_settings, require_commands, require_imports
+from harness.config.settings import (
+    Budget,
+    SceneFile,
+    completed,
+    engine_settings,
+    plugin_or_choice,
+    require_commands,
+    require_imports,
+)
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
@@ -34,7 +42,8 @@ from harness.plan.names import names_of
 from harness.plan.patterns import full_patterns
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
-from harness.source_hashes import engine_code, environment_of, plugin_code
+from harness.processes import allow_here
+from harness.source_hashes import engine_code, environment_of, plugin_codes
 from harness.statistics.equivalence import Margins
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
@@ -48,6 +57,7 @@ def make(
     experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False, allow_outside: bool = False
 ) -> Plan:  # fmt: skip
     """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
+    allow_here(allow_imports, experiment.folder)
     known = _Known(experiment, allow_imports, allow_commands, allow_outside)
     found = [_configured(experiment, combination, known) for combination in experiment.combinations]
     references = {wanted.reference_id: wanted for cell, wanted in found if wanted is not None}
@@ -149,8 +159,7 @@ class _Known:
     def accelerator(self, name: str, given: Mapping[str, Any]) -> tuple[dict[str, Any], str | None]:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
         if ":" in given["name"]:
-            require_imports(given["name"], self.allow_imports)
-            return dict(given), None
+            return completed("accelerator", given, self.allow_imports), None
         if _resolves(self.engines[name], given):
             return _resolved(self.engines[name], given), None
         if any(_resolves(other, given) for other in self.engines.values()):
@@ -206,7 +215,8 @@ def _configured(
     width, height = combination["resolution"] or scene.camera.resolution
     memory.require(BYTES_A_PIXEL * width * height, f"{experiment.source} resolution: a cell of {width}x{height} pixels")
     settings = {
-        "shader": combination["shader"], "sampler": combination["sampler"], "accelerator": accelerator,
+        **{kind: completed(kind, combination[kind], known.allow_imports) for kind in ("shader", "sampler")},
+        "accelerator": accelerator,
         "precision": combination["precision"] or "float64", "threads": combination["threads"],
         "width": int(width), "height": int(height),
     }  # fmt: skip
@@ -224,7 +234,7 @@ def _configured(
         "schema": SCHEMA_VERSION, "scene": scene.identity, "engine": named, "engine_version": str(engine.version),
         **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
         "checkpoints": experiment.checkpoints.describe(), "label": None,
-        "code": {"engine": known.code(combination["engine"]), **_plugin_codes(settings)},
+        "code": {"engine": known.code(combination["engine"]), **plugin_codes(settings)},
         **({"environment": environment} if (environment := environment_of(engine)) else {}),
         **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
     }  # fmt: skip
@@ -232,7 +242,7 @@ def _configured(
         cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
         scene_hash=scene.identity, engine=combination["engine"], engine_name=named, settings=settings,
         budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
-        primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"]["name"]),
+        primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"], known.allow_imports),
         reproducible=_is_reproducible(engine), patterns=patterns or (), division=combination["division"],
         raced=dict(experiment.reference.shader) if experiment.reference.shader else None,
         auto_accelerator="" if skip else _auto_accelerator(engine, scene, settings, known.allow_imports),
@@ -246,11 +256,12 @@ def primitive_count(scene: Scene) -> int:
     return sum(1 if part is None else len(part) for part in parts)
 
 
-def _is_smooth(engine: Engine, sampler: str) -> bool:
+def _is_smooth(engine: Engine, sampler: Mapping[str, Any], allow_imports: bool) -> bool:
     """Whether the error falls smoothly with every sample: as the plugin says, the engine, or the sampler's name."""
-    if ":" in sampler:
-        return getattr(load_attribute(sampler), "smooth", False) is True
-    return sampler in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
+    if ":" in sampler["name"]:
+        made = plugin_or_choice("sampler", sampler, allow_imports)
+        return getattr(getattr(made, "plugin", made), "smooth", False) is True
+    return sampler["name"] in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
 
 
 def _is_reproducible(engine: Engine) -> bool:
@@ -303,8 +314,8 @@ def _reference(
     given = experiment.reference
     engine = known.engines[given.engine]
     render_settings = {
-        **settings, "precision": given.precision, "threads": 1, "shader": dict(given.shader or settings["shader"]),
-        "sampler": dict(given.sampler),
+        **settings, "precision": given.precision, "threads": 1, "sampler": dict(given.sampler),
+        "shader": completed("shader", given.shader or settings["shader"], known.allow_imports),
         "accelerator": _resolved(engine, given.accelerator),
     }  # fmt: skip
     render_settings["precision"] = given.precision or _precision(engine, scene, render_settings, known.allow_imports)
@@ -317,7 +328,7 @@ def _reference(
         "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
         **{key: value for key, value in render_settings.items() if key != "threads"},
     }  # fmt: skip
-    spec["code"] = {"engine": known.code(given.engine), **_plugin_codes(render_settings)}
+    spec["code"] = {"engine": known.code(given.engine), **plugin_codes(render_settings)}
     threads = given.threads or len(usable_cores())
     render_settings["threads"] = threads
     planned = PlannedReference(
@@ -361,12 +372,6 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
         given["precision"] = _precision(engine, scene, given, known.allow_imports)
         why_not = _why_not(engine, scene, given, known.allow_imports)
     return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)
-
-
-def _plugin_codes(settings: Mapping[str, Any]) -> dict[str, str]:
-    """Hashes of the code of plugins named `module:attribute`: a changed file is another request."""
-    names = [settings[kind]["name"] for kind in ("shader", "sampler", "accelerator")]
-    return {name: plugin_code(load_attribute(name), name) for name in names if ":" in name}
 
 
 def _with_aa_twins(experiment: Experiment, configurations: list[Cell]) -> list[Cell]:

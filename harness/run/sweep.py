@@ -70,7 +70,9 @@ def run(plan: Plan, folder: Path, options: Options, listener: Listener) -> Outco
         return _run(plan, folder, options, listener, None)
     from harness.run.executors.dask import Cluster
 
-    with Cluster(options.cluster, options.allow_imports, plan.experiment.limits.memory_bytes) as cluster:
+    experiment = plan.experiment
+    limit = experiment.limits.memory_bytes
+    with Cluster(options.cluster, options.allow_imports, experiment.folder.absolute(), limit) as cluster:
         return _run(plan, folder, options, listener, cluster)
 
 
@@ -81,7 +83,7 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
         sweep = Sweep(plan, folder, options, listener, events)
         sweep.record_plan()
         log = confined.inside(folder, LOG, str(folder))
-        with Pool(options.allow_imports, log, plan.experiment.limits.memory_bytes) as pool:
+        with Pool(options.allow_imports, log, plan.experiment.limits.memory_bytes, plan.experiment.folder) as pool:
             sweep.make_references(cluster or pool)
             if cluster is None:
                 local.measure(sweep.recorder, pool)

@@ -111,8 +111,6 @@ def controller_of(begin: Mapping[str, Any], send: Callable[[bytes], None]) -> Co
 
     library, allow_imports = Library(Path(begin["folder"]), begin["parameters"]), bool(begin["allow_imports"])
     allow_outside = bool(begin["allow_outside"])
-    if allow_imports:
-        sys.path.insert(0, os.getcwd())
     if begin["page"] == "race":
         from harness.view.race_controller import RaceController
 

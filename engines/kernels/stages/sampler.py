@@ -18,6 +18,7 @@ from engines.kernels.compile.values import const
 from engines.kernels.lane import sampler as lane_sampler
 from engines.kernels.lane.sampler import dimension_key, mix, random_bits
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DRAWS, ray_batch, scene_table
+from engines.scene.support import option_numbers
 from engines.sobol_numbers import DIRECTIONS
 
 BITS = {
@@ -85,13 +86,19 @@ def _constant(real: Any) -> Any:
 
 
 @cache
-def _of_plugin(function: Any, real: Any) -> Any:
-    """The same of a user's function (pixel, sample, dimension, seed) -> float in [0, 1)."""
+def _of_plugin(function: Any, options: tuple[float, ...], real: Any) -> Any:
+    """The same of a user's function (pixel, sample, dimension, seed) -> float in [0, 1), given `options` if there are any."""
+    drawn = function
+    if options:
+
+        @inline
+        def drawn(pixel, sample, dimension, seed_key):
+            return function(pixel, sample, dimension, seed_key, options)
 
     @inline
     def value(rays, lane, k, seed_key, option):
         dimension, sample, pixel = rays.dimension[lane], rays.sample[lane], rays.pixel[lane]
-        u = function(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed_key)
+        u = drawn(np.uint32(pixel), np.uint32(sample), np.uint32(dimension + k), seed_key)
         # draws become places in tables, so one that is not in [0, 1), NaN among them, must not get through
         u = u if u >= const(0.0, u) else const(0.0, u)
         return real(min(u, const(1.0, u) - const(2.0**-24, u)))
@@ -159,7 +166,7 @@ def _make_for_lens(value: Any, tabulated: bool, real: Any) -> Any:
 def stages(sampler: Choice, real: Any, lens: bool = False) -> tuple[Any, Any]:
     """(draws for the camera, draws for a vertex) of a sampler; `lens`: the camera is one."""
     if sampler.plugin is not None:
-        value = _of_plugin(sampler.plugin.jitted, real)
+        value = _of_plugin(sampler.plugin.jitted, tuple(option_numbers(sampler.options)), real)
     elif sampler.name == "constant":
         value = _constant(real)
     else:

@@ -25,19 +25,19 @@ from engines.kernels.layout import (
     CAMERA_DIMENSIONS,
     LANES,
     MOST_NULL_LOBES,
+    SHADER_OPTIONS,
     VERTEX_DIMENSIONS,
     VERTEX_DRAWS,
     ray_batch,
     scene_table,
 )
 from engines.kernels.stages.scattering import load_draws, load_interaction, make_scattering, refracts
+from engines.scene import support
 
 INTEGRATORS: Mapping[str, Integrator] = {
     "path_tracer": path_tracer.INTEGRATOR, "whitted": whitted.INTEGRATOR, "no_shadows": no_shadows.INTEGRATOR,
     "depth_map": depth_map.INTEGRATOR, "albedo": albedo.INTEGRATOR,
 }  # fmt: skip
-OPTIONS = 8
-"""Numbers in the scene's options that belong to the integrator."""
 
 
 def integrator_of(shader: Choice) -> Integrator:
@@ -72,10 +72,11 @@ def with_integrator(features: SceneFeatures, shader: Choice) -> SceneFeatures:
 
 def option_numbers(shader: Choice, bounds: NDArray[np.float64], center: NDArray[np.float64]) -> NDArray[np.float64]:
     """The integrator's options (8,) as numbers: max_depth, then what its step reads."""
-    row = np.zeros(OPTIONS)
+    row = np.zeros(SHADER_OPTIONS)
     options = shader.options
     if shader.plugin is not None:
-        row[: len(options)] = [float(value) for value in options.values()]
+        numbers = support.option_numbers(options)
+        row[: len(numbers)] = numbers
         return row
     row[0] = options.get("max_depth", 1)
     if shader.name == "path_tracer":

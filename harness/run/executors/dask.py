@@ -8,7 +8,7 @@ Every machine runs one Dask worker that declares itself, on a checkout or an ins
 A timed cell takes a machine for itself, and the cells of a block, which are compared with one another, go to one machine
 after the other in their order. Cells of an experiment with `timing: false`, and replicates of references, go to any that
 has a place for them; places are counted on the machine with the fewest threads. Scenes are read from the same path there,
-or by bare name from the scenes of that installation.
+or by bare name from the scenes of that installation; so is code that an experiment names, beside it.
 
 Nothing is written on the machines. A cell is recorded when all of it has arrived. One whose machine dies is given to
 another: by Dask where any machine may have it, here with all of its block where that is measured on one. Events carry the
@@ -74,7 +74,7 @@ class CellResult:
 
 
 def measure_cell(
-    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, most_bytes: int | None, share: float,
+    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, most_bytes: int | None, code: Path, share: float,
 ) -> CellResult:  # fmt: skip
     """Measures a cell on the machine that runs this.
 
@@ -86,7 +86,7 @@ def measure_cell(
     began = monotonic()
     with TemporaryFolder() as folder:
         log = Path(folder) / "worker.log"
-        with Pool(allow_imports, log, most_bytes or memory.default_limit(share)) as pool:
+        with Pool(allow_imports, log, most_bytes or memory.default_limit(share), code) as pool:
             try:
                 for message in pool.cell(engine, request, timeout):
                     result.messages.append(message)
@@ -98,11 +98,11 @@ def measure_cell(
 
 
 def render_replicates(
-    engine: str, request: dict[str, Any], seeds: list[int], allow_imports: bool, most_bytes: int | None
+    engine: str, request: dict[str, Any], seeds: list[int], allow_imports: bool, most_bytes: int | None, code: Path
 ) -> list[tuple[Film, float]] | str:
     """Replicates of a reference, on all cores of the machine that runs this; a sentence where the engine failed."""
     request = {**request, "settings": {**request["settings"], "threads": len(machine.usable_cores())}}
-    with TemporaryFolder() as folder, Pool(allow_imports, Path(folder) / "log", most_bytes) as pool:
+    with TemporaryFolder() as folder, Pool(allow_imports, Path(folder) / "log", most_bytes, code) as pool:
         try:
             return list(pool.replicates(engine, request, seeds))
         except WorkerFailed as error:
@@ -125,9 +125,10 @@ class Task:
 class Cluster:
     """The machines behind a scheduler's address."""
 
-    def __init__(self, address: str, allow_imports: bool, most_bytes: int | None = None) -> None:
-        """`most_bytes` of memory are allowed to a cell's processes; None: a share of its machine's."""
-        self._allow_imports, self._most_bytes = allow_imports, most_bytes
+    def __init__(self, address: str, allow_imports: bool, code: Path, most_bytes: int | None = None) -> None:
+        """`most_bytes` of memory are allowed to a cell's processes; None: a share of its machine's. `code` is the folder, here
+        and there, where code that files name is looked for first."""
+        self._allow_imports, self._code, self._most_bytes = allow_imports, code, most_bytes
         self.client = connected(address)
         self._replicates: list[Future] = []
         self._alone_since: float | None = None
@@ -170,7 +171,7 @@ class Cluster:
         parts = [list(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         self._replicates = [
             self.client.submit(
-                render_replicates, engine, _there(request), part, self._allow_imports, self._most_bytes,
+                render_replicates, engine, _there(request), part, self._allow_imports, self._most_bytes, self._code,
                 resources={RESOURCE: 1}, retries=MOST_LOSSES, pure=False,
             )
             for part in parts
@@ -196,8 +197,8 @@ class Cluster:
         """Gives a cell to a machine, or with that share of it to any."""
         return self.client.submit(
             measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports,
-            self._most_bytes, share, workers=[address] if address else None, resources={RESOURCE: share}, pure=False,
-            retries=MOST_LOSSES,
+            self._most_bytes, self._code, share, workers=[address] if address else None, resources={RESOURCE: share},
+            pure=False, retries=MOST_LOSSES,
         )  # fmt: skip
 
     def as_completed(self, futures: Sequence[Future]) -> as_completed:

@@ -12,8 +12,9 @@ from rich.console import Console
 from engines import registry
 from engines.errors import ConfigError, UnknownName
 from harness.config.settings import require_imports
-from harness.console import allow_here, consoles
+from harness.console import consoles
 from harness.measure.machine import usable_cores
+from harness.processes import allow_here
 from harness.run.progress import duration
 from harness.store import make_out
 from harness.verify.commands import output
