@@ -83,11 +83,11 @@ def _described(mi: Any, scene: Scene, settings: Settings, folder: Path) -> Descr
 
 
 def _with_transforms(mi: Any, node: Any) -> Any:
-    """Arrays of 4 x 4 and 3 x 3 as Mitsuba's transforms."""
+    """Arrays of 4 x 4 as Mitsuba's transforms."""
     if isinstance(node, dict):
         return {key: _with_transforms(mi, value) for key, value in node.items()}
     if isinstance(node, np.ndarray):
-        return mi.ScalarTransform4f(node) if len(node) == 4 else mi.ScalarTransform3f(node)
+        return mi.ScalarTransform4f(node)
     return node
 
 

@@ -40,8 +40,9 @@ class Textures:
         return {"type": "ref", "id": self._names[key][0]}
 
     def _node(self, texture: Texture, kind: str, name: str) -> Node:
-        matrix = np.eye(3)
-        matrix[:2] = np.reshape(texture.to_uv, (2, 3))
+        # as in a file, offsets stand in the fourth column: of nine numbers Mitsuba's XML ignores them
+        matrix = np.eye(4)
+        matrix[:2, [0, 1, 3]] = np.reshape(texture.to_uv, (2, 3))
         if isinstance(texture, Checkerboard):
             a, b = (rgb(texture.a), rgb(texture.b)) if kind == "color" else map(luminance, (texture.b, texture.a))
             # read as numbers, Mitsuba's checkerboard exchanges its colours

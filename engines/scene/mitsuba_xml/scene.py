@@ -94,6 +94,7 @@ def _finish(importer: Importer, tree: Plugin) -> None:
         importer.notes.drop(f"sampler {sampler.type}")
     for film in importer.taken(tree, "film", "rfilter"):
         importer.notes.drop(f"{film.kind} {film.type}")
+    tree.read.add("embree_use_robust_intersections")
     importer.finish(tree)
     if importer.one_sided:
         names = list(importer.one_sided)
