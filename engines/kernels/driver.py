@@ -23,7 +23,7 @@ from engines.kernels.lane.vector import Vec3, select3
 from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, VERTEX_DIMENSIONS, copy_paths, ray_batch, waiting_rays
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
-DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, MATERIAL, FIRST_BSDF = range(11)
+DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, FIRST_BSDF = range(10)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 
