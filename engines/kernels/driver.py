@@ -34,9 +34,8 @@ from engines.kernels.layout import (
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
 (
-    DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, BARE_SURFACE, MATERIAL, DARK_SURFACE, TRANSMIT,
-    FIRST_BSDF,
-) = range(13)  # fmt: skip
+    DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, DARK_SURFACE, TRANSMIT, FIRST_BSDF,
+) = range(12)  # fmt: skip
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 

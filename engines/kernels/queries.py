@@ -12,10 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.values import call_stage
 from engines.kernels.compile.vec3 import Vec3
-from engines.kernels.driver import BARE_SURFACE, CLOSEST, OCCLUDED, make_idle
+from engines.kernels.driver import make_idle
 from engines.kernels.layout import LANES, ray_batch
 
 Reals = NDArray[np.float64]
+
+CLOSEST, OCCLUDED, BARE_SURFACE = range(3)
+"""Places in the array of stage addresses."""
 
 
 def rays_of(origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> tuple[Reals, Reals, Reals]:

@@ -79,6 +79,7 @@ class Renderer:
         self._control = np.zeros(3, np.int64)
         self._resize(scene)
         self._addresses: NDArray[np.int64] | None = None
+        self._ray_addresses: NDArray[np.int64] | None = None
         self._batch_bytes = batch_bytes(self._real, accelerator.scratch)
         # of each thread: its ray batch, and behind it the one in which samples begin
         both = self._batch_bytes + batch_bytes(self._real, 0)
@@ -121,7 +122,7 @@ class Renderer:
         self._compile_seconds += compiled
         if self._wanted.size(scene) != (self.film.width, self.film.height):
             self._resize(scene)
-        self._scene, self._flat, self._addresses = scene, flat, None
+        self._scene, self._flat, self._addresses, self._ray_addresses = scene, flat, None, None
         self._flat.bind(SceneTable.margins, surface.margins(self._tracing))
         self._bind_options()
         self._bind_camera()
@@ -154,13 +155,23 @@ class Renderer:
         self._flat.bind(SceneTable.first_sample, first)
 
     def _stages(self) -> NDArray[np.int64]:
-        """Addresses of the stages, which the first call compiles or loads. `_trace` adds the one that it alone needs."""
+        """Addresses of the stages, which the first call compiles or loads."""
         with self._preparing:
             if self._addresses is None:
                 start = time.perf_counter()
                 self._addresses = self._compiled_stages()
                 self._compile_seconds += time.perf_counter() - start
             return self._addresses
+
+    def _ray_stages(self) -> NDArray[np.int64]:
+        """The same of those that single rays need: the integrator's and its lights' are not among them."""
+        with self._preparing:
+            if self._ray_addresses is None:
+                start, features, real = time.perf_counter(), self._flat.features, self._real
+                self._kept_for_rays = *self._accelerator.stages(features, real), surface.bare_stage(features, real)
+                self._ray_addresses = np.array([stage.address for stage in self._kept_for_rays], np.int64)
+                self._compile_seconds += time.perf_counter() - start
+            return self._ray_addresses
 
     def _compiled_stages(self) -> NDArray[np.int64]:
         features, real, lens = self._flat.features, self._real, isinstance(self._scene.camera, ThinLens)
@@ -211,7 +222,7 @@ class Renderer:
         self._kept = [*order, *([programs] if programs else []), *walk, *bsdfs]  # machine code lives as long as its stage
         last = [programs.address if programs else 0, *([stage.address for stage in walk] or [0, 0])]
         last += [stage.address for stage in bsdfs]
-        return np.array([*(stage.address for stage in order), 0, *last], np.int64)
+        return np.array([*(stage.address for stage in order), *last], np.int64)
 
     # ---- rendering ---------------------------------------------------------------------------------------------------
 
@@ -352,13 +363,6 @@ class Renderer:
         n = len(o)
         t, shape, primitive, normal = np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64), np.empty((n, 3))
         hits = t, shape, primitive, normal, np.empty(n), np.empty(n)
-        with self._preparing:
-            stages = self._stages()
-            if not stages[driver.BARE_SURFACE]:
-                start = time.perf_counter()
-                self._kept.append(surface.bare_stage(self._flat.features, self._real))
-                stages[driver.BARE_SURFACE] = self._kept[-1].address
-                self._compile_seconds += time.perf_counter() - start
         traced = self._share(queries.tracer(self._real), n, o, d, t_max, (self._flat.first_id, *hits))
         return Hits(*hits), traced
 
@@ -369,7 +373,7 @@ class Renderer:
     def _share(self, kernel: Any, n: int, o: Reals, d: Reals, t_max: Reals, outputs: tuple[Any, ...]) -> int:
         """Runs `kernel` over n rays, a stretch a thread, in memory of this call's own, as a render may be under way;
         returns how many of the rays were traced."""
-        stages, scene, center = self._stages(), self._flat.address, self._flat.center
+        stages, scene, center = self._ray_stages(), self._flat.address, self._flat.center
         threads = self.settings.threads if n >= SHARED_RAYS else 1
         edges = [n * k // threads // LANES * LANES for k in range(threads)] + [n]
 

@@ -135,7 +135,7 @@ def test_embree_finds_the_lists_hits(mixed, precision, rings):
 
 
 def test_a_disk_and_a_ring_are_where_they_are_said_to_be(rings):
-    shapes = [Disk((-2.0, 0, 0), (0, 0, 1.0), 1.0, 0), Ring((2.0, 0, 0), (0, 0, -1.0), 1.0, 0)]
+    shapes = [Disk((-2.0, 0, 0), (0, 0, 1.0), 1.0, 0), Ring((2.0, 0, 0), (0, 0, -1.0), 1.0, 0), *tubes(1, 7)]
     radii = np.array([0.0, 0.49, 0.51, 0.99, 1.01])
     for accelerator in ("none", *ACCELERATORS):
         settings = Settings(4, 4, accelerator=accelerator, precision="float32")
@@ -146,8 +146,16 @@ def test_a_disk_and_a_ring_are_where_they_are_said_to_be(rings):
             assert not np.isfinite(renderer.trace(origins, [[0, 0, 1]] * 5).t).any()
 
 
+FAR_AWAY = [
+    Ring((50.0, 0, 0), (0, 0, 1.0), 1.0, 0), Cylinder((50.0, 0, 0), (50.0, 1.0, 0), 1.0, 0), Sphere((50.0, 0, 0), 1.0, 0),
+    Plane((50.0, 0, 0), (1.0, 0, 0), 0), Mesh(np.eye(3) + 50.0, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)),
+]  # fmt: skip
+"""All kinds of shapes that stand among others: what is compiled for them is compiled once."""
+
+
 def run_batch(accelerator, shapes, fields):
     """(closest ids, occluded) of sixteen rays, straight from the accelerator's stages."""
+    shapes = [*shapes, *FAR_AWAY]
     if accelerator == "embree":
         made = EmbreeAccelerator({"quality": "medium", "robust": True}, refine=True)
     else:
@@ -167,7 +175,7 @@ def run_batch(accelerator, shapes, fields):
 
 
 @pytest.mark.parametrize("accelerator", ["none", *ACCELERATORS, "embree"])
-def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(accelerator):
+def test_a_ray_does_not_meet_the_disk_that_it_leaves_and_ends_before_its_end(accelerator, rings):
     here = Disk((0, 0, 0), (0, 0, 1.0), 1.0, 0)
     left = np.array([-1, 0, 1, -1] * 4)
     t_max = np.array([np.inf, np.inf, np.inf, 1e-3] * 4)
