@@ -126,12 +126,11 @@ SHADERS: dict[str, dict[str, Option]] = {
         ),
         "transparent_shadows": Option(
             False,
-            "whether light passes null, masks and thin panes on straight ways: shadow rays get their transmittance, and passing "
-            "one is no segment",
+            "whether shadow rays pass null, masks and thin panes, weighted by their transmittance; passing is no segment then",
             one_of(False, True),
         ),
         "hide_emitters": Option(
-            False, "whether the camera does not see lights: shapes that emit are absent, environments black", one_of(False, True)
+            False, "whether the camera sees no lights: shapes that emit are absent, environments black", one_of(False, True)
         ),
     },
     "depth_map": {

@@ -298,7 +298,7 @@ class Renderer:
         self, stages: NDArray[np.int64], plan: driver.Plan, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64],
         target: int, memory: NDArray[np.uint8], stack: NDArray[np.uint8],
     ) -> NDArray[np.int64]:  # fmt: skip
-        """What one thread does; returns the driver's totals. Shadow rays have a batch of their own where they cross null lobes."""
+        """What one thread does; returns the driver's totals."""
         shadows = aligned(self._batch_bytes if plan.transparent else 0)
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * TILE * TILE, self._real)

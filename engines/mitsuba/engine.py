@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from engines.choices import SAMPLERS as KNOWN_SAMPLERS
-from engines.choices import SHADERS, OpenOptions, Option, integer, one_of, resolve
+from engines.choices import SHADERS, Choice, OpenOptions, Option, integer, one_of, resolve
 from engines.errors import Unsupported
 from engines.interface import FullPattern, Renderer, Settings
 from engines.mitsuba import blends, library
@@ -19,7 +19,7 @@ from engines.mitsuba.nodes import Placing
 from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
 from engines.mitsuba.textures import Textures
 from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
-from engines.scene.support import members, model_of
+from engines.scene.support import members, model_of, tilts_null_lobes
 
 _OPTIONS = {
     "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
@@ -108,7 +108,7 @@ class Engine:
             accelerator=resolve("accelerator", settings.accelerator, ACCELERATORS),
             precision=settings.precision or "float32",
         )
-        reason = self._settings_lack(chosen) or self._scene_lacks(scene, chosen.shader.name) or library.lacking(self.variant)
+        reason = self._settings_lack(chosen) or self._scene_lacks(scene, chosen.shader) or library.lacking(self.variant)
         if reason is None and chosen.shader.name == "mitsuba":
             reason = self._integrator_lacks(chosen.shader.options)
         if reason is None and scene.native is not None:
@@ -117,11 +117,14 @@ class Engine:
             raise Unsupported(reason)
         return chosen
 
-    def _scene_lacks(self, scene: Scene, shader: str) -> str | None:
+    def _scene_lacks(self, scene: Scene, choice: Choice) -> str | None:
+        shader = choice.name
         if scene.native is not None:
             ours = shader not in ("path_tracer", "mitsuba")
             return f"Mitsuba takes its own files with path_tracer and mitsuba, not with the shader {shader}" if ours else None
         lacks = scene_lacks(scene) or shader_lacks(scene, shader)
+        if lacks is None and choice.options.get("transparent_shadows"):
+            lacks = _null_lobes_lack(scene)
         if lacks is None and self.variant == library.SCALAR:
             lacks = _depth_lacks(scene.camera) if shader == "depth_map" else _blends_lack(scene) if shader != "albedo" else None
         return lacks
@@ -177,6 +180,12 @@ def shader_lacks(scene: Scene, shader: str) -> str | None:
         if any(isinstance(part, (Mask, Null, Principled)) for part in members(model_of(material))):
             return f"material {material.name!r}: in Mitsuba {shader} has no masks, no null and no principled BSDFs"
     return None
+
+
+def _null_lobes_lack(scene: Scene) -> str | None:
+    tilted = (material.name for material in scene.materials if tilts_null_lobes(material))
+    said = "with transparent_shadows Mitsuba's light samples do not pass what lies inside of bump and normal maps"
+    return next((f"material {name!r}: {said}" for name in tilted), None)
 
 
 def _blends_lack(scene: Scene) -> str | None:

@@ -16,8 +16,12 @@ Radiance = Callable[[Any, Any, Any], Any]
 
 
 def path_node(options: Any) -> dict[str, Any]:
-    """Mitsuba's integrator for our `path_tracer`: its depth counts alike, and its roulette begins and decides alike."""
-    return {"type": "path", "max_depth": options["max_depth"], "rr_depth": options["rr_depth"]}
+    """Mitsuba's integrator for our `path_tracer`: its depth counts alike, and its roulette begins and decides alike. That of
+    `volpath` begins a vertex after its `rr_depth`, which is at least 1, and is repeated at null lobes."""
+    kind, rr_depth = "path", options["rr_depth"]
+    if options["transparent_shadows"]:
+        kind, rr_depth = "volpath", max(rr_depth - 1, 1)
+    return {"type": kind, "max_depth": options["max_depth"], "rr_depth": rr_depth, "hide_emitters": options["hide_emitters"]}
 
 
 def path_tracer(stage: Stage) -> Radiance:

@@ -21,7 +21,6 @@ from engines.numpy_reference.vectors import Array, Indices, Mask, dot, norm
 from engines.scene import Scene
 from engines.scene.light_hierarchy import lit_through
 
-
 MOST_NULL_LOBES = 1024
 """Null lobes that a path or a shadow ray crosses at most: rounding must not hold a ray for ever."""
 

@@ -190,8 +190,8 @@ def _direct(context: Context, paths: Paths, at: SurfaceInteraction, asked: Mask,
 def _scattered(
     context: Context, paths: Paths, at: SurfaceInteraction, absent: Mask, distance: Array, uc: Array, sample: int, event: int
 ) -> tuple[Paths, Mask]:
-    """The paths that go on, each in a direction that its BSDF has sampled, and whether each has left a vertex. `uc` (n,) chooses
-    lobes; where the surface is `absent` (n,), the ray goes straight on."""
+    """The paths that go on, each in a direction that its BSDF has sampled, and whether each has left a vertex. `uc` (n,)
+    chooses lobes; where the surface is `absent` (n,), the ray goes straight on."""
     base = _base(event)
     u0, u1 = (context.draw(paths.pixel, sample, base + k) for k in (DIRECTION_U0, DIRECTION_U1))
     found = context.materials.sample(at, uc, u0, u1)

@@ -24,7 +24,8 @@ _BLACK = Mixture()
 class Wrappers:
     """The BSDFs of m materials, taken apart: a node for each wrapper and each of the `leaves`, which are no wrappers.
 
-    `any` says whether there are wrappers, `masks` whether masks are among them; `placed` (m,) which materials need texture coordinates.
+    `any` says whether there are wrappers, `masks` whether masks are among them; `placed` (m,) which materials need texture
+    coordinates.
     """
 
     def __init__(self, bsdfs: Sequence[Bsdf]) -> None:
@@ -69,11 +70,12 @@ class Wrappers:
 
     def transmittance(self, at: SurfaceInteraction, of_leaf: Callable[[SurfaceInteraction], Array]) -> Array:
         """(3, n) the transmittance of surfaces, given that of leaves (docs/transport.md, "Null lobes")."""
-        nowhere = Wrapped(np.full(at.front.size, -1), np.ones(at.front.size), np.zeros(at.front.size, bool), at.normal, at.normal)
+        nowhere, opaque = np.full(at.front.size, -1), np.ones(at.front.size)
+        unwalked = at._replace(wrapped=Wrapped(nowhere, opaque, opaque < 1.0, at.normal, at.normal))
         found, root = np.empty(at.wo.shape), self._root[at.material]
         for number in np.unique(root):
             lanes = np.flatnonzero(root == number)
-            found[:, lanes] = self._passed(number, at._replace(wrapped=nowhere).take(lanes), of_leaf)
+            found[:, lanes] = self._passed(number, unwalked.take(lanes), of_leaf)
         return found
 
     def _passed(self, number: int, at: SurfaceInteraction, of_leaf: Callable[[SurfaceInteraction], Array]) -> Array:

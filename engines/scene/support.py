@@ -8,7 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from engines.scene.bsdf import Blend, Bsdf, Bump, CustomBSDF, Mask, Mixture, NormalMap, Sides, is_opaque
+from engines.scene.bsdf import (
+    Blend,
+    Bsdf,
+    Bump,
+    CustomBSDF,
+    Mask,
+    Mixture,
+    NormalMap,
+    Null,
+    Sides,
+    ThinDielectric,
+    is_opaque,
+)
 from engines.scene.cameras import CustomCamera
 from engines.scene.lights import CustomLight
 from engines.scene.materials import Material
@@ -83,6 +95,17 @@ def members(bsdf: Bsdf) -> Iterator[Bsdf]:
     for part in inner if isinstance(bsdf, Mask | Blend | Bump | NormalMap | Sides) else ():
         if part is not None:
             yield from members(part)
+
+
+def has_null_lobes(material: Material) -> bool:
+    """Whether rays may pass the material as if it were not there: by null, a mask or a thin dielectric (docs/transport.md)."""
+    return any(isinstance(part, Mask | Null | ThinDielectric) for part in members(model_of(material)))
+
+
+def tilts_null_lobes(material: Material) -> bool:
+    """Whether a bump or normal map is around what lets rays pass so."""
+    tilts = (part.of for part in members(model_of(material)) if isinstance(part, Bump | NormalMap))
+    return any(isinstance(part, Mask | Null | ThinDielectric) for tilted in tilts for part in members(tilted))
 
 
 def transmits(bsdf: Bsdf) -> bool:

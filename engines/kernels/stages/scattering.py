@@ -106,6 +106,14 @@ def _beyond_mask(rays, lane, si, transmission):
     return _select_sample(opacity < one, _straight_on(si, one - opacity), transmission)
 
 
+@inline
+def _unless_absent(absent, si, value, sample, eta_scale):
+    """(value, sample, eta_scale), and where the surface is absent those of nothing."""
+    zero, one = const(0.0, si.t), const(1.0, si.t)
+    value = Spectrum(value.color, select(absent, zero, value.scale))
+    return value, _select_sample(absent, _straight_on(si, one), sample), select(absent, one, eta_scale)
+
+
 class Around(NamedTuple):
     """What acts around a model's functions."""
 
@@ -159,10 +167,8 @@ def _make_scatter(kind: int, features: SceneFeatures, wrapping: Around, uses: Us
             if tells_null:
                 null = (crosses & sample.transmitted) | (masks & rays.passing[lane])
             if hides:
-                absent = rays.absent[lane]
-                value = Spectrum(value.color, select(absent, zero, value.scale))
-                sample, null = _select_sample(absent, _straight_on(si, const(1.0, si.t)), sample), null | absent
-                eta_scale = select(absent, const(1.0, si.t), eta_scale)
+                value, sample, eta_scale = _unless_absent(rays.absent[lane], si, value, sample, eta_scale)
+                null = null | rays.absent[lane]
         if use_specular:
             reflection = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_REFLECTION)
             transmission = sample_of(parameters, si, draws.lobe, draws.u0, draws.u1, SPECULAR_TRANSMISSION)

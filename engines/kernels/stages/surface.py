@@ -222,14 +222,11 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             rays.primitive[lane] = select(miss, np.int32(-1), primitive)
             front = _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents)
             emitted, light_pdf = none, zero
-            if hides:
-                rays.absent[lane] = False
             if emission:
                 lit = (not miss) & (front | (rays.two_sided[lane] > zero))
                 if hides:
-                    absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.emission[lane]) > zero)
-                    rays.absent[lane] = absent
-                    lit = lit & (not absent)
+                    rays.absent[lane] = (not miss) & (rays.depth[lane] == 1) & (largest(rays.emission[lane]) > zero)
+                    lit = lit & (not rays.absent[lane])
                 emitted = select3(lit, rays.emission[lane], none)
                 if listed_shapes:
                     facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
@@ -238,7 +235,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                         choices = rays.light_choices[lane]
                     way = found.t
                     if transparent:  # from the last vertex
-                        o, way = o - d * rays.crossed[lane], way + rays.crossed[lane]
+                        o, way = o - d * rays.crossed[lane], found.t + rays.crossed[lane]
                     light_pdf = select(listed, light_pdf_of(parameters, shape, o, way, facing, choices), zero)
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)
@@ -248,11 +245,17 @@ def _make(features: SceneFeatures, real: Any) -> Any:
         if image_environment:
             _image_environment(rays, scene, environment_choices, turned, real)
         if hides:
-            for lane in range(np.uint64(LANES)):
-                unseen = rays.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
-                rays.emission[lane] = select3(unseen, none, rays.emission[lane])
+            _hide_environment(rays, none)
 
     return surface
+
+
+@inline
+def _hide_environment(rays, none):
+    """Where null lobes alone lie between it and the camera."""
+    for lane in range(np.uint64(LANES)):
+        unseen = rays.miss[lane] & ((rays.dimension[lane] == CAMERA_DIMENSIONS) | (not rays.scattered[lane]))
+        rays.emission[lane] = select3(unseen, none, rays.emission[lane])
 
 
 @inline

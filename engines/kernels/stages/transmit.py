@@ -1,5 +1,5 @@
-"""What null lobes let pass of a shadow ray: the transmittance of the surface that it has met, and the ray beyond (docs/transport.md,
-"Null lobes" and "Transparent shadows").
+"""What null lobes let pass of a shadow ray: the transmittance of the surface that it has met, and the ray beyond
+(docs/transport.md, "Null lobes" and "Transparent shadows").
 
 Shadow rays have a batch of their own, which goes through the stages "closest", "surface" without lights, and this one, until
 every ray has arrived at its light or is blocked. `throughput` is what has passed, and `t` not above 0 where a ray has ended.
@@ -80,8 +80,8 @@ def _make_of_leaf(features: SceneFeatures, real: Any) -> Any:
 
 @cache
 def _make_of_node(features: SceneFeatures, blends: int, real: Any) -> Any:
-    """The function (rays, lane, scene, node, share, at, frame, before) -> what a program lets pass of a share of light. `blends`:
-    so many may lie around each other."""
+    """The function (rays, lane, scene, node, share, at, frame, before) -> what a program lets pass of a share of light, with at
+    most so many `blends` around each other."""
     textures, choices, masks, tilts = features.textures, features.choices, features.masks, features.tilts
     of_leaf, of_first = _make_of_leaf(features, real), _make_of_node(features, blends - 1, real) if blends else None
 

@@ -39,7 +39,7 @@ from engines.scene import (
     ThinLens,
     Triangle,
 )
-from engines.scene.support import members, model_of
+from engines.scene.support import has_null_lobes, members, model_of
 
 ROUGHEST = 0.1
 """Cycles' microfacets shadow and mask each other in correlation, raybench's apart: to this roughness they reflect the same
@@ -72,7 +72,8 @@ class Engine(AdapterEngine):
     two_sided = True
     takes_shaders = {  # noqa: RUF012
         "path_tracer": {
-            "direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform", "bvh"), "light_candidates": (1,)
+            "direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform", "bvh"), "light_candidates": (1,),
+            "transparent_shadows": (False,), "hide_emitters": (False,),
         }
     }  # fmt: skip
     takes_samplers = {"sobol": {"scramble": ("owen",)}}  # noqa: RUF012
@@ -95,8 +96,7 @@ class Engine(AdapterEngine):
             found = next(filter(None, map(bsdf_lacks, members(model_of(material)))), None)
             if found is None and any(not ((t >= 0.0) & (t <= 1.0)).all() for t in map(texels, placed(material))):
                 found = "textures that leave the range in which raybench holds them"
-            passes = any(isinstance(part, Mask | Null | ThinDielectric) for part in members(model_of(material)))
-            if found is None and passes and settings.shader.options["max_depth"] < DEEP:
+            if found is None and has_null_lobes(material) and settings.shader.options["max_depth"] < DEEP:
                 found = f"surfaces that rays pass, which are no segments there, unless max_depth is {DEEP} or more"
             if found is not None:
                 return f"material {material.name!r}: Cycles has no exact counterpart of {found}"

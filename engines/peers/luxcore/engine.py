@@ -58,7 +58,8 @@ class Engine(AdapterEngine):
     two_sided = True
     takes_shaders = {  # noqa: RUF012
         "path_tracer": {
-            "direct": ("mis",), "max_depth": range(2, 1001), "light_sampler": ("uniform", "power"), "light_candidates": (1,)
+            "direct": ("mis",), "max_depth": range(2, 1001), "light_sampler": ("uniform", "power"), "light_candidates": (1,),
+            "transparent_shadows": (False,), "hide_emitters": (False,),
         }
     }  # fmt: skip
     not_promised = {  # noqa: RUF012

@@ -6,15 +6,16 @@ from typing import Any
 
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
+from engines.scene.support import has_null_lobes, tilts_null_lobes
 
 UNLIMITED = 100_000
 """Segments that stand for a path without an end: the roulette ends it long before."""
 SUGGESTED = {
     "path": "",
     "direct": "",
-    "volpath": "media are refused elsewhere",
-    "volpathmis": "media are refused elsewhere",
-    "volpath_simple": "media are refused elsewhere",
+    "volpath": "",
+    "volpathmis": "",
+    "volpath_simple": "the same light by another way",
     "ptracer": "light paths are not followed",
     "bdpt": "light paths are not followed",
     "pssmlt": "the same light by another way",
@@ -28,24 +29,37 @@ SUGGESTED = {
 }
 """Integrators that a path tracer stands for, and why it is another one. Any other one estimates something else, or holds
 another integrator."""
+VOLUMETRIC = ("volpath", "volpathmis", "volpath_simple", "prbvolpath")
+"""Those whose light samples pass null lobes, and whose roulette begins one vertex later than that of `path`. Media are refused
+elsewhere."""
 
 
 def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
-    """The shader that an integrator suggests. Raises `SceneError` for what changes the image and has no counterpart."""
-    if plugin.boolean("hide_emitters", default=False):
-        raise plugin.refuse_property("hide_emitters", "emitters that the camera does not see have no counterpart")
+    """The shader that an integrator suggests, once materials are read. Raises `SceneError` for what changes the image and has
+    no counterpart."""
     inner = importer.taken(plugin, "integrator")
     if plugin.type not in SUGGESTED and inner:
         importer.notes.add(f"integrator {plugin.type}: the one within it is taken", plugin.element)
         return shader(importer, inner[0]) if inner[0] is not plugin else {"name": "path_tracer"}
     found: dict[str, Any] = {"name": "path_tracer"}
+    volumetric = plugin.type in VOLUMETRIC
+    if plugin.boolean("hide_emitters", default=False):
+        found["hide_emitters"] = True
+        if plugin.type == "direct":
+            importer.notes.add("integrator direct: environments are hidden behind null surfaces as well", plugin.element)
     if plugin.type == "direct":
         found["max_depth"] = 2
-        plugin.read.update(("shading_samples", "emitter_samples", "bsdf_samples", "hide_emitters"))
+        plugin.read.update(("shading_samples", "emitter_samples", "bsdf_samples"))
     else:
         depth = plugin.integer("max_depth", default=-1, low=-1, high=2**31 - 1)
         found["max_depth"] = UNLIMITED if depth < 0 else min(max(depth, 1), UNLIMITED)
-        found["rr_depth"] = min(max(plugin.integer("rr_depth", default=5, low=-1, high=2**31 - 1), 1), 1_000_000)
+        rr_depth = max(plugin.integer("rr_depth", default=5, low=-1, high=2**31 - 1), 1)
+        found["rr_depth"] = min(rr_depth + volumetric, 1_000_000)
+    if volumetric and any(map(has_null_lobes, importer.reader.table.materials)):
+        found["transparent_shadows"] = True
+        if any(map(tilts_null_lobes, importer.reader.table.materials)):
+            said = "light samples pass null surfaces and masks inside of bump and normal maps, where Mitsuba's are blocked"
+            importer.notes.add(f"integrator {plugin.type}: {said}", plugin.element)
     if why := SUGGESTED.get(plugin.type, "it estimates something else"):
         importer.notes.add(f"integrator {plugin.type}: path_tracer is suggested ({why})", plugin.element)
     if plugin.boolean("strict_normals", default=False):

@@ -39,12 +39,12 @@ def import_scene(document: Document) -> Scene:
     name = file.resolve().parent.name if file.stem == "scene" else file.stem
     reader = SceneReader(document.place, name, str(file))
     importer = Importer(reader, ids, Notes(main=str(file)))
-    suggested = _integrator(importer, tree)
     seen = _camera(importer, tree)
     lights = _lights(importer, tree)
     found: list[Shape] = []
     for plugin in importer.taken(tree, "shape"):
         found += shapes(importer, plugin)
+    suggested = _integrator(importer, tree)
     _finish(importer, tree)
     reader.warnings += importer.notes.sentences()
     seen = _unclipped(seen, found)
