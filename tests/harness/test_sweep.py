@@ -185,8 +185,9 @@ def test_a_timeout_kills_the_cell_keeps_its_points_and_goes_on(tmp_path):
 def test_skipped_cells_are_recorded_once_with_their_reason(tmp_path):
     path = sweeping.write(tmp_path, with_engines("Picky", "Steady"))
     for _ in range(2):
-        outcome, _ = sweeping.run(path, tmp_path / "out")
+        outcome, listener = sweeping.run(path, tmp_path / "out")
         assert outcome.states == {"done": 2, "skipped": 2} and not outcome.failures
+        assert [note for note in listener.notes if "skipped" in note] == ["picky is skipped: it never feels like it"]
     skipped = [e for e in store.read_events(tmp_path / "out") if e.get("state") == "skipped"]
     assert [event["message"] for event in skipped] == ["it never feels like it"] * 2
 
