@@ -34,7 +34,7 @@ def worker_environment(allow_imports: bool, code: Path | None = None) -> dict[st
     from engines.imports import users_folders
 
     root = str(Path(__file__).resolve().parent.parent)
-    more = [*([str(code)] if code else []), *users_folders(), os.getcwd()] if allow_imports else []
+    more = [*([str(code.absolute())] if code else []), *users_folders(), os.getcwd()] if allow_imports else []
     paths = [root, *more, os.environ.get("PYTHONPATH", "")]
     changes: dict[str, str] = dict.fromkeys(THREAD_POOLS, "1")
     # With the generic processor model and the host's features Numba's vectors are 512 bits wide where they can be.

@@ -17,6 +17,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engines.kernels.compile.jit import inline, kernel
 from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes, positive_lanes
@@ -41,6 +42,15 @@ STOP, NEXT_TILE, STACK_FULL = range(3)
 
 # totals of a thread
 RAYS, BAD_SAMPLES = 0, 1
+
+TILE = 32
+"""Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
+
+
+def tiles(width: int, height: int) -> NDArray[np.int32]:
+    """(n, 4) x, y, columns, rows of the tiles that cover an image."""
+    places = [(x, y) for y in range(0, height, TILE) for x in range(0, width, TILE)]
+    return np.array([(x, y, min(TILE, width - x), min(TILE, height - y)) for x, y in places], np.int32)
 
 
 @inline

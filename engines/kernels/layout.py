@@ -13,25 +13,9 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.masks import copy_lanes
 from engines.kernels.compile.records import (
-    LANES,
-    REAL,
-    LaneRecord,
-    Row,
-    Table,
-    array,
-    bits_of,
-    doubles,
-    flag,
-    integer,
-    lane_view,
-    real,
-    reals,
-    rows,
-    scalar,
-    table_view,
-    vector,
-    vectors,
-)
+    LANES, REAL, LaneRecord, Row, Table, array, bits_of, doubles, flag, integer, lane_view, real, reals, rows, scalar,
+    table_view, vector, vectors,
+)  # fmt: skip
 from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRow, RangeRow
 from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
 
@@ -403,6 +387,5 @@ __all__ = [
     "SHADER_OPTIONS", "SHAPE_PARAMETERS", "SLOTS", "VERTEX_DIMENSIONS", "VERTEX_DRAWS", "AnalyticRow", "CameraRow",
     "EnvironmentRow", "LeafRow", "LightRow", "LookupRow", "MarginRow", "MaterialRow", "NodeRow", "PlaneRow", "PrimitiveRow",
     "RangeRow", "RayBatch", "SceneTable", "SphereRow", "TextureRow", "TriangleRow", "UVRow", "WaitingRay", "aligned",
-    "batch_bytes", "copy_paths", "ray_batch",
-    "scene_table", "stack_bytes", "waiting_rays",
+    "batch_bytes", "copy_paths", "ray_batch", "scene_table", "stack_bytes", "waiting_rays",
 ]  # fmt: skip

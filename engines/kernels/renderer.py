@@ -30,8 +30,6 @@ from engines.kernels.stages import camera, light, material, sampler, scattering,
 from engines.scene import Camera, Scene, Shape, ThinLens
 from engines.scene.support import foreign
 
-TILE = 32
-"""Pixels a side. A tile's last lanes run half empty, so tiles are not small; a hundred of them keep threads busy."""
 CHUNK = 4
 """Samples per pixel between two commits of a tile."""
 SAMPLES_A_TABLE = 4096
@@ -102,7 +100,7 @@ class Renderer:
         width, height = self._wanted.size(scene)
         self.film = Film(width, height)
         self.settings = replace(self._wanted, width=width, height=height)
-        self._tiles = _tiles(width, height)
+        self._tiles = driver.tiles(width, height)
         self._done = np.zeros(len(self._tiles), np.int64)
 
     def _set_stacks(self, capacity: int) -> None:
@@ -301,7 +299,7 @@ class Renderer:
         """What one thread does; returns the driver's totals."""
         shadows = aligned(self._batch_bytes if plan.transparent else 0)
         totals = np.zeros(2, np.int64)
-        buffer = np.empty(3 * CHUNK * TILE * TILE, self._real)
+        buffer = np.empty(3 * CHUNK * driver.TILE**2, self._real)
         sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
         driver.driver(self._real)(
             stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, shadows.ctypes.data, stack.ctypes.data,
@@ -393,18 +391,6 @@ class Renderer:
             "scene_bytes": self._flat.bytes,
             "bad_samples": self.film.bad_samples,
         }
-
-
-def _tiles(width: int, height: int) -> NDArray[np.int32]:
-    """(n, 4) x, y, columns, rows of the tiles that cover an image."""
-    return np.array(
-        [
-            (x, y, min(TILE, width - x), min(TILE, height - y))
-            for y in range(0, height, TILE)
-            for x in range(0, width, TILE)
-        ],
-        np.int32,
-    )
 
 
 __all__ = ["Accelerator", "Choice", "Renderer"]

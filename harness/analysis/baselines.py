@@ -1,6 +1,7 @@
-"""Whom a contestant's times are compared with: another that differs in one factor, or the one that the config names.
+"""Whom a contestant's times are compared with: the one that the config names, another that differs in one factor, or the
+baseline of the race.
 
-A factor is an engine, accelerator, sampler, precision or thread count; scene, shader, size and machine are always equal. An
+A factor is an engine, accelerator, shader, sampler, precision or thread count; scene, size and machine are always equal. An
 accelerator counts as part of its engine where the two engines have none in common.
 """
 
@@ -13,7 +14,7 @@ from harness.analysis.equivalence import similarity
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.store.results import Contestant, Results
 
-FACTORS = ("engine", "accelerator", "sampler", "precision", "threads")
+FACTORS = ("engine", "accelerator", "shader", "sampler", "precision", "threads")
 AA = "A/A"
 """What is between a contestant and its twin."""
 
@@ -38,11 +39,39 @@ def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engin
     return max(same, key=lambda c: similarity(contestant, c), default=None)
 
 
-def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Results) -> Baseline | None:
-    """None for the baseline engine's own, and where no other is one factor apart and nearer to the baseline engine.
+def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant | None:
+    """The baseline of a race: of the engine that is first in `engine_order`, the contestant that has the first value, as the
+    config writes them, of every axis."""
+    order = engine_order(results)
+    racing = [c for c in group if not c.settings.label]
+    written = (results.manifest.get("config") or {}).get("combinations") or []
+    axes = {key: [one.get(key) for one in written if isinstance(one, Mapping)] for key in FACTORS if key != "engine"}
 
-    A twin is compared with the contestant that it repeats. Among several, the one of the engine that stands first in
-    `engine_order` is taken, of these the one that is fewest factors from the baseline engine, then the first by name.
+    def place(one: Contestant) -> tuple[int, ...]:
+        cell = one.cells[0]
+        return order.index(one.settings.engine), *(_first(cell.get(key), values) for key, values in axes.items())
+
+    return min(racing, key=place, default=None)
+
+
+def _first(value: Any, written: Sequence[Any]) -> int:
+    """The place of a setting among those that a config writes: choices may have more options, nothing stands for anything."""
+
+    def stands_for(one: Any) -> bool:
+        if isinstance(one, Mapping) and isinstance(value, Mapping):
+            return all(value.get(key) == option for key, option in one.items())
+        return one is None or one == value
+
+    return next((place for place, one in enumerate(written) if stands_for(one)), len(written))
+
+
+def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Results) -> Baseline | None:
+    """None for the baseline of the race, and for a twin of nobody.
+
+    A twin is compared with the contestant that it repeats, a contestant of a pair as the config says. Others are compared with
+    one that is a single factor apart and nearer to the baseline engine: of the engine that stands first in `engine_order`, of
+    these the one that is fewest factors from the baseline engine, then the first by name. Where there is none, and within the
+    baseline engine, with the baseline of the race, whatever is between the two.
     """
     if contestant.settings.label:
         same = [c for c in group if c.settings == contestant.settings._replace(label="")]
@@ -58,10 +87,12 @@ def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Re
         return order.index(one.settings.engine), len(factors(one, root, group)) if root is not None else 0
 
     nearer = [c for c in racing if len(factors(contestant, c, group)) == 1 and distance(c) < distance(contestant)]
-    if contestant.settings.engine == order[0] or not nearer:
+    found = race_baseline(group, results)
+    if contestant.settings.engine != order[0] and nearer:
+        found = min(nearer, key=lambda c: (distance(c), c.name))
+    if found is None or found is contestant:
         return None
-    found = min(nearer, key=lambda c: (distance(c), c.name))
-    return Baseline(found, factors(contestant, found, group)[0])
+    return Baseline(found, " and ".join(factors(contestant, found, group)) or "none")
 
 
 def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> list[str]:

@@ -198,9 +198,10 @@ def verdicts(analysis: Analysis) -> Table:
          Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
          Column("seeds", "Seeds that were run.", "count"),
          Column("failed_cells", "Cells that failed or ran out of time.", "count"),
-         Column("baseline", "Contestant that it is compared with: it differs in a single factor, or the config's pairs "
-                "name it. Unknown if there is none."),
-         Column("factor", "Factor in which the two differ."),
+         Column("baseline", "Contestant that it is compared with: the config's pairs name it, it differs in a single factor, "
+                "or it is the baseline of the race. Unknown if there is none."),
+         Column("factor", "Factors in which the two differ, joined by `and`."),
+         Column("no_ratio", "Why it is compared with none; empty where it is."),
          Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster. Where a target was not "
                 "reached, only an end of the interval is known. Unknown where one of the two has a flag that disqualifies it.",
                 "ratio"),
@@ -230,7 +231,7 @@ def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
         "seconds": (warm.value, warm.low, warm.high), "cold_seconds": (cold.value, cold.low, cold.high),
         "reached": warm.reached, "at_first": warm.at_first, "seeds": warm.seeds, "failed_cells": verdict.failures,
         "baseline": verdict.against.name if verdict.against else None, "factor": verdict.factors or None,
-        "ratio": ratio[:3] if ratio else None,
+        "no_ratio": verdict.no_ratio, "ratio": ratio[:3] if ratio else None,
         "verdict": ratio.verdict if ratio else "unresolved" if verdict.against else "",
         "possible_winner": verdict.possible_winner[index], "flags": " ".join(verdict.flags_of(index)),
     }  # fmt: skip

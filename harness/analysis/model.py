@@ -45,7 +45,8 @@ class Verdict:
     """All that is concluded about one contestant. Lists run along the results' targets.
 
     `against` is the contestant that times are compared with, `factors` says in what the two differ;
-    `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared.
+    `speedup` compares seconds per sample, `quality_speedups` times to targets; None where nothing is compared, and then
+    `no_ratio` says why.
     `baseline` is the contestant whose image is compared. `bias` and `equivalence` are None where images are missing
     or seeds do not differ; `radiance` is what a bias of image mean and tiles was looked for in. `flags` are names of `FLAGS`.
     """
@@ -65,6 +66,7 @@ class Verdict:
     factors: str = ""
     speedup: Ratio | None = None
     quality_speedups: list[Ratio | None] = field(default_factory=list)
+    no_ratio: str = ""
     possible_winner: list[bool] = field(default_factory=list)
     bias: BiasEstimate | None = None
     radiance: RadianceSample | None = None

@@ -47,9 +47,20 @@ def run_races(analysis: Analysis) -> None:
         for group, (low, high), pairs in zip(groups, found, twins, strict=True):
             _run(analysis, group, index, low, high, pairs)
     for group in groups:
+        for verdict in group:
+            verdict.no_ratio = "" if verdict.speedup else _why_no_ratio(verdict, group)
         for index in logs:
             if (group[0].contestant.settings.scene, index) in analysis.separated:
                 _leave_unresolved(group, index)
+
+
+def _why_no_ratio(verdict: Verdict, group: Sequence[Verdict]) -> str:
+    if verdict.disqualified:
+        return "flagged, so not ranked"
+    if verdict.against is None:
+        others = [each for each in group if each is not verdict and not each.contestant.settings.label]
+        return "the baseline of its race" if others else "alone in its race"
+    return f"{verdict.against.name} is flagged, so not ranked"
 
 
 def _distance(pair: Sequence[Verdict], index: int | None) -> float:

@@ -4,6 +4,7 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import distributed
@@ -140,7 +141,7 @@ def test_what_a_machine_dies_of_or_fails_at_is_tried_again(machines, tmp_path, m
     monkeypatch.setattr(dask, what, third_time_lucky)
     request = {"scene_path": "nowhere.yaml", "settings": {}}
     cell = SimpleNamespace(engine="numpy", budget=SimpleNamespace(timeout_seconds=60))
-    with dask.Cluster(machines.scheduler_address, allow_imports=False) as ours:
+    with dask.Cluster(machines.scheduler_address, False, Path()) as ours:
         if what == "measure_cell":
             assert ours.submit(cell, request, None, 1.0).result() == ["film"]
         else:
@@ -179,7 +180,7 @@ def test_a_cluster_that_loses_all_its_machines_is_given_up(tmp_path, monkeypatch
     one = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": ":0"}
     with (
         LocalCluster(**one, resources={"machine": 1}) as machines,
-        dask.Cluster(machines.scheduler_address, allow_imports=True) as ours,
+        dask.Cluster(machines.scheduler_address, True, Path()) as ours,
     ):
         machines.scale(0)
         deadline = time.monotonic() + 300

@@ -202,8 +202,8 @@ def test_a_cell_says_whether_its_sampler_is_smooth_and_its_engine_reproducible(t
     smooth = {cell.settings["sampler"]["name"]: cell.smooth_sampler for cell in planned(tmp_path, text).cells}
     assert smooth == {"random": True, "sobol": False, "stratified": False, "halton": False}
     mitsuba = ("random", "independent"), ("stratified", "multijitter", "orthogonal", "ldsampler")
-    assert [[planner._is_smooth(MitsubaEngine(), name) for name in names] for names in mitsuba] == [[True] * 2, [False] * 4]
-    assert not planner._is_smooth(Program("configs/renderers/raybench.yaml"), "random")
+    assert [[planner._is_smooth(MitsubaEngine(), {"name": name}, False) for name in names] for names in mitsuba] == [[True] * 2, [False] * 4]
+    assert not planner._is_smooth(Program("configs/renderers/raybench.yaml"), {"name": "random"}, False)
     assert all(cell.reproducible for cell in planned(tmp_path).cells)
     assert not planner._is_reproducible(Program("configs/renderers/raybench.yaml"))
     assert planner._is_reproducible(MitsubaEngine()) and not planner._is_reproducible(Unsure())
@@ -214,7 +214,7 @@ def test_a_sampler_s_plugin_says_whether_it_is_smooth(tmp_path, monkeypatch):
         "from engines.plugin import Sampler\nplain = Sampler('plain', smooth=True)\nnet = Sampler('net')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    found = [planner._is_smooth(fake_engines.Steady(), f"own_samplers:{name}") for name in ("plain", "net")]
+    found = [planner._is_smooth(fake_engines.Steady(), {"name": f"own_samplers:{name}"}, True) for name in ("plain", "net")]
     assert found == [True, False]
 
 

@@ -75,15 +75,34 @@ def test_a_ratio_is_formed_where_one_factor_differs(tmp_path):
     assert found.loc["numba float64 1 thread"].verdict == "faster" and found.loc["numpy float64 1 thread"].verdict == ""
 
 
-def test_two_differing_factors_are_compared_only_where_a_pair_asks(tmp_path):
+def test_what_differs_from_all_others_in_several_factors_is_compared_with_the_races_baseline(tmp_path):
     made = contestant(0.2, engine="numpy"), contestant(0.01, threads=2, precision="float32"), twins(engine="embree")
     name = "numba float32 2 threads"
     plain = verdicts(results(tmp_path, *made)).loc[name]
-    assert plain.verdict == "" and plain.isna()[["baseline", "factor", "ratio"]].all()
-    pairs = [{"contestant": {"engine": "numba", "threads": 2}, "baseline": {"engine": "numpy"}}]
+    assert (plain.baseline, plain.factor) == ("numpy float64 1 thread", "engine and precision and threads")
+    assert plain.ratio == pytest.approx(20, rel=0.05) and plain.verdict == "faster" and plain.no_ratio == ""
+    pairs = [{"contestant": {"engine": "numba", "threads": 2}, "baseline": {"engine": "embree"}}]
     asked = verdicts(results(tmp_path, *made, config={"pairs": pairs})).loc[name]
-    assert (asked.baseline, asked.factor) == ("numpy float64 1 thread", "engine and precision and threads")
-    assert asked.ratio == pytest.approx(20, rel=0.05) and asked.verdict == "faster"
+    assert (asked.baseline, asked.factor) == ("embree float64 1 thread", "engine and precision and threads")
+
+
+def test_two_samplers_of_one_engine_are_compared_with_the_one_that_is_written_first(tmp_path):
+    made = contestant(0.01, sampler="halton"), contestant(0.02, sampler="sobol"), twins()
+    for first, second in (("halton", "sobol"), ("sobol", "halton")):
+        written = [{"engine": "numba", "sampler": {"name": name}, "precision": None} for name in (first, second, "random")]
+        found = verdicts(results(tmp_path, *made, config={"combinations": written}))
+        other, root = found.loc[f"numba {second}"], found.loc[f"numba {first}"]
+        assert (other.baseline, other.factor) == (f"numba {first}", "sampler") and other.verdict in ("faster", "slower")
+        assert other.ratio == pytest.approx(2.0 if first == "sobol" else 0.5, rel=0.05)
+        assert root.verdict == "" and root.no_ratio == "the baseline of its race"
+
+
+def test_every_contestant_has_a_ratio_or_a_reason(tmp_path):
+    lonely = verdicts(results(tmp_path, contestant(0.01)))
+    assert lonely.no_ratio.tolist() == ["alone in its race"]
+    made = contestant(0.2, engine="numpy"), contestant(0.01, threads=2), contestant(0.02, sampler="sobol"), twins()
+    found = verdicts(results(tmp_path, *made))
+    assert ((found.no_ratio == "") == found.ratio.notna()).all() and (found.no_ratio != "").sum() == 1
 
 
 def test_an_accelerator_that_both_engines_have_is_a_factor_of_its_own(tmp_path):

@@ -15,9 +15,9 @@ TERMS = {
                "their number.",
     "not separated": "Several contestants may be the fastest; the data do not show which.",
     "ratio": "Time of one contestant over that of another to the same target, paired by block: above 1 the first named is "
-             "faster. It is formed only between contestants that differ in one setting, or that the experiment names.",
-    "no ratio": "The contestant has no baseline: it belongs to the baseline engine, or none differs from it in one setting. "
-                "Nor is it the baseline of another one.",
+             "faster. Every contestant has one to its baseline.",
+    "no ratio": "The contestant is the baseline of its race and no other reached the target, or one of two is flagged. "
+                "The cell says which.",
     "baseline": "The contestant that another is compared with.",
     "noise floor": "How much two measurements of one configuration differ (A/A twins). Smaller differences are not called "
                    "faster or slower.",

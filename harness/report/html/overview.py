@@ -26,12 +26,14 @@ PLOT_WIDTH, PLOT_HEIGHT, LEFT, BOTTOM = 250, 132, 36, 18
 
 
 class Entry(NamedTuple):
-    """A contestant in a cell: its warm seconds with their interval, `ratio` with what it is a ratio to, and its warnings."""
+    """A contestant in a cell: its warm seconds with their interval, `ratio` with what it is a ratio to, or in `no_ratio` why
+    there is none, and its warnings."""
 
     name: str
     seconds: str
     ratio: str
     other: str
+    no_ratio: str
     warnings: list[str]
 
 
@@ -105,7 +107,9 @@ def _cell(
 def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
     time = verdict.warm[index]
     ratio, other = ratio_of(verdict, verdicts, index)
-    return Entry(verdict.contestant.name, estimate_text((time.value, time.low, time.high)), ratio, other, verdict.warnings)
+    why_not = "" if ratio else verdict.no_ratio or "one of the two reached the target in no block"
+    seconds = estimate_text((time.value, time.low, time.high))
+    return Entry(verdict.contestant.name, seconds, ratio, other, why_not, verdict.warnings)
 
 
 def _remarks(

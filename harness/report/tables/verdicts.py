@@ -27,6 +27,8 @@ from harness.store.results import PHASES
 
 RENAMED = {"seconds": "warm_seconds", "ratio": "speedup"}
 """Columns of DataFrames by the names that these tables give them."""
+MOST_NAMES = 6
+"""Contestants that a sentence names."""
 IN_OTHER_COLUMNS = ("biased", "biased_image", "biased_tile", "other_image", "equivalence_unresolved")
 """Flags that need no mention among the warnings."""
 
@@ -44,7 +46,9 @@ def time_to_quality(analysis: Analysis) -> Table:
     table = Table(
         "time_to_quality", "Time to quality",
         f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
-        f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. {evidence(analysis)}",
+        f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. Where there is no speed-up, the "
+        "column of the baseline says why; beside a baseline a dash means that one of the two did not reach the target. "
+        f"{evidence(analysis)}",
         [SCENE, CONTESTANT, *_division(analysis),
          Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
          Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
@@ -52,7 +56,8 @@ def time_to_quality(analysis: Analysis) -> Table:
          Column("reached", "Seeds that reached the target; ≤ means that some had reached it at their first checkpoint."),
          Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
          Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
-         Column("baseline", "Contestant that it is compared with, and in brackets the factor in which the two differ."),
+         Column("baseline", "Contestant that it is compared with, and in brackets the factors in which the two differ; or why "
+                "there is none."),
          Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
                 "gives the most that it can be."),
          Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
@@ -64,7 +69,7 @@ def time_to_quality(analysis: Analysis) -> Table:
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
     found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
     found["speedup_verdict"] = found.verdict
-    found["baseline"] = found.baseline + " (" + found.factor + ")"
+    found["baseline"] = (found.baseline + " (" + found.factor + ")").where(found.no_ratio == "", found.no_ratio)
     found["warnings"] = [
         "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
     ]  # fmt: skip
@@ -84,14 +89,15 @@ def _division(analysis: Analysis) -> list[Column]:
 
 
 def speedups(analysis: Analysis) -> Table:
-    """Against another that differs in one factor: throughput, then each target."""
+    """Against the contestant that each is compared with: throughput, then each target."""
     table = Table(
-        "speedups", "Speed-up, one factor apart",
-        "Contestants that differ in one factor, or that the config's pairs name, but none with a flag that disqualifies it. "
-        "Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by that of the scene; "
-        f"the family-wise error rate of a scene and target is 5 % (Holm). {evidence(analysis)}",
+        "speedups", "Speed-up",
+        "Every contestant against its baseline: the one that the config's pairs name, else one that differs in a single "
+        f"factor, else the baseline of the race. {_without_ratio(analysis)}A dash: one of the two did not reach the target in "
+        "a block that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by "
+        f"that of the scene; the family-wise error rate of a scene and target is 5 % (Holm). {evidence(analysis)}",
         [SCENE, CONTESTANT, Column("baseline", "Contestant that it is compared with."),
-         Column("factor", "Factor in which the two differ."),
+         Column("factor", "Factors in which the two differ."),
          Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
          Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
          Column("pairs", "Blocks that both have.", "count"),
@@ -110,6 +116,19 @@ def speedups(analysis: Analysis) -> Table:
                     "noise_floor": floor_text(analysis, verdict.contestant.settings.scene, [index]),
                 })  # fmt: skip
     return table
+
+
+def _without_ratio(analysis: Analysis) -> str:
+    """A sentence on the contestants that have no ratio, by reason."""
+    reasons: dict[str, dict[str, None]] = {}
+    for verdict in analysis.verdicts:
+        if verdict.no_ratio:
+            reasons.setdefault(verdict.no_ratio, {})[verdict.contestant.name] = None
+    found = []
+    for why, names in reasons.items():
+        more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+        found.append(f"{', '.join(list(names)[:MOST_NAMES])}{more} ({why})")
+    return f"Without a ratio: {'; '.join(found)}. " if found else ""
 
 
 def convergence(analysis: Analysis) -> Table:
