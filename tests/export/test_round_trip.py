@@ -6,6 +6,7 @@ import pytest
 import engines
 from engines import Settings
 from engines.export import export
+from harness.config import paths
 from tests.needs import needs
 
 SIDE = 12
@@ -82,35 +83,38 @@ SCENES = {
     "orthographic": seen(camera=FLAT_CAMERA),
     "wide window": seen(camera={**FLAT_CAMERA, "width": 6, "principal_point": [0.1, 0.05]}),
 }  # fmt: skip
-NOISE = {"thin lens", "dielectric", "plastic", "principled", "blend", "sky", "one number", "conductor", "lamp of two sides"}
-"""Scenes whose samples are not those of the exported file, or few for their noise: their images differ by chance."""
+RENEWED = {"lamp of two sides", "furnace", "sky"}
+"""What comes back as something else of the same look, so that its samples are others: a surface that emits on both sides is two,
+a hair apart, and a sky has rows between its own. The means over their images differ by less than 1 %, by chance."""
 
 
-def rendered(scene, spp=16):
+def rendered(scene, spp):
     shader = {"name": "path_tracer", "max_depth": 3, "rr_depth": 100}
     settings = Settings(SIDE, SIDE, shader=shader, sampler="sobol", seed=3)
     return engines.engine("numpy").prepare(scene, settings).render(spp).sums / spp
 
 
-@pytest.mark.parametrize("what", SCENES)
+@pytest.mark.parametrize("what", [*SCENES, "cornell_box", "two_spheres", "mobilert_spheres", "veach_plates", "furnace"])
 def test_raybench_reads_its_own_export_as_the_same_scene(what, tmp_path):
-    """The same samples give the same image, but for float32 in files and for what is noise."""
-    scene = engines.scene_from(SCENES[what])
+    """The same samples give the same image, but for float32 in files."""
+    scene = engines.scene_from(SCENES[what]) if what in SCENES else engines.load_scene(paths.find("scenes", what))
     read = engines.load_scene(export(scene, "mitsuba", tmp_path / "scene.xml", max_depth=3))
     assert not [warning for warning in read.warnings if not warning.startswith(("dropped", "black from behind"))]
-    ours, again = rendered(scene), rendered(read)
-    assert again.mean(axis=(0, 1)) == pytest.approx(ours.mean(axis=(0, 1)), rel=0.03 if what in NOISE else 2e-3)
+    if what in RENEWED:
+        assert rendered(read, 64).mean(axis=(0, 1)) == pytest.approx(rendered(scene, 64).mean(axis=(0, 1)), rel=0.01)
+    else:
+        assert rendered(read, 4) == pytest.approx(rendered(scene, 4), abs=1e-4)
 
 
 @needs("mitsuba-scalar")
 @pytest.mark.parametrize("what", SCENES)
 def test_mitsuba_renders_what_is_exported_to_our_image(what, tmp_path):
-    """Means over the image differ by less than 3 %, which is five standard errors of the noisiest: a false alarm in all of them
-    comes with a rate below 1e-4, and an offset that is lost changes the mean of its image by more than 10 %."""
+    """Pixels differ by at most 1.5 % of the mean on average, by chance; by more than 11 % where an offset of texture coordinates
+    is lost."""
     import mitsuba as mi
 
     scene = engines.scene_from(SCENES[what])
     mi.set_variant("scalar_rgb")
     loaded = mi.load_file(str(export(scene, "mitsuba", tmp_path / "scene.xml", max_depth=3)))
-    theirs = np.array(mi.render(loaded, spp=64, seed=1))[..., :3]
-    assert theirs.mean(axis=(0, 1)) == pytest.approx(rendered(scene).mean(axis=(0, 1)), rel=0.03)
+    theirs, ours = np.array(mi.render(loaded, spp=256, seed=1))[..., :3], rendered(scene, 64)
+    assert np.abs(theirs - ours).mean() <= 0.05 * ours.mean()
