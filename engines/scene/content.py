@@ -123,12 +123,12 @@ def _value(value: Any) -> Any:
 
 def _mesh_materials(mesh: Mesh, values: Sequence[list[Any]]) -> tuple[list[Any], NDArray[np.int32]]:
     """The values of a mesh's materials in the order of first use, and for each face which of them it has."""
-    used, first = np.unique(mesh.materials, return_index=True)
+    used, first, inverse = np.unique(mesh.materials, return_index=True, return_inverse=True)
     table: dict[tuple[Any, ...], int] = {}
-    place = np.zeros(len(values), np.int32)
-    for material in used[np.argsort(first)]:
-        place[material] = table.setdefault(tuple(values[material]), len(table))
-    return list(table), place[mesh.materials]
+    place = np.zeros(len(used), np.int32)
+    for which in np.argsort(first):
+        place[which] = table.setdefault(tuple(values[used[which]]), len(table))
+    return list(table), place[inverse.reshape(-1)]
 
 
 def _feed(digest: Any, value: Any) -> None:

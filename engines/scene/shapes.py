@@ -210,9 +210,11 @@ def check_area(node: Located, shape: Shape, context: SceneReader) -> None:
         return
     area = has_area(vertices, faces)
     context.degenerate += int((~area).sum())
-    emits = np.array([material.emits for material in context.table.materials], bool)[materials]
-    if emits.any() and not (emits & area).any():
-        name = context.table.materials[int(materials[emits][0])].name
+    known = context.table.materials
+    emitting = [index for index in np.unique(materials).tolist() if known[index].emits]
+    emits = np.isin(materials, emitting)
+    if emitting and not (emits & area).any():
+        name = known[int(materials[emits][0])].name
         raise node.refuse(f"material {name!r} emits, but the shape has no area")
 
 

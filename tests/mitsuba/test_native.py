@@ -1,6 +1,7 @@
 """Mitsuba's own files as they are: what Mitsuba is given of them, who declines them, and integrators that race on one."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -182,3 +183,67 @@ def test_two_integrators_race_towards_one_reference(tmp_path):
     ]  # fmt: skip
     (race,) = ranked_together(analyse(results).verdicts).values()
     assert len(race) == 2
+
+
+PLAIN = """\
+<scene version="3.0.0">
+  <default name="r" value="0.25"/><default name="r" value="0.75"/><include filename="sub/wall.xml"/>
+  <sensor type="orthographic">
+    <transform name="to_world"><lookat origin="0, 0, 2" target="0, 0, 0" up="0, 1, 0"/></transform>
+    <film type="hdrfilm"><integer name="width" value="2"/><integer name="height" value="2"/></film>
+  </sensor>
+  <emitter type="directional"><vector name="direction" value="0 0 -1"/>
+    <rgb name="irradiance" value="3.141592653589793"/></emitter>
+</scene>
+"""
+WALL = """<scene version="3.0.0"><include filename="wall_mesh.xml"/><default name="r" value="0.5"/></scene>"""
+MESH = """<shape version="3.0.0" type="ply"><string name="filename" value="floor.ply"/>
+<bsdf type="diffuse"><rgb name="reflectance" value="$r"/></bsdf></shape>"""
+UPRIGHT = FLOOR.replace("-9 0 9", "-9 -9 0").replace("9 0 9", "9 -9 0").replace("0 0 -9", "0 9 0")
+
+
+def plain(folder):
+    (folder / "sub").mkdir()
+    (folder / "floor.ply").write_text(UPRIGHT)
+    (folder / "sub/wall.xml").write_text(WALL)
+    (folder / "sub/wall_mesh.xml").write_text(MESH)
+    (folder / "plain.xml").write_text(PLAIN)
+    return folder / "plain.xml"
+
+
+@pytest.mark.parametrize(("parameters", "albedo"), [({}, 0.25), ({"r": "0.6"}, 0.6)])
+def test_mitsuba_reads_the_file_itself_and_finds_what_raybench_finds(parameters, albedo, tmp_path):
+    scene = engines.load_scene(plain(tmp_path), parameters=parameters)
+    for engine in (ScalarEngine(), engines.engine("numpy")):
+        film = engine.prepare(scene, Settings(2, 2, shader="path_tracer", sampler="random")).render(1)
+        assert film.sums == pytest.approx(albedo, rel=1e-5)
+
+
+def test_what_raybench_misreads_is_declined_instead_of_rendered(tmp_path):
+    """Mitsuba is given no words of raybench's, and no file that raybench has not looked up."""
+    scene = engines.load_scene(plain(tmp_path))
+    for name, files in (("named", [tmp_path / "other.ply"]), ("xml", [tmp_path / "plain.xml"])):
+        wrong = replace(scene, native=replace(scene.native, **{name: frozenset(files), "digest": name}))
+        said = str(ScalarEngine().why_not(wrong, Settings(sampler="random")))
+        assert "none of the files that raybench has found" in said
+    named = engines.load_scene(plain_with(tmp_path, "$filename"), parameters={"filename": "0.5"})
+    assert "Mitsuba takes no parameter $filename" in str(ScalarEngine().why_not(named, Settings(sampler="random")))
+
+
+def plain_with(folder, name):
+    file = folder / "named.xml"
+    file.write_text(PLAIN.replace('value="0.25"', f'value="{name}"'))
+    return file
+
+
+def test_every_word_of_an_xml_file_is_in_its_digest(tmp_path):
+    """Also a `default` that does not count for raybench, and one in an included file."""
+    file = plain(tmp_path)
+    first = engines.load_scene(file).identity
+    assert engines.load_scene(file, parameters={"r": "0.25"}).identity != first
+    for changed, old, new in (("plain.xml", "0.75", "0.8"), ("sub/wall.xml", "0.5", "0.4")):
+        text = (tmp_path / changed).read_text()
+        (tmp_path / changed).write_text(text.replace(old, new))
+        assert engines.load_scene(file).identity != first
+        (tmp_path / changed).write_text(text)
+    assert engines.load_scene(file).identity == first

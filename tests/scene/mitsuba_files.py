@@ -45,3 +45,21 @@ def refusal(folder: Path, body: str, version: str = "3.0.0", sensor: str = SENSO
         assert "\n" not in text
         return text
     raise AssertionError("was imported")
+
+
+def radiance(folder: Path, body: str, place: tuple[float, float] = (0.0, 0.0), depth: int = 2) -> list[float]:
+    """The RGB radiance of `body` that is seen from above, along -z, at a place of the plane z = 0: one ray of the NumPy engine,
+    whose light is that of `SUN` or of emitters."""
+    x, y = place
+    look = f'<lookat origin="{x},{y},5" target="{x},{y},0" up="0,1,0"/>'
+    sensor = f"""<sensor type="orthographic"><transform name="to_world"><scale x="1e-5" y="1e-5"/>{look}</transform>
+<film type="hdrfilm"><integer name="width" value="1"/><integer name="height" value="1"/></film></sensor>"""
+    found = engines.load_scene(written(folder, body, sensor=sensor))
+    shader = {"name": "path_tracer", "max_depth": depth, "rr_depth": 100}
+    film = engines.engine("numpy").prepare(found, engines.Settings(shader=shader, sampler="random", seed=1)).render(1)
+    return film.sums[0, 0].tolist()
+
+
+SUN = """<emitter type="directional"><vector name="direction" x="0" y="0" z="-1"/>
+<rgb name="irradiance" value="3.141592653589793"/></emitter>"""
+"""Shines down: a diffuse surface that faces it has its reflectance as radiance."""

@@ -1,5 +1,6 @@
 """What becomes of a Mitsuba file besides its plugins: parameters, includes, aliases, notes, transforms."""
 
+import numpy as np
 import pytest
 
 import engines
@@ -78,3 +79,89 @@ def test_transforms_apply_one_after_the_other(tmp_path):
     found = shape(tmp_path, xml, "0.5.0")
     assert found.center == pytest.approx((2.0, 5.0, 0.0)) and found.radius == pytest.approx(2.0)
     assert not engines.load_scene(written(tmp_path, xml, "0.5.0")).lights
+
+
+def reflectance(folder, body, **options):
+    """Red of the diffuse BSDF of the one shape, whose reflectance is `$r`."""
+    shape = '<shape type="sphere"><bsdf type="diffuse"><rgb name="reflectance" value="$r"/></bsdf></shape>'
+    return scene(folder, f"{body}{shape}{LAMP}", **options).materials[0].bsdf.front.reflectance[0]
+
+
+def test_the_first_default_of_a_name_wins_with_includes_in_their_place(tmp_path):
+    """As in Mitsuba 3.9.1; `default` elements count from where they stand."""
+    (tmp_path / "i.xml").write_text('<scene version="3.0.0"><default name="r" value="0.7"/></scene>', encoding="ascii")
+    first, second, include = (
+        '<default name="r" value="0.1"/>', '<default name="r" value="0.2"/>', '<include filename="i.xml"/>',
+    )  # fmt: skip
+    assert reflectance(tmp_path, first + second) == 0.1
+    assert reflectance(tmp_path, first + include) == 0.1
+    assert reflectance(tmp_path, include + first) == 0.7
+    assert reflectance(tmp_path, first + second, parameters={"r": "0.3"}) == 0.3
+    assert "has no value" in refusal(tmp_path, '<shape type="$r"/><default name="r" value="sphere"/>')
+
+
+def test_a_dollar_after_a_backslash_is_a_dollar(tmp_path):
+    (tmp_path / "$r.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="ascii")
+    body = '<default name="r" value="x"/><shape type="obj"><string name="filename" value="\\$r.obj"/></shape>'
+    assert len(scene(tmp_path, body + LAMP).shapes[0].faces) == 1
+    assert "parameter $ has no value" in refusal(tmp_path, body.replace("\\$r", "$"))
+
+
+def nested(folder, text="", **files):
+    """A folder with `sub/i.xml`, which holds `text`, and other files; returns the element that includes it."""
+    for name, content in {"sub/i.xml": f'<scene version="3.0.0">{text}</scene>', **files}.items():
+        file = folder / name
+        file.parent.mkdir(exist_ok=True, parents=True)
+        file.write_text(content, encoding="ascii")
+    return '<include filename="sub/i.xml"/>'
+
+
+LEAF = '<scene version="3.0.0"><shape type="sphere"><float name="radius" value="{}"/></shape></scene>'
+
+
+def radii(folder, body):
+    return [found.radius for found in scene(folder, body + LAMP).shapes]
+
+
+def test_an_include_is_looked_for_beside_the_file_then_in_its_paths_then_beside_the_main_file(tmp_path):
+    include = nested(tmp_path, '<include filename="leaf.xml"/>', **{"sub/leaf.xml": LEAF.format(2), "leaf.xml": LEAF.format(3)})
+    assert radii(tmp_path, include) == [2.0]
+    (tmp_path / "sub/leaf.xml").unlink()
+    assert radii(tmp_path, include) == [3.0]
+    nested(tmp_path, '<path value="more"/><include filename="leaf.xml"/>', **{"sub/more/leaf.xml": LEAF.format(4)})
+    assert radii(tmp_path, include) == [4.0]
+
+
+def test_the_root_of_an_include_may_be_a_plugin(tmp_path):
+    include = nested(tmp_path, **{"sub/i.xml": '<emitter version="3.0.0" type="constant"><rgb name="radiance" value="9"/></emitter>'})
+    assert scene(tmp_path, f'<shape type="sphere"/>{include}').lights[0].radiance == (9.0, 9.0, 9.0)
+    texture = '<texture version="3.0.0" type="uniform" name="no"><float name="value" value="0.25"/></texture>'
+    nested(tmp_path, **{"sub/i.xml": texture})
+    body = f'<shape type="sphere"><bsdf type="diffuse">{include.replace("/>", " name=")}"reflectance"/></bsdf></shape>{LAMP}'
+    assert scene(tmp_path, body).materials[0].bsdf.front.reflectance == (0.25, 0.25, 0.25)
+    nested(tmp_path, **{"sub/i.xml": '<float name="radius" value="2"/>'})
+    assert "the root of an included file is <scene>, or a plugin" in refusal(tmp_path, include)
+
+
+def test_other_files_are_looked_for_from_the_main_file_alone(tmp_path):
+    mesh = '<shape type="obj"><string name="filename" value="m.obj"/></shape>'
+    include = nested(tmp_path, f'<path value="."/>{mesh}', **{"sub/m.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"})
+    assert "no such file" in refusal(tmp_path, include + LAMP)
+    assert len(scene(tmp_path, f'<path value="sub"/>{include}{LAMP}').shapes) == 1
+
+
+@pytest.mark.parametrize(("version", "linear"), [("3.0.0", 0.25 + 0.75 / 2), ("0.6.0", 1.0)])
+def test_an_axis_of_another_length_than_1_is_what_it_is_in_that_version(version, linear, tmp_path):
+    """cos + (1 - cos) a a^T + sin [a]x for the axis a = (1/2, 0, 0) and 60 degrees, in Mitsuba 3; 0.x made it unit."""
+    turn = '<transform name="to_world"><rotate x="0.5" angle="60"/></transform>'
+    found = scene(tmp_path, f'<shape type="rectangle">{turn}</shape>{LAMP}', version)
+    assert np.abs(found.shapes[0].vertices[:, 0]) == pytest.approx(linear)
+    assert any("axis of a rotation" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("mark", [b"\xef\xbb\xbf", b""])
+def test_a_byte_order_mark_does_not_count(mark, tmp_path):
+    (tmp_path / "m.obj").write_bytes(mark + b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    file = written(tmp_path, f'<shape type="obj"><string name="filename" value="m.obj"/></shape>{LAMP}')
+    file.write_bytes(mark + file.read_bytes())
+    assert len(engines.load_scene(file).shapes[0].vertices) == 3

@@ -22,8 +22,10 @@ MAX_COPIED = 4_000_000
 def shapes(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
     """The shapes of a plugin with their materials; none of a group, which instances show. Raises `SceneError`."""
     if plugin.type == "merge":
+        importer.enter(plugin)
         for inner in _merged(importer, plugin):
             yield from shapes(importer, inner)
+        importer.leave(plugin)
     elif plugin.type == "instance":
         yield from _copies(importer, plugin)
     elif plugin.type != "shapegroup":
@@ -36,10 +38,7 @@ def _merged(importer: Importer, plugin: Plugin) -> list[Plugin]:
         raise plugin.refuse("a merge has no to_world: its shapes have their own")
     if importer.taken(plugin, "bsdf"):
         importer.notes.add("a BSDF of a merge is not used: its shapes have their own", plugin.element)
-    importer.enter(plugin)
-    found = importer.taken(plugin, "shape")
-    importer.leave(plugin)
-    return found
+    return importer.taken(plugin, "shape")
 
 
 def _copies(importer: Importer, plugin: Plugin) -> Iterator[Shape]:
@@ -85,7 +84,9 @@ def _single(importer: Importer, plugin: Plugin) -> Iterator[Plugin]:
         if any(found.kind in ("emitter", "sensor") for found, _ in importer.children(inner, "emitter", "sensor")):
             raise inner.refuse("a shape of a shapegroup has no emitter and no sensor")
         if inner.type == "merge":
+            importer.enter(inner)
             _merged(importer, inner)
             yield from _single(importer, inner)
+            importer.leave(inner)
         else:
             yield inner

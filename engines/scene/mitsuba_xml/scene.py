@@ -14,12 +14,13 @@ from engines.scene.context import SceneReader
 from engines.scene.lights import EnvironmentLight, Light
 from engines.scene.mesh import Mesh
 from engines.scene.mitsuba_xml.context import MAX_NAMED, Importer, Notes
-from engines.scene.mitsuba_xml.document import Document
+from engines.scene.mitsuba_xml.document import Document, Element
 from engines.scene.mitsuba_xml.emitters import light
 from engines.scene.mitsuba_xml.groups import shapes
 from engines.scene.mitsuba_xml.integrators import shader
 from engines.scene.mitsuba_xml.properties import Plugin, plugin_tree
 from engines.scene.mitsuba_xml.sensors import camera
+from engines.scene.mitsuba_xml.transforms import has_odd_axis
 from engines.scene.scene import Scene, scene_warnings
 from engines.scene.shapes import Shape
 
@@ -39,6 +40,7 @@ def import_scene(document: Document) -> Scene:
     name = file.resolve().parent.name if file.stem == "scene" else file.stem
     reader = SceneReader(document.place, name, str(file))
     importer = Importer(reader, ids, Notes(main=str(file)))
+    _note_axes(importer, root)
     seen = _camera(importer, tree)
     lights = _lights(importer, tree)
     found: list[Shape] = []
@@ -54,6 +56,14 @@ def import_scene(document: Document) -> Scene:
         content_hash=content_hash(seen, materials, found, lights), source=str(file),
         warnings=tuple(scene_warnings(reader, found, lights)), shader=suggested,
     )  # fmt: skip
+
+
+def _note_axes(importer: Importer, element: Element) -> None:
+    if element.tag == "rotate" and has_odd_axis(element):
+        said = "made so, as in Mitsuba 0.x" if element.source.old else "not made so, as in Mitsuba 3: it distorts"
+        importer.notes.add(f"the axis of a rotation is not of length 1, and {said}", element)
+    for child in element.children:
+        _note_axes(importer, child)
 
 
 def _integrator(importer: Importer, tree: Plugin) -> dict[str, Any] | None:

@@ -193,7 +193,9 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     scale = similarity(matrix[:3, :3])
     turned_round = scale is not None and np.abs(matrix[:3, :3] / scale - np.eye(3)).max() > UNTURNED
     if scale is None:
-        importer.notes.add("an ellipsoid is made of triangles", plugin.element)
+        stretched = similarity(plugin.transform()[:3, :3]) is None
+        shown = ", where Mitsuba 3 shows a sphere" if stretched else ""
+        importer.notes.add(f"an ellipsoid is made of triangles{shown}", plugin.element)
     elif turned_round and (looks_at_uv(look.bsdf) or anisotropic(look.bsdf)):
         importer.notes.add(
             "a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element

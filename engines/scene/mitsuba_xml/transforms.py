@@ -14,6 +14,8 @@ from engines.scene.mitsuba_xml.document import Element
 Matrix = NDArray[np.float64]
 """(4, 4), or (3, 3) for its linear part."""
 
+UNIT = 1e-5
+"""By how much the length of an axis may differ from 1: it is written with few digits."""
 RIGID = 1e-4
 """By how much columns may differ in length and from a right angle, relative: matrices are written with few digits."""
 
@@ -77,12 +79,20 @@ def _rotate(element: Element) -> Matrix:
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         raise element.refuse("the axis of a rotation must not be zero")
-    x, y, z = axis / length
-    angle = math.radians(numbers(element, "angle", (1,))[0])
+    angle, odd = math.radians(numbers(element, "angle", (1,))[0]), has_odd_axis(element)
+    x, y, z = axis if odd and not element.source.old else axis / length
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     found = np.eye(4)
-    found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    if odd and not element.source.old:
+        found[:3, :3] = math.cos(angle) * np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * np.outer(axis, axis)
+    else:
+        found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
     return found
+
+
+def has_odd_axis(element: Element) -> bool:
+    """Whether the axis of a `rotate` element has another length than 1, which Mitsuba 3 does not make it."""
+    return abs(float(np.linalg.norm(_xyz(element, 0.0))) - 1.0) > UNIT
 
 
 def _matrix(element: Element) -> Matrix:

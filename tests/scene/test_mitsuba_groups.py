@@ -1,0 +1,80 @@
+"""Shapes that stand for others in Mitsuba's files: `merge`, and `instance` of a `shapegroup`."""
+
+import numpy as np
+import pytest
+
+from engines.scene import Mesh, Sides, Sphere
+from engines.scene.mitsuba_xml import groups
+from tests.scene.mitsuba_files import LAMP, SUN, radiance, refusal, scene
+
+BALL = '<shape type="sphere"/>'
+GROUP = '<shape type="shapegroup" id="g">{}</shape>'
+COPY = '<shape type="instance"><ref id="g"/><transform name="to_world">{}</transform></shape>'
+
+
+def test_the_shapes_of_a_merge_stand_in_its_place(tmp_path):
+    found = scene(tmp_path, f'<shape type="merge"><bsdf type="conductor"/>{BALL}<shape type="merge">{BALL}</shape></shape>{LAMP}')
+    assert [type(shape) for shape in found.shapes] == [Sphere, Sphere]
+    assert any("a BSDF of a merge is not used" in warning for warning in found.warnings)
+    placed = f'<shape type="merge"><transform name="to_world"><scale value="2"/></transform>{BALL}</shape>'
+    assert "a merge has no to_world" in refusal(tmp_path, placed)
+
+
+def test_a_group_is_seen_through_its_instances_alone_after_its_own_transforms(tmp_path):
+    inner = '<shape type="sphere"><transform name="to_world"><translate x="1"/></transform></shape>'
+    group = GROUP.format(f'<shape type="merge">{inner}</shape><transform name="to_world"><scale value="9"/></transform>')
+    body = group + COPY.format('<scale value="2"/>') + COPY.format('<translate y="1"/>')
+    found = scene(tmp_path, body + LAMP)
+    assert [(shape.center, shape.radius) for shape in found.shapes] == [((2.0, 0.0, 0.0), 2.0), ((1.0, 1.0, 0.0), 1.0)]
+    assert any("to_world of a shapegroup has no effect" in warning for warning in found.warnings)
+    assert not scene(tmp_path, GROUP.format(BALL) + LAMP).shapes
+
+
+def test_a_mirrored_instance_keeps_the_front_and_a_mirrored_shape_does_not(tmp_path):
+    """A face of a mesh without normals, one-sided, under light from above: n is M^-T n of an instance."""
+    (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n", encoding="ascii")
+    for flat in ("true", "false"):
+        shape = f'<shape type="obj"><string name="filename" value="m.obj"/><boolean name="face_normals" value="{flat}"/>'
+        shape += '<transform name="to_world"><scale x="{}"/></transform></shape>'
+        mirror = COPY.format('<scale x="-1"/>')
+        assert radiance(tmp_path, GROUP.format(shape.format(1)) + mirror + SUN) == pytest.approx([0.5] * 3)
+        assert radiance(tmp_path, shape.format(-1) + SUN) == pytest.approx([0.0] * 3)
+        assert radiance(tmp_path, GROUP.format(shape.format(-1)) + mirror + SUN) == pytest.approx([0.0] * 3)
+    ball = scene(tmp_path, GROUP.format('<shape type="sphere"><bsdf type="conductor"/></shape>') + COPY.format('<scale x="-1"/>') + LAMP)
+    assert isinstance(ball.shapes[0], Sphere) and ball.materials[0].bsdf.back is None and isinstance(ball.materials[0].bsdf, Sides)
+
+
+def test_normals_of_an_instance_are_those_of_the_inverse_transpose(tmp_path):
+    (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nvn 0.6 0 0.8\nf 1//1 2//1 3//1\n", encoding="ascii")
+    group = GROUP.format('<shape type="obj"><string name="filename" value="m.obj"/></shape>')
+    found = scene(tmp_path, group + COPY.format('<scale x="2" y="3" z="4"/>') + LAMP).shapes[0]
+    normal = np.array([0.6 / 2, 0.0, 0.8 / 4])
+    assert isinstance(found, Mesh) and found.normals[0] == pytest.approx(normal / np.linalg.norm(normal))
+
+
+LIT = '<shape type="sphere"><emitter type="area"/></shape>'
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (GROUP.format(GROUP.replace('id="g"', "").format(BALL)) + COPY.format(""), "no groups and no instances"),
+        (GROUP.format(BALL) + GROUP.replace('"g"', '"h"').format(COPY.format("")) + COPY.format("").replace('"g"', '"h"'),
+         "no groups and no instances"),
+        (GROUP.format(LIT) + COPY.format(""), "no emitter"),
+        (GROUP.format(f'{BALL}<bsdf type="diffuse"/>') + COPY.format(""), "a shapegroup has no BSDF"),
+        (GROUP.format(BALL) + COPY.format("").replace("<ref", '<bsdf type="diffuse"/><ref'), "an instance has no BSDF"),
+        (GROUP.format(BALL) + COPY.format('<scale z="0"/>'), "must not flatten"),
+        ('<shape type="sphere" id="g"/>' + COPY.format(""), "one shape, a shapegroup"),
+        ('<shape type="merge" id="m"><ref id="m"/></shape>', "refers to itself"),
+    ],
+)  # fmt: skip
+def test_what_mitsuba_does_not_allow_is_refused(body, said, tmp_path):
+    assert said in refusal(tmp_path, body)
+
+
+def test_the_number_of_copies_is_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(groups, "MAX_COPIED", 23)
+    cubes = GROUP.format('<shape type="cube"/>') + COPY.format("")
+    assert len(scene(tmp_path, cubes + LAMP).shapes) == 1
+    assert "instances have more than 23 triangles" in refusal(tmp_path, cubes + COPY.format(""))
