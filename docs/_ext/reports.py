@@ -33,9 +33,11 @@ def _html(words: str) -> str:
 
 
 def write(app, exception) -> None:
-    """Writes the pages, after a build without an error. Their plots as SVG alone, which is all that they show."""
+    """Writes the pages, after a build without an error. Their plots as SVG alone, which is all that they show, unless
+    RAYBENCH_PLOTS is set."""
     if exception is not None or app.builder.format != "html":
         return
+    os.environ.setdefault("RAYBENCH_PLOTS", "svg")
     target = Path(app.outdir) / "reports"
     target.mkdir(exist_ok=True)
     for name in REPORTS:
@@ -47,14 +49,6 @@ def write(app, exception) -> None:
 
 
 def _write(folder: Path, page: Path) -> None:
-    formats = os.environ.get("RAYBENCH_PLOTS")
-    os.environ["RAYBENCH_PLOTS"] = "svg"
-    try:
-        with tempfile.TemporaryDirectory() as scratch:
-            copy = shutil.copytree(folder, Path(scratch, folder.name), ignore=shutil.ignore_patterns("plots", "tables"))
-            shutil.copyfile(write_derived(copy), page)
-    finally:
-        if formats is None:
-            del os.environ["RAYBENCH_PLOTS"]
-        else:
-            os.environ["RAYBENCH_PLOTS"] = formats
+    with tempfile.TemporaryDirectory() as scratch:
+        copy = shutil.copytree(folder, Path(scratch, folder.name), ignore=shutil.ignore_patterns("plots", "tables"))
+        shutil.copyfile(write_derived(copy), page)

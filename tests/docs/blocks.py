@@ -25,7 +25,8 @@ stands for any other, any white space for any other, and a line `...` (or `...` 
 A python block that is followed by a ```text printed block must print that, by the same rules.
 
 The tests of all pages together may take a minute on two cores with nothing compiled: use images of 48x32 and 2 samples a
-pixel (`with --size 48x32 --spp 2`, `with --set repeats=1 --set budget.max_time=0.2s`), few pages that compile a shader of
+pixel (`with --size 48x32 --spp 2`, `with --set repeats=1 --set remeasure=0 --set reference.certify=null`: beside other tests
+every cell is disturbed), few pages that compile a shader of
 their own, and else `path_tracer` with `sobol` and the default precision. A page is a test: short pages run side by side.
 """
 

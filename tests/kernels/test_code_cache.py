@@ -1,14 +1,20 @@
 """The disk cache of machine code gives each process the code of its key, or none."""
 
+import ast
+import enum
+import importlib
+import inspect
+import re
 import shutil
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import pytest
 
 from engines.kernels.compile import code_cache
-from engines.kernels.compile.code_cache import KeyedFiles, hash_of_sources
+from engines.kernels.compile.code_cache import COMPILED, KeyedFiles, hash_of_sources
 
 ENGINES = Path(code_cache.__file__).parents[2]
 KEY, OTHER = ("void(int64, int64)", "cpu", "stage 4"), ("void(int64, int64)", "cpu", "stage 14")
@@ -57,17 +63,76 @@ def test_a_folder_that_cannot_be_written_keeps_nothing_and_raises_nothing(tmp_pa
     assert files.load(KEY) is None
 
 
-def test_every_source_of_the_engines_counts(tmp_path):
+def is_compiled(path):
+    return path.relative_to(ENGINES).parts[0] in COMPILED
+
+
+def test_the_sources_of_kernels_count_and_no_others(tmp_path):
     copy = tmp_path / "engines"
     shutil.copytree(ENGINES, copy, ignore=shutil.ignore_patterns("__pycache__"))
     whole = hash_of_sources(copy)
     assert whole == hash_of_sources(ENGINES)
-    for path in sorted(copy.rglob("*.py")):
+    for original in (ENGINES / "choices.py", *(ENGINES / "kernels").rglob("*.py"), *(ENGINES / "scene").glob("*.py")):
+        path = copy / original.relative_to(ENGINES)
         source = path.read_bytes()
         path.write_bytes(source + b"SPHERE = 99\n")
-        assert hash_of_sources(copy) != whole, path
+        assert (hash_of_sources(copy) != whole) == is_compiled(original), path
         path.write_bytes(source)
     assert hash_of_sources(copy) == whole
+
+
+def test_every_module_that_compiles_counts():
+    compiler = re.compile(r"(numba|llvmlite|engines\.kernels\.compile|engines\.plugin)\b")
+    compiling = [
+        path
+        for path in ENGINES.rglob("*.py")
+        if compiler.search(path.read_text()) and any(map(compiler.match, imported_modules(path)))
+    ]
+    assert len(compiling) > 50 and all(map(is_compiled, compiling))
+
+
+def imported_modules(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_kernels_take_classes_and_python_functions_alone_from_other_modules():
+    """A number or an array of theirs could be frozen into machine code that no hash names."""
+    taken = [each for path in ENGINES.rglob("*.py") if is_compiled(path) for each in taken_from_others(path)]
+    assert len(taken) > 50
+    assert [where for where, value in taken if not is_class_or_python_function(value)] == []
+
+
+def taken_from_others(path):
+    """Where, and what, a module of kernels takes from modules of `engines` that are not hashed."""
+    tree = ast.parse(path.read_text())
+    whole = {}  # names of imported modules
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            assert not any(alias.name.startswith("engines") for alias in node.names), path
+        if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("engines"):
+            continue
+        for alias in node.names:
+            module = importlib.import_module(node.module)
+            inner = f"{node.module}.{alias.name}"
+            value = getattr(module, alias.name) if hasattr(module, alias.name) else importlib.import_module(inner)
+            if inspect.ismodule(value):
+                whole[alias.asname or alias.name] = value
+            elif not is_compiled(Path(module.__file__)):
+                yield f"{path.name}: {alias.name}", value
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in whole:
+            module = whole[node.value.id]
+            if not is_compiled(Path(module.__file__)):
+                yield f"{path.name}: {node.value.id}.{node.attr}", getattr(module, node.attr)
+
+
+def is_class_or_python_function(value):
+    is_type = inspect.isclass(value) and not issubclass(value, enum.Enum)
+    return is_type or inspect.isfunction(value) or typing.get_origin(value) is not None
 
 
 STAGES = """

@@ -28,6 +28,9 @@ from numba.core import caching, serialize
 from engines.kernels.compile.fingerprint import NotFingerprinted, fingerprint
 
 KEPT_DAYS = 30
+COMPILED = ("choices.py", "dahlquist", "embree", "kernels", "numba_cpu", "plugin.py", "sobol_numbers.py")
+"""Files and folders of `engines` from which kernels take functions and constants. From others they import classes and Python
+functions alone, of which nothing becomes machine code."""
 _FORMAT = b"raybench machine code 1\n"
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
@@ -55,18 +58,22 @@ def loading_only() -> Iterator[None]:
 
 @cache
 def source_hash() -> str:
-    """Hash of the compiler's version and of all sources of `engines`."""
+    """Hash of the compiler's version and of the sources of `engines` that become machine code."""
     return hash_of_sources(Path(__file__).parents[2])
 
 
 def hash_of_sources(root: Path) -> str:
-    """Hash of every Python file below `root`, whose constants may be frozen into machine code, and of the compiler."""
+    """Hash of every Python file of `COMPILED` below `root`, and of the compiler."""
     versions = (numba.__version__, llvmlite.__version__, sys.implementation.cache_tag)
     digest = hashlib.sha256(repr(versions).encode())
-    for path in sorted(root.rglob("*.py")):
+    for path in sorted(path for name in COMPILED for path in _python_files(root / name)):
         source = path.read_bytes()
         digest.update(f"{path.relative_to(root).as_posix()} {len(source)}\n".encode() + source)
     return digest.hexdigest()[:16]
+
+
+def _python_files(place: Path) -> list[Path]:
+    return [place] if place.is_file() else list(place.rglob("*.py"))
 
 
 def cache_folder() -> Path:
@@ -89,7 +96,7 @@ def _keep_house() -> None:
 
 
 class _Locator(caching._CacheLocator):
-    """Puts cached code into `cache_folder`, stamped with the hash of all sources instead of one file's date."""
+    """Puts cached code into `cache_folder`, stamped with the hash of the sources instead of one file's date."""
 
     def __init__(self, function: Any, source: str) -> None:
         self._line = function.__code__.co_firstlineno

@@ -1,7 +1,7 @@
 """A name for a function that is the same in every process: its code, what it closes over, and the functions that it
 calls.
 
-The sources of raybench's engines are hashed as a whole (`code_cache.source_hash`), so of their functions the name, the
+The sources of raybench's kernels are hashed as a whole (`code_cache.source_hash`), so of their functions the name, the
 code and the closure are enough. Of a user's function the globals that it refers to count too: other functions, numbers,
 tuples and arrays of them.
 """

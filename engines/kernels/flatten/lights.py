@@ -16,7 +16,6 @@ from engines.kernels.flatten.plugins import kind_of, light_sample
 from engines.kernels.lane.lights import constant_environment, cylinder, directional, disk, mesh, point, sphere, spot
 from engines.kernels.layout import LightRow
 from engines.scene import (
-    WHITE,
     CustomLight,
     Cylinder,
     DirectionalLight,
@@ -95,7 +94,7 @@ def plugin_parameters(light: CustomLight, center: Reals) -> list[float]:
 def _plugin(light: CustomLight, center: Reals) -> list[float]:
     plugin, parameters = light.plugin, plugin_parameters(light, center)
     kind = kind_of(MODELS, plugin.name, LightModel(light_sample(plugin.jitted), len(parameters)))
-    return LightRow.packed(kind=kind, color=light.options.get("color", WHITE), parameters=parameters)
+    return LightRow.packed(kind=kind, color=light.options.get("color", (1.0, 1.0, 1.0)), parameters=parameters)
 
 
 ROWS: dict[type, Callable[[Any, Reals], list[float]]] = {
