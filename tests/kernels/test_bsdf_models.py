@@ -101,6 +101,7 @@ def test_the_weight_of_a_sample_is_value_over_density(name, front):
     assert np.allclose(weight, lanes.evaluate(wo, wi) / lanes.pdf(wo, wi), rtol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["beckmann glass", "wax"])
 def test_in_float32_the_weight_of_a_sample_is_value_over_density_to_its_digits(name):
     """Away from grazing directions and from nearly straight refraction, where half vectors have few digits."""
