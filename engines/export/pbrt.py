@@ -56,6 +56,8 @@ def _lacks(scene: model.Scene) -> str | None:
     if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
         return f"pbrt has no counterpart of {lacks}"
     for material in scene.materials:
+        if isinstance(material.emission, model.Texture):
+            return f"material {material.name!r}: pbrt has no counterpart of emission from a texture, as we have it"
         if lacks := material_lacks(material) or _bsdf_lacks(model_of(material)):
             return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
     return next(filter(None, map(_light_lacks, scene.lights)), None)
@@ -217,9 +219,9 @@ def _dressed(scene: model.Scene, index: int, body: list[str]) -> Iterator[str]:
     material = scene.materials[index]
     yield "AttributeBegin"
     yield f'  NamedMaterial "material_{index}"'
-    if material.emission != model.BLACK:
+    if material.emits:
         sides = "true" if material.two_sided else "false"
-        yield f'  AreaLightSource "diffuse" {_rgb("L", material.emission)} "bool twosided" [ {sides} ]'
+        yield f'  AreaLightSource "diffuse" {_rgb("L", material.mean_emission)} "bool twosided" [ {sides} ]'
     yield from (f"  {line}" for line in body)
     yield "AttributeEnd"
 
