@@ -56,8 +56,6 @@ def _lacks(scene: model.Scene) -> str | None:
     if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
         return f"pbrt has no counterpart of {lacks}"
     for material in scene.materials:
-        if isinstance(material.emission, model.Texture):
-            return f"material {material.name!r}: pbrt has no counterpart of emission from a texture, as we have it"
         if lacks := material_lacks(material) or _bsdf_lacks(model_of(material)):
             return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
     return next(filter(None, map(_light_lacks, scene.lights)), None)
