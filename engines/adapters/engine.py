@@ -12,7 +12,7 @@ from engines.adapters.image_renderer import ImageRenderer
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Settings
-from engines.scene import EnvironmentLight, PointLight, Scene
+from engines.scene import EnvironmentLight, PointLight, Scene, Texture
 from engines.scene.support import foreign, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf")), "width": None}
@@ -136,6 +136,8 @@ class AdapterEngine:
             if key not in self.camera_keys and getattr(camera, key, default) != default:
                 yield f"{name} has no counterpart of a camera's {key}"
         for material in scene.materials:
+            if isinstance(material.emission, Texture):
+                yield f"material {material.name!r}: {name} takes no emission from a texture"
             if material.emits and material.two_sided and not self.two_sided:
                 yield f"material {material.name!r}: {name} has no surfaces that emit on both sides"
         if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from engines.interface import Settings
 from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, ThinLens, Triangle
-from engines.scene.bsdf import uses_uvs
 from engines.scene.geometry import face_normals, has_area, unit_rows
 from engines.scene.procedural.solids import tessellated_sphere
-from engines.scene.support import model_of
 
 Array = NDArray[np.float64]
 OWN_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -61,7 +59,7 @@ def sphere_mesh(subdivisions: int) -> tuple[Array, NDArray[np.int32]]:
 def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
     """All triangles and meshes of the scene, one mesh for each material (two where only some of it is smooth, or has uvs).
 
-    Faces of zero area are left out. Where light depends on texture coordinates (`engines.scene.bsdf.uses_uvs`) every mesh has
+    Faces of zero area are left out. Where light depends on texture coordinates (`Material.uses_uvs`) every mesh has
     them. Other shapes are the caller's: an engine lists in `AdapterEngine.shapes` the kinds that it takes. With a `gap` every
     face that emits on both sides is two that emit on one, `gap` away from its place.
     """
@@ -91,7 +89,7 @@ class _Piece(NamedTuple):
 
 def _pieces(scene: Scene, gap: float | None) -> Iterator[_Piece]:
     """The faces of each shape, of one material at a time, with the vertices that they use."""
-    wanted = [uses_uvs(model_of(material)) for material in scene.materials]
+    wanted = [material.uses_uvs for material in scene.materials]
     for shape in scene.shapes:
         if isinstance(shape, Triangle):
             corners = np.array([shape.a, shape.b, shape.c])

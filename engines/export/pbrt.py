@@ -217,9 +217,9 @@ def _dressed(scene: model.Scene, index: int, body: list[str]) -> Iterator[str]:
     material = scene.materials[index]
     yield "AttributeBegin"
     yield f'  NamedMaterial "material_{index}"'
-    if material.emission != model.BLACK:
+    if material.emits:
         sides = "true" if material.two_sided else "false"
-        yield f'  AreaLightSource "diffuse" {_rgb("L", material.emission)} "bool twosided" [ {sides} ]'
+        yield f'  AreaLightSource "diffuse" {_rgb("L", material.mean_emission)} "bool twosided" [ {sides} ]'
     yield from (f"  {line}" for line in body)
     yield "AttributeEnd"
 

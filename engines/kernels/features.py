@@ -35,6 +35,8 @@ class SceneFeatures(NamedTuple):
     """Some material is anisotropic."""
     emission: bool = False
     """Some surface emits."""
+    textured_emission: bool = False
+    """Some surface emits what a texture holds."""
     lights: tuple[int, ...] = ()
     """Kinds of listed lights."""
     many_lights: bool = False

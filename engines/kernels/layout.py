@@ -336,6 +336,9 @@ class SceneTable(Table):
     textures = rows(TextureRow)
     texels = array(np.int64)  # addresses of the images
     vertex_uvs = rows(UVRow)
+    # where some surface emits what a texture holds
+    emission_textures = array(np.int32)  # a material: the texture, -1 for none
+    light_primitives = array(np.int32)  # a light: id of the shape that it is, -1 of a mesh and of what is no shape
 
     # set by the renderer
     camera = rows(CameraRow)

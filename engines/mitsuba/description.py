@@ -13,7 +13,7 @@ from engines.mitsuba.bsdfs import MODELS, WRAPPERS, bsdf_node, material_lacks
 from engines.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.mitsuba.lights import LIGHTS, light_node, lights_lack
 from engines.mitsuba.nodes import Node, Placing
-from engines.mitsuba.shapes import SHAPES, Part, parts, planes_lack
+from engines.mitsuba.shapes import SHAPES, Part, emission_lacks, parts, planes_lack
 from engines.mitsuba.textures import TEXTURES, Textures
 from engines.scene import Scene
 from engines.scene.support import foreign, model_of
@@ -35,8 +35,8 @@ def described(scene: Scene, placing: Placing, robust: bool = True) -> Descriptio
     materials = {
         f"material_{index}": bsdf_node(model_of(material), textures) for index, material in enumerate(scene.materials)
     }
+    found = tuple(parts(scene, placing, textures))
     nodes: Node = {"type": "scene", "embree_use_robust_intersections": robust, **textures.nodes, **materials}
-    found = tuple(parts(scene, placing))
     for index, part in enumerate(found):
         nodes[f"shape_{index}"] = part.node
     for index, light in enumerate(scene.lights):
@@ -57,4 +57,4 @@ def scene_lacks(scene: Scene) -> str | None:
     for material in scene.materials:
         if lacks := material_lacks(material):
             return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
-    return planes_lack(scene) or lights_lack(scene)
+    return planes_lack(scene) or emission_lacks(scene) or lights_lack(scene)

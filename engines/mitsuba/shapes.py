@@ -9,9 +9,24 @@ from typing import NamedTuple
 import numpy as np
 
 from engines.mitsuba.bsdfs import anisotropic, directed
-from engines.mitsuba.nodes import Array, Node, Placing, facing, rgb
-from engines.scene import BLACK, Cylinder, Disk, Material, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Triangle
+from engines.mitsuba.nodes import Array, Node, Placing, facing
+from engines.mitsuba.textures import Textures
+from engines.scene import (
+    BLACK,
+    Cylinder,
+    Disk,
+    Material,
+    Mesh,
+    Plane,
+    Scene,
+    Shape,
+    Sphere,
+    SphereSet,
+    Texture,
+    Triangle,
+)
 from engines.scene.support import members, model_of
+from engines.scene.textures import IDENTITY
 
 PLANE_EXTENTS = 1e4
 """Radius of the disk that stands for a plane, in extents of the rest of the scene. Hits of a rectangle of that size are so far
@@ -64,12 +79,29 @@ def planes_lack(scene: Scene) -> str | None:
     return None
 
 
-def parts(scene: Scene, placing: Placing) -> Iterator[Part]:
+def emission_lacks(scene: Scene) -> str | None:
+    """One sentence on what of the textures that surfaces emit Mitsuba has no counterpart for, or None. It samples them through
+    (u, v) in [0, 1], and misses all else."""
+    for shape in scene.shapes:
+        indices = np.unique(shape.materials) if isinstance(shape, Mesh) else [shape.material]
+        for material in (scene.materials[index] for index in indices):
+            if isinstance(material.emission, Texture):
+                uvs = shape.uvs if isinstance(shape, Mesh) else None
+                inside = uvs is not None and uvs.min(initial=0.0) >= 0.0 and uvs.max(initial=0.0) <= 1.0
+                if not inside or material.two_sided or material.emission.to_uv != IDENTITY:
+                    return (
+                        f"material {material.name!r}: Mitsuba has emission from a texture on one side of meshes alone, with "
+                        "texture coordinates in [0, 1] and without to_uv"
+                    )
+    return None
+
+
+def parts(scene: Scene, placing: Placing, textures: Textures) -> Iterator[Part]:
     """Every shape of the scene, in one part for each of its materials and emitting sides."""
     size = extent(scene)
     for index, shape in enumerate(scene.shapes):
         if not isinstance(shape, (Triangle, Mesh)):
-            yield from _round_or_flat(scene, index, shape, size)
+            yield from _round_or_flat(scene, index, shape, size, textures)
             continue
         pieces = _triangles(shape)
         for material in np.unique(pieces.materials):
@@ -77,7 +109,7 @@ def parts(scene: Scene, placing: Placing) -> Iterator[Part]:
             for piece, side in _sides(pieces, faces, scene.materials[material], GAP * size):
                 name = f"shape_{index}_{scene.materials[material].name}_{'back' if side < 0 else 'front'}"
                 node: Node = {"type": "ply", "filename": placing.mesh(name, *piece), "face_normals": piece.normals is None}
-                yield _finished(scene, node, Part(node, index, int(material), faces, side < 0))
+                yield _finished(scene, node, Part(node, index, int(material), faces, side < 0), textures)
 
 
 def _triangles(shape: Triangle | Mesh) -> Mesh:
@@ -106,13 +138,13 @@ def _sides(mesh: Mesh, chosen: Array, material: Material, gap: float) -> Iterato
     yield Piece((corners - gap * normal).reshape(-1, 3), order[:, [0, 2, 1]], back, None), -1
 
 
-def _round_or_flat(scene: Scene, index: int, shape: Shape, size: float) -> Iterator[Part]:
+def _round_or_flat(scene: Scene, index: int, shape: Shape, size: float, textures: Textures) -> Iterator[Part]:
     assert not isinstance(shape, (Triangle, Mesh))
     material = scene.materials[shape.material]
     sides = ((1, GAP * size), (-1, GAP * size)) if material.emits and material.two_sided else ((1, 0.0),)
     for side, gap in sides:
         for primitive, node in enumerate(_nodes(shape, side, gap, size)):
-            yield _finished(scene, node, Part(node, index, shape.material, np.array([primitive]), side < 0))
+            yield _finished(scene, node, Part(node, index, shape.material, np.array([primitive]), side < 0), textures)
 
 
 def _nodes(shape: Plane | Disk | Cylinder | Sphere | SphereSet, side: int, gap: float, size: float) -> Iterator[Node]:
@@ -135,10 +167,10 @@ def _nodes(shape: Plane | Disk | Cylinder | Sphere | SphereSet, side: int, gap: 
             yield {"type": "sphere", "center": place, "radius": float(radius) + side * gap, **turned}
 
 
-def _finished(scene: Scene, node: Node, part: Part) -> Part:
+def _finished(scene: Scene, node: Node, part: Part, textures: Textures) -> Part:
     """The part with its material and light."""
     material = scene.materials[part.material]
     node["bsdf"] = {"type": "ref", "id": f"material_{part.material}"}
     if material.emits:
-        node["emitter"] = {"type": "area", "radiance": rgb(material.emission)}
+        node["emitter"] = {"type": "area", "radiance": textures.color(material.emission)}
     return part

@@ -37,7 +37,7 @@ class Context:
 
     def __init__(self, scene: Scene, geometry: Geometry, tracer: Tracer, shader: Choice, sampler: Sampler) -> None:
         self.geometry = geometry
-        self.materials = Materials(scene.materials)
+        self.materials = Materials(scene.materials, geometry)
         self.lights = Lights(scene.lights, geometry, self.materials)
         self.light_sampler = light_sampler(scene, shader, self.lights.count)
         self.lit_through = lit_through(scene)

@@ -8,7 +8,10 @@ import numpy as np
 
 from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes, Refracts
 from engines.numpy_reference.bsdf.interface import NullLobes
+from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import SurfaceInteraction
+from engines.numpy_reference.shapes import Primitives
+from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.tilts import kept, shadowing
 from engines.numpy_reference.vectors import Array, Indices, Mask, dot
 from engines.numpy_reference.wrappers import Wrappers
@@ -19,14 +22,17 @@ class Materials:
     """A column for each of m materials: `kd`, `ks`, `kt`, `emission` (3, m); `ior`, `two_sided` (m,). `lobes` are those of the
     BSDFs that are no wrappers, the leaves. `placed` (m,) says which materials need texture coordinates, None that none does.
 
-    The verbs of BSDFs are those of the leaves to which `walk` has led, which comes first where there are wrappers.
+    Where some emission is a texture, `emission` has its mean, and `geometry` is needed. The verbs of BSDFs are those of the
+    leaves to which `walk` has led, which comes first where there are wrappers.
     """
 
-    def __init__(self, materials: Sequence[Material]) -> None:
+    def __init__(self, materials: Sequence[Material], geometry: Geometry | None = None) -> None:
         def colours(name: str) -> Array:
             return np.array([getattr(material, name) for material in materials], np.float64).reshape(-1, 3).T.copy()
 
-        self.kd, self.ks, self.kt, self.emission = map(colours, ("kd", "ks", "kt", "emission"))
+        self.kd, self.ks, self.kt = map(colours, ("kd", "ks", "kt"))
+        self.emission, self._radiance = colours("mean_emission"), ColorParameter([m.emission for m in materials], np.inf)
+        self._geometry = geometry
         self.ior = np.array([material.ior for material in materials], np.float64)
         self.two_sided = np.array([material.two_sided for material in materials], bool)
         self.emissive = bool((self.emission > 0.0).any())
@@ -54,8 +60,28 @@ class Materials:
 
     def emitted(self, at: SurfaceInteraction) -> Array:
         """(3, n) radiance that the surface sends back along the rays that found it."""
-        lit = at.front | self.two_sided[at.material]
-        return np.where(lit, self.emission.take(at.material, axis=1), 0.0)
+        return np.where(at.front | self.two_sided[at.material], self._emission(at), 0.0)
+
+    def radiance(self, shapes: Primitives, index: Indices, material: Indices, wo: Array, point: Array) -> Array:
+        """(3, n) that leaves points (3, n) of `shapes` along `wo`, where that side emits."""
+        found = self.emission.take(material, axis=1)
+        lanes = np.flatnonzero(self._radiance.textured[material])
+        if lanes.size:
+            wo, point = wo.take(lanes, axis=1), point.take(lanes, axis=1)
+            place = shapes.coordinates(index[lanes], point + wo, -wo, point)
+            found[:, lanes] = self._radiance(material[lanes], place)
+        return found
+
+    def _emission(self, at: SurfaceInteraction) -> Array:
+        """(3, n) radiance on either side."""
+        if not self._radiance.textured.any():
+            return self.emission.take(at.material, axis=1)
+        assert self._geometry is not None
+        found = np.empty(at.wo.shape)
+        for shapes, lanes, index in self._geometry.by_kind(at.primitive_id):
+            there = at.take(lanes)
+            found[:, lanes] = self.radiance(shapes, index, there.material, there.wo, there.point)
+        return found
 
     def walk(self, at: SurfaceInteraction, u: Array) -> tuple[SurfaceInteraction, Array]:
         """The points as the BSDFs there see them, and what the wrappers have left of `u` (n,), which was drawn for a lobe."""
@@ -73,7 +99,7 @@ class Materials:
         found = np.empty(at.wo.shape)
         for model, lanes, member, here in self._by_model(at):
             found[:, lanes] = model.albedo(member, here)
-        return np.where((found > 0.0).any(axis=0), found, self.emission.take(at.material, axis=1))
+        return np.where((found > 0.0).any(axis=0), found, self._emission(at))
 
     def has(self, at: SurfaceInteraction, lobes: Lobes) -> Mask:
         """(n,) whether the BSDF has any of the lobes."""

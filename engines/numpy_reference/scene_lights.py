@@ -59,8 +59,7 @@ class Lights:
         for shapes, lanes, index in geometry.by_kind(primitive_id):
             places, light = np.unique(place[lanes], return_inverse=True)
             material = geometry.material[primitive_id[lanes]]
-            emission, two_sided = materials.emission.take(material, axis=1), materials.two_sided[material]
-            self._enter(places, AreaLights(shapes, index, light, emission, two_sided))
+            self._enter(places, AreaLights(shapes, index, light, materials, material))
 
     def _enter(self, places: Indices, lights: LightSet | AreaLights) -> None:
         self._set[places] = len(self._sets)

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.vectors import Array, Indices, Mask
 from engines.scene import Checkerboard, Color, ImageTexture, Number, Texture
 
 LUMINANCE = (0.212671, 0.715160, 0.072169)
 """Weights of linear red, green and blue where a texture stands for one number."""
+
+
+class HasUV(Protocol):
+    """n points with texture coordinates."""
+
+    @property
+    def uv(self) -> Array | None:
+        """(2, n), None in scenes that need none."""
+        ...
 
 
 class ColorParameter:
@@ -32,7 +41,7 @@ class ColorParameter:
         """(3, m) over the texels of an image, each held in the range, or over both colours of a checkerboard."""
         self.mean[:, self.textured] = self._textures.each(lambda texture: _mean_color(texture, high), (3, -1))
 
-    def __call__(self, member: Indices, at: SurfaceInteraction) -> Array:
+    def __call__(self, member: Indices, at: HasUV) -> Array:
         """(3, n) of the members (n,) at n points."""
         found = self._constant.take(member, axis=1)
         self._textures.put(found, member, at)
@@ -50,7 +59,7 @@ class NumberParameter:
         self.largest = self._constant.copy()
         self.largest[self.textured] = self._textures.largest(_largest_number, (-1,))
 
-    def __call__(self, member: Indices, at: SurfaceInteraction) -> Array:
+    def __call__(self, member: Indices, at: HasUV) -> Array:
         """(n,) of the members (n,) at n points."""
         found = self._constant[member]
         self._textures.put(found, member, at)
@@ -76,7 +85,7 @@ class _Textures:
         """As `each`, held in the range."""
         return np.clip(self.each(function, shape), self._low, self._high)
 
-    def put(self, found: Array, member: Indices, at: SurfaceInteraction) -> None:
+    def put(self, found: Array, member: Indices, at: HasUV) -> None:
         """Writes the looked-up values of the points whose member is textured."""
         if not self._listed:
             return
@@ -88,7 +97,7 @@ class _Textures:
             found[..., here] = np.clip(value, self._low, self._high)
 
 
-def texture_coordinates(at: SurfaceInteraction) -> Array:
+def texture_coordinates(at: HasUV) -> Array:
     """(2, n) the (u, v) of points, which scenes with textures have."""
     if at.uv is None:
         raise ValueError("the scene was prepared without texture coordinates")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import Conductor, CustomBSDF, uses_uvs
+from engines.scene.bsdf import Conductor, CustomBSDF
 from engines.scene.cameras import Camera, CustomCamera, Orthographic, Perspective
 from engines.scene.lights import CustomLight, EnvironmentLight, Light
 from engines.scene.materials import Material
@@ -44,7 +44,7 @@ def content_hash(
     for shape in shapes:
         if isinstance(shape, Mesh):
             _feed(digest, ["Mesh", shape.vertices, shape.faces, shape.normals, *_mesh_materials(shape, values)])
-            if shape.uvs is not None and any(uses_uvs(materials[index].bsdf) for index in np.unique(shape.materials)):
+            if shape.uvs is not None and any(materials[index].uses_uvs for index in np.unique(shape.materials)):
                 _feed(digest, ["uvs", shape.uvs])
         else:
             _feed(digest, [_fields(shape, {"material", "name"}), values[shape.material]])

@@ -119,7 +119,7 @@ _LISTED: dict[type, Callable[[Any, float], LightBounds]] = {
 
 def _exitance(material: Any) -> float:
     """W/m2, of both sides together."""
-    return math.pi * _mean(material.emission) * (2.0 if material.two_sided else 1.0)
+    return math.pi * _mean(material.mean_emission) * (2.0 if material.two_sided else 1.0)
 
 
 def _triangle(shape: Triangle, materials: Any) -> Iterator[LightBounds]:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engines.scene.bsdf import MODELS, Bsdf, Mixture, Sides, is_opaque
-from engines.scene.textures import Texture, largest, textured_color
+from engines.scene.bsdf import MODELS, Bsdf, Mixture, Sides, is_opaque, uses_uvs
+from engines.scene.textures import Color, Texture, largest, mean_color, textured_color
 from engines.scene.triple import BLACK, Triple
 from engines.schema.keys import Given, Key, Record
-from engines.schema.kinds import BOOLEAN, POSITIVE, color, one_of
+from engines.schema.kinds import BOOLEAN, POSITIVE, one_of
 
 __all__ = ["Material"]
 
@@ -22,9 +22,9 @@ ENERGY_TOLERANCE = 1e-9
 class Material:
     """Surface response: kd Lambertian albedo (f = kd/pi), ks mirror, kt refraction, emission radiance (W/sr/m2).
 
-    With `fresnel` the mirror is weighted by F and the refraction by 1 - F (exact dielectric, unpolarised). Emission
-    leaves the front side, or both when `two_sided`. `ior` is relative to the outside of the shape. Where `bsdf` is given
-    it replaces kd, ks, kt, ior and fresnel, which then have their defaults.
+    With `fresnel` the mirror is weighted by F and the refraction by 1 - F (exact dielectric, unpolarised). Emission,
+    which may be a texture, leaves the front side, or both when `two_sided`. `ior` is relative to the outside of the
+    shape. Where `bsdf` is given it replaces kd, ks, kt, ior and fresnel, which then have their defaults.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Material:
     kt: Triple = BLACK
     ior: float = 1.0
     fresnel: bool = False
-    emission: Triple = BLACK
+    emission: Color = BLACK
     two_sided: bool = False
     bsdf: Bsdf | None = None
 
@@ -47,8 +47,18 @@ class Material:
 
     @property
     def emits(self) -> bool:
-        """Whether any channel of `emission` is above zero."""
-        return max(self.emission) > 0.0
+        """Whether any channel of `emission` is above zero, anywhere."""
+        return max(self.mean_emission) > 0.0
+
+    @property
+    def mean_emission(self) -> Triple:
+        """Of a texture, the mean over its texels (`engines.scene.textures.mean_color`)."""
+        return mean_color(self.emission) if isinstance(self.emission, Texture) else self.emission
+
+    @property
+    def uses_uvs(self) -> bool:
+        """Whether light depends on texture coordinates: by its emission or its BSDF (`engines.scene.bsdf.uses_uvs`)."""
+        return isinstance(self.emission, Texture) or uses_uvs(self.bsdf)
 
 
 def _material(given: Given, context: Any) -> Material:
@@ -92,7 +102,7 @@ LOBES = {
     "fresnel": Key(BOOLEAN, "Whether ks is weighted by Fresnel's reflectance F and kt by 1 - F, as in glass.", False),
 }
 EMISSION = {
-    "emission": Key(color(), "Radiance that leaves the front side.", 0, unit="W/(sr m²)"),
+    "emission": Key(textured_color(), "Radiance that leaves the front side.", 0, unit="W/(sr m²)"),
     "two_sided": Key(BOOLEAN, "Whether the back side emits, too.", False),
 }
 _CHOICE = {name: Key(model, f"Instead of the keys above. {model.meaning}", None) for name, model in MODELS.items()}

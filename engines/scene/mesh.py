@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import uses_uvs
 from engines.scene.context import SceneReader
 from engines.scene.formats.mesh import MeshData, read_mesh
 from engines.scene.geometry import unit_rows, vertex_normals, with_face_normals
@@ -60,7 +59,7 @@ def read_only_mesh(
 def _mesh(given: Given, context: SceneReader) -> Mesh:
     smooth, several = given["smooth"], context.face_materials
     material = several[0] if several else context.material
-    uvs = material is not None and any(uses_uvs(context.table.materials[each].bsdf) for each in several or [material])
+    uvs = material is not None and any(context.table.materials[each].uses_uvs for each in several or [material])
     if given.has("file"):
         if given.has("uvs"):
             raise given.node.refuse_key("uvs", "belongs to vertices that are listed: a file has its own")

@@ -58,6 +58,8 @@ def _parts(scene: Scene) -> Iterator[tuple[str, str, Any]]:
         yield f"lights[{index}]: ", "light", light
     for material in scene.materials:
         where = f"material {material.name!r}: "
+        if not isinstance(material.emission, tuple):
+            yield where, "texture", material.emission
         for part in members(model_of(material)):
             yield where, "BSDF", part
             yield from ((where, "texture", value) for value in _textures(part))

@@ -69,6 +69,15 @@ def largest(texture: Texture) -> Triple:
     return r, g, b
 
 
+def mean_color(texture: Texture) -> Triple:
+    """The mean of each channel over the texels of an image, or over both colours of a checkerboard; less than 0 counts as 0."""
+    if isinstance(texture, Checkerboard):
+        r, g, b = (0.5 * (max(x, 0.0) + max(y, 0.0)) for x, y in zip(texture.a, texture.b, strict=True))
+        return r, g, b
+    r, g, b = np.broadcast_to(np.maximum(texture.pixels, 0).mean(axis=(0, 1), dtype=np.float64), 3).tolist()
+    return r, g, b
+
+
 def _pair(node: Located, alone: bool) -> tuple[float, float]:
     """Two numbers, or one for both where one may stand `alone`."""
     if alone and not isinstance(node.value, list):

@@ -115,7 +115,7 @@ class _Writer:
 
     def material(self, material: Material) -> Keys:
         found = self.bsdf(material.bsdf) if material.bsdf else self.lobes(material)
-        emission = {"emission": _color(material.emission)} if material.emits else {}
+        emission = {"emission": self.value(material.emission)} if material.emits else {}
         return found | emission | ({"two_sided": True} if material.two_sided else {})
 
     def lobes(self, of: Material | Mixture) -> Keys:

@@ -112,6 +112,7 @@ def test_an_update_that_is_declined_leaves_the_renderer_as_it_was():
         (scene(mirror={"conductor": {"metal": "Au"}}), {}, "'mirror': tiny has no counterpart of the BSDF Conductor"),
         (scene(holes={"mask": {"opacity": 0.5, "of": "grey"}}), {}, "'holes': tiny has no counterpart of the BSDF Mask"),
         (scene(lamp={"emission": 1, "two_sided": True}), {}, "'lamp'.*both sides"),
+        (scene(textures={"t": {"checkerboard": {}}}, lamp={"emission": "t"}), {}, "'lamp'.*Checkerboard"),
         (scene(lights=[{"environment": {"radiance": 1}}]), {}, "counterpart of the light EnvironmentLight"),
         (scene(lights=[{"point": {"position": [0, 1, 0], "intensity": 1, "falloff": "none"}}]), {}, "fall off"),
         (scene(camera={"mirror": True}), {}, "camera's mirror"),

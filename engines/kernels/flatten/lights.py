@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from engines.kernels.flatten import shapes
 from engines.kernels.flatten.plugins import kind_of, light_sample
+from engines.kernels.flatten.programs import plain_emission
 from engines.kernels.lane.lights import constant_environment, cylinder, directional, disk, mesh, point, sphere, spot
 from engines.kernels.layout import LightRow
 from engines.scene import (
@@ -115,6 +116,8 @@ class LightList:
         self.faces: list[Any] = [np.zeros(0, np.int64)]
         self.cdf: list[Any] = [np.zeros(0)]
         self.ranges: list[tuple[int, int]] = []
+        self.primitives: list[int] = []
+        """Of each light, the id of the shape that it is; -1 of a mesh, and of what is no shape."""
         self.environment = next((light for light in scene.lights if isinstance(light, EnvironmentLight)), None)
         self.of_primitive = np.full(primitives, -1, np.int32)
         self.center = center
@@ -126,9 +129,10 @@ class LightList:
     def kinds(self) -> tuple[int, ...]:
         return tuple(sorted({int(row[0]) for row in self.rows}))
 
-    def _append(self, row: list[float], faces: tuple[int, int] = (0, 0)) -> None:
+    def _append(self, row: list[float], faces: tuple[int, int] = (0, 0), primitive: int = -1) -> None:
         self.rows.append(row)
         self.ranges.append(faces)
+        self.primitives.append(primitive)
 
     def _add_shape(self, materials: tuple[Material, ...], shape: Any, first: int) -> None:
         if isinstance(shape, (Triangle, Mesh)):
@@ -139,8 +143,8 @@ class LightList:
             return
         for k, (kind, parameters) in enumerate(SHAPES[type(shape)](shape, self.center)):
             self.of_primitive[first + k] = len(self.rows)
-            emission = {"color": material.emission, "two_sided": material.two_sided}
-            self._append(LightRow.packed(kind=kind, parameters=parameters, **emission))
+            emission = {"color": plain_emission(material), "two_sided": material.two_sided}
+            self._append(LightRow.packed(kind=kind, parameters=parameters, **emission), primitive=first + k)
 
     def _add_faces(self, materials: tuple[Material, ...], shape: Any, first: int) -> None:
         if isinstance(shape, Triangle):

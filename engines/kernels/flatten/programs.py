@@ -16,7 +16,20 @@ from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of, transmittance_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
-from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture
+from engines.scene import (
+    WHITE,
+    Blend,
+    Bump,
+    Checkerboard,
+    ImageTexture,
+    Mask,
+    Material,
+    Mixture,
+    NormalMap,
+    Sides,
+    Texture,
+    Triple,
+)
 from engines.scene.support import leaves, transmits
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
@@ -63,6 +76,11 @@ def leaves_in(material: Material) -> list[Any]:
     return [leaf or _BLACK for leaf in leaves(leaf_of(material))]
 
 
+def plain_emission(material: Material) -> Triple:
+    """What a material emits before its texture is looked up."""
+    return WHITE if isinstance(material.emission, Texture) and material.emits else material.mean_emission
+
+
 def _is_textured(leaf: Any) -> bool:
     return any(isinstance(value, Lookup) for value in parameters_of(leaf))
 
@@ -90,6 +108,11 @@ class Programs:
         for index in self.used:
             if self._wanted(index):
                 self.first[index] = self._node(leaf_of(materials[index]))
+        self._looks_up = len(self.textures) > 0
+        self.emission_textures = np.full(len(self.first), NONE, np.int32)
+        for index in self.used:
+            if isinstance(materials[index].emission, Texture):
+                self.emission_textures[index] = self._texture(materials[index].emission)
 
     def _wanted(self, index: int) -> bool:
         """Whether a material has a program: it has wrappers or textures, or is anisotropic along texture coordinates."""
@@ -189,8 +212,9 @@ class Programs:
         for row, material in zip(rows, self.materials, strict=False):
             leaf = leaves_in(material)[0]
             row[:] = MaterialRow.packed(
-                bsdf=self._constants(leaf), emission=material.emission, two_sided=material.two_sided, model=model_of(leaf)
-            )
+                bsdf=self._constants(leaf), emission=plain_emission(material), two_sided=material.two_sided,
+                model=model_of(leaf),
+            )  # fmt: skip
         return rows
 
     def images(self) -> NDArray[np.int32]:
@@ -228,7 +252,8 @@ class Programs:
             **found,
             "emission": any(material.emits for material in used),
             "programs": bool(self),
-            "textures": len(self.textures) > 0,
+            "textures": self._looks_up,
+            "textured_emission": bool((self.emission_textures >= 0).any()),
             "uvs": any(self.first[index] >= 0 for index in self.on_uvs),
             "choices": bool(kinds & {MASK, BLEND}),
             "masks": MASK in kinds,

@@ -128,27 +128,32 @@ def _bind_surfaces(flat: FlatScene, geometry: Geometry, lights: LightList, progr
 
 
 def _bind_programs(flat: FlatScene, geometry: Geometry, programs: Programs) -> None:
-    """Nothing in a scene without."""
+    """Programs, and the textures of these and of emission, in scenes that have some."""
+    table = SceneTable
+    if programs.textures:
+        flat.bind(table.textures, np.array(programs.textures))
+        flat.bind(table.texels, np.array([pixels.ctypes.data for pixels in programs.pixels], np.int64))
+        flat.owned += programs.pixels
+        flat.texture_bytes = programs.texture_bytes
+    if flat.features.uvs or flat.features.textured_emission:
+        flat.bind(table.vertex_uvs, geometry.uv_rows())
+    if flat.features.textured_emission:
+        flat.bind(table.emission_textures, programs.emission_textures)
     if not programs:
         return
-    table = SceneTable
     flat.bind(table.programs, programs.first)
     flat.bind(table.program_textures, programs.images())
     flat.bind(table.nodes, np.array(programs.nodes))
     flat.bind(table.leaves, np.reshape(programs.leaves, (-1, LeafRow.size)).astype(flat.real))
     flat.bind(table.lookups, np.reshape(programs.lookups, (-1, LookupRow.size)))
-    flat.bind(table.textures, np.array(programs.textures))
-    flat.bind(table.texels, np.array([pixels.ctypes.data for pixels in programs.pixels], np.int64))
-    flat.owned += programs.pixels
-    flat.texture_bytes = programs.texture_bytes
-    if flat.features.uvs:
-        flat.bind(table.vertex_uvs, geometry.uv_rows())
 
 
 def _bind_lights(flat: FlatScene, lights: LightList) -> None:
     real, table = flat.real, SceneTable
     flat.bind(table.n_lights, len(lights.rows))
     flat.bind(table.lights, np.array(lights.rows or np.zeros((1, LightRow.size)), np.float64).astype(real))
+    if flat.features.textured_emission:
+        flat.bind(table.light_primitives, np.array(lights.primitives or [-1], np.int32))
     flat.bind(table.light_faces, np.concatenate(lights.faces).astype(np.int32))
     flat.bind(table.light_cdf, np.concatenate(lights.cdf))
     flat.bind(table.light_ranges, np.array(lights.ranges or [(0, 0)], np.int32))

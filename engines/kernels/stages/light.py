@@ -17,7 +17,7 @@ from engines.kernels.integrators.path_tracer import LIGHT_CANDIDATES
 from engines.kernels.lane.lights.sample import Light, LightSample, choose
 from engines.kernels.lane.vector import Vec3, select3, to_real
 from engines.kernels.layout import LANES, LightRow, MaterialRow, PrimitiveRow, ray_batch, scene_table
-from engines.kernels.stages import environment, light_hierarchy, resampling
+from engines.kernels.stages import emission, environment, light_hierarchy, resampling
 from engines.kernels.stages.hit_loads import lane_number, load_corners, load_vertices, make_load_rows
 
 COLOR = LightRow.fields["color"].first
@@ -188,8 +188,22 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
     return sample_one
 
 
-def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, real: Any) -> Any:
+@cache
+def _make_colored(sample_one: Any, color_samples: Any) -> Any:
+    @inline
+    def sample(rays, scene):
+        sample_one(rays, scene)
+        color_samples(rays, scene)
+
+    return sample
+
+
+def _make(
+    kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any
+) -> Any:
     sample_one = _make_sample_one(kinds, selection, turned, real)
+    if color_samples is not None:
+        sample_one = _make_colored(sample_one, color_samples)
 
     def light_stage(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -291,9 +305,12 @@ def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> A
     of several candidates."""
     many = features.many_lights and not every
     selection = Selection(every, many, many and features.power_lights, many and features.light_hierarchy)
-    return _stage(features.lights, selection, features.turned_environment, resampled, real)
+    color_samples = emission.make_light_samples(features, real) if features.textured_emission else None
+    return _stage(features.lights, selection, features.turned_environment, resampled, color_samples, real)
 
 
 @cache
-def _stage(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, real: Any) -> Any:
-    return compile_stage(_make(kinds, selection, turned, resampled, real))
+def _stage(
+    kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any
+) -> Any:
+    return compile_stage(_make(kinds, selection, turned, resampled, color_samples, real))

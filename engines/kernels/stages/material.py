@@ -37,7 +37,7 @@ _FEATURES = (
 
 
 @cache
-def _make_analytic(kinds: tuple[int, ...]) -> Any:
+def make_analytic(kinds: tuple[int, ...]) -> Any:
     """The function (kind, p, parameters, found) -> coordinates on an analytic shape of these kinds, else `found`."""
 
     @inline
@@ -46,7 +46,7 @@ def _make_analytic(kinds: tuple[int, ...]) -> Any:
 
     if not kinds:
         return none
-    own, rest, coordinates = kinds[0], _make_analytic(kinds[1:]), analytic_shape(kinds[0]).lane.coordinates
+    own, rest, coordinates = kinds[0], make_analytic(kinds[1:]), analytic_shape(kinds[0]).lane.coordinates
 
     @inline
     def chosen(kind, p, parameters, found):
@@ -66,7 +66,7 @@ def _vertex_uv(row):
 def _make_coordinates(features: SceneFeatures) -> Any:
     """The function (rays, lane, scene) -> coordinates of the lane's hit, in float64."""
     triangles, spheres, planes, uvs = features.triangles, features.spheres, features.planes, features.uvs
-    has_analytic, analytic = len(features.analytic) > 0, _make_analytic(features.analytic)
+    has_analytic, analytic = len(features.analytic) > 0, make_analytic(features.analytic)
 
     @inline
     def on_triangle(rays, lane, scene):

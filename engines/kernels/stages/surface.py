@@ -29,6 +29,7 @@ from engines.kernels.layout import (
     scene_table,
 )
 from engines.kernels.stages import environment
+from engines.kernels.stages.emission import make_hits
 from engines.kernels.stages.hit_loads import area_lights, make_load_hit
 
 OFFSET_ULPS = 256.0
@@ -37,7 +38,7 @@ OFFSET_ULPS = 256.0
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
     *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment", "uvs", "power_lights", "light_hierarchy", "transparent", "hidden_emitters",
+    "turned_environment", "uvs", "power_lights", "light_hierarchy", "transparent", "hidden_emitters", "textured_emission",
 )  # fmt: skip
 _MATERIALS = (*_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "uvs")
 
@@ -198,6 +199,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
+    textured, color_hits = features.textured_emission, make_hits(features, real)
 
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
@@ -242,6 +244,8 @@ def _make(features: SceneFeatures, real: Any) -> Any:
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
             rays.emission[lane] = emitted
             rays.light_pdf[lane] = light_pdf
+        if textured:
+            color_hits(rays, scene)
         if image_environment:
             _image_environment(rays, scene, environment_choices, turned, real)
         if hides:

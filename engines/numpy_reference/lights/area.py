@@ -6,23 +6,24 @@ import numpy as np
 
 from engines.numpy_reference.distribution import first_above, shares
 from engines.numpy_reference.lights.interface import LightSample
+from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.shapes import Primitives
-from engines.numpy_reference.vectors import Array, Indices, Mask
+from engines.numpy_reference.vectors import Array, Indices
 
 
 class AreaLights:
     """All lights of one kind of shape. A light is one primitive, or many that are chosen by their area: a mesh.
 
-    For m primitives that emit: `index` (m,) among `shapes`, ascending; their `light` (0, 1, ... without gaps); their
-    `emission` (3, m), in radiance; and whether it leaves on both sides, `two_sided` (m,).
+    For m primitives that emit: `index` (m,) among `shapes`, ascending; their `light` (0, 1, ... without gaps); and their
+    `material` (m,) among `materials`.
     """
 
     delta = False
     infinite = False
 
-    def __init__(self, shapes: Primitives, index: Indices, light: Indices, emission: Array, two_sided: Mask) -> None:
+    def __init__(self, shapes: Primitives, index: Indices, light: Indices, materials: Materials, material: Indices) -> None:
         self._shapes, self._index = shapes, index
-        self._emission, self._two_sided = emission, two_sided
+        self._materials, self._material = materials, material
         self._size = np.bincount(light)
         self._start = np.cumsum(self._size) - self._size
         areas = np.split(shapes.area[index], self._start[1:])
@@ -33,9 +34,12 @@ class AreaLights:
         """A primitive by `uc`, a point on it by `u0` and `u1`; black behind one that emits on its front alone."""
         start = self._start[light]
         member = start + first_above(self._shares, start, self._size[light], uc)
-        found = self._shapes.sample(self._index[member], point, u0, u1, self._area[light])
-        lit = found.front | self._two_sided[member]
-        weight = np.where(lit, self._emission.take(member, axis=1) / found.pdf, 0.0)
+        index, material = self._index[member], self._material[member]
+        found = self._shapes.sample(index, point, u0, u1, self._area[light])
+        lit = found.front | self._materials.two_sided[material]
+        place = point + found.distance * found.wi
+        radiance = self._materials.radiance(self._shapes, index, material, -found.wi, place)
+        weight = np.where(lit, radiance / found.pdf, 0.0)
         return LightSample(found.wi, found.distance, weight, found.pdf)
 
     def pdf(self, light: Indices, index: Indices, point: Array, distance: Array, cosine: Array) -> Array:

@@ -165,7 +165,7 @@ class Nodes:
         light = None
         if material.emits:
             front = 1.0 if material.two_sided else self.out("Math", [1.0, self._backfacing()], operation="SUBTRACT")
-            light = self.out("Emission", [(*material.emission, 1.0), front])
+            light = self.out("Emission", [(*material.mean_emission, 1.0), front])
         self.node("OutputMaterial", [self.added(self.bsdf(model_of(material)) if scatters else None, light)])
 
     def world(self, light: EnvironmentLight) -> None:

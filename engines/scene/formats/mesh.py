@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from engines.errors import RaybenchError, SceneError
 from engines.input_files import open_regular, unreadable
 from engines.memory import lacking_memory
-from engines.scene.bsdf import uses_uvs
 from engines.scene.formats.mtl import read_mtl
 from engines.scene.formats.obj import Polygons, parse_obj
 from engines.scene.formats.ply import UNIT_NORMALS
@@ -91,7 +90,7 @@ def read_mesh(
         raise node.refuse(f"a {suffix} file has no materials: name one beside 'mesh'")
     polygons = _obj(node, file)
     materials, notes = _obj_materials(node, context, file, polygons)
-    uvs = any(uses_uvs(material.bsdf) for material in materials)
+    uvs = any(material.uses_uvs for material in materials)
     data = _obj_mesh(node, file, polygons, smooth, uvs, flip_v=True)
     return replace(
         data, face_materials=polygons.face_materials, materials=materials, warnings=[*notes, *data.warnings]

@@ -18,7 +18,8 @@ from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.transforms import Matrix
 from engines.scene.shapes import Shape, check_area
-from engines.scene.triple import BLACK, Triple
+from engines.scene.textures import Color
+from engines.scene.triple import BLACK
 
 MAX_NAMED = 5
 """Names or lines that a note lists."""
@@ -127,7 +128,7 @@ class Importer:
             element = child.element if isinstance(child, Plugin) else child
             raise element.refuse(f"{plugin.kind} {plugin.type!r} has no use for {found.kind} {found.type!r}")
 
-    def material(self, bsdf: Bsdf | None, radiance: Triple, name: str) -> int:
+    def material(self, bsdf: Bsdf | None, radiance: Color, name: str) -> int:
         """The index of the material with this BSDF (None is black) and emission; the same for the same values."""
         bare = bsdf.front if isinstance(bsdf, Sides) and bsdf.back is None else bsdf
         if bare is None or bare == Diffuse(BLACK):

@@ -18,8 +18,9 @@ from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.sky import baked
-from engines.scene.mitsuba_xml.textures import texture
+from engines.scene.mitsuba_xml.textures import color_or_texture, texture
 from engines.scene.mitsuba_xml.transforms import Matrix, nearest_orthogonal, similarity
+from engines.scene.textures import Color
 from engines.scene.triple import WHITE, Triple
 from engines.schema.fields import unit
 
@@ -37,12 +38,12 @@ def light(importer: Importer, plugin: Plugin) -> Light:
     return found
 
 
-def area_radiance(importer: Importer, plugin: Plugin) -> Triple:
-    """The radiance of an `area` emitter within a shape. Raises `SceneError`."""
+def area_radiance(importer: Importer, plugin: Plugin) -> Color:
+    """The radiance of an `area` emitter within a shape, or the texture that holds it. Raises `SceneError`."""
     if plugin.type != "area":
         raise plugin.refuse(REFUSED.get(plugin.type, "an emitter of type area is wanted within a shape"))
     plugin.read.update(HARMLESS)
-    found = _light_color(importer, plugin, "radiance")
+    found = color_or_texture(importer, plugin, "radiance", default=WHITE, role=EMISSION)
     importer.finish(plugin)
     return found
 

@@ -21,7 +21,7 @@ from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.tessellate import Triangles
 from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
-from engines.scene.textures import Checkerboard, ImageTexture
+from engines.scene.textures import Checkerboard, Color, ImageTexture, Texture
 from engines.scene.triple import BLACK, Triple
 
 UNTURNED = 1e-6
@@ -33,12 +33,16 @@ class Look:
     """What a shape looks like: its BSDF (None is black) and the radiance of its front."""
 
     bsdf: Bsdf | None
-    radiance: Triple
+    radiance: Color
     name: str
 
     @property
     def emits(self) -> bool:
-        return max(self.radiance) > 0.0
+        return isinstance(self.radiance, Texture) or max(self.radiance) > 0.0
+
+    @property
+    def looks_at_uv(self) -> bool:
+        return isinstance(self.radiance, Texture) or looks_at_uv(self.bsdf)
 
 
 def shape(importer: Importer, plugin: Plugin) -> Shape:
@@ -172,7 +176,7 @@ def _of_disk(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     radius = _round(matrix[:3, 0], matrix[:3, 1])
     if radius is None:
         importer.notes.add("a stretched disk is made of triangles", plugin.element)
-    elif not looks_at_uv(look.bsdf):
+    elif not look.looks_at_uv:
         normal = cofactors(matrix[:3, :3])[:, 2] * (-1.0 if mirrored(matrix) != turn else 1.0)
         length = float(np.linalg.norm(normal))
         material = importer.material(look.bsdf, look.radiance, look.name)
@@ -196,7 +200,7 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         stretched = similarity(plugin.transform()[:3, :3]) is None
         shown = ", where Mitsuba 3 shows a sphere" if stretched else ""
         importer.notes.add(f"an ellipsoid is made of triangles{shown}", plugin.element)
-    elif turned_round and (looks_at_uv(look.bsdf) or anisotropic(look.bsdf)):
+    elif turned_round and (look.looks_at_uv or anisotropic(look.bsdf)):
         importer.notes.add(
             "a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element
         )
@@ -225,7 +229,7 @@ def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     upright = found is not None and max(abs(float(matrix[:3, i] @ along)) for i in (0, 1)) <= 1e-4 * found
     if found is None or not upright:
         importer.notes.add("a stretched or sheared cylinder is made of triangles", plugin.element)
-    elif looks_at_uv(look.bsdf):
+    elif look.looks_at_uv:
         importer.notes.add("a textured cylinder is made of triangles", plugin.element)
     elif inside_out and look.emits:
         importer.notes.add("a cylinder that emits inwards is made of triangles", plugin.element)
@@ -246,7 +250,7 @@ def _from_file(importer: Importer, plugin: Plugin, look: Look) -> Mesh:
         normals = None if normals is None else transformed_normals(importer.outer, normals)
         faces = _swapped(faces, np.full(len(faces), mirrored(importer.outer)))
         importer.check_finite(plugin, vertices)
-    if uvs is None and is_textured(look.bsdf):
+    if uvs is None and (isinstance(look.radiance, Texture) or is_textured(look.bsdf)):
         importer.notes.add(f"a textured mesh without texture coordinates: each triangle shows {PART}", plugin.element)
     return finished(importer, plugin, look, vertices, faces, normals, uvs)
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import uses_uvs
 from engines.scene.mesh import Mesh, read_only_mesh
 from engines.scene.sphere_set import SphereSet
 from engines.schema.fields import refuse_above_memory
@@ -59,7 +58,7 @@ def generator(
             raise given.node.refuse("its coordinates must be finite: make it smaller")
         if isinstance(made, Faces):
             vertices, faces, normals, uvs = made.vertices, made.faces, made.normals, None
-            if made.uvs is not None and uses_uvs(context.table.materials[context.material].bsdf):
+            if made.uvs is not None and context.table.materials[context.material].uses_uvs:
                 uvs = np.array(made.uvs(), np.float64)
                 if uvs.ndim == 3:  # corners that share a vertex differ
                     vertices, uvs = vertices[faces].reshape(-1, 3), uvs.reshape(-1, 2)

@@ -1,0 +1,115 @@
+"""Emission that textures hold: where rays have hit it, and where light samples lie on it. In rows of materials and lights it is
+white. Scalar code: what is read differs from lane to lane."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from engines.kernels.compile.jit import inline
+from engines.kernels.features import SceneFeatures
+from engines.kernels.flatten.lights import CYLINDER, DISK, MESH, SPHERE
+from engines.kernels.flatten.shapes import PLANE, TRIANGLE
+from engines.kernels.flatten.shapes import SPHERE as SPHERE_SHAPE
+from engines.kernels.lane.shapes import plane, sphere
+from engines.kernels.lane.shapes.coordinates import Coordinates
+from engines.kernels.lane.shapes.triangle import VertexUV
+from engines.kernels.lane.vector import Vec3, to_float64, to_real
+from engines.kernels.layout import LANES
+from engines.kernels.stages.material import make_analytic
+from engines.kernels.stages.textures import color_at
+
+_FEATURES = ("triangles", "spheres", "planes", "analytic")
+
+
+@inline
+def _on_triangle(scene, row, b1, b2):
+    face = scene.triangles[row.index]
+    a, b, c = scene.vertex_uvs[face.a], scene.vertex_uvs[face.b], scene.vertex_uvs[face.c]
+    if a.given == 0.0:
+        return VertexUV(b1, b2)
+    b0 = 1.0 - b1 - b2
+    return VertexUV(b0 * a.u + b1 * b.u + b2 * c.u, b0 * a.v + b1 * b.v + b2 * c.v)
+
+
+@cache
+def _make_place(features: SceneFeatures) -> Any:
+    """The function (scene, row of a primitive, point of it, weights of a triangle's second and third vertex) -> its (u, v)."""
+    spheres, planes, has_analytic = features.spheres, features.planes, len(features.analytic) > 0
+    triangles, analytic = features.triangles, make_analytic(features.analytic)
+
+    @inline
+    def place(scene, row, p, b1, b2):
+        kind, index, none = np.int64(row.shape), np.int64(row.index), Vec3(0.0, 0.0, 0.0)
+        if triangles and kind == TRIANGLE:
+            return _on_triangle(scene, row, b1, b2)
+        at = Coordinates(0.0, 0.0, none, none)
+        if spheres and kind == SPHERE_SHAPE:
+            at = sphere.coordinates(p, scene.spheres[index].center, scene.spheres[index].radius)
+        elif planes and kind == PLANE:
+            at = plane.coordinates(p, scene.planes[index].point, scene.planes[index].normal)
+        elif has_analytic:
+            at = analytic(kind, p, scene.analytic[index].parameters, at)
+        return VertexUV(at.u, at.v)
+
+    return place
+
+
+@cache
+def _make_radiance(features: SceneFeatures, real: Any) -> Any:
+    """The function (scene, id of a primitive, point of it, weights of its vertices, white) -> what the texture of its emission
+    holds there, `white` where it has none."""
+    place = _make_place(features)
+
+    @inline
+    def radiance(scene, primitive, p, b1, b2, white):
+        row = scene.primitives[primitive]
+        texture = np.int64(scene.emission_textures[row.material])
+        if texture < 0:
+            return white
+        at = place(scene, row, p, b1, b2)
+        color = color_at(scene, texture, at.u, at.v)
+        return to_real(Vec3(max(color.x, 0.0), max(color.y, 0.0), max(color.z, 0.0)), real)
+
+    return radiance
+
+
+@cache
+def make_hits(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, scene) that colours what surfaces emit where the batch's rays have hit them."""
+    radiance, zero = _make_radiance(features.only(*_FEATURES), real), real(0)
+
+    @inline
+    def hits(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            emitted = rays.emission[lane]
+            if rays.alive[lane] and not rays.miss[lane] and emitted.x > zero:
+                b1, b2, p = np.float64(rays.u[lane]), np.float64(rays.v[lane]), to_float64(rays.point[lane])
+                rays.emission[lane] = radiance(scene, np.int64(rays.primitive[lane]), p, b1, b2, emitted)
+
+    return hits
+
+
+@cache
+def make_light_samples(features: SceneFeatures, real: Any) -> Any:
+    """The function (rays, scene) that colours the light samples of the batch."""
+    radiance, zero, white = _make_radiance(features.only(*_FEATURES), real), real(0), Vec3(real(1), real(1), real(1))
+
+    @inline
+    def light_samples(rays, scene):
+        for lane in range(np.uint64(LANES)):
+            li, kind, primitive = rays.li[lane], rays.light_kind[lane], np.int64(-1)
+            if rays.alive[lane] and not rays.miss[lane] and li.x > zero:
+                if kind == MESH:
+                    primitive = np.int64(rays.kept_row[lane])
+                elif kind == SPHERE or kind == DISK or kind == CYLINDER:
+                    primitive = np.int64(scene.light_primitives[rays.kept_column[lane]])
+            if primitive >= 0:
+                p = to_float64(rays.point[lane]) + to_float64(rays.wi[lane]) * np.float64(rays.light_distance[lane])
+                root, u1 = math.sqrt(np.float64(rays.draw[0, lane])), np.float64(rays.draw[1, lane])
+                rays.li[lane] = li * radiance(scene, primitive, p, root * (1.0 - u1), root * u1, white)
+
+    return light_samples
