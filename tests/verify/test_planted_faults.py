@@ -4,7 +4,6 @@ The sources of the reference, or of the jitted engine, are copied and changed by
 copy as an engine of its own, through the interface alone.
 """
 
-import os
 import warnings
 
 import pytest
@@ -25,15 +24,12 @@ def _outcomes(engine, fault):
         yield from (result.outcome for result in run_case(BY_ID[fault.case], subject))
 
 
-SLOW = pytest.mark.skipif(
-    "RAYBENCH_ALL_FAULTS" not in os.environ, reason="compiles for half a minute: RAYBENCH_ALL_FAULTS=1"
-)
 CHECKS = {(fault.jitted, fault.case, fault.accelerator): fault for fault in FAULTS}
 
 
 def _each(faults, name):
-    """By default only the sphere faults of the jitted engine run: every changed copy of it is compiled anew."""
-    return [pytest.param(fault, id=name(fault), marks=[SLOW] if fault.jitted and fault.case != "S1" else [])
+    """By default only the sphere faults of the jitted engine run: every changed copy of it is compiled anew, half a minute."""
+    return [pytest.param(fault, id=name(fault), marks=[pytest.mark.slow] if fault.jitted and fault.case != "S1" else [])
             for fault in faults]  # fmt: skip
 
 
