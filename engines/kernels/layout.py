@@ -13,16 +13,32 @@ from numpy.typing import NDArray
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.masks import copy_lanes
 from engines.kernels.compile.records import (
-    LANES, REAL, LaneRecord, Row, Table, array, bits_of, doubles, flag, integer, lane_view, real, reals, rows, scalar,
-    table_view, vector, vectors,
-)  # fmt: skip
+    LANES,
+    REAL,
+    LaneRecord,
+    Row,
+    Table,
+    array,
+    bits_of,
+    doubles,
+    flag,
+    integer,
+    lane_view,
+    real,
+    reals,
+    rows,
+    scalar,
+    table_view,
+    vector,
+    vectors,
+)
 from engines.kernels.light_rows import LIGHT_PARAMETERS, EnvironmentRow, LightRow, RangeRow
 from engines.kernels.program_rows import LookupRow, NodeRow, TextureRow, UVRow
+from engines.kernels.shape_rows import SHAPE_PARAMETERS, AnalyticRow, PlaneRow, PrimitiveRow, SphereRow, TriangleRow
 
 BSDF_PARAMETERS = 15
 SHADER_OPTIONS = 8
 """Numbers in the scene's options that belong to the integrator."""
-SHAPE_PARAMETERS = 7
 VERTEX_DRAWS = 7
 """Random numbers of a vertex: two places on the light, which light, the lobe, two of the direction, roulette."""
 LIGHT_CANDIDATES = 32
@@ -188,44 +204,6 @@ class WaitingRay(LaneRecord):
     throughput = vector()
     depth = integer()
     origin_primitive = integer()
-
-
-class TriangleRow(Row):
-    """Indices of vertices."""
-
-    dtype = np.int32
-    a = real()
-    b = real()
-    c = real()
-
-
-class SphereRow(Row):
-    dtype = np.float64
-    center = vector()
-    radius = real()
-
-
-class PlaneRow(Row):
-    dtype = np.float64
-    point = vector()
-    normal = vector()
-
-
-class AnalyticRow(Row):
-    """A shape of `engines.kernels.flatten.shapes.ANALYTIC`."""
-
-    dtype = np.float64
-    parameters = reals(SHAPE_PARAMETERS)
-
-
-class PrimitiveRow(Row):
-    """Kind of the shape, index among those of its kind, material, light (-1: not in the list of lights)."""
-
-    dtype = np.int32
-    shape = real()
-    index = real()
-    material = real()
-    light = real()
 
 
 class MaterialRow(Row):
