@@ -99,7 +99,7 @@ def _append(mi: Any, state: Any, kind: Any, plugin: str, properties: Node) -> in
 def _children(state: Any, index: int) -> Iterator[tuple[str, int]]:
     """The nodes within a node, and those that it refers to, by the names of its properties."""
     props = state.nodes[index].props
-    for name in props.keys():
+    for name in list(props.keys()):
         value = props[name]
         if type(value).__name__ == "ResolvedReference":
             yield name, value.index()
@@ -116,7 +116,7 @@ def _place_files(held: Native, state: Any, read: Any, looking: Any) -> None:
         props = read.nodes[index].props
         if PLUGIN.fullmatch(props.plugin_name()) is None:
             raise RuntimeError("the name of a plugin must be letters, digits and _, at most 64")
-        for name in props.keys():
+        for name in list(props.keys()):
             text = props[name] if props.type(name) == props.Type.String else ""
             if text and NAMES_A_FILE.search(name):
                 state.nodes[index].props[name] = str(_same(Path(str(looking.resolve(text))), held.named))

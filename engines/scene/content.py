@@ -126,8 +126,8 @@ def _mesh_materials(mesh: Mesh, values: Sequence[list[Any]]) -> tuple[list[Any],
     used, first, inverse = np.unique(mesh.materials, return_index=True, return_inverse=True)
     table: dict[tuple[Any, ...], int] = {}
     place = np.zeros(len(used), np.int32)
-    for which in np.argsort(first):
-        place[which] = table.setdefault(tuple(values[used[which]]), len(table))
+    for which in np.argsort(first).tolist():
+        place[which] = table.setdefault(tuple(values[int(used[which])]), len(table))
     return list(table), place[inverse.reshape(-1)]
 
 

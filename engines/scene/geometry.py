@@ -66,6 +66,11 @@ def unit_rows(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return scaled / np.where(largest > 0.0, np.linalg.norm(scaled, axis=1, keepdims=True), 1.0)
 
 
+def lacks_normal(normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(n,) which rows are zeros."""
+    return ~np.asarray(normals.any(axis=1))
+
+
 class Smooth(NamedTuple):
     """A mesh with a unit normal at each vertex. `replaced` counts the corners that have the normal of their face."""
 
@@ -81,13 +86,13 @@ def with_face_normals(
     uvs: NDArray[np.float64] | None,
 ) -> Smooth:  # fmt: skip
     """The mesh with a vertex of its own, and the normal of its face, for each corner whose normal is zeros."""
-    lacking = ~normals.any(axis=1)
+    lacking = lacks_normal(normals)
     face, corner = np.nonzero(lacking[faces])
     if not lacking.any():
         return Smooth(vertices, faces, normals, uvs, 0)
     normals = np.where(lacking[:, None], UP, normals)  # of vertices that no face has any more
     own = unit_rows(face_normals(vertices, faces[face]))
-    own[~own.any(axis=1)] = UP
+    own[lacks_normal(own)] = UP
     vertex, faces = faces[face, corner], faces.copy()
     faces[face, corner] = np.arange(len(vertices), len(vertices) + len(face))
     more = None if uvs is None else np.concatenate([uvs, uvs[vertex]])

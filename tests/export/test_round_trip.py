@@ -11,6 +11,7 @@ from tests.needs import needs
 
 SIDE = 12
 TEXTURE = np.random.default_rng(5).random((6, 6, 3)).astype(np.float32)
+TILTS = TEXTURE / 4 + [0.4, 0.4, 0.7]
 CAMERA = {"type": "perspective", "eye": [0.6, 0.9, 3.5], "target": [0, 0, 0], "fov": 40, "resolution": [SIDE, SIDE]}
 SQUARE = {
     "mesh": {
@@ -47,7 +48,9 @@ def through(**camera):
 
 FLAT = {"type": "orthographic", "height": 2.5}
 FLAT_CAMERA = {key: value for key, value in CAMERA.items() if key != "fov"} | FLAT
-SMOOTH = SQUARE | {"mesh": {**SQUARE["mesh"], "vertices": [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0.5]], "smooth": True}}
+SMOOTH = SQUARE | {
+    "mesh": {**SQUARE["mesh"], "vertices": [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0.5]], "smooth": True}
+}
 SCENES = {
     "offset": textured(offset=[0.3, 0.6]),
     "scale and offset": textured(scale=[2, 3], offset=[0.3, 0.6], wrap="mirror"),
@@ -71,7 +74,7 @@ SCENES = {
     "principled": of({"principled": {"base_color": [0.6, 0.3, 0.2], "roughness": 0.4, "metallic": 0.3}}, BALL),
     "blend": of({"blend": {"weight": 0.3, "a": "red", "b": {"conductor": {"metal": "Cu", "alpha": 0.4}}}}, BALL),
     "sides": of({"by_side": {"front": "red", "back": {"diffuse": {"reflectance": 0.2}}}}),
-    "normal map": of({"normal_map": {"map": "t", "of": "red"}}, textures={"t": {**IMAGE, "image": TEXTURE / 4 + [0.4, 0.4, 0.7]}}),
+    "normal map": of({"normal_map": {"map": "t", "of": "red"}}, textures={"t": {**IMAGE, "image": TILTS}}),
     "sky": seen(BALL, lights=[TINTED]),
     "point": seen(lights=[{"point": {"position": [0.5, 1, 2], "intensity": [3, 2, 1]}}]),
     "sun": seen(lights=[{"directional": {"direction": [1, -1, -2], "irradiance": 2}}]),
@@ -84,8 +87,8 @@ SCENES = {
     "wide window": seen(camera={**FLAT_CAMERA, "width": 6, "principal_point": [0.1, 0.05]}),
 }  # fmt: skip
 RENEWED = {"lamp of two sides", "furnace", "sky"}
-"""What comes back as something else of the same look, so that its samples are others: a surface that emits on both sides is two,
-a hair apart, and a sky has rows between its own. The means over their images differ by less than 1 %, by chance."""
+"""What comes back as something else of the same look, so that its samples are others: a surface that emits on both sides
+is two, a hair apart, and a sky has rows between its own. The means of their images differ by less than 1 %, by chance."""
 
 
 def rendered(scene, spp):
@@ -109,8 +112,8 @@ def test_raybench_reads_its_own_export_as_the_same_scene(what, tmp_path):
 @needs("mitsuba-scalar")
 @pytest.mark.parametrize("what", SCENES)
 def test_mitsuba_renders_what_is_exported_to_our_image(what, tmp_path):
-    """Pixels differ by at most 1.5 % of the mean on average, by chance; by more than 11 % where an offset of texture coordinates
-    is lost."""
+    """Pixels differ by at most 1.5 % of the mean on average, by chance; by more than 11 % where an offset of texture
+    coordinates is lost."""
     import mitsuba as mi
 
     scene = engines.scene_from(SCENES[what])

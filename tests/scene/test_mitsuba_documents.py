@@ -124,7 +124,9 @@ def radii(folder, body):
 
 
 def test_an_include_is_looked_for_beside_the_file_then_in_its_paths_then_beside_the_main_file(tmp_path):
-    include = nested(tmp_path, '<include filename="leaf.xml"/>', **{"sub/leaf.xml": LEAF.format(2), "leaf.xml": LEAF.format(3)})
+    include = nested(
+        tmp_path, '<include filename="leaf.xml"/>', **{"sub/leaf.xml": LEAF.format(2), "leaf.xml": LEAF.format(3)}
+    )
     assert radii(tmp_path, include) == [2.0]
     (tmp_path / "sub/leaf.xml").unlink()
     assert radii(tmp_path, include) == [3.0]
@@ -133,7 +135,8 @@ def test_an_include_is_looked_for_beside_the_file_then_in_its_paths_then_beside_
 
 
 def test_the_root_of_an_include_may_be_a_plugin(tmp_path):
-    include = nested(tmp_path, **{"sub/i.xml": '<emitter version="3.0.0" type="constant"><rgb name="radiance" value="9"/></emitter>'})
+    light = '<emitter version="3.0.0" type="constant"><rgb name="radiance" value="9"/></emitter>'
+    include = nested(tmp_path, **{"sub/i.xml": light})
     assert scene(tmp_path, f'<shape type="sphere"/>{include}').lights[0].radiance == (9.0, 9.0, 9.0)
     texture = '<texture version="3.0.0" type="uniform" name="no"><float name="value" value="0.25"/></texture>'
     nested(tmp_path, **{"sub/i.xml": texture})

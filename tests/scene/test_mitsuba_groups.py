@@ -13,7 +13,9 @@ COPY = '<shape type="instance"><ref id="g"/><transform name="to_world">{}</trans
 
 
 def test_the_shapes_of_a_merge_stand_in_its_place(tmp_path):
-    found = scene(tmp_path, f'<shape type="merge"><bsdf type="conductor"/>{BALL}<shape type="merge">{BALL}</shape></shape>{LAMP}')
+    found = scene(
+        tmp_path, f'<shape type="merge"><bsdf type="conductor"/>{BALL}<shape type="merge">{BALL}</shape></shape>{LAMP}'
+    )
     assert [type(shape) for shape in found.shapes] == [Sphere, Sphere]
     assert any("a BSDF of a merge is not used" in warning for warning in found.warnings)
     placed = f'<shape type="merge"><transform name="to_world"><scale value="2"/></transform>{BALL}</shape>'
@@ -22,7 +24,9 @@ def test_the_shapes_of_a_merge_stand_in_its_place(tmp_path):
 
 def test_a_group_is_seen_through_its_instances_alone_after_its_own_transforms(tmp_path):
     inner = '<shape type="sphere"><transform name="to_world"><translate x="1"/></transform></shape>'
-    group = GROUP.format(f'<shape type="merge">{inner}</shape><transform name="to_world"><scale value="9"/></transform>')
+    group = GROUP.format(
+        f'<shape type="merge">{inner}</shape><transform name="to_world"><scale value="9"/></transform>'
+    )
     body = group + COPY.format('<scale value="2"/>') + COPY.format('<translate y="1"/>')
     found = scene(tmp_path, body + LAMP)
     assert [(shape.center, shape.radius) for shape in found.shapes] == [((2.0, 0.0, 0.0), 2.0), ((1.0, 1.0, 0.0), 1.0)]
@@ -34,14 +38,23 @@ def test_a_mirrored_instance_keeps_the_front_and_a_mirrored_shape_does_not(tmp_p
     """A face of a mesh without normals, one-sided, under light from above: n is M^-T n of an instance."""
     (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n", encoding="ascii")
     for flat in ("true", "false"):
-        shape = f'<shape type="obj"><string name="filename" value="m.obj"/><boolean name="face_normals" value="{flat}"/>'
+        shape = (
+            f'<shape type="obj"><string name="filename" value="m.obj"/><boolean name="face_normals" value="{flat}"/>'
+        )
         shape += '<transform name="to_world"><scale x="{}"/></transform></shape>'
         mirror = COPY.format('<scale x="-1"/>')
         assert radiance(tmp_path, GROUP.format(shape.format(1)) + mirror + SUN) == pytest.approx([0.5] * 3)
         assert radiance(tmp_path, shape.format(-1) + SUN) == pytest.approx([0.0] * 3)
         assert radiance(tmp_path, GROUP.format(shape.format(-1)) + mirror + SUN) == pytest.approx([0.0] * 3)
-    ball = scene(tmp_path, GROUP.format('<shape type="sphere"><bsdf type="conductor"/></shape>') + COPY.format('<scale x="-1"/>') + LAMP)
-    assert isinstance(ball.shapes[0], Sphere) and ball.materials[0].bsdf.back is None and isinstance(ball.materials[0].bsdf, Sides)
+    ball = scene(
+        tmp_path,
+        GROUP.format('<shape type="sphere"><bsdf type="conductor"/></shape>') + COPY.format('<scale x="-1"/>') + LAMP,
+    )
+    assert (
+        isinstance(ball.shapes[0], Sphere)
+        and ball.materials[0].bsdf.back is None
+        and isinstance(ball.materials[0].bsdf, Sides)
+    )
 
 
 def test_normals_of_an_instance_are_those_of_the_inverse_transpose(tmp_path):

@@ -14,7 +14,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "mitsuba_scenes
 ROW = re.compile(r"^\| (\w+) \| `(\w+)` \| (\w+) \|", re.MULTILINE)
 TABLE = {(kind, name): said for kind, name, said in ROW.findall(PAGE.read_text(encoding="utf-8"))}
 REGISTRIES = {
-    "shape": (shapes.SHAPES, shapes.REFUSED),
+    "shape": ({**shapes.SHAPES, **dict.fromkeys(shapes.GROUPS)}, shapes.REFUSED),
     "bsdf": (bsdfs.BSDFS, bsdfs.REFUSED),
     "texture": (textures.TEXTURES, textures.REFUSED),
     "emitter": ({**emitters.EMITTERS, "area": None}, {**emitters.REFUSED, "area": ""}),

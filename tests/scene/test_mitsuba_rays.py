@@ -66,12 +66,13 @@ def test_an_orthographic_window_may_be_wider_than_its_pixels_are_square(engine):
 
 
 RAW = '<texture type="rawconstant" name="{}"><{} name="value" {}/></texture>'
+THREE = [0.1, 0.2, 0.3]
 XYZ = 'x="0.1" y="0.2" z="0.3"'
 
 
 @pytest.mark.parametrize(
     ("kind", "value", "truth"),
-    [("float", 'value="0.25"', [0.25] * 3), ("vector", 'value="0.1, 0.2 0.3"', [0.1, 0.2, 0.3]), ("point", XYZ, [0.1, 0.2, 0.3])],
+    [("float", 'value="0.25"', [0.25] * 3), ("vector", 'value="0.1, 0.2 0.3"', THREE), ("point", XYZ, THREE)],
 )  # fmt: skip
 def test_a_raw_constant_is_a_number_or_three(kind, value, truth, tmp_path):
     body = PANE.format(f'<bsdf type="diffuse">{RAW.format("reflectance", kind, value)}</bsdf>')
@@ -81,10 +82,11 @@ def test_a_raw_constant_is_a_number_or_three(kind, value, truth, tmp_path):
 def test_a_raw_constant_is_a_normal_map_everywhere(tmp_path):
     """(0.8, 0.5, 0.9) is the normal (0.6, 0, 0.8): 0.5 times its cosine, times the factor of the shadows of
     docs/transport.md, which is 1 for light along the surface's normal."""
-    body = f'<bsdf type="normalmap">{RAW.format("normalmap", "vector", """value="0.8 0.5 0.9" """)}<bsdf type="diffuse"/></bsdf>'
+    tilt = RAW.format("normalmap", "vector", 'value="0.8 0.5 0.9"')
+    body = f'<bsdf type="normalmap">{tilt}<bsdf type="diffuse"/></bsdf>'
     assert radiance(tmp_path, PANE.format(body) + SUN) == pytest.approx([0.4] * 3)
     found = scene(tmp_path, PANE.format(body) + SUN).materials[0].bsdf
-    assert isinstance(found.front.map if hasattr(found, "front") else found.map, ImageTexture)
+    assert isinstance(found.map, ImageTexture)
 
 
 @pytest.mark.parametrize(
@@ -103,13 +105,19 @@ def test_negative_texels_of_an_environment_are_black_and_noted(tmp_path):
     image = np.full((4, 8, 3), 0.5, np.float32)
     image[2, 3] = -0.002, 0.5, 0.5
     write_image(tmp_path / "sky.exr", image)
-    found = scene(tmp_path, '<shape type="sphere"/><emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>')
+    found = scene(
+        tmp_path, '<shape type="sphere"/><emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>'
+    )
     assert found.lights[0].image.min() == 0.0 and found.lights[0].image[2, 3].tolist() == [0.0, 0.5, 0.5]
-    assert any("1 texels with negative radiance, down to -0.002, are taken as 0" in warning for warning in found.warnings)
+    assert any(
+        "1 texels with negative radiance, down to -0.002, are taken as 0" in warning for warning in found.warnings
+    )
 
 
 def test_a_binary_ply_file_of_mixed_polygons_says_what_to_do(tmp_path):
-    head = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    head = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    )
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
     faces = b"\3" + np.array([0, 1, 2], "<i4").tobytes() + b"\4" + np.array([0, 1, 2, 3], "<i4").tobytes()

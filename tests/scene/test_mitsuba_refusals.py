@@ -62,7 +62,7 @@ WRONG = {
         '<medium id="fog" type="homogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'), ["media"]
     ),
     "subsurface": (shape_with('<subsurface type="dipole"/>'), ["below the surface"]),
-    "instance": ('<shape type="instance"/>', ["instances"]),
+    "instance": ('<shape type="instance"/>', ["a shapegroup"]),
     "hidden emitters": (
         '<integrator type="path">\n<boolean name="hide_emitters" value="true"/></integrator>' + LAMP,
         ["s.xml:3", "hide_emitters"],

@@ -66,12 +66,15 @@ def test_what_is_replaced_turns_with_the_shape(flip, front, tmp_path):
 def test_a_ply_file_with_zero_normals_is_flat(tmp_path):
     names = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
     rows = "-1 -1 0 0 0 0\n1 -1 0 0 0 0\n0 2 0 0 0 0\n"
-    head = f"ply\nformat ascii 1.0\nelement vertex 3\n{names}element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    head = f"ply\nformat ascii 1.0\nelement vertex 3\n{names}element face 1\n"
+    head += "property list uchar int vertex_indices\nend_header\n"
     (tmp_path / "m.ply").write_text(f"{head}{rows}3 0 1 2\n", encoding="ascii")
     assert radiance(tmp_path, TWO_SIDED.replace("obj", "ply") + SUN) == pytest.approx([0.5] * 3)
 
 
-@pytest.mark.parametrize("mesh", [{"file": "m.obj"}, {"vertices": [[-1, -1, 0], [1, -1, 0], [0, 2, 0]], "faces": [[0, 1, 2], [0, 2, 1]]}])
+@pytest.mark.parametrize(
+    "mesh", [{"file": "m.obj"}, {"vertices": [[-1, -1, 0], [1, -1, 0], [0, 2, 0]], "faces": [[0, 1, 2], [0, 2, 1]]}]
+)
 def test_scenes_in_yaml_do_the_same(mesh, tmp_path):
     obj(tmp_path, f"{CORNERS}vn 0 0 0\nf 1//1 2//1 3//1\n")
     found = engines.scene_from({

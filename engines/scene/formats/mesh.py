@@ -55,8 +55,8 @@ class At(Protocol):
 @dataclass(frozen=True, slots=True)
 class MeshData:
     """`vertices` (n, 3) float64, `faces` (m, 3) int32, unit vertex `normals` (n, 3), zeros where the file gives none, and
-    texture coordinates `uvs` (n, 2) where asked for and there, and for files with materials `face_materials` (m,) indices into `materials`, or, of a PLY, as they
-    stand there.
+    texture coordinates `uvs` (n, 2) where asked for and there, and for files with materials `face_materials` (m,) indices into
+    `materials`, or, of a PLY, as they stand there.
 
     Where vertices of the file have been split for normals or texture coordinates, `origins` (n,) are their indices there.
     `flat` says that a file asks for flat shading.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.geometry import UP, has_area, unit_rows, vertex_normals
+from engines.scene.geometry import UP, has_area, lacks_normal, unit_rows, vertex_normals
 from engines.scene.procedural.generator import CENTER, ROTATE_Y, Faces, turned
 from engines.scene.triple import Triple
 from engines.schema import fields
@@ -45,7 +45,7 @@ def seamless_normals(points: Array, faces: NDArray[np.int32]) -> Array:
     whole = np.zeros((int(same.max()) + 1, 3))
     whole[same] = points
     normals = vertex_normals(whole, same[faces].astype(np.int32))[same]
-    return np.where(normals.any(axis=1)[:, None], normals, UP)
+    return np.where(lacks_normal(normals)[:, None], UP, normals)
 
 
 def curve(points: Array, spans: int, closed: bool = False) -> Array:
