@@ -6,23 +6,34 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import resource
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from multiprocessing import forkserver
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
-from harness.measure import pool
-
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(
-    ["harness.cli", "harness.cli.experiments", "harness.report", "harness.run.sweep", "harness.measure.clock", "engines"]
+    [
+        "harness.cli",
+        "harness.cli.experiments",
+        "harness.report",
+        "harness.run.sweep",
+        "harness.measure.clock",
+        "engines",
+    ]
 )
+
+SERVER = forkserver._forkserver
+ADDRESS = ("_forkserver_address", "_forkserver_authkey")
+"""Where Python's server of forks is reached; the key is new in Python 3.14."""
 
 
 class Forked:
@@ -42,7 +53,9 @@ class Forked:
             pipes = their_in, their_out
             self.stdin = open(os.dup(our_in.fileno()), "wb", buffering=0)  # noqa: SIM115 (closed by who uses it)
             self.stdout = open(os.dup(our_out.fileno()), "rb", buffering=0)  # noqa: SIM115
-        place = str(cwd or Path.cwd()), dict(environment), (str(stdout), str(stderr)), pipes, new_session
+        SERVER.ensure_running()
+        shared = {name: value for name, value in vars(SERVER).items() if name in ADDRESS}
+        place = str(cwd or Path.cwd()), dict(environment), (str(stdout), str(stderr)), pipes, new_session, shared
         self._process = FORKS.Process(target=_run, args=(function, tuple(arguments), *place))
         self._process.start()
         self.pid = self._process.pid
@@ -62,9 +75,10 @@ class Forked:
 
 def _run(
     function: Callable[..., object], arguments: tuple[Any, ...], cwd: str, environment: dict[str, str],
-    outputs: tuple[str, str], pipes: tuple[Any, ...], new_session: bool,
+    outputs: tuple[str, str], pipes: tuple[Any, ...], new_session: bool, shared: dict[str, Any],
 ) -> None:  # fmt: skip
-    """Calls the function in this process, which it ends."""
+    """Calls the function in this process, whose own processes are forked from the server that it came from itself."""
+    vars(SERVER).update(shared, ensure_running=lambda: None)
     if new_session:
         os.setsid()
     os.chdir(cwd)
@@ -84,18 +98,19 @@ def _run(
 
 def raybench(
     arguments: Sequence[str], cwd: Path | None, environment: Mapping[str, str], merged: bool = False,
-    timeout: float | None = None,
+    timeout: float | None = None, largest_file: int | None = None,
 ) -> subprocess.CompletedProcess[str]:  # fmt: skip
     """What `raybench ARGUMENTS` does in that folder and environment; where `merged`, stdout has what goes to stderr, too.
 
-    After `timeout` seconds it is killed; raises `subprocess.TimeoutExpired`.
+    After `timeout` seconds it is killed; raises `subprocess.TimeoutExpired`. It writes no files of more than `largest_file`
+    bytes.
     """
     words = ["raybench", *arguments]
     with tempfile.TemporaryDirectory() as folder:
         out, err = Path(folder) / "stdout", Path(folder) / "stderr"
         for path in (out, err):
             path.touch()
-        process = Forked(_command, [words], cwd, environment, out, out if merged else err)
+        process = Forked(_command, [words, largest_file], cwd, environment, out, out if merged else err)
         try:
             code = process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -105,9 +120,11 @@ def raybench(
         return subprocess.CompletedProcess(words, code, out.read_text(), err.read_text())
 
 
-def _command(words: list[str]) -> None:
+def _command(words: list[str], largest_file: int | None) -> None:
     from harness.cli import main
 
+    if largest_file is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, resource.RLIM_INFINITY))
     sys.argv = words
     main()
 
@@ -115,6 +132,7 @@ def _command(words: list[str]) -> None:
 @contextmanager
 def workers() -> Iterator[None]:
     """Within, workers of `harness.measure.pool` that this process starts are forked, too. Their imports take no time."""
+    from harness.measure import pool
 
     def start(command: Sequence[str], *, stderr: Any, env: Mapping[str, str], **options: Any) -> Forked:
         assert list(command[1:]) == ["-P", "-m", "harness.measure.worker"] and options["start_new_session"]

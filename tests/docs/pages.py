@@ -1,12 +1,11 @@
 """The pages, and how a reader follows one from top to bottom."""
 
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
+from tests import forked
 from tests.docs.blocks import ROOT, blocks
-from tests.docs.story import environment
+from tests.docs.story import environment, main
 
 FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
 """Pages beside the site."""
@@ -22,8 +21,6 @@ def follow(page: str, folder: Path) -> None:
         (folder / name).symlink_to(ROOT / name)
     if "results/baseline" in TEXT[page]:
         shutil.copytree(ROOT / "results/baseline", folder / "results/baseline")
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.docs.story", str(ROOT / page)],
-        cwd=folder, env=environment(folder), capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr[-8000:]
+    said = folder / ".said"
+    story = forked.Forked(main, [ROOT / page], folder, environment(folder), stderr=said)
+    assert story.wait() == 0, said.read_text()[-8000:]

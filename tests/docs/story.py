@@ -1,4 +1,4 @@
-"""Runs a page in the folder it is called from: `python -m tests.docs.story PAGE`; `tests.docs.blocks` has the rules."""
+"""Runs a page in the folder it is called from; `tests.docs.blocks` has the rules."""
 
 import contextlib
 import io
@@ -130,7 +130,3 @@ def environment(folder: Path) -> dict[str, str]:
     python_path = os.pathsep.join([str(folder), str(ROOT)])
     plain = {"MPLBACKEND": "Agg", "COLUMNS": "160", "NO_COLOR": "1", "NUMBA_CPU_NAME": ""}
     return {**os.environ, **plain, "PATH": path, "PYTHONPATH": python_path}
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

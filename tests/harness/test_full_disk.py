@@ -13,6 +13,7 @@ from engines.film import Film
 from harness import config, store
 from harness.plan import planner
 from harness.store import atomic
+from tests import forked
 from tests.harness import sweeping
 
 KIB = 1024
@@ -20,15 +21,9 @@ KIB = 1024
 
 def ended(*arguments, folder, largest_file=None, **changes):
     """The command's exit code and stderr, under a limit of bytes a file."""
-
-    def limited():
-        if largest_file is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, resource.RLIM_INFINITY))
-
-    done = subprocess.run(
-        [sys.executable, "-m", "harness", *map(str, arguments)], capture_output=True, text=True, check=False,
-        timeout=100, cwd=folder, env=sweeping.environment(**changes), preexec_fn=limited,
-    )  # fmt: skip
+    done = forked.raybench(
+        [*map(str, arguments)], folder, sweeping.environment(**changes), timeout=300, largest_file=largest_file
+    )
     return done.returncode, done.stderr
 
 
@@ -40,7 +35,7 @@ def is_one_line(said):
     return last
 
 
-@pytest.mark.parametrize("kib", [4, 24])
+@pytest.mark.parametrize("kib", [pytest.param(4, marks=pytest.mark.slow), 24])
 def test_a_run_on_a_full_disk_ends_in_a_line_and_its_resume_in_the_rows_of_an_undisturbed_one(tmp_path, kib):
     path, out = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("images: none", "images: all")), tmp_path / "out"
     refs = {"RAYBENCH_REFERENCES": str(tmp_path / "refs")}
@@ -132,7 +127,7 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, command):
     assert code == 2 and "file" in is_one_line(said)
 
 
-@pytest.mark.parametrize("limit", [256, 4 * KIB])
+@pytest.mark.parametrize("limit", [pytest.param(256, marks=pytest.mark.slow), 4 * KIB])
 def test_a_report_on_a_full_disk_is_one_line_and_the_old_report_stays(tmp_path, limit):
     from tests.harness.synthetic import Size, write_folder
 

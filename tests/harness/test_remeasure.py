@@ -78,7 +78,7 @@ def test_a_cell_that_stays_contended_is_kept_and_flagged(tmp_path, monkeypatch):
     assert not of_cells(out)[0]["machine"]["contended"]
 
 
-@pytest.mark.parametrize("stop_at", range(7))
+@pytest.mark.parametrize("stop_at", [1, 4, 6, *(pytest.param(at, marks=pytest.mark.slow) for at in (0, 2, 3, 5))])
 def test_an_interrupted_run_ends_like_an_undisturbed_one(tmp_path, monkeypatch, stop_at):
     """Interrupted in each of the measurements, of which the fifth to seventh are repetitions."""
     path, out = sweeping.write(tmp_path, TEXT), tmp_path / "out"

@@ -67,8 +67,7 @@ class LaneBSDF(NamedTuple):
     pdf(parameters, si, wi) -> float: per solid angle, of `sample` with all lobes
     sample(parameters, si, u_lobe, u0, u1, lobes) -> BSDFSample
     albedos(parameters, si) -> (diffuse, albedo), as in `Scattering`
-    transmittance(parameters, direction, normal) -> Vec3: the mean weight of what goes straight on along the ray's direction, of
-        models whose transmission is a null lobe
+    transmittance(parameters, direction, normal) -> Vec3: the mean weight of what goes straight on, of a model with a null lobe
 
     `ior` is the place of the index of refraction inside among the parameters of a model that refracts, else None.
     """
