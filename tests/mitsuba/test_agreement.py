@@ -101,8 +101,8 @@ def _panes(material="tinted", **more):
         },
         "shapes": [
             {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 3}, "material": "floor"},
-            {"mesh": {"vertices": corners + (-0.7, 0, 0.8), **faces}, "material": "cut"},
-            {"mesh": {"vertices": corners + (0.7, 0, 0.9), **faces}, "material": material},
+            {"mesh": {"vertices": np.add(corners, (-0.7, 0, 0.8)), **faces}, "material": "cut"},
+            {"mesh": {"vertices": np.add(corners, (0.7, 0, 0.9)), **faces}, "material": material},
             {"sphere": {"center": [0, 0.2, 0.5], "radius": 0.45}, "material": "nothing"},
             {"sphere": {"center": [0, 0.2, 0.5], "radius": 0.2}, "material": "floor"},
             {"disk": {"center": [0, 0, 1.4], "normal": [0, 0, -1], "radius": 0.5}, "material": "lamp"},
