@@ -99,12 +99,8 @@ class RayBatch(LaneRecord):
     light_kind = integer()
     corner0, corner1, corner2 = integer(), integer(), integer()  # indices of vertices of a triangle
     material = integer()
-    vertex0 = vector()  # of a triangle
-    vertex1 = vector()
-    vertex2 = vector()
-    vertex_normal0 = vector()
-    vertex_normal1 = vector()
-    vertex_normal2 = vector()
+    vertex0, vertex1, vertex2 = vector(), vector(), vector()  # of a triangle
+    vertex_normal0, vertex_normal1, vertex_normal2 = vector(), vector(), vector()
     two_sided = real()  # 1 or 0
     primitive_light = integer()  # index of the light that a primitive belongs to, -1 for none
     light_parameters = reals(LIGHT_PARAMETERS)
@@ -164,8 +160,7 @@ class RayBatch(LaneRecord):
     opacity = real()
     passing = flag()
     # where it has bump or normal maps, whose result is `normal`: the shading normals before the innermost and the outermost
-    untilted_normal = vector()
-    outer_normal = vector()
+    untilted_normal, outer_normal = vector(), vector()
     # where it has BSDFs that refract (`Scattering.eta_scale`): of this vertex's sample, and the product along the path
     sample_eta_scale = real()
     eta_scale = real()
@@ -181,8 +176,7 @@ class RayBatch(LaneRecord):
     absent = flag()  # the surface is an emitter that hides
     scattered = flag()  # something else than null lobes lies between the camera and the ray
     crossed = real()  # the way from the last vertex to the ray's origin
-    vertex_point = vector()  # the last vertex, and its geometric normal
-    vertex_normal = vector()
+    vertex_point, vertex_normal = vector(), vector()  # the last vertex, and its geometric normal
     destination = vector()  # of a shadow ray: the place on the light
 
 

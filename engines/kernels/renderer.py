@@ -207,15 +207,9 @@ class Renderer:
             shade.last_depth(self.settings.shader, features), crosses,
         )  # fmt: skip
         order = [
-            draw_pixel,
-            camera.stage(self._scene.camera, real),
-            closest,
-            surface.stage(features, real),
-            draw_vertex,
-            lights() if shading.lit else shaded,
-            shaded,
-            occluded,
-        ]
+            draw_pixel, camera.stage(self._scene.camera, real), closest, surface.stage(features, real), draw_vertex,
+            lights() if shading.lit else shaded, shaded, occluded,
+        ]  # fmt: skip
         walk = [surface.dark_stage(features, real), transmit.stage(features, real)] if crosses else []
         self._kept = [*order, *([programs] if programs else []), *walk, *bsdfs]  # machine code lives as long as its stage
         last = [programs.address if programs else 0, *([stage.address for stage in walk] or [0, 0])]

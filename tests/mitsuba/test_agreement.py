@@ -44,7 +44,7 @@ def _replicates(engine, scene, shader, seed, spp=SPP):
 def engine_precision(engine):
     """That of Mitsuba and embree; numba in float64 equals numpy on the scenes that are compared with it
     (tests/test_engines_agree.py), and has their code compiled."""
-    return "float64" if engine is NUMBA else "float32"
+    return "float64" if engine is NUMBA or engine.name == "numpy" else "float32"
 
 
 def _assert_equivalent(theirs, ours, power=0.1):
@@ -83,6 +83,48 @@ def test_the_scalar_variant_agrees_with_the_wavefront(name):
 def test_the_other_shaders_agree_with_numba(name, shader):
     theirs = _replicates(WAVEFRONT, _scene(name), shader, 1)
     _assert_equivalent(theirs, _replicates(NUMBA, _scene(name), shader, 2))
+
+
+def _panes(material="tinted", **more):
+    """A mask, a thin pane and null between lights and a floor; `material`, one of these or `more`, is that of the pane."""
+    pattern = np.random.default_rng(1).uniform(0.0, 1.0, (4, 4, 3))
+    faces = {"faces": [[0, 1, 2], [0, 2, 3]], "uvs": [[0, 0], [1, 0], [1, 1], [0, 1]]}
+    corners = np.array([[-0.6, -0.6, 0], [0.6, -0.6, 0], [0.6, 0.6, 0], [-0.6, 0.6, 0]])
+    return {
+        "raybench_scene": 1, "name": "panes",
+        "camera": {"type": "perspective", "eye": [0, -4, 2.2], "target": [0, 0, 0.6], "up": [0, 0, 1], "fov": 45},
+        "textures": {"height": {"image": pattern}, "holes": {"image": pattern}},
+        "materials": {
+            "floor": {"kd": 0.6}, "cut": {"mask": {"opacity": "holes", "of": {"kd": [0.2, 0.5, 0.1]}}},
+            "tinted": {"thin_dielectric": {"specular_transmittance": [0.9, 0.7, 0.5]}}, "nothing": {"null": {}},
+            "lamp": {"emission": [6, 5, 4]}, **more,
+        },
+        "shapes": [
+            {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 3}, "material": "floor"},
+            {"mesh": {"vertices": np.add(corners, (-0.7, 0, 0.8)), **faces}, "material": "cut"},
+            {"mesh": {"vertices": np.add(corners, (0.7, 0, 0.9)), **faces}, "material": material},
+            {"sphere": {"center": [0, 0.2, 0.5], "radius": 0.45}, "material": "nothing"},
+            {"sphere": {"center": [0, 0.2, 0.5], "radius": 0.2}, "material": "floor"},
+            {"disk": {"center": [0, 0, 1.4], "normal": [0, 0, -1], "radius": 0.5}, "material": "lamp"},
+        ],
+        "lights": [{"point": {"position": [-1, -0.5, 3], "intensity": 3}}, {"environment": {"radiance": [0.2, 0.2, 0.3]}}],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("options", [{"transparent_shadows": True}, {"transparent_shadows": True, "hide_emitters": True}])
+def test_surfaces_that_light_passes_and_emitters_that_hide_agree_with_the_reference(options):
+    shader = {"name": "path_tracer", "max_depth": 4, "rr_depth": 2, **options}
+    scene = engines.scene_from(_panes())
+    theirs = _replicates(SCALAR, scene, shader, 1, 3)
+    _assert_equivalent(theirs, _replicates(engines.engine("numpy"), scene, shader, 2, 3))
+
+
+def test_a_bump_around_what_light_passes_is_declined_with_transparent_shadows():
+    scene = engines.scene_from(_panes("wavy", wavy={"bump": {"height": "height", "scale": 0.1, "of": "tinted"}}))
+    for transparent in (False, True):
+        settings = Settings(shader={"name": "path_tracer", "transparent_shadows": transparent}, sampler="random")
+        reason = WAVEFRONT.why_not(scene, settings) or ""
+        assert ("light samples do not pass" in reason) == transparent, reason
 
 
 @pytest.mark.parametrize("shader", ["depth_map", "albedo"])

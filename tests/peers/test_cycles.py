@@ -106,6 +106,8 @@ def test_an_image_of_few_rows_gets_more_that_lie_between_them():
         (scene(light={"image": np.ones((4, 8, 3)), "rows": "poles"}), PATH, "poles"),
         (scene(), {**PATH, "direct": "bsdf"}, "direct mis"),
         (scene(), {**PATH, "light_sampler": "power"}, "uniform or bvh"),
+        (scene(), {**PATH, "transparent_shadows": True}, "transparent_shadows False"),
+        (scene(), {**PATH, "hide_emitters": True}, "hide_emitters False"),
         (scene(), {**PATH, "max_depth": 2000}, "max_depth from 1 to"),
         (scene(), "whitted", "no shader whitted"),
     ],

@@ -58,6 +58,8 @@ def test_what_is_not_installed_is_named(monkeypatch):
         ({"kd": 0.5}, {**DEEP, "rr_depth": 5}, "roulette"),
         ({"kd": 0.5}, {**DEEP, "max_depth": 1}, "max_depth from 2 to"),
         ({"kd": 0.5}, {**DEEP, "light_sampler": "bvh"}, "uniform or power"),
+        ({"kd": 0.5}, {**DEEP, "transparent_shadows": True}, "transparent_shadows False"),
+        ({"kd": 0.5}, {**DEEP, "hide_emitters": True}, "hide_emitters False"),
         ({"kt": 0.9, "ior": 1.9}, DEEP, "Fresnel"),
         ({"kd": [0.9, 0, 0], "ks": [0, 0.9, 0]}, DEEP, "more than 1"),
         ({"conductor": {"metal": "Au"}}, DEEP, "smooth metal"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import engines
+from engines.image import write_image
 from tests.scene.mitsuba_files import LAMP, SENSOR, refusal, scene, shape, written
 
 
@@ -16,6 +17,28 @@ def test_the_integrator_suggests_a_shader(tmp_path):
     assert shader(path.format(-1)) == {"name": "path_tracer", "max_depth": 100_000, "rr_depth": 3}
     assert shader('<integrator type="direct"/>') == {"name": "path_tracer", "max_depth": 2}
     assert shader("") is None
+    hidden = '<integrator type="path"><boolean name="hide_emitters" value="true"/></integrator>'
+    assert shader(hidden) == {"name": "path_tracer", "hide_emitters": True, "max_depth": 100_000, "rr_depth": 5}
+
+
+@pytest.mark.parametrize(
+    ("bsdf", "transparent", "noted"),
+    [
+        ('<bsdf type="diffuse"/>', False, False),
+        ('<bsdf type="null"/>', True, False),
+        ('<bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="diffuse"/></bsdf>', True, False),
+        ('<bsdf type="bumpmap"><texture type="bitmap"><string name="filename" value="h.png"/></texture>'
+         '<bsdf type="thindielectric"/></bsdf>', True, True),
+    ],
+)  # fmt: skip
+def test_volpath_suggests_transparent_shadows_where_there_are_null_lobes(tmp_path, bsdf, transparent, noted):
+    """Its roulette begins one vertex later than that of `path`."""
+    write_image(tmp_path / "h.png", np.full((2, 2, 3), 0.5), {})
+    integrator = '<integrator type="volpath"><integer name="rr_depth" value="3"/></integrator>'
+    found = scene(tmp_path, f'{integrator}<shape type="sphere">{bsdf}</shape>{LAMP}')
+    options = {"transparent_shadows": True} if transparent else {}
+    assert found.shader == {"name": "path_tracer", "max_depth": 100_000, "rr_depth": 4, **options}
+    assert any("light samples pass" in warning for warning in found.warnings) == noted
 
 
 def test_parameters_have_defaults_and_the_callers_win(tmp_path):

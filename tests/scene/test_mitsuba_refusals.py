@@ -63,10 +63,6 @@ WRONG = {
     ),
     "subsurface": (shape_with('<subsurface type="dipole"/>'), ["below the surface"]),
     "instance": ('<shape type="instance"/>', ["a shapegroup"]),
-    "hidden emitters": (
-        '<integrator type="path">\n<boolean name="hide_emitters" value="true"/></integrator>' + LAMP,
-        ["s.xml:3", "hide_emitters"],
-    ),
     "two environments": (LAMP + '<emitter type="constant"/>\n<emitter type="constant"/>', ["s.xml:3", "second environment"]),
     "unknown emitter": ('<emitter type="glow"/>', ["glow", "envmap"]),
     "light as texture": (

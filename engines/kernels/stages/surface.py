@@ -227,17 +227,14 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             if emission:
                 lit = (not miss) & (front | (rays.two_sided[lane] > zero))
                 if hides:
-                    rays.absent[lane] = (not miss) & (rays.depth[lane] == 1) & (largest(rays.emission[lane]) > zero)
-                    lit = lit & (not rays.absent[lane])
+                    lit = lit & (not _is_absent(rays, lane, miss, zero))
                 emitted = select3(lit, rays.emission[lane], none)
                 if listed_shapes:
                     facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
                     parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
                     if weighted:
                         choices = rays.light_choices[lane]
-                    way = found.t
-                    if transparent:  # from the last vertex
-                        o, way = o - d * rays.crossed[lane], found.t + rays.crossed[lane]
+                    o, way = _from_last_vertex(rays, lane, o, d, found.t, transparent)
                     light_pdf = select(listed, light_pdf_of(parameters, shape, o, way, facing, choices), zero)
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)
@@ -252,6 +249,22 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             _hide_environment(rays, none)
 
     return surface
+
+
+@inline
+def _is_absent(rays, lane, miss, zero):
+    """Whether the surface is an emitter that hides from the camera; keeps it, too."""
+    absent = (not miss) & (rays.depth[lane] == 1) & (largest(rays.emission[lane]) > zero)
+    rays.absent[lane] = absent
+    return absent
+
+
+@inline
+def _from_last_vertex(rays, lane, o, d, t, transparent):
+    """Origin and length of the way to a hit, those of the ray unless null lobes were crossed."""
+    if transparent:
+        return o - d * rays.crossed[lane], t + rays.crossed[lane]
+    return o, t
 
 
 @inline
