@@ -17,7 +17,12 @@ _OPTIONS = {
     "quality": Option("medium", "Embree's build quality", one_of(*QUALITIES)),
     "robust": Option(
         True,
-        "Embree's robust traversal: 5 in 10,000 rays aimed exactly at a vertex leak; without it edges leak, too",
+        "Embree's robust traversal: 1 in 1,000 rays aimed exactly at a vertex leaks; without it edges leak, too",
+        one_of(True, False),
+    ),
+    "watertight": Option(
+        False,
+        "solve all triangles in float64, so that nothing leaks at vertices either, at about half the speed",
         one_of(True, False),
     ),
     "refine": Option(

@@ -23,7 +23,7 @@ from engines.scene import Mesh, Scene, Triangle
 _OPTIONS = {
     "robust": Option(
         True,
-        "Embree's robust traversal: 5 in 10,000 rays aimed exactly at a vertex leak; without it edges leak, too",
+        "Embree's robust traversal: 1 in 1,000 rays aimed exactly at a vertex leaks; without it edges leak, too",
         one_of(True, False),
     ),
 }

@@ -76,7 +76,7 @@ TOLERANCES: dict[str, Tolerance] = {
     "Y1": Tolerance("relative", 1e-11, 1e-4, "rays at the other side of a long cylinder cancel digits"), "Y2": Z,
     # triangles
     "T1": Tolerance("eps", 16, 16), "T2": NONE,
-    "T3": Tolerance("wrong", 0, None, "Embree's robust mode misses 5 in 10,000 rays that are aimed exactly at a vertex"),
+    "T3": Tolerance("wrong", 0, None, "Embree's robust mode misses 1 in 1,000 rays that are aimed exactly at a vertex"),
     "T4": NONE, "T5": NONE, "T6": NONE,
     "T8": Tolerance("wrong", 0, {"height 1e-02": 0, "height 1e-08": 0, "height 1e-16": 0, "height 1e-30": None,
                                "height 1e-44": None}, "float32 underflows below 1e-38, products of edges earlier"),

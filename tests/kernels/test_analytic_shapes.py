@@ -157,7 +157,7 @@ def run_batch(accelerator, shapes, fields):
     """(closest ids, occluded) of sixteen rays, straight from the accelerator's stages."""
     shapes = [*shapes, *FAR_AWAY]
     if accelerator == "embree":
-        made = EmbreeAccelerator({"quality": "medium", "robust": True}, refine=True)
+        made = EmbreeAccelerator({"quality": "medium", "robust": True, "watertight": False}, refine=True)
     else:
         made = MADE[accelerator]({"density": 4.0})
     flat = flatten(scene_of(shapes), np.float64, made.precision or np.float64)
