@@ -12,10 +12,10 @@ from engines.adapters.image_renderer import ImageRenderer
 from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Settings
-from engines.scene import EnvironmentLight, PointLight, Scene, Texture
+from engines.scene import EnvironmentLight, Orthographic, PointLight, Scene, Texture
 from engines.scene.support import foreign, refusal_of
 
-CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf")), "width": None}
+CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
 """What cameras have besides their kind, with the value that asks for nothing."""
 
 
@@ -135,6 +135,8 @@ class AdapterEngine:
         for key, default in CAMERA_KEYS.items():
             if key not in self.camera_keys and getattr(camera, key, default) != default:
                 yield f"{name} has no counterpart of a camera's {key}"
+        if isinstance(camera, Orthographic) and camera.width is not None and camera.height is not None:
+            yield f"{name} has no counterpart of an orthographic camera with a width and a height"
         for material in scene.materials:
             if isinstance(material.emission, Texture):
                 yield f"material {material.name!r}: {name} takes no emission from a texture"

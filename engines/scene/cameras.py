@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from engines.scene.plugins import all_options, load_plugin, read_options
@@ -83,13 +83,13 @@ class PerspectiveArctan:
 
 @dataclass(frozen=True, slots=True)
 class Orthographic:
-    """Parallel rays along target - eye from a window centred on `eye`, `height` metres high in full; `width` metres wide, or
-    as wide as its pixels are square with None."""
+    """Parallel rays along target - eye from a window centred on `eye`, `width` x `height` metres in full. One of them may be
+    None: pixels are square then, whatever the shape of the image."""
 
     eye: Triple
     target: Triple
     up: Triple
-    height: float
+    height: float | None
     resolution: tuple[int, int]
     principal_point: tuple[float, float] = (0.0, 0.0)
     mirror: bool = False
@@ -98,7 +98,15 @@ class Orthographic:
 
     def window(self, aspect: float) -> tuple[float, float]:
         """Width and height in metres, for an image that is `aspect` times as wide as high."""
-        return aspect * self.height if self.width is None else self.width, self.height
+        assert self.height is not None or self.width is not None
+        width = aspect * self.height if self.width is None and self.height is not None else self.width
+        assert width is not None
+        return width, width / aspect if self.height is None else self.height
+
+    def scaled(self, factor: float) -> Orthographic:
+        """The camera with a window that is `factor` times as large."""
+        width, height = (None if side is None else side * factor for side in (self.width, self.height))
+        return replace(self, width=width, height=height)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +147,10 @@ def _cross(a: Triple, b: Triple) -> Triple:
 def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
     def make(given: Given, context: Any) -> Camera:
         _check_frame(given)
-        return kind(**{key: value for key, value in given.values.items() if value is not None})
+        if kind is Orthographic and not (given.has("height") or given.has("width")):
+            raise given.node.refuse("needs height, width, or both")
+        needed = {"height": None} if kind is Orthographic else {}
+        return kind(**needed | {key: value for key, value in given.values.items() if value is not None})
 
     return Record(meaning, {**_FRAME, **keys}, make)
 
@@ -204,8 +215,9 @@ CAMERAS = {
         PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
     ),
     "orthographic": _camera(
-        Orthographic, "Parallel rays from a window.", height=Key(POSITIVE, "Height of the window.", unit="metres"), **_FILM,
-        width=Key(POSITIVE, "Width of the window, by default such that pixels are square.", None, unit="metres"),
+        Orthographic, "Parallel rays from a window. At least one of height and width is required: with one, pixels are square.",
+        height=Key(POSITIVE, "Height of the window.", None, unit="metres"), **_FILM,
+        width=Key(POSITIVE, "Width of the window.", None, unit="metres"),
     ),
 }  # fmt: skip
 

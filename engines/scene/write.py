@@ -215,7 +215,7 @@ _CAMERAS = {
 
 def _camera(camera: Camera) -> Keys:
     keys = {item.name: _plain(getattr(camera, item.name)) for item in fields(camera)}
-    for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf]), ("width", None)):
+    for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf]), ("width", None), ("height", None)):
         if key in keys and keys[key] == default:
             del keys[key]
     return {"type": _CAMERAS[type(camera)], **keys}

@@ -64,7 +64,8 @@ class Projection:
         """Half the width and height of the window: in metres (orthographic), as slopes, or in radians (arctan)."""
         aspect = self.width / self.height
         if isinstance(self.camera, Orthographic):
-            return aspect * self.camera.height / 2, self.camera.height / 2
+            across, high = self.camera.window(aspect)
+            return across / 2, high / 2
         assert isinstance(self.camera, (Perspective, ThinLens, PerspectiveArctan))
         half = math.radians(self.camera.fov) / 2
         half = half if isinstance(self.camera, PerspectiveArctan) else math.tan(half)

@@ -178,7 +178,8 @@ class ViewController:
         _check_camera(request)
         changed = replace(camera, eye=request.eye, target=request.target, up=request.up)
         if isinstance(changed, Orthographic) and request.height is not None:
-            changed = replace(changed, height=request.height)
+            _, high = changed.window(changed.resolution[0] / changed.resolution[1])
+            changed = changed.scaled(request.height / high)
         interactive.set_camera(changed)
         self._preview_move()
 

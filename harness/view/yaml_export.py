@@ -29,7 +29,8 @@ def scene_yaml(source: Path, camera: Camera, offsets: Mapping[str, Vector]) -> s
     scene = read_yaml(source).plain()
     if not isinstance(camera, CustomCamera):
         scene["camera"] |= {"eye": _rounded(camera.eye), "target": _rounded(camera.target)}
-        scene["camera"] |= {"height": camera.height} if isinstance(camera, Orthographic) else {"fov": camera.fov}
+        sides = ("height", "width") if isinstance(camera, Orthographic) else ("fov",)
+        scene["camera"] |= {side: value for side in sides if (value := getattr(camera, side)) is not None}
     for name, offset in offsets.items():
         kind, _, index = name.partition(":")
         items = scene["shapes" if kind == "shape" else "lights"]

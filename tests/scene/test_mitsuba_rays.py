@@ -40,7 +40,7 @@ def window(folder, steps, clip=""):
 def test_the_scale_of_an_orthographic_sensor_is_that_of_its_window(tmp_path):
     for steps in ('<scale value="1.5"/>', '<scale x="1.5" y="1.5"/>', '<scale x="1.5" y="1.5" z="7"/>'):
         found = window(tmp_path, steps)
-        assert found.window(48 / 32) == pytest.approx((3.0, 2.0)) and found.width is None
+        assert found.window(48 / 32) == pytest.approx((3.0, 2.0)) and found.window(1.0) == pytest.approx((3.0, 3.0))
     found = window(tmp_path, '<scale x="2" y="1"/>')
     assert found.window(48 / 32) == pytest.approx((4.0, 2.0 * 32 / 48)) and found.width == pytest.approx(4.0)
 

@@ -169,10 +169,9 @@ def _orthographic(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> 
     if min(x, y, z) <= 0.0 or similarity(matrix[:3, :3] / [x, y, z]) is None:
         raise plugin.refuse("to_world of a sensor must not shear, or flatten")
     near, far = _clip(plugin)
-    width = None if abs(x / y - 1.0) <= RIGID else 2.0 * x
+    height = None if abs(x / y - 1.0) <= RIGID else 2.0 * y * size[1] / size[0]
     return Orthographic(
-        **_frame(matrix), height=2.0 * y * size[1] / size[0], resolution=size,
-        clip=(near * z, near * z + far - near), width=width,
+        **_frame(matrix), height=height, resolution=size, clip=(near * z, near * z + far - near), width=2.0 * x,
     )  # fmt: skip
 
 
