@@ -92,7 +92,7 @@ def _room(camera, lamp=3.0):
             {"sphere": {"center": [-0.9, 0.8, 1.4], "radius": 0.7}, "material": "blue"},
             {"sphere": {"center": [1.1, 0.6, -0.6], "radius": 0.6}, "material": "white"},
             {"triangle": {"a": [-2, 0, -2], "b": [2, 0, -2], "c": [0, 3, -2]}, "material": "blue"},
-            {"disk": {"center": [0, 4, 1], "normal": [0, -1, 0], "radius": 1}, "material": "lamp"},
+            {"sphere": {"center": [0, 4, 1], "radius": 0.7}, "material": "lamp"},
         ],
         "lights": [{"environment": {"radiance": [0.2, 0.3, 0.4]}}],
     })  # fmt: skip

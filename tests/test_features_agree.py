@@ -71,13 +71,13 @@ LAMP = Material("lamp", emission=(7.0, 6.0, 5.0))
 MATT = Mixture(kd=(0.7, 0.5, 0.3))
 
 
-def equal(shapes, bsdfs, lights=(), **settings):
-    """Renders both and compares: no pixel may differ by more than 1e-8 of the brightest."""
+def equal(shapes, bsdfs, lights=(), side=SIDE, **settings):
+    """Renders both and compares: no pixel may differ by more than 1e-8 of the brightest. The last material is the lamp's."""
     materials = (*(Material(f"m{k}", bsdf=bsdf) for k, bsdf in enumerate(bsdfs)), LAMP)
     scene = Scene("features", CAMERA, materials, tuple(shapes), tuple(lights), "")
     images = []
     for engine, own in (("numpy", {}), ("numba", {"precision": "float64", "accelerator": "none", "threads": 1})):
-        chosen = Settings(SIDE, SIDE, seed=5, sampler="sobol", **settings, **own)
+        chosen = Settings(side, side, seed=5, sampler="sobol", **settings, **own)
         images.append(engines.engine(engine).prepare(scene, chosen).render(2).mean())
     reference, found = images
     assert reference.max() > 0.1
@@ -85,7 +85,8 @@ def equal(shapes, bsdfs, lights=(), **settings):
     assert (difference < 1e-8).all(), np.argwhere(difference >= 1e-8)
 
 
-def test_path_tracer_with_textures_on_every_shape_under_every_wrapper():
+def shapes_under_wrappers():
+    """Every kind of shape, and the BSDFs of their materials: textures under every wrapper."""
     cutout = Mask(image(1), Blend(image(wrap="mirror"), Mixture(kd=image(filter="nearest")), metal((0.3, 0.3))))
     brushed = NormalMap(
         image(low=0.35, high=0.65, to_uv=TURNED), Bump(image(1, high=0.05), 0.4, metal((image(1, 0.05, 0.5), 0.2)))
@@ -106,27 +107,17 @@ def test_path_tracer_with_textures_on_every_shape_under_every_wrapper():
         Plane((0.0, 0.0, 4.0), (0.36, 0.48, 0.8), 5),
         Cylinder((-0.4, 1.0, 1.9), (0.6, 0.6, 1.7), 0.3, 3),
         Cylinder((-0.2, -1.2, 0.1), (0.2, -1.3, 0.5), 0.2, 1),
-        Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, 7),
     ]
     floor = Mixture(kd=Checkerboard((0.8, 0.3, 0.2), (0.2, 0.3, 0.8), TURNED))
     metals = [metal((0.4, 0.1), image()), metal((0.1, 0.5))]
-    bsdfs = [floor, NormalMap(image(low=0.3, high=0.7), cutout), rough_wall, brushed, both_sides, *metals]
-    sky = EnvironmentLight(radiance=(0.3, 0.35, 0.4))
-    equal(shapes, bsdfs, [sky], shader={"name": "path_tracer", "max_depth": 5, "rr_depth": 3})
+    return shapes, [floor, NormalMap(image(low=0.3, high=0.7), cutout), rough_wall, brushed, both_sides, *metals]
 
 
-def row_of_spheres(bsdfs):
-    """Shapes on a floor, each with its BSDF; the last of all materials is the lamp's."""
-    places = [(x, y) for y in (0.9, -0.6) for x in (-1.35, -0.45, 0.45, 1.35)]
-    spheres = [Sphere((x, y, 0.42), 0.42, k + 1) for k, (x, y) in enumerate(places[: len(bsdfs)])]
-    lamp = Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, len(bsdfs) + 1)
-    return [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0), *spheres, lamp], [MATT, *bsdfs]
-
-
-def test_path_tracer_with_every_model_of_textured_parameters_wrapped_and_tilted():
+def every_model():
+    """BSDFs of all models, of textured parameters, wrapped and tilted."""
     number = partial(image, 1)
     rough = Dielectric(1.5, (number(low=0.1, high=0.6), 0.3), image(), image())
-    bsdfs = [
+    return [
         Blend(0.5, Diffuse(image()), NormalMap(image(low=0.3, high=0.7), rough)),
         Dielectric(1.3, (0.4, 0.4), image(), distribution="beckmann"),
         Mask(0.7, ThinDielectric(1.5, image(), image())),
@@ -136,8 +127,16 @@ def test_path_tracer_with_every_model_of_textured_parameters_wrapped_and_tilted(
         Bump(number(high=0.1), 0.2, Principled(image(), spec_trans=number(), roughness=0.3, anisotropic=number())),
         Conductor((0.2, 0.9, 1.1), (3.9, 2.4, 2.2), (number(), 0.2), image(), "beckmann"),
     ]
+
+
+def test_path_tracer_with_every_model_of_textured_parameters_on_every_shape_under_every_wrapper():
+    """A small sphere of each model hovers in front of the other shapes."""
+    (shapes, bsdfs), models = shapes_under_wrappers(), every_model()
+    shapes += [Sphere((0.15 + 0.23 * (k - 3.5), -2.0, 0.7), 0.11, len(bsdfs) + k) for k in range(len(models))]
+    shapes.append(Disk((0.0, -0.5, 3.0), (0.0, 0.0, -1.0), 0.8, len(bsdfs) + len(models)))
     sky = EnvironmentLight(radiance=(0.3, 0.35, 0.4))
-    equal(*row_of_spheres(bsdfs), [sky], shader={"name": "path_tracer", "max_depth": 5, "rr_depth": 3})
+    shader = {"name": "path_tracer", "max_depth": 5, "rr_depth": 3}
+    equal(shapes, [*bsdfs, *models], [sky], 40, shader=shader)
 
 
 def test_shaders_of_every_light_with_masks_blends_and_tilted_mirrors():
