@@ -212,7 +212,7 @@ def scene(*shapes, camera=CAMERAS[0], **material):
 
 def test_a_cylinder_has_the_texture_coordinates_of_transport_md():
     shape = Cylinder((1.0, 0.0, 0.5), (0.2, 1.5, -0.4), 0.4, 0)
-    (part,) = parts(scene(shape, kd=(0.5,) * 3), placing())
+    (part,) = parts(scene(shape, kd=(0.5,) * 3), placing(), Textures(placing()))
     node = {key: inner for key, inner in part.node.items() if key != "bsdf"}
     found = mi.load_dict(_with_transforms(mi, {"type": "scene", "it": node}))
     axis = np.subtract(shape.p1, shape.p0)
