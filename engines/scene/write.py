@@ -215,7 +215,8 @@ _CAMERAS = {
 
 def _camera(camera: Camera) -> Keys:
     keys = {item.name: _plain(getattr(camera, item.name)) for item in fields(camera)}
-    for key, default in (("principal_point", [0.0, 0.0]), ("mirror", False), ("clip", [0.0, math.inf]), ("width", None), ("height", None)):
+    defaults = {"principal_point": [0.0, 0.0], "mirror": False, "clip": [0.0, math.inf], "width": None, "height": None}
+    for key, default in defaults.items():
         if key in keys and keys[key] == default:
             del keys[key]
     return {"type": _CAMERAS[type(camera)], **keys}
