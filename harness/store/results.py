@@ -17,9 +17,9 @@ import numpy as np
 
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
+from harness.store import reference_files
 from harness.store.events import check_results, events_file, last_event, latest_cells, read_events
 from harness.store.folder import image_file, read_manifest
-from harness.store.reference_files import reference_arrays
 
 PHASES = ("import", "load", "build", "compile", "render")
 AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division", "machine")
@@ -129,12 +129,14 @@ class Results:
 
     def reference(self, reference_id: str | None) -> Reference | None:
         """The reference's arrays; None where it is missing or unreadable."""
-        if reference_id not in self.references:
+        event = self.references.get(reference_id or "")
+        if event is None:
             return None
         from engines.errors import RaybenchError
 
+        name, scene_hash = event["reference_id"], event["scene_hash"]
         try:
-            return reference_arrays(self.folder, str(reference_id))
+            return reference_files.read(reference_files.of_results(self.folder, name, scene_hash), name, scene_hash)
         except (RaybenchError, OSError, ValueError, KeyError):
             return None
 
