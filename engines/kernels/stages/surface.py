@@ -189,14 +189,40 @@ def _make_light_pdf(kinds: tuple[int, ...]) -> Any:
     return chosen
 
 
+@cache
+def _make_emission(features: SceneFeatures) -> Any:
+    """The function (rays, lane, found, front, miss, choices) -> (what the surface emits towards the viewer, the pdf with which
+    the light sample would have found it)."""
+    shining, weighted = area_lights(features), features.power_lights or features.light_hierarchy
+    listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
+    transparent, hides = features.transparent, features.hidden_emitters
+
+    @inline
+    def emission_at(rays, lane, found, front, miss, choices):
+        o, d, zero = rays.origin[lane], rays.direction[lane], const(0.0, found.t)
+        lit, light_pdf = (not miss) & (front | (rays.two_sided[lane] > zero)), zero
+        if hides:
+            lit = lit & (not _is_absent(rays, lane, miss, zero))
+        emitted = select3(lit, rays.emission[lane], Vec3(zero, zero, zero))
+        if listed_shapes:
+            facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
+            parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
+            if weighted:
+                choices = rays.light_choices[lane]
+            o, way = _from_last_vertex(rays, lane, o, d, found.t, transparent)
+            light_pdf = select(listed, light_pdf_of(parameters, shape, o, way, facing, choices), zero)
+        return emitted, light_pdf
+
+    return emission_at
+
+
 def _make(features: SceneFeatures, real: Any) -> Any:
     zero = real(0)
     load, meet = make_load_hit(features, real), _make_meet(features, real)
     several, smooth = features.spheres or features.planes or len(features.analytic) > 0, features.smooth
     weighted = features.power_lights or features.light_hierarchy
-    emission, tangents, shining = features.emission, features.tangents, area_lights(features)
-    transparent, hides = features.transparent, features.hidden_emitters
-    listed_shapes, light_pdf_of = len(shining) > 0, _make_light_pdf(shining)
+    emission, tangents, hides = features.emission, features.tangents, features.hidden_emitters
+    emission_at = _make_emission(features)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
     textured, color_hits = features.textured_emission, make_hits(features, real)
@@ -225,17 +251,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             front = _store_interaction(rays, lane, found, o, d, miss, offset_scale, tangents)
             emitted, light_pdf = none, zero
             if emission:
-                lit = (not miss) & (front | (rays.two_sided[lane] > zero))
-                if hides:
-                    lit = lit & (not _is_absent(rays, lane, miss, zero))
-                emitted = select3(lit, rays.emission[lane], none)
-                if listed_shapes:
-                    facing, listed = abs(dot(d, found.normal)), lit & (rays.primitive_light[lane] >= 0)
-                    parameters, shape = lane_numbers(rays.light_parameters, lane), rays.shape[lane]
-                    if weighted:
-                        choices = rays.light_choices[lane]
-                    o, way = _from_last_vertex(rays, lane, o, d, found.t, transparent)
-                    light_pdf = select(listed, light_pdf_of(parameters, shape, o, way, facing, choices), zero)
+                emitted, light_pdf = emission_at(rays, lane, found, front, miss, choices)
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
