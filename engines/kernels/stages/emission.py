@@ -105,7 +105,7 @@ def make_light_samples(features: SceneFeatures, real: Any) -> Any:
             if rays.alive[lane] and not rays.miss[lane] and li.x > zero:
                 if kind == MESH:
                     primitive = np.int64(rays.kept_row[lane])
-                elif kind == SPHERE or kind == DISK or kind == CYLINDER:
+                elif kind in (SPHERE, DISK, CYLINDER):
                     primitive = np.int64(scene.light_primitives[rays.kept_column[lane]])
             if primitive >= 0:
                 p = to_float64(rays.point[lane]) + to_float64(rays.wi[lane]) * np.float64(rays.light_distance[lane])
