@@ -17,7 +17,6 @@ from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of, transmittance_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
 from engines.scene import (
-    WHITE,
     Blend,
     Bump,
     Checkerboard,
@@ -78,7 +77,7 @@ def leaves_in(material: Material) -> list[Any]:
 
 def plain_emission(material: Material) -> Triple:
     """What a material emits before its texture is looked up."""
-    return WHITE if isinstance(material.emission, Texture) and material.emits else material.mean_emission
+    return (1.0, 1.0, 1.0) if isinstance(material.emission, Texture) and material.emits else material.mean_emission
 
 
 def _is_textured(leaf: Any) -> bool:
