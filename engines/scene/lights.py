@@ -144,7 +144,7 @@ def _image(given: Given, context: SceneReader) -> Any:
             image = read_texels(file).astype(np.float64) if file.suffix.lower() == ".hdr" else read_image(file)
         except SceneError as problem:
             raise SceneError(f"{node.where}: {problem}") from problem
-    if not np.isfinite(image).all():
+    if not np.isfinite([image.min(), image.max()]).all():
         raise node.refuse("holds radiance that is infinite or not a number")
     image, negative = without_negative(image)
     if negative:
@@ -154,12 +154,12 @@ def _image(given: Given, context: SceneReader) -> Any:
 
 def without_negative(image: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
     """(h, w, 3) radiance, read-only, in which negative texels are 0, and the note that says so, or "". Filters that sharpen
-    leave such texels in maps."""
-    negative = (image < 0.0).any(axis=2)
-    note = ""
-    if negative.any():
-        note = f"{int(negative.sum())} texels with negative radiance, down to {image.min():g}, are taken as 0"
-    image = np.ascontiguousarray(np.maximum(image, 0.0))
+    leave such texels in maps. Images without any are large and not copied."""
+    note, lowest = "", image.min()
+    if lowest < 0.0:
+        count = int((image < 0.0).any(axis=2).sum())
+        note, image = f"{count} texels with negative radiance, down to {lowest:g}, are taken as 0", np.maximum(image, 0.0)
+    image = np.ascontiguousarray(image)
     image.flags.writeable = False
     return image, note
 

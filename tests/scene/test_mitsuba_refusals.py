@@ -65,9 +65,6 @@ WRONG = {
     "instance": ('<shape type="instance"/>', ["a shapegroup"]),
     "two environments": (LAMP + '<emitter type="constant"/>\n<emitter type="constant"/>', ["s.xml:3", "second environment"]),
     "unknown emitter": ('<emitter type="glow"/>', ["glow", "envmap"]),
-    "light as texture": (
-        shape_with('<emitter type="area"><texture type="checkerboard" name="radiance"/></emitter>'), ["radiance", "colour"]
-    ),
     "environment that is stretched": (
         '<emitter type="sunsky"><transform name="to_world"><scale x="2"/></transform></emitter>', ["rotation"]
     ),
