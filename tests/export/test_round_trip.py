@@ -7,6 +7,7 @@ import engines
 from engines import Settings
 from engines.export import export
 from harness.config import paths
+from tests.mitsuba.peer import mi
 from tests.needs import needs
 
 SIDE = 12
@@ -114,8 +115,6 @@ def test_raybench_reads_its_own_export_as_the_same_scene(what, tmp_path):
 def test_mitsuba_renders_what_is_exported_to_our_image(what, tmp_path):
     """Pixels differ by at most 1.5 % of the mean on average, by chance; by more than 11 % where an offset of texture
     coordinates is lost."""
-    import mitsuba as mi
-
     scene = engines.scene_from(SCENES[what])
     mi.set_variant("scalar_rgb")
     loaded = mi.load_file(str(export(scene, "mitsuba", tmp_path / "scene.xml", max_depth=3)))
