@@ -25,7 +25,7 @@ from engines.kernels.features import SceneFeatures
 from engines.kernels.flatten import FlatScene, flatten
 from engines.kernels.flatten.light_samplers import bind_light_sampler
 from engines.kernels.layout import LANES, SHADER_OPTIONS, VERTEX_DRAWS, SceneTable, aligned, batch_bytes, stack_bytes
-from engines.kernels.resolve import KNOWN
+from engines.kernels.resolve import known
 from engines.kernels.stages import camera, light, material, sampler, scattering, shade, surface, transmit
 from engines.scene import Camera, Scene, Shape, ThinLens
 from engines.scene.support import foreign
@@ -321,7 +321,7 @@ class Renderer:
         with self._guard.updating():
             scene = self._scene if camera is None else replace(self._scene, camera=camera)
             scene = scene if shapes is None else replace(scene, shapes=tuple(shapes))
-            if lacking := foreign(scene, KNOWN, "the engine", ("camera", "shape")):
+            if lacking := foreign(scene, known(), "the engine", ("camera", "shape")):
                 raise Unsupported(lacking)
             if shapes is not None:
                 self._build(scene)

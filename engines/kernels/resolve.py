@@ -30,10 +30,11 @@ from engines.scene import (
 )  # fmt: skip
 from engines.scene.support import foreign, option_numbers, plugin_without, refusal_of
 
-KNOWN: frozenset[type] = frozenset({
-    *get_args(Camera), Plane, Sphere, SphereSet, Triangle, Mesh, *ANALYTIC, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture),
-})  # fmt: skip
-"""The types of scenes that are rendered."""
+
+def known() -> frozenset[type]:
+    """The types of scenes that are rendered, as the registries have them now."""
+    shapes = (Plane, Sphere, SphereSet, Triangle, Mesh, *ANALYTIC)
+    return frozenset({*get_args(Camera), *shapes, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture)})
 
 
 def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
@@ -55,7 +56,7 @@ def _plugins(settings: Settings) -> dict[str, Any]:
 
 def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
     """One sentence on what the jitted engines lack for this scene with these resolved settings, or None."""
-    if refusal := refusal_of(scene) or foreign(scene, KNOWN, f"the engine {engine}"):
+    if refusal := refusal_of(scene) or foreign(scene, known(), f"the engine {engine}"):
         return refusal
     for part, function in _plugins(settings).items():
         if function is None:

@@ -25,9 +25,13 @@ from tests.needs import marks_of
 
 ELSEWHERE = ("cycles", "luxcore", "open3d")
 """Peers whose own tests examine them, where they are installed."""
-
-
-EXAMINED = [pytest.param(name, marks=marks_of(name)) for name in engines.engine_names() if name not in ELSEWHERE]
+SLOW = {"embree": [pytest.mark.slow]}
+"""numba's kernels around another intersector, which tests/kernels/test_embree_hits.py and others examine by themselves."""
+EXAMINED = [
+    pytest.param(name, marks=[*marks_of(name), *SLOW.get(name, [])])
+    for name in engines.engine_names()
+    if name not in ELSEWHERE
+]
 
 
 @pytest.mark.parametrize("name", EXAMINED)

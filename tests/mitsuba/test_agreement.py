@@ -20,12 +20,17 @@ SIDE, REPLICATES, SPP = 24, 16, 8
 MANY = {"lattice", "many_lights", "rings", "sphereflake", "tree"}
 """Scenes of hundreds of spheres: Mitsuba records a case for each of them, which takes minutes."""
 LONG = {"bathroom", "cabinet", "cafe", "desk_lamp", "lantern", "living_room", "still_life"}
-"""Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` stands for them."""
+"""Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` stands for them, in the slow tier."""
 WITHOUT_COUNTERPART = {
-    "cornell_spheres": "refraction without Fresnel's equations", "mobilert_cornell": "cameras but perspective",
-    "mobilert_cornell2": "cameras but perspective", "mobilert_spheres2": "cameras but perspective",
+    "cornell_spheres": "refraction without Fresnel's equations", "mobilert_cornell": "camera PerspectiveArctan",
+    "mobilert_cornell2": "camera PerspectiveArctan", "mobilert_spheres2": "camera PerspectiveArctan",
 }  # fmt: skip
-COMPARED = sorted(set(paths.shipped("scenes")) - LONG - MANY - set(WITHOUT_COUNTERPART))
+FURTHER = {"dahlquist", "gears", "metals", "study", "workshop"}
+"""Scenes with kernels of their own that take several seconds; what they are made of is compared one by one below."""
+COMPARED = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in FURTHER else [])
+    for name in sorted(set(paths.shipped("scenes")) - LONG - MANY - set(WITHOUT_COUNTERPART))
+]
 WAVEFRONT, SCALAR = engines.engine("mitsuba"), engines.engine("mitsuba_scalar")
 NUMBA = engines.engine("numba")
 
