@@ -335,7 +335,7 @@ def test_thin_lenses_and_orthographic_sensors(tmp_path):
     found = camera(tmp_path, "thinlens", lens)
     assert isinstance(found, ThinLens) and (found.aperture_radius, found.focus_distance) == (0.1, 4.0)
     found = camera(tmp_path, "orthographic", '<transform name="to_world"><scale value="3"/></transform>')
-    assert isinstance(found, Orthographic) and found.height == pytest.approx(3.0)
+    assert isinstance(found, Orthographic) and (found.width, found.height) == (pytest.approx(6.0), None)
 
 
 def test_clipping_planes_are_kept_where_they_clip(tmp_path):
