@@ -60,7 +60,9 @@ def import_scene(document: Document) -> Scene:
 
 def _note_axes(importer: Importer, element: Element) -> None:
     if element.tag == "rotate" and has_odd_axis(element):
-        said = "made so, as in Mitsuba 0.x" if element.source.old else "not made so, as in Mitsuba 3: it distorts"
+        # of spheres, disks and cylinders Mitsuba 3 takes the transpose for the inverse of such a rotation
+        said = "not made so, as in Mitsuba 3: it distorts (spheres, disks and cylinders in another way there)"
+        said = "made so, as in Mitsuba 0.x" if element.source.old else said
         importer.notes.add(f"the axis of a rotation is not of length 1, and {said}", element)
     for child in element.children:
         _note_axes(importer, child)
