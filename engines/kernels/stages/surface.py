@@ -225,7 +225,8 @@ def _make(features: SceneFeatures, real: Any) -> Any:
     emission_at = _make_emission(features)
     constant_environment = lights.CONSTANT_ENVIRONMENT in features.lights
     image_environment, turned = lights.IMAGE_ENVIRONMENT in features.lights, features.turned_environment
-    textured, color_hits = features.textured_emission, make_hits(features, real)
+    textured = features.textured_emission
+    color_hits = make_hits(features, real) if textured else None
 
     def surface(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
