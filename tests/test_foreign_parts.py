@@ -12,7 +12,7 @@ import engines
 from engines.errors import ConfigError, RaybenchError, Unsupported
 from engines.export import export
 from engines.external.scenes import FORMATS
-from engines.kernels.resolve import KNOWN
+from engines.kernels.resolve import known
 from engines.kernels.stages.camera import RAYS
 from engines.scene import Camera, CustomCamera, Diffuse, Mask, Material, Sides, save_scene
 from engines.scene.bsdf import is_opaque
@@ -182,4 +182,4 @@ def test_a_plugin_is_called_by_its_name():
 
 
 def test_the_jitted_engines_have_a_function_for_each_camera_that_they_say_they_know():
-    assert {each for each in KNOWN if each in get_args(Camera)} == {*RAYS, CustomCamera}
+    assert {each for each in known() if each in get_args(Camera)} == {*RAYS, CustomCamera}
