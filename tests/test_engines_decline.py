@@ -81,10 +81,10 @@ def test_a_plugin_without_the_half_of_an_engine_is_declined(name, wanted, part, 
 def test_other_renderers_have_no_plugins(part, what, tmp_path):
     scene = _scene(part(_plugin(jitted=_function, numpy=_function)))
     for name in ("mitsuba", "mitsuba_scalar"):
-        assert f"Mitsuba has no counterpart of the {what} plugin 'own'" in str(_reason(engines.engine(name), scene))
+        assert f"Mitsuba does not support the {what} plugin 'own'" in str(_reason(engines.engine(name), scene))
     assert _reason(engines.engine("dahlquist"), scene) == "the engine dahlquist renders its own five balls alone"
     for form in ("mitsuba", "pbrt"):
-        with pytest.raises(Unsupported, match=f"has no counterpart of the {what} plugin 'own'"):
+        with pytest.raises(Unsupported, match=f"does not support the {what} plugin 'own'"):
             export(scene, form, tmp_path)
 
 

@@ -32,7 +32,7 @@ def test_it_renders_nothing_and_says_what_it_lacks(box):
         "materials": {"grey": {"kd": 0.5}},
         "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "grey"}],
     })  # fmt: skip
-    lacks = "shapes[0]: Open3D's RaycastingScene has no counterpart of the shape Sphere"
+    lacks = "shapes[0]: Open3D's RaycastingScene does not support the shape Sphere"
     assert engine.why_not_tracer(ball, Settings()) == lacks
     assert engine.why_not_tracer(box, Settings(precision="float64")) == "Open3D traces in float32 only"
     with pytest.raises(Unsupported, match="float32 only"):

@@ -66,7 +66,7 @@ class AdapterEngine:
         return self.precision
 
     def lacks(self, scene: Scene, settings: Settings) -> str | None:
-        """One sentence on what the renderer has no counterpart of, or None. Choices are resolved; must import nothing."""
+        """One sentence on what the renderer does not support, or None. Choices are resolved; must import nothing."""
         return None
 
     def accelerators(self) -> Mapping[str, Mapping[str, Option]]:
@@ -134,9 +134,9 @@ class AdapterEngine:
         yield foreign(scene, {*self.cameras, *self.shapes, *self.lights, *self.materials, *self.textures}, name)
         for key, default in CAMERA_KEYS.items():
             if key not in self.camera_keys and getattr(camera, key, default) != default:
-                yield f"{name} has no counterpart of a camera's {key}"
+                yield f"{name} does not support a camera's {key}"
         if isinstance(camera, Orthographic) and camera.width is not None and camera.height is not None:
-            yield f"{name} has no counterpart of an orthographic camera with a width and a height"
+            yield f"{name} does not support an orthographic camera with a width and a height"
         for material in scene.materials:
             if isinstance(material.emission, Texture):
                 yield f"material {material.name!r}: {name} takes no emission from a texture"

@@ -22,7 +22,7 @@ def export(scene: Scene, form: str, path: str | Path, max_depth: int = 6, spp: i
 
     `path` is a file of the right suffix, or a folder, which is made where it is missing; meshes and images go to a folder
     beside the file. Raises `UnknownName` for other forms, `ConfigError` for a file that cannot be written, and `Unsupported`
-    for what that renderer has no counterpart of.
+    for what that renderer does not support.
     """
     if form not in WRITERS:
         raise UnknownName("renderer to export to", form, WRITERS)

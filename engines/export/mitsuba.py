@@ -34,7 +34,7 @@ _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
 def write_mitsuba(scene: Scene, path: Path, max_depth: int = 6, spp: int = 64) -> None:
     """Writes `path` (.xml) and meshes and images into the folder `<name>_files` beside it.
 
-    Raises `Unsupported` for what Mitsuba has no counterpart of.
+    Raises `Unsupported` for what Mitsuba does not support.
     """
     if reason := scene_lacks(scene):
         raise Unsupported(reason)

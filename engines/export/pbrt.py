@@ -35,7 +35,7 @@ KNOWN: frozenset[type] = frozenset({
 
 
 def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64) -> None:
-    """Writes `path` (.pbrt). Raises `Unsupported` for what pbrt has no counterpart of."""
+    """Writes `path` (.pbrt). Raises `Unsupported` for what pbrt does not support."""
     if reason := _lacks(scene):
         raise Unsupported(reason)
     beside = Beside(path)
@@ -50,14 +50,14 @@ def write_pbrt(scene: model.Scene, path: Path, max_depth: int = 6, spp: int = 64
 
 
 def _lacks(scene: model.Scene) -> str | None:
-    """One sentence on what pbrt has no counterpart for, or None."""
+    """One sentence on what pbrt does not support, or None."""
     if lacks := foreign(scene, KNOWN, "pbrt"):
         return lacks
     if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
-        return f"pbrt has no counterpart of {lacks}"
+        return f"pbrt does not support {lacks}"
     for material in scene.materials:
         if lacks := material_lacks(material) or _bsdf_lacks(model_of(material)):
-            return f"material {material.name!r}: pbrt has no counterpart of {lacks}"
+            return f"material {material.name!r}: pbrt does not support {lacks}"
     return next(filter(None, map(_light_lacks, scene.lights)), None)
 
 

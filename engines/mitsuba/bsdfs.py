@@ -57,7 +57,7 @@ def _transmits(part: Bsdf) -> bool:
 
 
 def material_lacks(material: Material) -> str | None:
-    """What of a material Mitsuba has no counterpart for, or None."""
+    """What Mitsuba does not support of a material, or None."""
     bsdf = model_of(material)
     found = next(filter(None, map(_lacks, members(bsdf))), None)
     if found is None and material.emits and material.two_sided:

@@ -17,7 +17,7 @@ CAMERAS = (Perspective, Orthographic, ThinLens)
 
 
 def camera_lacks(camera: Camera) -> str | None:
-    """What of a camera Mitsuba has no counterpart for, or None."""
+    """What Mitsuba does not support of a camera, or None."""
     if isinstance(camera, ThinLens) and camera.principal_point != (0.0, 0.0):
         return "a thin lens with a principal point"
     return None

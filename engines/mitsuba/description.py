@@ -49,12 +49,12 @@ KNOWN: frozenset[type] = frozenset({*CAMERAS, *SHAPES, *LIGHTS, *MODELS, *WRAPPE
 
 
 def scene_lacks(scene: Scene) -> str | None:
-    """One sentence on what of the scene Mitsuba has no counterpart for, or None."""
+    """One sentence on what Mitsuba does not support of the scene, or None."""
     if lacks := foreign(scene, KNOWN, "Mitsuba"):
         return lacks
     if lacks := camera_lacks(scene.camera):
-        return f"Mitsuba has no counterpart of {lacks}"
+        return f"Mitsuba does not support {lacks}"
     for material in scene.materials:
         if lacks := material_lacks(material):
-            return f"material {material.name!r}: Mitsuba has no counterpart of {lacks}"
+            return f"material {material.name!r}: Mitsuba does not support {lacks}"
     return planes_lack(scene) or emission_lacks(scene) or lights_lack(scene)

@@ -12,7 +12,7 @@ from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight,
 
 
 def lights_lack(scene: Scene) -> str | None:
-    """One sentence on what of the scene's lights Mitsuba has no counterpart for, or None."""
+    """One sentence on what Mitsuba does not support of the scene's lights, or None."""
     if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
         return "the scene has several environments, of which Mitsuba renders one"
     if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):

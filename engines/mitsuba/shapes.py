@@ -70,17 +70,17 @@ def extent(scene: Scene) -> float:
 
 
 def planes_lack(scene: Scene) -> str | None:
-    """One sentence on what of the scene's planes, which are disks there, Mitsuba has no counterpart for, or None."""
+    """One sentence on what Mitsuba does not support of the scene's planes, which are disks there, or None."""
     for shape in scene.shapes:
         if isinstance(shape, Plane) and directed(bsdf := model_of(material := scene.materials[shape.material])):
             turned = next((type(part).__name__.lower() for part in members(bsdf) if anisotropic(part)), None)
             what = "textures" if turned is None else f"an anisotropic {turned}"
-            return f"material {material.name!r}: Mitsuba has no counterpart of {what} on a plane"
+            return f"material {material.name!r}: Mitsuba does not support {what} on a plane"
     return None
 
 
 def emission_lacks(scene: Scene) -> str | None:
-    """One sentence on what of the textures that surfaces emit Mitsuba has no counterpart for, or None. It samples them through
+    """One sentence on what Mitsuba does not support of the textures that surfaces emit, or None. It samples them through
     (u, v) in [0, 1], and misses all else."""
     for shape in scene.shapes:
         indices = np.unique(shape.materials) if isinstance(shape, Mesh) else [shape.material]

@@ -145,7 +145,7 @@ def _size(sensor: Element) -> tuple[int, int]:
     width, height = (_side(said.get(name), default) for name, default in zip(("width", "height"), DEFAULT_SIZE, strict=True))
     for name, whole in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height)):
         if film is not None and _side(said.get(f"crop_{name}"), whole, 0) != whole:
-            raise film.refuse("a crop of the film has no counterpart: leave crop_ out")
+            raise film.refuse("a crop of the film is not supported: leave crop_ out")
     return width, height
 
 

@@ -45,7 +45,7 @@ def foreign(scene: Scene, known: Collection[type], who: str, kinds: Collection[s
         if kind in kinds and type(part) not in known:
             plugin = getattr(part, "plugin", None)
             name = type(part).__name__ if plugin is None else f"plugin {getattr(plugin, 'name', type(plugin).__name__)!r}"
-            return f"{where}{who} has no counterpart of the {kind} {name}"
+            return f"{where}{who} does not support the {kind} {name}"
     return None
 
 

@@ -154,7 +154,7 @@ def test_the_shipped_example_makes_the_image_of_its_engine(monkeypatch):
 def test_a_scene_with_plugins_is_declined_where_it_would_be_read(tmp_path):
     lamp = CustomLight(SimpleNamespace(name="lamp", options={}, numpy=print, jitted=print))
     reason = engines.engine(str(described(tmp_path))).why_not(replace(SCENE, lights=(lamp,)), SETTINGS)
-    assert reason == "lights[0]: a scene file without code has no counterpart of the light plugin 'lamp'"
+    assert reason == "lights[0]: a scene file without code does not support the light plugin 'lamp'"
 
 
 def test_a_scene_that_is_in_no_file_is_declined_where_it_would_be_read(tmp_path):

@@ -164,5 +164,5 @@ def test_an_anisotropic_plane_is_declined_by_name():
     plane = {"plane": {"point": [0, 0, -1], "normal": [0, 0, 1]}, "material": "floor"}
     held, even = (scene({"conductor": {"metal": "Au", "alpha": alpha}}, [plane]) for alpha in ([0.1, 0.2], 0.1))
     reason = engines.engine("mitsuba").why_not(held, Settings(4, 4, sampler="random"))
-    assert reason == "material 'floor': Mitsuba has no counterpart of an anisotropic conductor on a plane"
+    assert reason == "material 'floor': Mitsuba does not support an anisotropic conductor on a plane"
     assert engines.engine("mitsuba").why_not(even, Settings(4, 4, sampler="random")) is None

@@ -1,4 +1,4 @@
-"""BSDFs: each of `BSDFS` makes a model of the scene from a plugin; `REFUSED` says why others have no counterpart."""
+"""BSDFs: each of `BSDFS` makes a model of the scene from a plugin; `REFUSED` says why others are not supported."""
 
 from __future__ import annotations
 
@@ -354,20 +354,20 @@ BSDFS: dict[str, Callable[[Importer, Plugin, bool], Built]] = {
     "normalmap": _normal_map,
 }
 REFUSED = {
-    "phong": "has no counterpart: use roughplastic or roughconductor",
-    "ward": "has no counterpart: use roughconductor",
-    "coating": "has no counterpart: use plastic or principled",
-    "roughcoating": "has no counterpart: use roughplastic or principled",
-    "difftrans": "diffuse transmission has no counterpart",
-    "hk": "scattering below the surface has no counterpart",
-    "mixturebsdf": "has no counterpart: use blendbsdf",
-    "irawan": "has no counterpart",
-    "principledthin": "has no counterpart: use principled",
-    "measured": "measured BSDFs have no counterpart",
-    "measured_polarized": "measured BSDFs have no counterpart",
-    "hair": "has no counterpart",
-    "pplastic": "polarisation has no counterpart: use plastic",
-    "polarizer": "polarisation has no counterpart",
-    "retarder": "polarisation has no counterpart",
-    "circular": "polarisation has no counterpart",
+    "phong": "is not supported: use roughplastic or roughconductor",
+    "ward": "is not supported: use roughconductor",
+    "coating": "is not supported: use plastic or principled",
+    "roughcoating": "is not supported: use roughplastic or principled",
+    "difftrans": "diffuse transmission is not supported",
+    "hk": "scattering below the surface is not supported",
+    "mixturebsdf": "is not supported: use blendbsdf",
+    "irawan": "is not supported",
+    "principledthin": "is not supported: use principled",
+    "measured": "measured BSDFs are not supported",
+    "measured_polarized": "measured BSDFs are not supported",
+    "hair": "is not supported",
+    "pplastic": "polarisation is not supported: use plastic",
+    "polarizer": "polarisation is not supported",
+    "retarder": "polarisation is not supported",
+    "circular": "polarisation is not supported",
 }

@@ -53,7 +53,7 @@ def _light_color(importer: Importer, plugin: Plugin, name: str) -> Triple:
     if nested is not None:
         found = texture(importer, nested, EMISSION)
         if not isinstance(found, tuple):
-            raise nested.refuse(f"{name} as a texture has no counterpart: a colour is wanted")
+            raise nested.refuse(f"{name} as a texture is not supported: a colour is wanted")
         return found
     element = plugin.spectrum(name)
     return WHITE if element is None else color(element, EMISSION)
@@ -89,7 +89,7 @@ def _spot(importer: Importer, plugin: Plugin) -> SpotLight:
     if beam_width > cutoff:
         raise plugin.refuse_property("beam_width", f"must not exceed cutoff_angle, which is {cutoff:g}")
     if importer.named(plugin, "texture") is not None:
-        raise plugin.refuse("a texture of a spot light has no counterpart")
+        raise plugin.refuse("a texture of a spot light is not supported")
     direction = _direction(plugin, _vector(matrix[:3, 2]))
     return SpotLight(_vector(matrix[:3, 3]), direction, _light_color(importer, plugin, "intensity"), cutoff, beam_width)
 
@@ -147,9 +147,9 @@ EMITTERS: dict[str, Callable[[Importer, Plugin], Light]] = {
     "sun": _sky,
 }
 REFUSED = {
-    "directionalarea": "has no counterpart",
-    "projector": "has no counterpart",
-    "collimated": "has no counterpart",
-    "volumelight": "has no counterpart",
-    "timed_sunsky": "a sky that moves has no counterpart: use sunsky",
+    "directionalarea": "is not supported",
+    "projector": "is not supported",
+    "collimated": "is not supported",
+    "volumelight": "is not supported",
+    "timed_sunsky": "a sky that moves is not supported: use sunsky",
 }

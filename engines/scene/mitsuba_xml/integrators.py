@@ -35,8 +35,8 @@ elsewhere."""
 
 
 def shader(importer: Importer, plugin: Plugin) -> dict[str, Any]:
-    """The shader that an integrator suggests, once materials are read. Raises `SceneError` for what changes the image and has
-    no counterpart."""
+    """The shader that an integrator suggests, once materials are read. Raises `SceneError` for what changes the image and is
+    not supported."""
     inner = importer.taken(plugin, "integrator")
     if plugin.type not in SUGGESTED and inner:
         importer.notes.add(f"integrator {plugin.type}: the one within it is taken", plugin.element)

@@ -151,7 +151,7 @@ class Plugin:
         if element is None:
             return np.eye(4)
         if element.tag != "transform":
-            raise element.refuse("a <transform> is wanted: motion has no counterpart" if element.tag == "animation" else
+            raise element.refuse("a <transform> is wanted: motion is not supported" if element.tag == "animation" else
                                  "a <transform> is wanted")  # fmt: skip
         return matrix(element)
 

@@ -32,7 +32,7 @@ def import_scene(document: Document) -> Scene:
     """The scene of a Mitsuba XML file, of version 0.4 to 3.x.
 
     What was dropped or approximated stands in the warnings of the scene. Raises `SceneError` with file and line for what is
-    wrong, and for what has no counterpart.
+    wrong, and for what is not supported.
     """
     file, root = document.file, document.root
     ids: dict[str, Plugin] = {}

@@ -36,7 +36,7 @@ def camera(importer: Importer, plugin: Plugin) -> Camera:
         importer.notes.drop(f"sampler {sampler.type}")
     size = _film(importer, plugin)
     for medium in importer.taken(plugin, "medium"):
-        raise medium.refuse("media have no counterpart")
+        raise medium.refuse("media are not supported")
     found = make(importer, plugin, size)
     plugin.read.update(HARMLESS_SENSOR)
     importer.finish(plugin)
@@ -49,13 +49,13 @@ def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
         return DEFAULT_SIZE
     film = films[0]
     if film.type == "specfilm":
-        raise film.refuse("spectral films have no counterpart")
+        raise film.refuse("spectral films are not supported")
     sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
     width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
     crop = [film.integer(f"crop_{name}", default=full, low=0, high=LARGEST_SIDE)
             for name, full in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height))]  # fmt: skip
     if crop != [0, 0, width, height]:
-        raise film.refuse("a crop of the film has no counterpart: leave crop_ out")
+        raise film.refuse("a crop of the film is not supported: leave crop_ out")
     for rfilter in importer.taken(film, "rfilter"):
         importer.notes.drop(f"filter {rfilter.type}")
     importer.notes.drop(f"film {film.type} but its size")
@@ -181,12 +181,12 @@ SENSORS: dict[str, Callable[[Importer, Plugin, tuple[int, int]], Camera]] = {
     "orthographic": _orthographic,
 }
 REFUSED = {
-    "batch": "several cameras in one have no counterpart",
-    "distant": "has no counterpart: use orthographic",
+    "batch": "several cameras in one are not supported",
+    "distant": "is not supported: use orthographic",
     "irradiancemeter": "measures no image",
     "radiancemeter": "measures no image",
     "fluencemeter": "measures no image",
-    "perspective_rdist": "distorted lenses have no counterpart: use perspective",
-    "spherical": "has no counterpart: use perspective",
-    "telecentric": "has no counterpart: use orthographic",
+    "perspective_rdist": "distorted lenses are not supported: use perspective",
+    "spherical": "is not supported: use perspective",
+    "telecentric": "is not supported: use orthographic",
 }

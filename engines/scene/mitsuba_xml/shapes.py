@@ -51,11 +51,11 @@ def shape(importer: Importer, plugin: Plugin) -> Shape:
     if make is None:
         raise plugin.refuse(REFUSED.get(plugin.type, f"unknown shape: known: {', '.join((*SHAPES, *GROUPS))}"))
     for medium in importer.taken(plugin, "medium"):
-        raise medium.refuse("media have no counterpart")
+        raise medium.refuse("media are not supported")
     for inside in importer.taken(plugin, "subsurface"):
-        raise inside.refuse("scattering below the surface has no counterpart")
+        raise inside.refuse("scattering below the surface is not supported")
     for sensor in importer.taken(plugin, "sensor"):
-        raise sensor.refuse("a sensor on a shape has no counterpart")
+        raise sensor.refuse("a sensor on a shape is not supported")
     found = make(importer, plugin, _look(importer, plugin))
     importer.finish(plugin)
     importer.check_area(plugin, found)
@@ -315,13 +315,13 @@ SHAPES: dict[str, Callable[[Importer, Plugin, Look], Shape]] = {
 GROUPS = ("merge", "shapegroup", "instance")
 """Plugins that `groups` takes apart."""
 REFUSED = {
-    "hair": "curves have no counterpart",
-    "bsplinecurve": "curves have no counterpart",
-    "linearcurve": "curves have no counterpart",
-    "sdfgrid": "distance fields have no counterpart: use a mesh",
-    "ellipsoids": "Gaussians have no counterpart",
-    "ellipsoidsmesh": "Gaussians have no counterpart",
-    "heightfield": "has no counterpart: use a mesh",
-    "deformable": "motion has no counterpart",
+    "hair": "curves are not supported",
+    "bsplinecurve": "curves are not supported",
+    "linearcurve": "curves are not supported",
+    "sdfgrid": "distance fields are not supported: use a mesh",
+    "ellipsoids": "Gaussians are not supported",
+    "ellipsoidsmesh": "Gaussians are not supported",
+    "heightfield": "is not supported: use a mesh",
+    "deformable": "motion is not supported",
     "blender": "is made by a program: export a PLY file",
 }

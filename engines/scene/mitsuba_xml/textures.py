@@ -235,9 +235,9 @@ TEXTURES = {
 }  # fmt: skip
 REFUSED = {
     "mesh_attribute": "attributes of a mesh are not read: bake them into a bitmap",
-    "volume": "volumes have no counterpart",
-    "wireframe": "has no counterpart",
-    "gridtexture": "has no counterpart: bake it into a bitmap",
-    "curvature": "has no counterpart",
+    "volume": "volumes are not supported",
+    "wireframe": "is not supported",
+    "gridtexture": "is not supported: bake it into a bitmap",
+    "curvature": "is not supported",
     "vertexcolors": "attributes of a mesh are not read: bake them into a bitmap",
 }

@@ -105,7 +105,7 @@ def _matrix(element: Element) -> Matrix:
         return found
     found[:] = np.reshape(values, (4, 4))
     if found[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-        raise element.refuse("the last row of a matrix must be 0 0 0 1: projections have no counterpart")
+        raise element.refuse("the last row of a matrix must be 0 0 0 1: projections are not supported")
     return found
 
 
