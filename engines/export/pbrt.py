@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from engines.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.mitsuba.lights import LIGHTS
 from engines.mitsuba.nodes import facing
 from engines.mitsuba.shapes import SHAPES, extent
-from engines.mitsuba.textures import is_texture, largest
+from engines.mitsuba.textures import largest
 from engines.scene.support import foreign, model_of
 
 PLANE_EXTENTS = 1e3
@@ -78,9 +77,6 @@ def _light_lacks(light: model.Light) -> str | None:
 
 
 def _bsdf_lacks(bsdf: model.Bsdf) -> str | None:
-    values = [getattr(bsdf, field.name) for field in fields(bsdf)]
-    if any(is_texture(part) for value in values for part in (value if isinstance(value, tuple) else (value,))):
-        return "textures of this format"
     if isinstance(bsdf, model.Conductor) and bsdf.reflectance != model.WHITE:
         return "a conductor whose reflectance is scaled"
     if isinstance(bsdf, (model.Conductor, model.Dielectric)) and rough(bsdf.alpha):

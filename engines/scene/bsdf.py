@@ -174,7 +174,7 @@ _BY_SIDE = Record("One material on each side.", {"front": _SIDED, "back": _SIDED
 
 
 Wrapper = Mask | Blend | Bump | NormalMap | Sides
-Bsdf = Leaf | Mask | Blend | Bump | NormalMap | Sides
+Bsdf = Leaf | Wrapper
 
 
 def leaves(bsdf: Bsdf | None) -> Iterator[Bsdf]:

@@ -98,10 +98,10 @@ class Orthographic:
 
     def window(self, aspect: float) -> tuple[float, float]:
         """Width and height in metres, for an image that is `aspect` times as wide as high."""
-        assert self.height is not None or self.width is not None
-        width = aspect * self.height if self.width is None and self.height is not None else self.width
-        assert width is not None
-        return width, width / aspect if self.height is None else self.height
+        if self.width is None:
+            assert self.height is not None
+            return aspect * self.height, self.height
+        return self.width, self.width / aspect if self.height is None else self.height
 
     def scaled(self, factor: float) -> Orthographic:
         """The camera with a window that is `factor` times as large."""

@@ -87,9 +87,9 @@ def with_face_normals(
 ) -> Smooth:  # fmt: skip
     """The mesh with a vertex of its own, and the normal of its face, for each corner whose normal is zeros."""
     lacking = lacks_normal(normals)
-    face, corner = np.nonzero(lacking[faces])
     if not lacking.any():
         return Smooth(vertices, faces, normals, uvs, 0)
+    face, corner = np.nonzero(lacking[faces])
     normals = np.where(lacking[:, None], UP, normals)  # of vertices that no face has any more
     own = unit_rows(face_normals(vertices, faces[face]))
     own[lacks_normal(own)] = UP

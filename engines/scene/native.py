@@ -25,7 +25,7 @@ DEFAULT_SIZE = (768, 576)
 CHUNK = 1 << 20
 PLUGIN = re.compile(r"[A-Za-z0-9_]{1,64}")
 NAMES_A_FILE = re.compile(r"file|path", re.IGNORECASE)
-OF_SENSORS = ("film", "sampler")
+_OF_SENSORS = ("film", "sampler")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,10 +106,10 @@ def _integrator(root: Element) -> dict[str, Any] | None:
 
 
 def _walk(element: Element) -> Iterator[Element]:
-    """All elements but films and samplers, which have no say."""
+    """All elements but films and samplers, which the engine replaces by its own."""
     yield element
     for child in element.children:
-        if child.tag not in OF_SENSORS:
+        if child.tag not in _OF_SENSORS:
             yield from _walk(child)
 
 

@@ -19,6 +19,7 @@ from engines.scene.bsdf import (
     Null,
     Sides,
     ThinDielectric,
+    Wrapper,
     is_opaque,
 )
 from engines.scene.cameras import CustomCamera
@@ -44,7 +45,7 @@ def foreign(scene: Scene, known: Collection[type], who: str, kinds: Collection[s
     for where, kind, part in _parts(scene):
         if kind in kinds and type(part) not in known:
             plugin = getattr(part, "plugin", None)
-            name = type(part).__name__ if plugin is None else f"plugin {getattr(plugin, 'name', type(plugin).__name__)!r}"
+            name = type(part).__name__ if plugin is None else f"plugin {_name_of(plugin)!r}"
             return f"{where}{who} does not support the {kind} {name}"
     return None
 
@@ -94,20 +95,23 @@ def members(bsdf: Bsdf) -> Iterator[Bsdf]:
     """A BSDF and all that it is made of, from the outside in; sides without one are left out."""
     yield bsdf
     inner = (getattr(bsdf, name, None) for name in ("of", "a", "b", "front", "back"))
-    for part in inner if isinstance(bsdf, Mask | Blend | Bump | NormalMap | Sides) else ():
+    for part in inner if isinstance(bsdf, Wrapper) else ():
         if part is not None:
             yield from members(part)
 
 
 def has_null_lobes(material: Material) -> bool:
     """Whether rays may pass the material as if it were not there: by null, a mask or a thin dielectric (docs/transport.md)."""
-    return any(isinstance(part, Mask | Null | ThinDielectric) for part in members(model_of(material)))
+    return _has_null_lobes(model_of(material))
 
 
 def tilts_null_lobes(material: Material) -> bool:
-    """Whether a bump or normal map is around what lets rays pass so."""
-    tilts = (part.of for part in members(model_of(material)) if isinstance(part, Bump | NormalMap))
-    return any(isinstance(part, Mask | Null | ThinDielectric) for tilted in tilts for part in members(tilted))
+    """Whether a bump or normal map lies around a null, a mask or a thin dielectric."""
+    return any(_has_null_lobes(part.of) for part in members(model_of(material)) if isinstance(part, Bump | NormalMap))
+
+
+def _has_null_lobes(bsdf: Bsdf) -> bool:
+    return any(isinstance(part, Mask | Null | ThinDielectric) for part in members(bsdf))
 
 
 def transmits(bsdf: Bsdf) -> bool:
@@ -145,7 +149,11 @@ def leaves(bsdf: Bsdf | None) -> list[Bsdf | None]:
 def plugin_without(scene: Scene, half: str) -> str | None:
     """The first plugin of the scene that lacks its half for an engine (`jitted` or `numpy`), by kind and name."""
     lacking = ((what, plugin) for what, plugin in plugins(scene) if getattr(plugin, half, None) is None)
-    return next((f"the {what} {getattr(plugin, 'name', type(plugin).__name__)!r}" for what, plugin in lacking), None)
+    return next((f"the {what} {_name_of(plugin)!r}" for what, plugin in lacking), None)
+
+
+def _name_of(plugin: Any) -> str:
+    return getattr(plugin, "name", type(plugin).__name__)
 
 
 def option_numbers(options: Mapping[str, Any]) -> list[float]:

@@ -38,9 +38,8 @@ MAX_LIBRARIES = 1000
 """MTL files of an OBJ."""
 
 
-LENGTH = (
-    "it is cut short, or an element mixes lists of several lengths: triangulate it, or save it as ASCII"
-)
+UNEVEN = "it is cut short, or an element mixes lists of several lengths: triangulate it, or save it as ASCII"
+"""What trimesh's "unexpected length" of a binary PLY file means."""
 
 
 class At(Protocol):
@@ -257,7 +256,7 @@ def _read_with_trimesh(at: At, suffix: str, data: bytes, with_normals: bool, wit
             found = _ply_parts(data) if suffix == ".ply" else _stl_parts(data)
             parts = [_arrays(part) for part in found]
     except Exception as problem:
-        reason = LENGTH if "unexpected length" in str(problem) and b"\nformat binary" in data[:1000] else str(problem)
+        reason = UNEVEN if "unexpected length" in str(problem) and b"\nformat binary" in data[:1000] else str(problem)
         raise at.refuse(f"is not a usable {suffix[1:].upper()} file: {reason}") from problem
     if not any(len(part.faces) for part in parts):
         raise at.refuse("has no faces")

@@ -61,8 +61,8 @@ def import_scene(document: Document) -> Scene:
 def _note_axes(importer: Importer, element: Element) -> None:
     if element.tag == "rotate" and has_odd_axis(element):
         # of spheres, disks and cylinders Mitsuba 3 takes the transpose for the inverse of such a rotation
-        said = "not made so, as in Mitsuba 3: it distorts (spheres, disks and cylinders in another way there)"
-        said = "made so, as in Mitsuba 0.x" if element.source.old else said
+        taken = "taken as it is, as in Mitsuba 3: shapes are distorted (spheres, disks and cylinders in another way there)"
+        said = "scaled to it, as in Mitsuba 0.x" if element.source.old else taken
         importer.notes.add(f"the axis of a rotation is not of length 1, and {said}", element)
     for child in element.children:
         _note_axes(importer, child)

@@ -67,7 +67,7 @@ def _look(importer: Importer, plugin: Plugin) -> Look:
     emitters = importer.taken(plugin, "emitter")
     for what, several in (("BSDF", found), ("emitter", emitters)):
         if len(several) > 1:
-            raise plugin.refuse(f"has {len(several)} of what it may have one of, {what}")
+            raise plugin.refuse(f"has {len(several)} of {what}: a shape may have one")
     if emitters:
         importer.claim(emitters[0], plugin)
     radiance = area_radiance(importer, emitters[0]) if emitters else BLACK

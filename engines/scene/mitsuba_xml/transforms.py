@@ -79,11 +79,12 @@ def _rotate(element: Element) -> Matrix:
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         raise element.refuse("the axis of a rotation must not be zero")
-    angle, odd = math.radians(numbers(element, "angle", (1,))[0]), has_odd_axis(element)
-    x, y, z = axis if odd and not element.source.old else axis / length
+    angle = math.radians(numbers(element, "angle", (1,))[0])
+    as_given = has_odd_axis(element) and not element.source.old
+    x, y, z = axis if as_given else axis / length
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     found = np.eye(4)
-    if odd and not element.source.old:
+    if as_given:
         found[:3, :3] = (
             math.cos(angle) * np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * np.outer(axis, axis)
         )
