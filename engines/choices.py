@@ -156,7 +156,7 @@ patterns (powers of two, all strata) and larger between them."""
 
 def _plugin_choice(kind: str, plugin: Any, options: Mapping[str, Any]) -> Choice:
     """A plugin with its own options, of which some are given. Where the default is a number, the value must be one."""
-    defaults: Mapping[str, Any] = getattr(plugin, "options", None) or {}
+    defaults = {key: _plain(value) for key, value in (getattr(plugin, "options", None) or {}).items()}
     for key, value in options.items():
         if key not in defaults:
             raise UnknownName(f"option of {kind} {plugin.name!r}", key, defaults)

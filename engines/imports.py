@@ -22,13 +22,14 @@ def imported(name: str, folder: str | PathLike[str] | None = None) -> Any:
     """
     module, _, attribute = name.partition(":")
     beside = None if folder is None else os.path.abspath(folder)
-    before = list(sys.path)
-    sys.path[:0] = [] if beside is None else [beside]
+    if beside is not None:
+        sys.path.insert(0, beside)
     try:
         there = _found(module.partition(".")[0])
         found: Any = importlib.import_module(module)
     finally:
-        sys.path[:] = before
+        if beside in sys.path:
+            sys.path.remove(beside)  # what the module itself has changed there stays
     if beside and beside not in sys.path and there and Path(there).is_relative_to(beside):
         sys.path.append(beside)  # where the code may import more, later and in processes that get it
     for part in attribute.split("."):

@@ -2,6 +2,7 @@
 each other where all that rays may pass comes together (docs/transport.md, "Null lobes")."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -142,17 +143,36 @@ def test_hidden_emitters_are_seen_where_mitsuba_shows_them(pane, light, segments
         assert image.mean() == pytest.approx(truth, abs=0.2 if pane is PANES[-1] else 1e-6), transparent
 
 
-def test_hidden_emitters_are_absent_and_light_the_scene():
-    """A lamp between the camera and a wall, of which the wall is seen as if the lamp were not there."""
+def lamp_before_a_wall(*lights):
+    """A lamp of 0.6 m between the camera, which sees 0.5 m, and a wall 1 m behind it."""
     shapes = square(0.0, 0.0, 1.0, 1, half=0.3), square(0.0, 0.0, 0.0, 0, half=2.0)
     camera = Orthographic((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5, (4, 4))
     lamp = Material("lamp", emission=(3.0,) * 3, two_sided=True)
-    scene = Scene("wall", camera, (Material("wall", kd=(0.5,) * 3), lamp), shapes, (), "")
+    return Scene("wall", camera, (Material("wall", kd=(0.5,) * 3), lamp), shapes, lights, "")
+
+
+def test_hidden_emitters_are_absent_and_light_the_scene():
+    """The wall is seen as if the lamp were not there; its light is a quadrature over view and lamp."""
+    scene = lamp_before_a_wall()
     options = {"spp": 64, "max_depth": 2, "transparent_shadows": False}
     ours, reference = (render(scene, engine, hide_emitters=True, **options) for engine in ("numba", "numpy"))
     assert ours == pytest.approx(reference, rel=1e-9)
-    assert 0.1 < reference.mean() < 0.3
+    places = (np.arange(20) + 0.5) / 20 - 0.5
+    apart = np.subtract.outer(0.5 * places, 0.6 * places) ** 2
+    form = (1.0 / (apart[:, None, :, None] + apart[None, :, None, :] + 1.0) ** 2).mean()
+    assert reference.mean() == pytest.approx(3.0 * 0.5 / math.pi * 0.36 * form, rel=0.02)
     assert render(scene, **options) == pytest.approx(3.0)
+
+
+def test_an_update_without_emitters_hides_nothing():
+    """As a new renderer: nothing is left of the flags of lanes that saw the lamp."""
+    scene = lamp_before_a_wall(EnvironmentLight((1.0, 1.0, 1.0), None))
+    settings = Settings(8, 8, shader={"name": "path_tracer", "hide_emitters": True}, sampler="random", precision="float32")
+    renderer = engines.engine("numba").prepare(scene, settings)
+    renderer.render(4)
+    renderer.update(shapes=scene.shapes[1:])
+    fresh = engines.engine("numba").prepare(replace(scene, shapes=scene.shapes[1:]), settings)
+    assert np.array_equal(renderer.render(4).sums, fresh.render(4).sums)
 
 
 @pytest.mark.parametrize("engine", ["numba", "embree"])

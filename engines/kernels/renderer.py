@@ -128,7 +128,7 @@ class Renderer:
     def _bind_options(self) -> None:
         shader, chosen = self.settings.shader, self.settings.sampler
         numbers = np.zeros(16)
-        numbers[: SHADER_OPTIONS] = shade.option_numbers(shader, self._flat.bounds, self._flat.center)
+        numbers[:SHADER_OPTIONS] = shade.option_numbers(shader, self._flat.bounds, self._flat.center)
         if chosen.plugin is None and chosen.name == "constant":
             numbers[sampler.SAMPLER_OPTION] = chosen.options["value"]
         elif chosen.plugin is None and chosen.name == "stratified":
@@ -321,7 +321,7 @@ class Renderer:
         with self._guard.updating():
             scene = self._scene if camera is None else replace(self._scene, camera=camera)
             scene = scene if shapes is None else replace(scene, shapes=tuple(shapes))
-            if lacking := foreign(scene, known(), "the engine", ("camera", "shape")):
+            if lacking := foreign(scene, known(), "this engine", ("camera", "shape")):
                 raise Unsupported(lacking)
             if shapes is not None:
                 self._build(scene)

@@ -27,7 +27,7 @@ from engines.scene import (
     SphereSet,
     Texture,
     Triangle,
-)  # fmt: skip
+)
 from engines.scene.support import foreign, option_numbers, plugin_without, refusal_of
 
 

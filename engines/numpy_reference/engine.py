@@ -70,7 +70,7 @@ def supported(
         raise Unsupported(f"the engine {name} takes no accelerator plugins")
     for kind in ("shader", "sampler"):
         _require_numpy(kind, chosen[kind])
-    require_numpy(scene, name)
+    require_numpy(scene, f"the engine {name}")
     return replace(settings, precision="float64", **chosen)
 
 

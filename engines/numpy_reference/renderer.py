@@ -38,9 +38,10 @@ KNOWN: frozenset[type] = frozenset({*BSDFS, *LIGHTS, *SHAPES, *get_args(Wrapper)
 """The types of scenes that are rendered."""
 
 
-def require_numpy(scene: Scene, name: str) -> None:
-    """Raises `Unsupported` for what the engine `name` does not know, and where a plugin has no half for NumPy."""
-    if lacking := foreign(scene, KNOWN, f"the engine {name}"):
+def require_numpy(scene: Scene, who: str) -> None:
+    """Raises `Unsupported` for what `who` (the subject of the message) does not know, and for plugins without a half for
+    NumPy."""
+    if lacking := foreign(scene, KNOWN, who):
         raise Unsupported(lacking)
     if lacking := plugin_without(scene, "numpy"):
         raise Unsupported(f"{lacking} has no NumPy function (`numpy`)")
@@ -106,7 +107,7 @@ class Renderer:
             scene = replace(
                 self._scene, camera=camera or self._scene.camera, shapes=self._scene.shapes if shapes is None else tuple(shapes)
             )
-            require_numpy(scene, "numpy")
+            require_numpy(scene, "this engine")
             width, height = self._wanted.size(scene)
             same_size = (width, height) == (self._film.width, self._film.height)
             film = self._film if same_size else Film(width, height)  # first: it may be refused

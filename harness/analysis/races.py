@@ -57,6 +57,8 @@ def run_races(analysis: Analysis) -> None:
 def _why_no_ratio(verdict: Verdict, group: Sequence[Verdict]) -> str:
     if verdict.disqualified:
         return "flagged, so not ranked"
+    if verdict.against is None and verdict.contestant.settings.label:
+        return "repeats a contestant without results"
     if verdict.against is None:
         others = [each for each in group if each is not verdict and not each.contestant.settings.label]
         return "the baseline of its race" if others else "alone in its race"

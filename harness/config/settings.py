@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from engines import choices
 from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.interface import Settings
@@ -291,9 +293,11 @@ def _plugin(kind: str, given: Mapping[str, Any], allow_imports: bool) -> tuple[A
     require_imports(name, allow_imports)
     found = load_attribute(name)
     if isinstance(found, type) or (callable(found) and not hasattr(found, "name")):
-        options = _arguments(f"{kind} {name!r}", found, options)
         try:
+            options = _arguments(f"{kind} {name!r}", found, options)
             return found(**options), {"name": name, **options}
+        except RaybenchError:
+            raise
         except (Exception, SystemExit) as error:
             raise ConfigError(f"{kind} {name}: cannot be created: {type(error).__name__}: {error}") from error
     choice = choices.resolve(kind, {"name": found, **options}, {})
@@ -310,7 +314,8 @@ def _arguments(what: str, make: Any, options: Mapping[str, Any]) -> dict[str, An
     for key, default in known.items():
         if default is inspect.Parameter.empty and key not in options:
             raise ConfigError(f"{what}: the option {key!r} is missing")
-    plain = {key: value for key, value in known.items() if isinstance(value, (bool, int, float, str, type(None)))}
+    numbers = {key: value.item() if isinstance(value, np.generic) else value for key, value in known.items()}
+    plain = {key: value for key, value in numbers.items() if isinstance(value, (bool, int, float, str, type(None)))}
     return {**plain, **options}
 
 

@@ -135,15 +135,19 @@ class Sweep:
                 self.recorder.append({**known, "division": cell.division})
 
     def _note_skipped(self) -> None:
-        """A line for each engine and reason."""
+        """A line for each engine and reason: the engine, or how many of its cells where others are measured."""
         scenes = {cell.scene.name for cell in self.plan.cells}
-        skipped: dict[tuple[str, str], set[str]] = {}
+        measured = {(cell.engine_name, cell.scene.name) for cell in self.plan.cells if not cell.skip}
+        skipped: dict[tuple[str, str], list[str]] = {}
         for cell in self.plan.cells:
             if cell.skip:
-                skipped.setdefault((cell.engine_name, cell.skip), set()).add(cell.scene.name)
-        for (engine, reason), where in skipped.items():
+                skipped.setdefault((cell.engine_name, cell.skip), []).append(cell.scene.name)
+        for (engine, reason), of_cells in skipped.items():
+            where = set(of_cells)
             on = "" if where == scenes else f" on {', '.join(sorted(where))}"
-            self.listener.note(f"{engine} is skipped{on}: {reason}")
+            some = any((engine, name) in measured for name in where)
+            what = f"{len(of_cells)} cells of {engine} are" if some else f"{engine} is"
+            self.listener.note(f"{what} skipped{on}: {reason}")
 
     def _cells(self) -> list[Cell]:
         """What is to be measured, and what may be measured again: on another machine it may be another contestant."""

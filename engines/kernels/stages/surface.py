@@ -253,6 +253,8 @@ def _make(features: SceneFeatures, real: Any) -> Any:
             emitted, light_pdf = none, zero
             if emission:
                 emitted, light_pdf = emission_at(rays, lane, found, front, miss, choices)
+            elif hides:
+                rays.absent[lane] = False  # an update may have taken the last emitter away
             if constant_environment:
                 emitted = select3(miss, environment_radiance, emitted)
                 light_pdf = select(miss, rays.cosine_pdf[lane] / environment_choices, light_pdf)
