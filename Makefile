@@ -13,7 +13,7 @@ ARGS ?=
 help:
 	@echo "make bench       install, run configs/quick.yaml into $(OUT), say where the report is"
 	@echo "make test        install, run the tests (ARGS='-k film' chooses)"
-	@echo "make test-slow   the tests that 'make test' leaves out: further cases of what quick tests show"
+	@echo "make test-slow   the tests that 'make test' leaves out: more cases of what it checks"
 	@echo "make fuzz        read a thousand damaged scenes, meshes, images, configs and events each (ARGS='--seed 2')"
 	@echo "make lint        ruff and pyright"
 	@echo "make docs        build the documentation: docs/_build/html/index.html, to be opened from there"
@@ -85,7 +85,7 @@ lint: .venv/.installed-test
 # Editable installs with Mitsuba where it can be had; done again when pyproject.toml changes.
 define install
 	@$(PIP) install --quiet --editable '.[mitsuba$(1)]' 2>/dev/null \
-		|| { echo "raybench: Mitsuba cannot be installed, so that nothing races it: $(BIN)/python -m pip install -e '.[mitsuba]' says why" >&2; \
+		|| { echo "raybench: Mitsuba cannot be installed, and the benchmark runs without it: $(BIN)/python -m pip install -e '.[mitsuba]' says why" >&2; \
 		$(PIP) install --quiet --editable '.$(2)'; }
 	@touch $@ .venv/.installed
 endef

@@ -183,7 +183,7 @@ class Plugin:
         reasons = [str(report.longrepr[2]) for report in terminalreporter.stats.get("skipped", ()) if report.longrepr]
         counts = Counter(reason.removeprefix("Skipped: ") for reason in reasons if PREFIX in reason)
         if counts:
-            terminalreporter.section(f"lacking here ({REQUIRED}=NAME,... makes failures of these skips)")
+            terminalreporter.section(f"lacking here (with {REQUIRED}=NAME,... these tests fail instead)")
         for reason, count in sorted(counts.items()):
             terminalreporter.write_line(f"{count} skipped: {reason}")
 

@@ -64,8 +64,9 @@ class SceneFeatures(NamedTuple):
     null_lobes: bool = False
     """Some surface lets rays pass as if it were not there."""
     transparent: bool = False
-    """And the integrator crosses it freely, with shadow rays too; hidden_emitters: the camera does not see what emits."""
+    """Null lobes are crossed freely, by paths and shadow rays: the integrator's `transparent_shadows`."""
     hidden_emitters: bool = False
+    """The camera does not see what emits: the integrator's `hide_emitters`."""
 
     @property
     def of_bsdfs(self) -> SceneFeatures:

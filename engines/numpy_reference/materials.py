@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes, Refracts
-from engines.numpy_reference.bsdf.interface import NullLobes
+from engines.numpy_reference.bsdf import BSDF, BSDFS, BSDFSample, Lobes, NullLobes, Refracts
 from engines.numpy_reference.geometry import Geometry
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.shapes import Primitives

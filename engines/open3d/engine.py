@@ -53,7 +53,7 @@ class Engine:
         if settings.precision == "float64":
             return "Open3D traces in float32 only"
         if not scene.shapes:
-            return "Open3D's RaycastingScene holds triangles only, and the scene has none"
+            return "Open3D's RaycastingScene traces triangles, and the scene has no shapes"
         if lacks := foreign(scene, {Mesh, Triangle}, "Open3D's RaycastingScene", kinds=("shape",)):
             return lacks
         if util.find_spec("open3d") is None:

@@ -96,8 +96,9 @@ class Orthographic:
     clip: tuple[float, float] = (0.0, math.inf)
     width: float | None = None
 
-    def window(self, aspect: float) -> tuple[float, float]:
-        """Width and height in metres, for an image that is `aspect` times as wide as high."""
+    def window(self, aspect: float | None = None) -> tuple[float, float]:
+        """Width and height in metres, for an image that is `aspect` times as wide as high: by default that of `resolution`."""
+        aspect = self.resolution[0] / self.resolution[1] if aspect is None else aspect
         if self.width is None:
             assert self.height is not None
             return aspect * self.height, self.height

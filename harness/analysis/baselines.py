@@ -55,7 +55,8 @@ def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant |
 
 
 def _first(value: Any, written: Sequence[Any]) -> int:
-    """The place of a setting among those that a config writes: choices may have more options, nothing stands for anything."""
+    """The place of the first written value that a setting matches. A written mapping matches a choice that has these options
+    among others, and a written nothing every value."""
 
     def stands_for(one: Any) -> bool:
         if isinstance(one, Mapping) and isinstance(value, Mapping):
@@ -66,7 +67,7 @@ def _first(value: Any, written: Sequence[Any]) -> int:
 
 
 def baseline_of(contestant: Contestant, group: Sequence[Contestant], results: Results) -> Baseline | None:
-    """None for the baseline of the race, and for a twin of nobody.
+    """None for the baseline of the race, and for an A/A twin whose original has no result.
 
     A twin is compared with the contestant that it repeats, a contestant of a pair as the config says. Others are compared with
     one that is a single factor apart and nearer to the baseline engine: of the engine that stands first in `engine_order`, of

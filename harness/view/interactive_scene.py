@@ -126,7 +126,7 @@ def camera_fields(camera: Camera) -> dict[str, Any] | None:
     """A camera as plain data for the page; None for a plugin, which cannot be moved."""
     if isinstance(camera, CustomCamera):
         return None
-    window = camera.window(camera.resolution[0] / camera.resolution[1])[1] if isinstance(camera, Orthographic) else None
+    window = camera.window()[1] if isinstance(camera, Orthographic) else None
     fov = None if isinstance(camera, Orthographic) else (camera.fov, camera.fov_axis)
     mirror = not isinstance(camera, PerspectiveArctan) and camera.mirror
     view = {"eye": camera.eye, "target": camera.target, "up": camera.up, "height": window, "fov": fov}

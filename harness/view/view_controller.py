@@ -178,8 +178,7 @@ class ViewController:
         _check_camera(request)
         changed = replace(camera, eye=request.eye, target=request.target, up=request.up)
         if isinstance(changed, Orthographic) and request.height is not None:
-            _, high = changed.window(changed.resolution[0] / changed.resolution[1])
-            changed = changed.scaled(request.height / high)
+            changed = changed.scaled(request.height / changed.window()[1])
         interactive.set_camera(changed)
         self._preview_move()
 

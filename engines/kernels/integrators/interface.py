@@ -108,7 +108,7 @@ class Integrator(NamedTuple):
     """Its paths follow `Scattering.sample` alone, and play Russian roulette, for which `Path.eta_scale` is kept."""
     shadows: bool = True
     crossing_step: Any = None
-    """The step where rays may cross surfaces that are no vertices; its last argument says whether the sample does."""
+    """`step` where rays may cross surfaces that are no vertices: a last argument says whether this sample does."""
 
 
 @inline

@@ -16,7 +16,7 @@ DIRECT_OPTION, LIGHT_CANDIDATES = 2, 3
 
 @inline
 def _path_step(si, light, bsdf, draws, path, options, crosses):
-    """One vertex; where the sample `crosses`, the surface is none: segments and the pdf stay, and there is no roulette."""
+    """One vertex. Where the sample `crosses` the surface, that is no vertex: depth and pdf stay, and there is no roulette."""
     zero, one = const(0.0, si.t), const(1.0, si.t)
     none = Vec3(zero, zero, zero)
     max_depth, rr_depth, direct = options[0], options[1], options[2]

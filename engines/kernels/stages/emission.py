@@ -16,7 +16,7 @@ from engines.kernels.flatten.shapes import PLANE, TRIANGLE
 from engines.kernels.flatten.shapes import SPHERE as SPHERE_SHAPE
 from engines.kernels.lane.shapes import plane, sphere
 from engines.kernels.lane.shapes.coordinates import Coordinates
-from engines.kernels.lane.shapes.triangle import VertexUV
+from engines.kernels.lane.shapes.triangle import VertexUV, interpolated_uv
 from engines.kernels.lane.vector import Vec3, to_float64, to_real
 from engines.kernels.layout import LANES
 from engines.kernels.stages.material import make_analytic
@@ -31,8 +31,7 @@ def _on_triangle(scene, row, b1, b2):
     a, b, c = scene.vertex_uvs[face.a], scene.vertex_uvs[face.b], scene.vertex_uvs[face.c]
     if a.given == 0.0:
         return VertexUV(b1, b2)
-    b0 = 1.0 - b1 - b2
-    return VertexUV(b0 * a.u + b1 * b.u + b2 * c.u, b0 * a.v + b1 * b.v + b2 * c.v)
+    return interpolated_uv(b1, b2, a, b, c)
 
 
 @cache

@@ -240,7 +240,7 @@ def make_scattering(features: SceneFeatures, uses: Uses) -> Any:
 def _make(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, uses: Uses, real: Any) -> Any:
     scatter = _make_scatter(kind, features, wrapping, uses)
     use_value, use_sample, use_specular, use_albedos = uses
-    tells_null = wrapping.tells_null or wrapping.hides
+    stores_null = wrapping.tells_null or wrapping.hides
 
     def scattering(batch, scene_address):
         rays, scene, hits = ray_batch(batch, real), scene_table(scene_address, real), np.int64(0)
@@ -262,7 +262,7 @@ def _make(kind: int, features: SceneFeatures, wrapping: Around, bends: bool, use
                     rays.sample_pdf[lane] = found.sample.pdf
                     rays.sample_transmitted[lane] = found.sample.transmitted
                     rays.sample_valid[lane] = found.sample.valid
-                    if tells_null:
+                    if stores_null:
                         rays.sample_null[lane] = found.null
                     if bends:
                         rays.sample_eta_scale[lane] = found.eta_scale

@@ -202,7 +202,7 @@ def _store_next_ray(rays, lane, si, path, result, goes, offset, per_vertex, foll
 
 @inline
 def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offset, depth, left):
-    """The same where the ray may have crossed a surface that is no vertex: depth and last vertex stay then."""
+    """`_store_next_ray` where rays may cross surfaces that are no vertices: depth and last vertex stay where one `crosses`."""
     dimension = rays.dimension[lane]
     first, pdf = dimension == CAMERA_DIMENSIONS, rays.cosine_pdf[lane]
     crossed = select(first, const(0.0, offset), rays.crossed[lane]) + si.t
@@ -218,7 +218,7 @@ def _store_crossing_ray(rays, lane, si, path, result, crosses, null, goes, offse
 
 @inline
 def _has_crossed_many(rays, lane, depth, crosses):
-    """Whether this null lobe is the last that a path may cross: it has had so many rays more than segments."""
+    """Whether a path would cross its null lobe number `MOST_NULL_LOBES`: the rays that it has had, less its segments."""
     earlier = (rays.dimension[lane] - CAMERA_DIMENSIONS) // VERTEX_DIMENSIONS + 1 - depth
     return crosses & (earlier + 1 >= MOST_NULL_LOBES)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from engines.kernels.compile.jit import compile_stage, inline
+from engines.kernels.compile.masks import EVERY_LANE, flagged_lanes
 from engines.kernels.compile.records import lane_numbers
 from engines.kernels.compile.values import const, lowest_bit, select
 from engines.kernels.features import SceneFeatures
@@ -135,14 +136,6 @@ def _make_transmittance(features: SceneFeatures, real: Any) -> Any:
 
 
 @inline
-def _hits(rays):
-    lanes = np.int64(0)
-    for lane in range(np.uint64(LANES)):
-        lanes |= np.int64(0 if rays.miss[lane] else 1) << np.int64(lane)
-    return lanes
-
-
-@inline
 def _store_next_rays(rays, share, left, real):
     """The rays that go on, from the far side of what they have met to the same place; `t` is -1 of the others."""
     zero, infinite = real(0), real(math.inf)
@@ -165,7 +158,7 @@ def _make(features: SceneFeatures, real: Any) -> Any:
 
     def transmit(batch, scene_address):
         rays, scene = ray_batch(batch, real), scene_table(scene_address, real)
-        hits = _hits(rays)
+        hits = EVERY_LANE & ~flagged_lanes(rays.miss)
         if programs and textures:
             locate(rays, scene, hits)
         while hits != 0:

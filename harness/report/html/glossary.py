@@ -16,8 +16,8 @@ TERMS = {
     "not separated": "Several contestants may be the fastest; the data do not show which.",
     "ratio": "Time of one contestant over that of another to the same target, paired by block: above 1 the first named is "
              "faster. Every contestant has one to its baseline.",
-    "no ratio": "The contestant is the baseline of its race and no other reached the target, or one of two is flagged. "
-                "The cell says which.",
+    "no ratio": "The contestant is alone in its race, or its baseline, and no other reached the target; or it or its baseline "
+                "has a flag that disqualifies it. The cell says which.",
     "baseline": "The contestant that another is compared with.",
     "noise floor": "How much two measurements of one configuration differ (A/A twins). Smaller differences are not called "
                    "faster or slower.",

@@ -107,7 +107,7 @@ def _cell(
 def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
     time = verdict.warm[index]
     ratio, other = ratio_of(verdict, verdicts, index)
-    why_not = "" if ratio else verdict.no_ratio or "one of the two reached the target in no block"
+    why_not = "" if ratio else verdict.no_ratio or "it or its baseline reached the target in no block"
     seconds = estimate_text((time.value, time.low, time.high))
     return Entry(verdict.contestant.name, seconds, ratio, other, why_not, verdict.warnings)
 

@@ -128,13 +128,21 @@ def coordinates(b1, b2, a, b, c):
 
 
 @inline
+def interpolated_uv(b1, b2, ta, tb, tc):
+    """Between the coordinates of the vertices; `b1` and `b2` are the weights of the second and the third."""
+    b0 = 1.0 - b1 - b2
+    return VertexUV(b0 * ta.u + b1 * tb.u + b2 * tc.u, b0 * ta.v + b1 * tb.v + b2 * tc.v)
+
+
+@inline
 def mesh_coordinates(b1, b2, a, b, c, ta, tb, tc):
     """Interpolated between those of the vertices, `ta`, `tb` and `tc`; the derivatives of `coordinates` where these lie on a
     line."""
     u1, u2, v1, v2 = tb.u - ta.u, tc.u - ta.u, tb.v - ta.v, tc.v - ta.v
-    b0, determinant = 1.0 - b1 - b2, u1 * v2 - v1 * u2
+    determinant = u1 * v2 - v1 * u2
     dp_du, dp_dv = b - a, c - a
     if determinant != 0.0:
         scale = 1.0 / determinant
         dp_du, dp_dv = (dp_du * v2 - dp_dv * v1) * scale, (dp_dv * u1 - dp_du * u2) * scale
-    return Coordinates(b0 * ta.u + b1 * tb.u + b2 * tc.u, b0 * ta.v + b1 * tb.v + b2 * tc.v, dp_du, dp_dv)
+    uv = interpolated_uv(b1, b2, ta, tb, tc)
+    return Coordinates(uv.u, uv.v, dp_du, dp_dv)
