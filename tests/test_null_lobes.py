@@ -105,17 +105,14 @@ def test_null_lobes_are_no_segments(engine, precision):
     assert not render(_two_rows(), engine, precision, max_depth=2, transparent_shadows=False).any()
 
 
-@pytest.mark.parametrize(
-    ("pane", "truth"),
-    [(Null(), 0.0397887), (Mask(0.3, Mixture((0.4,) * 3)), 0.0278521), (PANE, 0.0367281), (PANES[3], 0.0388705)],
-)
-def test_a_point_light_above_a_pane_lights_the_floor_below(pane, truth):
-    """At 2 m, seen from below the pane: 0.5 / pi / 4 times the transmittance, as Mitsuba's volpath has it."""
+@pytest.mark.parametrize(("pane", "transmittance"), zip(PANES, TRANSMITTANCES, strict=True))
+def test_a_point_light_above_a_pane_lights_the_floor_below(pane, transmittance):
+    """At 2 m, seen from below the pane, as Mitsuba's volpath has it."""
     shapes = square(0.0, 0.0, 0.0, 1), square(0.0, 0.0, 1.0, 0)
     camera = Perspective((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.01, "y", (4, 4))
     light = PointLight((0.0, 0.0, 2.0), (1.0,) * 3)
     scene = Scene("floor", camera, (Material("pane", bsdf=pane), MATERIALS[FLOOR]), shapes, (light,), "")
-    assert render(scene, max_depth=2) == pytest.approx(truth, rel=1e-5)
+    assert render(scene, max_depth=2) == pytest.approx(0.5 / math.pi / 4 * transmittance, rel=1e-5)
     assert not render(scene, max_depth=2, transparent_shadows=False).any()
 
 
@@ -238,10 +235,10 @@ def test_numba_in_float64_equals_the_reference_behind_null_lobes(direct):
 
 
 def test_embree_equals_numba_behind_null_lobes_but_where_rounding_decides():
-    """Both draw the same numbers. The median pixel differs by rounding, and 1 in 100 may go another way."""
+    """Both draw the same numbers; Embree's hits are rounded to float32. Few of the eight samples of a pixel go another way."""
     ours, other = (render(_everything(), engine, "float64", spp=8, **ALL) for engine in ("numba", "embree"))
     difference = np.abs(ours - other).max(axis=2)
-    assert np.median(difference) < 1e-4 * ours.max()
+    assert (difference > 1e-4 * ours.max()).mean() < 0.03
     assert other.mean() == pytest.approx(ours.mean(), rel=0.01)
 
 

@@ -8,7 +8,7 @@ from engines.errors import ConfigError
 from harness.cli.commands import app
 
 COMMANDS = {
-    "render": ("render no_scene", ".png"),
+    "render": ("render cornell_box", ".png"),
     "dahlquist": ("dahlquist --probe-image no_image.png", ".png"),
     "animate": ("dahlquist --animate 2 --probe-image no_image.png", ".gif"),
     "compare": ("compare no_results no_results", ".csv"),
@@ -42,7 +42,6 @@ def test_an_output_that_cannot_be_written_is_refused_first(name, fault, place, m
     command, suffix = COMMANDS[name]
     if name == "render":
         monkeypatch.setattr("harness.cli.render.load_scene", None)
-        command = "render cornell_box"
     before = sorted(place.rglob("*"))
     output = fault.format(suffix)
     assert refusal(command, output).startswith(f"-o {output}: {FAULTS[fault]}")
@@ -70,9 +69,7 @@ def test_export_takes_suffixes_in_upper_case_and_folders_with_one(output, writte
 
 
 @pytest.mark.parametrize("suffix", [".JPG", ".jpeg", ".PNG", ".bmp", ".tif", ".webp"])
-def test_render_writes_each_format_that_its_help_names(suffix, place):
-    shown = " ".join(CliRunner().invoke(app, ["render", "--help"], env={"COLUMNS": "300"}).output.split())
-    assert suffix.lower().replace("jpeg", "jpg") in shown
+def test_render_writes_an_image_of_the_format_of_its_suffix(suffix, place):
     arguments = ["render", "cornell_box", "--engine", "numpy", "--spp", "1", "--size", "8x6", "--shader", "albedo"]
     done = CliRunner().invoke(app, [*arguments, "-o", f"x{suffix}"])
     assert done.exit_code == 0, done.output

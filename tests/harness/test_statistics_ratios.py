@@ -66,8 +66,8 @@ def test_identical_contestants_have_no_winner_and_no_order(k, n, trials):
 @pytest.mark.parametrize("slowed", [0.0, 0.05])
 def test_intervals_of_ratios_cover(n, slowed):
     """[94.8 to 99 %]; also where one in twenty cells is slowed by half."""
-    assert simulated(6, n, 0.03, 250, effect=0.1, slowed=slowed)[3] >= at_least(0.945, 250)
-    assert simulated(2, n, 0.03, 600, slowed=slowed)[3] >= at_least(0.945, 600)
+    assert simulated(6, n, 0.03, 2000, effect=0.1, slowed=slowed)[3] >= at_least(0.945, 2000)
+    assert simulated(2, n, 0.03, 2000, slowed=slowed)[3] >= at_least(0.945, 2000)
 
 
 @pytest.mark.parametrize("n", [3, 5, 7, 10])

@@ -1,5 +1,7 @@
 """What becomes of a Mitsuba file besides its plugins: parameters, includes, aliases, notes, transforms."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -176,12 +178,15 @@ def test_other_files_are_looked_for_from_the_main_file_alone(tmp_path):
     assert len(scene(tmp_path, f'<path value="sub"/>{include}{LAMP}').shapes) == 1
 
 
-@pytest.mark.parametrize(("version", "linear"), [("3.0.0", 0.25 + 0.75 / 2), ("0.6.0", 1.0)])
-def test_an_axis_of_another_length_than_1_is_what_it_is_in_that_version(version, linear, tmp_path):
+@pytest.mark.parametrize(
+    ("version", "corner"),
+    [("3.0.0", (0.25 + 0.75 / 2, 0.5, 0.5 * math.sqrt(0.75))), ("0.6.0", (1.0, 0.5, math.sqrt(0.75)))],
+)
+def test_an_axis_of_another_length_than_1_is_what_it_is_in_that_version(version, corner, tmp_path):
     """cos + (1 - cos) a a^T + sin [a]x for the axis a = (1/2, 0, 0) and 60 degrees, in Mitsuba 3; 0.x made it unit."""
     turn = '<transform name="to_world"><rotate x="0.5" angle="60"/></transform>'
     found = scene(tmp_path, f'<shape type="rectangle">{turn}</shape>{LAMP}', version)
-    assert np.abs(found.shapes[0].vertices[:, 0]) == pytest.approx(linear)
+    assert np.abs(found.shapes[0].vertices) == pytest.approx(np.tile(corner, (4, 1)))
     assert any("axis of a rotation" in warning for warning in found.warnings)
 
 
