@@ -109,7 +109,9 @@ def test_a_crash_is_told_with_signal_and_last_words_and_the_next_renderer_works(
     assert apart.prepare(scene, settings()).render(1).spp == 1
 
 
-def test_renderers_have_processes_of_their_own_which_are_used_again(apart, scene):
+def test_renderers_have_processes_of_their_own_which_are_used_again(scene):
+    apart = engines.engine(APART)  # with processes of its own: renderers of other tests may give theirs back at any time
+
     def process(renderer):
         return renderer._process._process.pid
 
