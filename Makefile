@@ -80,6 +80,7 @@ docs-pictures: .venv/.installed-test
 
 lint: .venv/.installed-test
 	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check --quiet . || { echo 'not formatted: $(BIN)/ruff format .' >&2; exit 1; }
 	@$(BIN)/pyright
 
 # Editable installs with Mitsuba where it can be had; done again when pyproject.toml changes.

@@ -9,7 +9,22 @@ from engines.scene import Scene, load_scene, save_scene, scene_from
 from engines.tonemap import register as register_tone_mapper
 
 __all__ = [
-    "Choice", "ConfigError", "Engine", "Film", "Hits", "RaybenchError", "Renderer", "Scene", "SceneError", "Settings",
-    "UnknownName", "Unsupported", "engine", "engine_names", "load_scene", "register_tone_mapper", "save_scene",
+    "Choice",
+    "ConfigError",
+    "Engine",
+    "Film",
+    "Hits",
+    "RaybenchError",
+    "Renderer",
+    "Scene",
+    "SceneError",
+    "Settings",
+    "UnknownName",
+    "Unsupported",
+    "engine",
+    "engine_names",
+    "load_scene",
+    "register_tone_mapper",
+    "save_scene",
     "scene_from",
-]  # fmt: skip
+]

@@ -18,7 +18,7 @@ from engines.errors import ConfigError, UnknownName
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option's default, what it means, and the check that says what is wanted (None: accepted)."""
+    """An option's default, what it means, and the check that says what is expected (None: accepted)."""
 
     default: Any
     meaning: str
@@ -26,9 +26,11 @@ class Option:
 
 
 OMITTED: dict[tuple[str, str], Any] = {
-    ("path_tracer", "light_sampler"): "uniform", ("path_tracer", "light_candidates"): 1,
-    ("path_tracer", "transparent_shadows"): False, ("path_tracer", "hide_emitters"): False,
-}  # fmt: skip
+    ("path_tracer", "light_sampler"): "uniform",
+    ("path_tracer", "light_candidates"): 1,
+    ("path_tracer", "transparent_shadows"): False,
+    ("path_tracer", "hide_emitters"): False,
+}
 """Options that came after the first published results, with the values at which descriptions leave them out: what those
 results describe keeps its identity."""
 
@@ -106,10 +108,7 @@ _AMBIENT = Option(0.1, "radiance added to every diffuse hit, times kd", number(0
 
 SHADERS: dict[str, dict[str, Option]] = {
     "no_shadows": {"ambient": _AMBIENT},
-    "whitted": {
-        "ambient": _AMBIENT,
-        "max_depth": Option(6, "segments of a path, counted from the camera", integer(1, 32)),
-    },
+    "whitted": {"ambient": _AMBIENT, "max_depth": Option(6, "segments of a path, counted from the camera", integer(1, 32))},
     "path_tracer": {
         "max_depth": Option(16, "segments of a path: 1 is emission only, 2 adds direct light", integer(1, 100_000)),
         "rr_depth": Option(5, "segments after which Russian roulette starts", integer(1, 1_000_000)),
@@ -182,14 +181,14 @@ def resolve(kind: str, given: Any, table: Mapping[str, Mapping[str, Option]]) ->
         given = {"name": given}
     if not isinstance(given, Mapping):
         if not hasattr(given, "name"):
-            raise ConfigError(f"{kind} = {given!r}: a name, a mapping with a name, or a plugin object is wanted")
+            raise ConfigError(f"{kind} = {given!r}: a name, a mapping with a name, or a plugin object is expected")
         given = {"name": given}
     options = {key: _plain(value) for key, value in given.items()}
     name = options.pop("name", None)
     if isinstance(getattr(name, "name", None), str):
         return _plugin_choice(kind, name, options)
     if not isinstance(name, str):
-        raise ConfigError(f"{kind} = {dict(given)!r}: the key 'name' is wanted")
+        raise ConfigError(f"{kind} = {dict(given)!r}: the key 'name' is expected")
     if name not in table:
         raise UnknownName(kind, name, table)
     known = table[name]

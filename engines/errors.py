@@ -1,4 +1,4 @@
-"""The errors a user can cause. Each message says where, what was found and what is wanted."""
+"""The errors a user can cause. Each message says where, what was found and what is expected."""
 
 from __future__ import annotations
 

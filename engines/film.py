@@ -105,7 +105,9 @@ class Film:
         counts = np.broadcast_to(np.asarray(spp), self.counts.shape)
         low, high = counts.min(), counts.max()
         if image.shape != self.sums.shape or low < 0 or high < 1:
-            raise ValueError(f"an image of shape {image.shape} and {high} samples: {self.sums.shape} and 1 or more are wanted")
+            raise ValueError(
+                f"an image of shape {image.shape} and {high} samples: {self.sums.shape} and 1 or more are expected"
+            )
         if self._means == 0 and low == high == 1:
             self.add(image)
             return
@@ -131,7 +133,7 @@ class Film:
     def half(self, index: int) -> Image:
         """The mean of the samples of even (0) or odd (1) index, (height, width, 3)."""
         if index not in (0, 1):
-            raise ValueError(f"half {index!r}: 0 or 1 is wanted")
+            raise ValueError(f"half {index!r}: 0 or 1 is expected")
         even_counts = (self.counts + 1) // 2
         sums = self.even_sums if index == 0 else self.sums - self.even_sums
         counts = even_counts if index == 0 else self.counts - even_counts
@@ -151,8 +153,9 @@ class Film:
         """(height, width, 3) uint8. A tone mapper takes linear radiance to display values in [0, 1]."""
         return to_bitmap(self.mean(), tone_mapper)
 
-    def save(self, path: str | PathLike[str], provenance: Mapping[str, Any] | None = None,
-             tone_mapper: str | ToneMapper = "srgb") -> None:  # fmt: skip
+    def save(
+        self, path: str | PathLike[str], provenance: Mapping[str, Any] | None = None, tone_mapper: str | ToneMapper = "srgb"
+    ) -> None:
         """Writes `.exr` (float32: colour, variance, both halves; provenance in the header), or 8 bit: `.png` (with provenance),
         `.jpg` (quality 95), `.bmp`, `.tif`, `.webp` (lossless).
 

@@ -31,9 +31,7 @@ FilePath = str | PathLike[str]
 
 ATTRIBUTE = "raybench"
 LAYERS = ("variance", "half0", "half1")
-FORMATS = {
-    ".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP",
-}  # fmt: skip
+FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP"}
 BITMAPS = tuple(FORMATS)
 SUFFIXES = (".exr", *BITMAPS)
 PILLOW_FORMATS = tuple(dict.fromkeys(FORMATS.values()))
@@ -74,7 +72,7 @@ def write_image(path: FilePath, array: ArrayLike, provenance: Mapping[str, Any] 
     image = np.asarray(array)
     channels = (3, 4) if image.dtype == np.uint8 and _suffix(path) == ".png" else (3,)
     if image.ndim != 3 or image.shape[2] not in channels or 0 in image.shape:
-        raise ConfigError(f"{os.fspath(path)}: an image of shape (height, width, 3) is wanted, not {image.shape}")
+        raise ConfigError(f"{os.fspath(path)}: an image of shape (height, width, 3) is expected, not {image.shape}")
     if _suffix(path) == ".exr":
         write_channels(path, {"RGB": image}, provenance or {})
     else:
@@ -131,7 +129,7 @@ def _replace(path: FilePath, write: Callable[[Path], Any]) -> None:
     if not target.parent.is_dir():
         raise ConfigError(f"{target}: there is no folder {target.parent}")
     if target.is_dir():
-        raise ConfigError(f"{target}: is a folder: the name of a file is wanted")
+        raise ConfigError(f"{target}: is a folder: the name of a file is expected")
     temporary = target.with_name(f".{target.name[:100]}.{uuid.uuid4().hex}.tmp")
     try:
         write(temporary)
@@ -172,7 +170,7 @@ def read_bitmap(path: FilePath) -> NDArray[np.uint8]:
     """(h, w, 3) uint8 of an 8-bit file, as they are. Raises `SceneError` like `read_image`."""
     file = readable(path)
     if file.suffix.lower() == ".exr":
-        raise SceneError(f"{file}: an 8-bit image is wanted: one of {', '.join(BITMAPS)}")
+        raise SceneError(f"{file}: an 8-bit image is expected: one of {', '.join(BITMAPS)}")
     return _bitmap(file)
 
 
@@ -246,7 +244,7 @@ def exr_channels(file: Path) -> dict[str, NDArray[Any]]:
         parts = _opened_exr(file, header_only=True).parts
         for part in parts:
             if part.type() not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
-                raise SceneError(f"{file}: holds deep data: an EXR of one value for each pixel and channel is wanted")
+                raise SceneError(f"{file}: holds deep data: an EXR of one value for each pixel and channel is expected")
             (left, top), (right, bottom) = part.header["dataWindow"]
             width, height = int(right) - int(left) + 1, int(bottom) - int(top) + 1
             check_size(file, width, height, limit)
@@ -285,7 +283,7 @@ def opened_bitmap(file: Path, formats: tuple[str, ...] = PILLOW_FORMATS) -> Iter
             raise SceneError(f"{file}: has more pixels than the {MAX_PIXELS} that are read of any file") from problem
         if isinstance(problem.__cause__, UnidentifiedImageError):
             wanted = ", ".join(formats)
-            raise SceneError(f"{file}: is not a usable image: the content of one of {wanted} is wanted") from problem
+            raise SceneError(f"{file}: is not a usable image: the content of one of {wanted} is expected") from problem
         raise
 
 

@@ -96,12 +96,12 @@ def interpreter(text: str) -> str:
         inside = [os.path.join(path, *words) for words in (("bin", "python"), ("Scripts", "python.exe"))]
         found = next(filter(os.path.isfile, inside), None)
         if found is None:
-            raise ConfigError(f"{text}: there is no bin/python in it: the folder of a virtual environment is wanted")
+            raise ConfigError(f"{text}: there is no bin/python in it: the folder of a virtual environment is expected")
         return found
     if not os.path.isfile(path):
-        raise ConfigError(f"{text}: does not exist: the folder of a virtual environment, or a Python, is wanted")
+        raise ConfigError(f"{text}: does not exist: the folder of a virtual environment, or a Python, is expected")
     if not os.access(path, os.X_OK):
-        raise ConfigError(f"{text}: is no program: the folder of a virtual environment, or a Python, is wanted")
+        raise ConfigError(f"{text}: is no program: the folder of a virtual environment, or a Python, is expected")
     return path
 
 
@@ -180,10 +180,10 @@ def _made(found: Any, name: object) -> Engine:
     if lacking:
         raise ConfigError(f"engine {name!r}: {found!r} is no engine: it lacks {', '.join(lacking)}")
     if not isinstance(made.name, str) or not made.name.isprintable() or not made.name.strip():
-        raise ConfigError(f"engine {name!r}: its name is {made.name!r}: a line of text is wanted")
+        raise ConfigError(f"engine {name!r}: its name is {made.name!r}: a line of text is expected")
     lineage = getattr(made, "lineage", made.name)
     if not isinstance(lineage, str) or not lineage.isprintable() or not lineage.strip():
-        raise ConfigError(f"engine {name!r}: its lineage is {lineage!r}: a line of text is wanted")
+        raise ConfigError(f"engine {name!r}: its lineage is {lineage!r}: a line of text is expected")
     return made
 
 

@@ -113,9 +113,7 @@ def _below(root: Path) -> Iterator[Path]:
 def _imported(file: Path, beside: Path) -> Iterator[Path]:
     """The files of modules in the folder `beside` that a file imports by name."""
     for first, several in _IMPORTED.findall(_bytes(file)):
-        words = (
-            [first] if first else [part.split()[0].partition(b".")[0] for part in several.split(b",") if part.split()]
-        )
+        words = [first] if first else [part.split()[0].partition(b".")[0] for part in several.split(b",") if part.split()]
         for word in words:
             for path in (beside / f"{word.decode()}.py", beside / word.decode() / "__init__.py"):
                 if path.is_file() and not path.resolve().is_relative_to(OWN):

@@ -47,7 +47,7 @@ TONE_MAPPERS: dict[str, ToneMapper] = {"linear": linear, "srgb": srgb, "reinhard
 def register(name: str, mapper: ToneMapper) -> None:
     """Makes `mapper` available by `name`. Raises `ConfigError` for a name that is taken, and for what is not callable."""
     if not callable(mapper):
-        raise ConfigError(f"tone mapper {name!r} = {mapper!r}: a callable from array to array is wanted")
+        raise ConfigError(f"tone mapper {name!r} = {mapper!r}: a callable from array to array is expected")
     if name in TONE_MAPPERS:
         raise ConfigError(f"tone mapper {name!r} exists already: choose another name")
     TONE_MAPPERS[name] = mapper
@@ -58,7 +58,7 @@ def tone_mapper(given: str | ToneMapper) -> ToneMapper:
     if callable(given):
         return given
     if not isinstance(given, str):
-        raise ConfigError(f"tone mapper = {given!r}: a name or a callable from array to array is wanted")
+        raise ConfigError(f"tone mapper = {given!r}: a name or a callable from array to array is expected")
     if given not in TONE_MAPPERS:
         raise UnknownName("tone mapper", given, TONE_MAPPERS)
     return TONE_MAPPERS[given]

@@ -38,9 +38,16 @@ METRIC_MEANINGS = {
     "psnr": "10 log10(1 / MSE) in dB of sRGB-encoded, clipped images",
     "ssim": "structural similarity of sRGB-encoded, clipped images (Gaussian window of 11 pixels, sigma 1.5)",
     "flip": "mean FLIP (LDR, 67 pixels per degree) of sRGB-encoded, clipped images",
-    **{f"{name}_se": f"how far the reference's noise moves {what}, from the scores against its halves; of the targets' metric"
-       for name, what in (("mape", "MAPE"), ("smape", "SMAPE"), ("psnr", "the MSE that PSNR stands for"),
-                          ("ssim", "1 - SSIM"), ("flip", "FLIP"))},
+    **{
+        f"{name}_se": f"how far the reference's noise moves {what}, from the scores against its halves; of the targets' metric"
+        for name, what in (
+            ("mape", "MAPE"),
+            ("smape", "SMAPE"),
+            ("psnr", "the MSE that PSNR stands for"),
+            ("ssim", "1 - SSIM"),
+            ("flip", "FLIP"),
+        )
+    },
     "nonfinite": "pixels with a NaN or infinite channel",
     "mean": "mean radiance of a channel over the image",
 }
@@ -141,8 +148,7 @@ def noise_by_halves(metric: str, image: Image, reference: Reference) -> float:
     of the halves' scores has the spread of their mean. The root of the sum of both squares.
     """
     whole, *halves = (
-        as_error(metric, _UNCORRECTED[metric](image, other))
-        for other in (reference.mean, reference.half_1, reference.half_2)
+        as_error(metric, _UNCORRECTED[metric](image, other)) for other in (reference.mean, reference.half_1, reference.half_2)
     )
     return math.hypot(sum(halves) / 2 - whole, (halves[0] - halves[1]) / 2)
 
@@ -244,7 +250,8 @@ def _flip(shown: Image, wanted: Image) -> float:
 _DISPLAY: dict[str, Callable[[Image, Image], float]] = {"psnr": _psnr, "ssim": _ssim, "flip": _flip}
 """Scores of two images that are clipped and sRGB-encoded."""
 _UNCORRECTED: dict[str, Callable[[Image, Image], float]] = {
-    "mape": _mape, "smape": _smape,
+    "mape": _mape,
+    "smape": _smape,
     **{key: lambda image, mean, score=score: score(srgb(image), srgb(mean)) for key, score in _DISPLAY.items()},
-}  # fmt: skip
+}
 """Scores of two images of linear radiance that hold the reference's noise."""

@@ -13,9 +13,7 @@ from pathlib import Path
 PR_SET_PDEATHSIG = 1
 MOST_CHARACTERS = 2000
 """Of an exception's message."""
-THREAD_POOLS = (
-    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS",
-)  # fmt: skip
+THREAD_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS")
 """Set to 1 in workers: an engine's threads are the cell's `threads`, not those of a library below it."""
 
 

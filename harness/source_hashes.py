@@ -74,7 +74,7 @@ def _named(engine: Engine) -> Iterator[tuple[str, Path]]:
         answer: Any = given() if callable(given) else ()
         files = [Path(file) for file in answer]
     except (Exception, SystemExit) as error:
-        message = f"engine {engine.name}: source_files failed: {type(error).__name__}: {error}: paths are wanted"
+        message = f"engine {engine.name}: source_files failed: {type(error).__name__}: {error}: paths are expected"
         raise ConfigError(message) from error
     for file in files:
         yield file.name, file

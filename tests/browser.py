@@ -10,9 +10,17 @@ from pathlib import Path
 
 PROGRAM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--hide-scrollbars",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
-)  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--hide-scrollbars",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+)
 HANG_SECONDS = 300
 CENTRE = """([selector, x, y]) => { const e = document.querySelector(selector); e.scrollIntoView({block: 'center'});
     const r = e.getBoundingClientRect(); return [r.x + x * r.width, r.y + y * r.height]; }"""
@@ -30,9 +38,7 @@ class Browser:
         self.problems, self.requests = [], []
         self._playwright = sync_playwright().start()
         try:
-            self._program = self._playwright.chromium.launch(
-                executable_path=PROGRAM, args=FLAGS, timeout=1000 * HANG_SECONDS
-            )
+            self._program = self._playwright.chromium.launch(executable_path=PROGRAM, args=FLAGS, timeout=1000 * HANG_SECONDS)
             self._context = self._program.new_context(accept_downloads=False)
         except BaseException:
             self._playwright.stop()

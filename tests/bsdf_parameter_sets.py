@@ -3,18 +3,7 @@
 Roughnesses start at 0.02, as far as float32 carries them. Colours and numbers are constants.
 """
 
-from engines.scene import (
-    BLACK,
-    WHITE,
-    Conductor,
-    Dielectric,
-    Diffuse,
-    Mixture,
-    Null,
-    Plastic,
-    Principled,
-    ThinDielectric,
-)
+from engines.scene import BLACK, WHITE, Conductor, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
 from engines.scene.metals import METALS
 
 AMBER, TEAL, ROSE = (0.9, 0.55, 0.1), (0.05, 0.5, 0.6), (0.8, 0.2, 0.35)

@@ -49,14 +49,33 @@ settings.load_profile("raybench")
 
 
 LONG = (
-    "docs/test_site.py", "docs/test_guides.py", "conformance/test_engines.py", "mitsuba/test_agreement.py",
-    "view/test_server.py", "docs/test_extend.py", "test_features_agree.py", "kernels/test_accelerators.py",
-    "view/test_view_page.py", "view/test_race_page.py", "harness/test_plots.py", "harness/test_cli.py",
-    "harness/test_full_disk.py", "harness/test_certificates.py", "harness/test_cluster.py",
-    "harness/test_source_hashes.py", "harness/test_report.py", "harness/test_results_from_elsewhere.py",
-    "harness/test_remeasure.py", "harness/test_cheats.py", "harness/test_wrong_engines.py", "harness/test_archive.py",
-    "kernels/test_analytic_shapes.py", "docs/test_pages.py", "external/test_sweeps.py", "fuzz/test_fuzz.py",
-)  # fmt: skip
+    "docs/test_site.py",
+    "docs/test_guides.py",
+    "conformance/test_engines.py",
+    "mitsuba/test_agreement.py",
+    "view/test_server.py",
+    "docs/test_extend.py",
+    "test_features_agree.py",
+    "kernels/test_accelerators.py",
+    "view/test_view_page.py",
+    "view/test_race_page.py",
+    "harness/test_plots.py",
+    "harness/test_cli.py",
+    "harness/test_full_disk.py",
+    "harness/test_certificates.py",
+    "harness/test_cluster.py",
+    "harness/test_source_hashes.py",
+    "harness/test_report.py",
+    "harness/test_results_from_elsewhere.py",
+    "harness/test_remeasure.py",
+    "harness/test_cheats.py",
+    "harness/test_wrong_engines.py",
+    "harness/test_archive.py",
+    "kernels/test_analytic_shapes.py",
+    "docs/test_pages.py",
+    "external/test_sweeps.py",
+    "fuzz/test_fuzz.py",
+)
 """Files that take long, the longest first. They start first: otherwise one worker has them left when the others are done."""
 
 

@@ -21,14 +21,7 @@ from unittest import mock
 
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(
-    [
-        "harness.cli",
-        "harness.cli.experiments",
-        "harness.report",
-        "harness.run.sweep",
-        "harness.measure.clock",
-        "engines",
-    ]
+    ["harness.cli", "harness.cli.experiments", "harness.report", "harness.run.sweep", "harness.measure.clock", "engines"]
 )
 
 SERVER = forkserver._forkserver
@@ -41,9 +34,16 @@ class Forked:
     `harness.measure.pool` use of `subprocess.Popen`, in whose place it stands."""
 
     def __init__(
-        self, function: Callable[..., object], arguments: Sequence[Any], cwd: str | Path | None, environment: Mapping[str, str],
-        stdout: str | Path = os.devnull, stderr: str | Path = os.devnull, piped: bool = False, new_session: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        function: Callable[..., object],
+        arguments: Sequence[Any],
+        cwd: str | Path | None,
+        environment: Mapping[str, str],
+        stdout: str | Path = os.devnull,
+        stderr: str | Path = os.devnull,
+        piped: bool = False,
+        new_session: bool = False,
+    ) -> None:
         """Output is added to the files `stdout` and `stderr`; where `piped`, stdin and stdout are pipes instead."""
         self.returncode: int | None = None
         self.stdin = self.stdout = None
@@ -74,9 +74,15 @@ class Forked:
 
 
 def _run(
-    function: Callable[..., object], arguments: tuple[Any, ...], cwd: str, environment: dict[str, str],
-    outputs: tuple[str, str], pipes: tuple[Any, ...], new_session: bool, shared: dict[str, Any],
-) -> None:  # fmt: skip
+    function: Callable[..., object],
+    arguments: tuple[Any, ...],
+    cwd: str,
+    environment: dict[str, str],
+    outputs: tuple[str, str],
+    pipes: tuple[Any, ...],
+    new_session: bool,
+    shared: dict[str, Any],
+) -> None:
     """Calls the function in this process, whose own processes are forked from the server that it came from itself."""
     vars(SERVER).update(shared, ensure_running=lambda: None)
     if new_session:
@@ -97,9 +103,13 @@ def _run(
 
 
 def raybench(
-    arguments: Sequence[str], cwd: Path | None, environment: Mapping[str, str], merged: bool = False,
-    timeout: float | None = None, largest_file: int | None = None,
-) -> subprocess.CompletedProcess[str]:  # fmt: skip
+    arguments: Sequence[str],
+    cwd: Path | None,
+    environment: Mapping[str, str],
+    merged: bool = False,
+    timeout: float | None = None,
+    largest_file: int | None = None,
+) -> subprocess.CompletedProcess[str]:
     """What `raybench ARGUMENTS` does in that folder and environment; where `merged`, stdout has what goes to stderr, too.
 
     After `timeout` seconds it is killed; raises `subprocess.TimeoutExpired`. It writes no files of more than `largest_file`

@@ -48,8 +48,17 @@ def image_tests(a: Array, b: Array, alpha: float, margin: float = 0.0) -> ImageT
     se = math.sqrt(sum(mean.var(ddof=1) / len(mean) for mean in means))
     detectable = float((stdtrit(freedom, 0.975) + stdtrit(freedom, 0.8)) * se) / scale
     difference = float(means[1].mean() - means[0].mean()) / scale
-    return ImageTests(float(pixel.min()), thresholds[0], float(tile.min()), thresholds[1], float(welch_p(*means)), difference,
-                      detectable, alpha, margin)  # fmt: skip
+    return ImageTests(
+        float(pixel.min()),
+        thresholds[0],
+        float(tile.min()),
+        thresholds[1],
+        float(welch_p(*means)),
+        difference,
+        detectable,
+        alpha,
+        margin,
+    )
 
 
 def welch_p(first: Array, second: Array, least: Callable[[Array], Array] | None = None) -> Array:

@@ -110,8 +110,12 @@ NEEDS = {
 FIXTURES = {"browser": "chromium"}
 """What tests need that ask for a fixture."""
 ENGINES = {
-    "mitsuba": "mitsuba-llvm", "mitsuba_scalar": "mitsuba-scalar", "luxcore": "luxcore", "cycles": "cycles", "open3d": "open3d",
-}  # fmt: skip
+    "mitsuba": "mitsuba-llvm",
+    "mitsuba_scalar": "mitsuba-scalar",
+    "luxcore": "luxcore",
+    "cycles": "cycles",
+    "open3d": "open3d",
+}
 
 
 def needs(*names: str) -> pytest.MarkDecorator:

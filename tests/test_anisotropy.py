@@ -23,11 +23,15 @@ LIT = {"name": "path_tracer", "max_depth": 2}
 def image(engine, shapes, view, alpha=ALPHA, spp=2, **settings):
     """Lit by a point beside the eye, without noise but for the place in the pixel."""
     eye, target = VIEWS[view]
-    scene = engines.scene_from({
-        "raybench_scene": 1, "materials": {"metal": {"conductor": {"metal": "Au", "alpha": list(alpha)}}},
-        "camera": {"type": "perspective", "eye": eye, "target": target, "fov": 50}, "shapes": shapes,
-        "lights": [{"point": {"position": np.add(eye, [0.05, 0.3, 0.05]).tolist(), "intensity": 1}}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "materials": {"metal": {"conductor": {"metal": "Au", "alpha": list(alpha)}}},
+            "camera": {"type": "perspective", "eye": eye, "target": target, "fov": 50},
+            "shapes": shapes,
+            "lights": [{"point": {"position": np.add(eye, [0.05, 0.3, 0.05]).tolist(), "intensity": 1}}],
+        }
+    )
     renderer = engines.engine(engine).prepare(scene, Settings(16, 12, LIT, "random", **settings))
     return renderer.render(spp).mean()
 

@@ -84,18 +84,21 @@ def test_clipped_rays_start_and_end_in_two_planes_across_the_axis(camera):
 
 
 def _room(camera, lamp=3.0):
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "materials": {"white": {"kd": 0.7}, "blue": {"kd": [0.2, 0.3, 0.8]}, "lamp": {"emission": lamp}},
-        "shapes": [
-            {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
-            {"sphere": {"center": [-0.9, 0.8, 1.4], "radius": 0.7}, "material": "blue"},
-            {"sphere": {"center": [1.1, 0.6, -0.6], "radius": 0.6}, "material": "white"},
-            {"triangle": {"a": [-2, 0, -2], "b": [2, 0, -2], "c": [0, 3, -2]}, "material": "blue"},
-            {"sphere": {"center": [0, 4, 1], "radius": 0.7}, "material": "lamp"},
-        ],
-        "lights": [{"environment": {"radiance": [0.2, 0.3, 0.4]}}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "materials": {"white": {"kd": 0.7}, "blue": {"kd": [0.2, 0.3, 0.8]}, "lamp": {"emission": lamp}},
+            "shapes": [
+                {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
+                {"sphere": {"center": [-0.9, 0.8, 1.4], "radius": 0.7}, "material": "blue"},
+                {"sphere": {"center": [1.1, 0.6, -0.6], "radius": 0.6}, "material": "white"},
+                {"triangle": {"a": [-2, 0, -2], "b": [2, 0, -2], "c": [0, 3, -2]}, "material": "blue"},
+                {"sphere": {"center": [0, 4, 1], "radius": 0.7}, "material": "lamp"},
+            ],
+            "lights": [{"environment": {"radiance": [0.2, 0.3, 0.4]}}],
+        }
+    )
     return replace(scene, camera=camera)
 
 
@@ -103,9 +106,10 @@ ALTERED = {"principal_point": (0.08, -0.05), "mirror": True, "clip": (4.6, 8.0)}
 
 
 @pytest.mark.parametrize(
-    "camera", [replace(PINHOLE, **ALTERED), replace(WINDOW, **ALTERED), replace(LENS, **ALTERED)],
+    "camera",
+    [replace(PINHOLE, **ALTERED), replace(WINDOW, **ALTERED), replace(LENS, **ALTERED)],
     ids=lambda camera: type(camera).__name__,
-)  # fmt: skip
+)
 def test_numba_in_float64_equals_the_reference_through_every_camera(camera):
     """The clip cuts off the near side of one ball and all that lies behind the other."""
     size = {"width": 24, "height": 24}

@@ -36,9 +36,14 @@ def test_a_described_choice_resolves_to_itself(kind, name):
 def test_a_mapping_changes_the_options_it_names():
     choice = resolve("shader", {"name": "path_tracer", "max_depth": 3}, SHADERS)
     assert choice.options == {
-        "max_depth": 3, "rr_depth": 5, "direct": "mis", "light_sampler": "uniform", "light_candidates": 1,
-        "transparent_shadows": False, "hide_emitters": False,
-    }  # fmt: skip
+        "max_depth": 3,
+        "rr_depth": 5,
+        "direct": "mis",
+        "light_sampler": "uniform",
+        "light_candidates": 1,
+        "transparent_shadows": False,
+        "hide_emitters": False,
+    }
 
 
 def test_numbers_of_numpy_become_plain():

@@ -7,8 +7,15 @@ import engines
 from engines import Settings
 from engines.errors import Unsupported
 
-CAMERA = {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "fov_axis": "y",
-          "resolution": [8, 8]}  # fmt: skip
+CAMERA = {
+    "type": "perspective",
+    "eye": [0, 0, 5],
+    "target": [0, 0, 0],
+    "up": [0, 1, 0],
+    "fov": 40,
+    "fov_axis": "y",
+    "resolution": [8, 8],
+}
 
 
 @pytest.mark.parametrize("scene", ["cornell_box", "cornell_spheres", "mesh_sphere"])
@@ -26,11 +33,14 @@ def test_the_image_is_the_references_but_for_rays_at_edges(scene):
 def test_hits_are_exact_even_far_from_the_origin(away):
     faces = [[0, 1, 2], [0, 2, 3]]
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float) + away
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA,
-        "shapes": [{"mesh": {"vertices": corners, "faces": faces}, "material": "white"}],
-        "materials": {"white": {"kd": 0.5}},
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": CAMERA,
+            "shapes": [{"mesh": {"vertices": corners, "faces": faces}, "material": "white"}],
+            "materials": {"white": {"kd": 0.5}},
+        }
+    )
     renderer = engines.engine("embreex_batch").prepare(scene, Settings(8, 8, shader="albedo"))
     places = np.random.default_rng(1).uniform(-0.99, 0.99, (1000, 2))
     origins = np.column_stack([places, np.full(1000, 3.0)]) + away
@@ -41,10 +51,8 @@ def test_hits_are_exact_even_far_from_the_origin(away):
 
 
 def test_a_scene_without_triangles_is_declined():
-    engine, sphere = engines.engine("embreex_batch"), {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"}
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA, "shapes": [sphere], "materials": {"white": {"kd": 0.5}},
-    })  # fmt: skip
+    engine, sphere = (engines.engine("embreex_batch"), {"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"})
+    scene = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "shapes": [sphere], "materials": {"white": {"kd": 0.5}}})
     assert engine.why_not(scene, Settings()) == "embreex holds triangles only, and none of the shapes is one"
     with pytest.raises(Unsupported, match="triangles only"):
         engine.prepare(scene, Settings())

@@ -59,13 +59,17 @@ def test_numba_in_float64_equals_the_reference_in_large_meshes():
 def _everything():
     """All shapes, materials and lights in one scene, with an environment image."""
     return {
-        "raybench_scene": 1, "name": "everything",
+        "raybench_scene": 1,
+        "name": "everything",
         "camera": {"type": "orthographic", "eye": [0, 2, 8], "target": [0, 1, 0], "up": [0, 1, 0], "height": 4},
         "materials": {
-            "floor": {"kd": [0.6, 0.5, 0.4]}, "coat": {"kd": 0.4, "ks": 0.5, "ior": 1.4, "fresnel": True},
-            "mirror": {"ks": 0.9}, "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
+            "floor": {"kd": [0.6, 0.5, 0.4]},
+            "coat": {"kd": 0.4, "ks": 0.5, "ior": 1.4, "fresnel": True},
+            "mirror": {"ks": 0.9},
+            "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
             "gel": {"kt": 0.7, "ks": 0.2, "ior": 1.2},
-            "lamp": {"emission": [6, 5, 4]}, "glow": {"emission": [1, 2, 3], "two_sided": True, "kd": 0.2},
+            "lamp": {"emission": [6, 5, 4]},
+            "glow": {"emission": [1, 2, 3], "two_sided": True, "kd": 0.2},
         },
         "shapes": [
             {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"},
@@ -76,14 +80,17 @@ def _everything():
             {"sphere": {"center": [-0.8, 2.4, 0], "radius": 0.2}, "material": "lamp"},
             {"procedural": {"name": "sphereflake", "level": 2}, "material": "coat"},
             {"triangle": {"a": [-2, 3.5, -1], "b": [-1, 3.5, 1], "c": [0, 3.5, -1]}, "material": "glow"},
-            {"procedural": {"name": "tessellated_sphere", "subdivisions": 2, "center": [1.9, 1.8, 0], "radius": 0.4},
-             "material": "floor"},
+            {
+                "procedural": {"name": "tessellated_sphere", "subdivisions": 2, "center": [1.9, 1.8, 0], "radius": 0.4},
+                "material": "floor",
+            },
         ],
         "lights": [
             {"point": {"position": [0, 3, 3], "intensity": [3, 2, 1]}},
-            {"directional": {"direction": [1, -2, -1], "irradiance": 0.4}}, {"environment": {"radiance": [0.2, 0.3, 0.4]}},
+            {"directional": {"direction": [1, -2, -1], "irradiance": 0.4}},
+            {"environment": {"radiance": [0.2, 0.3, 0.4]}},
         ],
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("shader", ["path_tracer", "whitted"])
@@ -165,11 +172,17 @@ def test_numba_in_float64_equals_the_reference_on_smooth_mirrors_and_glass():
     faces = [[a, b, c] for a in (0, 3) for b in (1, 4) for c in (2, 5)]
     faces = [f if sum(x > 2 for x in f) % 2 == 0 else [f[0], f[2], f[1]] for f in faces]
     glass, mirror = ({"vertices": corners + np.array([x, 1, 0]), "faces": faces, "smooth": True} for x in (-1.2, 1.2))
-    scene = engines.scene_from({
-        **_everything(), "materials": {**materials, "floor": {"kd": 0.5}},
-        "shapes": [{"mesh": glass, "material": "glass"}, {"mesh": mirror, "material": "mirror"},
-                   {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            **_everything(),
+            "materials": {**materials, "floor": {"kd": 0.5}},
+            "shapes": [
+                {"mesh": glass, "material": "glass"},
+                {"mesh": mirror, "material": "mirror"},
+                {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"},
+            ],
+        }
+    )
     for shader in ("path_tracer", "whitted"):
         _assert_equal(scene, ["bvh"], shader=shader, sampler="sobol")
 

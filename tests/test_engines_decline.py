@@ -11,9 +11,7 @@ from engines.export import export
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "dahlquist")
 TRIANGLE = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "grey"}
 PARTS = {
-    "disk": {
-        "shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]
-    },
+    "disk": {"shapes": [TRIANGLE, {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "grey"}]},
     "spot": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
     "conductor": {"materials": {"grey": {"conductor": {"metal": "Au", "alpha": 0.2}}}},
 }
@@ -26,10 +24,15 @@ def test_an_engine_declines_in_one_line_or_prepares(name, part):
 
 
 def _scene(parts):
-    return engines.scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "materials": {"grey": {"kd": 0.5}}, "shapes": [TRIANGLE], **parts,
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "materials": {"grey": {"kd": 0.5}},
+            "shapes": [TRIANGLE],
+            **parts,
+        }
+    )
 
 
 def _reason(engine, scene):

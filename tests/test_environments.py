@@ -81,18 +81,22 @@ def test_tables_of_the_kernels_know_rotations_and_rows_by_one_row_alone():
 
 
 def _under(light):
-    scene = engines.scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 0.8, 0], "fov": 60, "resolution": [24, 24]},
-        "materials": {
-            "white": {"kd": 0.7}, "mirror": {"ks": 0.9}, "rough": {"conductor": {"metal": "Au", "alpha": [0.2, 0.3]}},
-        },
-        "shapes": [
-            {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
-            {"sphere": {"center": [-1, 0.8, 0], "radius": 0.8}, "material": "mirror"},
-            {"sphere": {"center": [1, 0.8, 0], "radius": 0.8}, "material": "rough"},
-        ],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 0.8, 0], "fov": 60, "resolution": [24, 24]},
+            "materials": {
+                "white": {"kd": 0.7},
+                "mirror": {"ks": 0.9},
+                "rough": {"conductor": {"metal": "Au", "alpha": [0.2, 0.3]}},
+            },
+            "shapes": [
+                {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
+                {"sphere": {"center": [-1, 0.8, 0], "radius": 0.8}, "material": "mirror"},
+                {"sphere": {"center": [1, 0.8, 0], "radius": 0.8}, "material": "rough"},
+            ],
+        }
+    )
     return replace(scene, lights=(light,))
 
 

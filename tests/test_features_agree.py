@@ -91,12 +91,8 @@ def shapes_under_wrappers():
     brushed = NormalMap(
         image(low=0.35, high=0.65, to_uv=TURNED), Bump(image(1, high=0.05), 0.4, metal((image(1, 0.05, 0.5), 0.2)))
     )
-    rough_wall = Bump(
-        image(1, high=0.3, wrap="clamp"), 0.5, Sides(Mixture(kd=image(wrap="clamp"), ks=(0.2,) * 3), None)
-    )
-    both_sides = Sides(
-        Blend(0.4, MATT, metal((0.0, 0.0))), Mask(0.6, Mixture(kt=Checkerboard(), ior=1.3, fresnel=True))
-    )
+    rough_wall = Bump(image(1, high=0.3, wrap="clamp"), 0.5, Sides(Mixture(kd=image(wrap="clamp"), ks=(0.2,) * 3), None))
+    both_sides = Sides(Blend(0.4, MATT, metal((0.0, 0.0))), Mask(0.6, Mixture(kt=Checkerboard(), ior=1.3, fresnel=True)))
     shapes = [
         Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0),
         Sphere((0.5, 0.2, 0.6), 0.6, 1),

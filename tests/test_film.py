@@ -35,9 +35,7 @@ def test_mean_and_halves_are_means_of_the_samples(spp, seed):
 @given(spp=st.integers(2, 9), seed=st.integers(0, 1000))
 def test_variance_of_mean_is_the_sample_variance_over_the_count(spp, seed):
     samples = noise(spp, seed=seed)
-    np.testing.assert_allclose(
-        filled(samples).variance_of_mean(), samples.var(axis=0, ddof=1) / spp, rtol=1e-9, atol=1e-15
-    )
+    np.testing.assert_allclose(filled(samples).variance_of_mean(), samples.var(axis=0, ddof=1) / spp, rtol=1e-9, atol=1e-15)
 
 
 def test_variance_is_unknown_below_two_samples():

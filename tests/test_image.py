@@ -110,8 +110,8 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
         ("a.ex", np.zeros((2, 2, 3)), "did you mean '.exr'"),
         ("missing/a.exr", np.zeros((2, 2, 3)), "there is no folder"),
         ("folder.png", np.zeros((2, 2, 3)), "is a folder"),
-        ("a.exr", np.zeros((2, 2)), r"an image of shape \(height, width, 3\) is wanted"),
-        ("a.png", np.zeros((0, 2, 3)), r"an image of shape \(height, width, 3\) is wanted"),
+        ("a.exr", np.zeros((2, 2)), r"an image of shape \(height, width, 3\) is expected"),
+        ("a.png", np.zeros((0, 2, 3)), r"an image of shape \(height, width, 3\) is expected"),
     ],
 )
 def test_what_cannot_be_written_is_refused(tmp_path, name, array, message):

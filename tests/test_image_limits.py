@@ -23,6 +23,7 @@ LITTLE, MUCH = 128, 1536
 
 def png(width: int, height: int) -> bytes:
     """A black image of one bit a pixel."""
+
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
@@ -89,8 +90,14 @@ for name in sys.argv[1:]:
 def read(folder: Path, *names: str) -> list[tuple[str, list[str], float]]:
     """(name, what `read_image`, `read_provenance` and a scene said, MiB taken so far), all in one new process."""
     root = Path(__file__).resolve().parents[1]
-    done = subprocess.run([sys.executable, "-c", f"import sys; sys.path.insert(0, {str(root)!r})\n{READ}", *names],
-                          cwd=folder, capture_output=True, text=True, timeout=300, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(root)!r})\n{READ}", *names],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
 

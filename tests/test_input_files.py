@@ -29,10 +29,15 @@ EPS = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 10 10\n%%EndComments\nshowpa
 def python(script: str, *words: str | Path, folder: Path, **environment: str) -> str:
     """The standard output of a script that must end by itself."""
     done = subprocess.run(
-        [sys.executable, "-c", script, *map(str, words)], cwd=folder, capture_output=True, text=True,
-        timeout=HANG_SECONDS, stdin=subprocess.DEVNULL, check=False,
+        [sys.executable, "-c", script, *map(str, words)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=HANG_SECONDS,
+        stdin=subprocess.DEVNULL,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1]), **environment},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -166,7 +171,7 @@ for read in (image.read_image, image.read_bitmap, image.read_provenance):
     try: read("a.png")
     except errors.SceneError as error: print(error)
 """
-    wanted = "a.png: is not a usable image: the content of one of PNG, JPEG, BMP, TIFF, WEBP is wanted"
+    wanted = "a.png: is not a usable image: the content of one of PNG, JPEG, BMP, TIFF, WEBP is expected"
     assert python(script, folder=tmp_path, PATH=path).splitlines() == [wanted] * 3
     assert not (tmp_path / "started").exists()
 

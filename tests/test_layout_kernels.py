@@ -27,7 +27,7 @@ FLOORS: dict[str, set[str]] = {
     "driver": {*COMPILED, "compile.masks", "lane", "layout"},
     "queries": {*COMPILED, "compile.vec3", "driver", "layout"},
     "renderer": {
-        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "layout", "queries", "resolve", "stages"),
+        *("compile.jit", "compile.second_process", "driver", "features", "flatten", "layout", "queries", "resolve", "stages")
     },
     "resolve": {"flatten", "layout"},
 }

@@ -127,9 +127,10 @@ def test_resampled_light_has_the_mean_of_its_candidates(opaque):
     pick, numbers = (np.arange(steps) + 0.5) / steps, np.random.default_rng(11)
     for point, normal in zip(*(vectors.T for vectors in vertices(12)), strict=True):
         at = SimpleNamespace(
-            point=np.repeat(point[:, None], steps, axis=1), normal=np.repeat(normal[:, None], steps, axis=1),
+            point=np.repeat(point[:, None], steps, axis=1),
+            normal=np.repeat(normal[:, None], steps, axis=1),
             geometric=np.repeat(normal[:, None], steps, axis=1),
-        )  # fmt: skip
+        )
         at.take = lambda lanes, at=at: SimpleNamespace(**{k: getattr(at, k)[:, lanes] for k in ("point", "normal")})
         u0, u1, u = (np.full(steps, x) for x in numbers.random(3))
         found = resample_light(context, at, u0, u1, u, pick, count)

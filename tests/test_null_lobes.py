@@ -39,9 +39,10 @@ PANES = (Null(), Mask(0.3, Mixture()), PANE, Mask(0.3, PANE), Mask(0.5, Mixture(
 TRANSMITTANCES = np.array([1.0, 0.7, THIN, 1.0 - 0.3 * (1.0 - THIN), 0.5])
 FLOOR, LAMP = len(PANES), len(PANES) + 1
 MATERIALS = (
-    *(Material(f"pane {k}", bsdf=bsdf) for k, bsdf in enumerate(PANES)), Material("floor", kd=(0.5,) * 3),
+    *(Material(f"pane {k}", bsdf=bsdf) for k, bsdf in enumerate(PANES)),
+    Material("floor", kd=(0.5,) * 3),
     Material("lamp", emission=(1.0,) * 3),
-)  # fmt: skip
+)
 ENGINES = [("numpy", None), ("numba", "float32"), ("embree", "float32")]
 
 
@@ -54,7 +55,7 @@ def render(scene, engine="numpy", precision=None, spp=1, seed=3, sampler="sobol"
     tree = "bvh" if engine == "numba" else "auto"
     settings = Settings(
         shader=path_tracer(**options), sampler=sampler, seed=seed, threads=1, precision=precision, accelerator=tree
-    )  # fmt: skip
+    )
     film = engines.engine(engine).prepare(scene, settings).render(spp)
     assert film.bad_samples == 0
     return film.mean()
@@ -130,9 +131,15 @@ SKY = (EnvironmentLight((1.0,) * 3),)
 
 @pytest.mark.parametrize(
     ("pane", "light", "segments", "free"),
-    [(None, (), 0.0, 0.0), (Null(), (), 3.0, 0.0), (PANES[-1], (), 1.5, 0.0), (None, SKY, 0.0, 0.0), (Null(), SKY, 0.0, 0.0),
-     (Mixture(kt=(1.0,) * 3), SKY, 1.0, 1.0)],
-)  # fmt: skip
+    [
+        (None, (), 0.0, 0.0),
+        (Null(), (), 3.0, 0.0),
+        (PANES[-1], (), 1.5, 0.0),
+        (None, SKY, 0.0, 0.0),
+        (Null(), SKY, 0.0, 0.0),
+        (Mixture(kt=(1.0,) * 3), SKY, 1.0, 1.0),
+    ],
+)
 def test_hidden_emitters_are_seen_where_mitsuba_shows_them(pane, light, segments, free):
     """By its `path`, where passing a pane is a segment, and by its `volpath`. Refraction is no null lobe."""
     scene = _seen_through(pane, light)
@@ -206,18 +213,28 @@ def _everything():
     holes, leaf = Checkerboard((0.1,) * 3, (0.9,) * 3), Mixture(kd=(0.3, 0.5, 0.2))
     tinted = ThinDielectric(1.5, transmittance=(0.9, 0.7, 0.5))
     bsdfs = (
-        Mask(holes, leaf), tinted, Null(), Bump(height, 0.05, Mask(0.5, tinted)),
-        Blend(0.4, Blend(holes, Null(), leaf), Mask(0.3, leaf)), Sides(Null(), leaf),
-    )  # fmt: skip
+        Mask(holes, leaf),
+        tinted,
+        Null(),
+        Bump(height, 0.05, Mask(0.5, tinted)),
+        Blend(0.4, Blend(holes, Null(), leaf), Mask(0.3, leaf)),
+        Sides(Null(), leaf),
+    )
     materials = (*(Material(f"m{k}", bsdf=bsdf) for k, bsdf in enumerate(bsdfs)), Material("floor", kd=(0.6, 0.5, 0.4)))
     materials = (*materials, Material("lamp", emission=(6.0, 5.0, 4.0)))
     floor, lamp = len(bsdfs), len(bsdfs) + 1
     shapes = (
-        square(0.0, 0.0, 0.0, floor, half=3.0), square(-0.8, 0.5, 1.0, 0), square(0.8, 0.5, 1.0, 1, rise=0.2),
-        Sphere((0.0, 0.0, 0.6), 0.5, 2), Sphere((0.0, 0.0, 0.6), 0.2, floor), square(-0.8, -0.8, 0.8, 3, rise=0.1),
-        square(0.8, -0.8, 1.1, 4), square(0.0, 0.9, 1.3, 5), Sphere((0.0, 0.0, 2.2), 0.3, lamp),
+        square(0.0, 0.0, 0.0, floor, half=3.0),
+        square(-0.8, 0.5, 1.0, 0),
+        square(0.8, 0.5, 1.0, 1, rise=0.2),
+        Sphere((0.0, 0.0, 0.6), 0.5, 2),
+        Sphere((0.0, 0.0, 0.6), 0.2, floor),
+        square(-0.8, -0.8, 0.8, 3, rise=0.1),
+        square(0.8, -0.8, 1.1, 4),
+        square(0.0, 0.9, 1.3, 5),
+        Sphere((0.0, 0.0, 2.2), 0.3, lamp),
         Sphere((1.2, -0.2, 1.7), 0.15, lamp),
-    )  # fmt: skip
+    )
     lights = PointLight((-1.0, -1.0, 3.0), (1.5, 1.0, 0.5)), EnvironmentLight((0.2, 0.2, 0.3))
     camera = Perspective((0.0, -4.0, 2.2), (0.0, 0.0, 0.7), (0.0, 0.0, 1.0), 50.0, "y", (24, 24))
     return Scene("all that passes", camera, materials, shapes, lights, "")
@@ -245,12 +262,14 @@ def test_embree_equals_numba_behind_null_lobes_but_where_rounding_decides():
 def test_every_strategy_for_direct_light_has_one_mean_behind_null_lobes():
     """By z of the means of 12 seeds, each below 4.5: a false alarm once in 40,000 runs of six comparisons."""
     means = {
-        direct: np.array([
-            render(_everything(), "numba", "float64", 64, seed, "random", direct=direct, **ALL).mean(axis=(0, 1))
-            for seed in range(100 * k, 100 * k + 12)
-        ])
+        direct: np.array(
+            [
+                render(_everything(), "numba", "float64", 64, seed, "random", direct=direct, **ALL).mean(axis=(0, 1))
+                for seed in range(100 * k, 100 * k + 12)
+            ]
+        )
         for k, direct in enumerate(("mis", "light", "bsdf"))
-    }  # fmt: skip
+    }
     for direct in ("light", "bsdf"):
         apart = means[direct].mean(axis=0) - means["mis"].mean(axis=0)
         error = np.sqrt(sum(m.var(axis=0, ddof=1) / len(m) for m in (means[direct], means["mis"])))

@@ -1,6 +1,5 @@
 """The engine `open3d`: it renders nothing, says so, and traces triangles where Open3D is installed."""
 
-
 import numpy as np
 import pytest
 
@@ -27,11 +26,14 @@ def test_it_renders_nothing_and_says_what_it_lacks(box):
         engine.prepare(box, Settings())
     with pytest.raises(UnknownName):
         engine.why_not_tracer(box, Settings(accelerator="bvh"))
-    ball = scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0], "fov": 40},
-        "materials": {"grey": {"kd": 0.5}},
-        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "grey"}],
-    })  # fmt: skip
+    ball = scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0], "fov": 40},
+            "materials": {"grey": {"kd": 0.5}},
+            "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "grey"}],
+        }
+    )
     lacks = "shapes[0]: Open3D's RaycastingScene does not support the shape Sphere"
     assert engine.why_not_tracer(ball, Settings()) == lacks
     assert engine.why_not_tracer(box, Settings(precision="float64")) == "Open3D traces in float32 only"

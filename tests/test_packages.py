@@ -26,8 +26,13 @@ def test_an_extra_of_an_installed_raybench_is_its_packages(monkeypatch, tmp_path
     """raybench itself is in no package index."""
     monkeypatch.setattr(packages, "ROOT", tmp_path)
     monkeypatch.setattr(sys, "executable", "/env with space/bin/python")
-    required = ["numpy>=2.0", "flip-evaluator>=1.6; extra == 'flip'", "one<2,>=1; python_version > '3' and extra == 'pair'",
-                "other; extra == 'pair'", "none; python_version < '3' and extra == 'pair'"]  # fmt: skip
+    required = [
+        "numpy>=2.0",
+        "flip-evaluator>=1.6; extra == 'flip'",
+        "one<2,>=1; python_version > '3' and extra == 'pair'",
+        "other; extra == 'pair'",
+        "none; python_version < '3' and extra == 'pair'",
+    ]
     monkeypatch.setattr(metadata, "requires", lambda name: required)
     assert packages.install_extra("flip") == "'/env with space/bin/python' -m pip install 'flip-evaluator>=1.6'"
     assert packages.install_extra("pair") == "'/env with space/bin/python' -m pip install 'one<2,>=1' other"

@@ -132,7 +132,7 @@ def test_an_unknown_engine_names_the_nearest_and_the_plugins(plugins):
 def test_an_engine_without_a_name_that_tables_can_hold_is_refused(name):
     unnamed = Plain()
     unnamed.name = name
-    with pytest.raises(ConfigError, match=r"its name is .*: a line of text is wanted"):
+    with pytest.raises(ConfigError, match=r"its name is .*: a line of text is expected"):
         engine(unnamed)
 
 

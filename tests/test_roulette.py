@@ -16,13 +16,7 @@ from tests.needs import needs
 SIDE, FACES, INDEX = 64, 2, 1.5
 FRESNEL = ((INDEX - 1) / (INDEX + 1)) ** 2
 VIEW = Perspective((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.01, "y", (SIDE, SIDE))
-OURS = [
-    ("numpy", "float64"),
-    ("embreex_batch", "float64"),
-    ("numba", "float32"),
-    ("numba", "float64"),
-    ("embree", "float32"),
-]
+OURS = [("numpy", "float64"), ("embreex_batch", "float64"), ("numba", "float32"), ("numba", "float64"), ("embree", "float32")]
 SMOOTH = Dielectric(INDEX, (0.0, 0.0), (0.0,) * 3, (1.0,) * 3)
 
 
@@ -69,10 +63,12 @@ def test_refraction_by_kt_scales_alike(engine, precision):
 
 @pytest.mark.parametrize(
     "bsdf",
-    [Dielectric(INDEX, (0.3, 0.2), (1.0,) * 3, (0.9, 0.8, 0.7)),
-     Principled(roughness=0.4, anisotropic=0.3, spec_trans=0.8, eta=INDEX)],
+    [
+        Dielectric(INDEX, (0.3, 0.2), (1.0,) * 3, (0.9, 0.8, 0.7)),
+        Principled(roughness=0.4, anisotropic=0.3, spec_trans=0.8, eta=INDEX),
+    ],
     ids=["rough", "principled"],
-)  # fmt: skip
+)
 def test_rough_glass_is_as_bright_with_roulette_as_without(bsdf):
     """And pixel by pixel the same in both implementations, whose frames agree where some model is anisotropic."""
     images = [samples(bsdf, engine, "float64", 1) for engine in ("numpy", "numba")]

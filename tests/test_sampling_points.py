@@ -19,8 +19,15 @@ from engines.plugin import ScatterResult, Shader, Vec3, const, inline, select3
 from engines.scene import Material, Perspective, Scene, Sphere
 from harness.verify.checks.sampling import slope_of
 
-CHOICES = ["random", "sobol", {"name": "sobol", "scramble": "none"}, "halton", {"name": "halton", "scramble": "none"},
-           {"name": "stratified", "strata": 16}, {"name": "constant", "value": 0.3}]  # fmt: skip
+CHOICES = [
+    "random",
+    "sobol",
+    {"name": "sobol", "scramble": "none"},
+    "halton",
+    {"name": "halton", "scramble": "none"},
+    {"name": "stratified", "strata": 16},
+    {"name": "constant", "value": 0.3},
+]
 GRIDS = [{"name": "stratified", "strata": n} for n in (16, 64, 256, 1024)]
 PIXELS = 256
 
@@ -31,8 +38,18 @@ def _draws(si, light, bsdf, draws, path, options):
     zero, one = const(0.0, si.t), const(1.0, si.t)
     none, last = Vec3(zero, zero, zero), path.depth >= options[0]
     shown = Vec3(draws.lobe, draws.u0, draws.u1)
-    return ScatterResult(select3(last, shown, none), none, path.depth < options[0], si.normal, False, Vec3(one, one, one), zero,
-                False, none, none)  # fmt: skip
+    return ScatterResult(
+        select3(last, shown, none),
+        none,
+        path.depth < options[0],
+        si.normal,
+        False,
+        Vec3(one, one, one),
+        zero,
+        False,
+        none,
+        none,
+    )
 
 
 def _numpy(context, origins, directions, pixels, sample):
@@ -44,8 +61,9 @@ def _shown(engine, sampler, depth, precision, seed=2**40 + 3, spp=5):
     """(16, 16, 3) sums over samples of the draws of dimensions 2 + 8 (depth - 1) + 3, 4 and 5."""
     view = Perspective((0.1, 0.0, 0.0), (0.0, 0.2, 1.0), (0.0, 1.0, 0.0), 60.0, "y", (16, 16))
     scene = Scene("room", view, (Material("wall"),), (Sphere((0, 0, 0), 1.0, 0),), (), "")
-    settings = Settings(shader=Shader("draws", _draws, _numpy, {"depth": float(depth)}), sampler=sampler, seed=seed,
-                        precision=precision)  # fmt: skip
+    settings = Settings(
+        shader=Shader("draws", _draws, _numpy, {"depth": float(depth)}), sampler=sampler, seed=seed, precision=precision
+    )
     renderer = engines.engine(engine).prepare(scene, settings)
     return [np.array(renderer.render(1).sums) for _ in range(spp)]
 
@@ -55,9 +73,7 @@ def test_engines_draw_the_same_numbers_bit_for_bit(sampler):
     """At the first vertex and at the ninth, where no quasi-random point is left; float32 keeps the upper 24 bits."""
     for depth in (1, 5, 9):
         reference = _shown("numpy", sampler, depth, "float64")
-        assert all(
-            np.array_equal(a, b) for a, b in zip(reference, _shown("numba", sampler, depth, "float64"), strict=True)
-        )
+        assert all(np.array_equal(a, b) for a, b in zip(reference, _shown("numba", sampler, depth, "float64"), strict=True))
     if sampler == "sobol":  # float32 makes kernels of its own; one sampler tells
         first = np.floor(_shown("numpy", sampler, 1, "float64", spp=1)[0] * 2**24) / 2**24
         assert np.array_equal(_shown("numba", sampler, 1, "float32", spp=1)[0], first)
@@ -92,10 +108,12 @@ def test_every_elementary_interval_holds_its_share(choice):
 
 @pytest.mark.parametrize(
     ("choice", "expected"),
-    [(UNSCRAMBLED[0], {64: 0.01286985, 256: 0.00330747, 1024: 0.00086793}),
-     (UNSCRAMBLED[1], {64: 0.01640944, 256: 0.00530637, 1024: 0.00164550})],
+    [
+        (UNSCRAMBLED[0], {64: 0.01286985, 256: 0.00330747, 1024: 0.00086793}),
+        (UNSCRAMBLED[1], {64: 0.01640944, 256: 0.00530637, 1024: 0.00164550}),
+    ],
     ids=["sobol", "halton"],
-)  # fmt: skip
+)
 def test_points_are_as_even_as_published(choice, expected):
     """L2-star discrepancy in two dimensions, by scipy."""
     seen = points(choice, 1024, (0, 1), pixels=1)[:, :, 0]
@@ -116,11 +134,19 @@ def edge(x):
 
 
 CASES = [
-    ("random", (0, 1), product, -0.5), ("random", (0, 1, 2, 3, 4), product, -0.5), ("random", (0, 1), edge, -0.5),
-    ("halton", (0, 1), product, -0.9), ("halton", (2, 3), product, -0.9), ("halton", (0, 1, 2, 3, 4), product, -0.9),
-    ("sobol", (0, 1), additive, -1.6), ("sobol", (0, 1), product, -1.6), ("sobol", (2, 3), additive, -1.6),
-    ("sobol", (0, 1, 2, 3, 4), product, -1.25), ("sobol", (0, 1), edge, -0.72), ("sobol", (2, 3), edge, -0.72),
-]  # fmt: skip
+    ("random", (0, 1), product, -0.5),
+    ("random", (0, 1, 2, 3, 4), product, -0.5),
+    ("random", (0, 1), edge, -0.5),
+    ("halton", (0, 1), product, -0.9),
+    ("halton", (2, 3), product, -0.9),
+    ("halton", (0, 1, 2, 3, 4), product, -0.9),
+    ("sobol", (0, 1), additive, -1.6),
+    ("sobol", (0, 1), product, -1.6),
+    ("sobol", (2, 3), additive, -1.6),
+    ("sobol", (0, 1, 2, 3, 4), product, -1.25),
+    ("sobol", (0, 1), edge, -0.72),
+    ("sobol", (2, 3), edge, -0.72),
+]
 
 
 @pytest.mark.parametrize(
@@ -169,6 +195,8 @@ def test_hashed_scrambling_is_as_good_as_exact_nested_scrambling(dimensions):
     exact = np.stack([nested_uniform(256, d, rng.integers(0, 2**63, PIXELS, np.uint64)) for d in dimensions], axis=1)
     for integrand in (additive, product, edge):
         for n in (16, 64, 256):
-            rmse = [math.sqrt(np.mean((values[:n].mean(axis=0) - truth) ** 2))
-                    for values, truth in (integrand(ours), integrand(exact))]  # fmt: skip
+            rmse = [
+                math.sqrt(np.mean((values[:n].mean(axis=0) - truth) ** 2))
+                for values, truth in (integrand(ours), integrand(exact))
+            ]
             assert 1 / 1.4 < rmse[0] / rmse[1] < 1.4, (integrand.__name__, n, rmse)

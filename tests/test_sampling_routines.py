@@ -61,10 +61,7 @@ DENSITY = Shader("density", _density, _numpy(lambda wi, distance, pdf: np.stack(
 def sampled(engine, shapes, lights=()):
     """(n, 3) directions, (n,) distances, 0 for the environment, and (n,) pdfs of samples of the origin, whose normal is +y."""
     view = Perspective((2e-6, 4e-6, 1e-6), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1e-4, "y", (SIDE, SIDE))
-    floor, materials = (
-        Plane((0, 0, 0), (0, 1, 0), 0),
-        (Material("floor", (0.5,) * 3), Material("lamp", emission=(1,) * 3)),
-    )
+    floor, materials = (Plane((0, 0, 0), (0, 1, 0), 0), (Material("floor", (0.5,) * 3), Material("lamp", emission=(1,) * 3)))
     scene = Scene("one point", view, materials, (floor, *shapes), tuple(lights), "")
     seen = []
     for shader in (DIRECTION, DENSITY):
@@ -107,9 +104,7 @@ def test_triangles_are_sampled_uniformly_by_area(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_faces_of_a_mesh_are_chosen_by_area(engine):
     """Three triangles of areas 1 : 2 : 5 in a plane: counts, and places in each."""
-    vertices = np.array([(0, 2, 0), (0, 2, 1), (1, 2, 0), (0, 2, -2), (-2, 2, 0), (0, 2, 2.5)]) + np.array(
-        [0.1, 0, 0.2]
-    )
+    vertices = np.array([(0, 2, 0), (0, 2, 1), (1, 2, 0), (0, 2, -2), (-2, 2, 0), (0, 2, 2.5)]) + np.array([0.1, 0, 0.2])
     faces = np.array([(0, 2, 1), (0, 3, 2), (0, 5, 4)], np.int32)
     mesh = Mesh(vertices, faces, np.ones(3, np.int32))
     wi, distance, pdf = sampled(engine, [mesh])
@@ -126,9 +121,7 @@ def test_faces_of_a_mesh_are_chosen_by_area(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(
-    "center", [(0.4, 1.0, 0.2), (3.0, 20.0, -7.0), (0.0, 0.5001, 0.0)], ids=["near", "far", "touching"]
-)
+@pytest.mark.parametrize("center", [(0.4, 1.0, 0.2), (3.0, 20.0, -7.0), (0.0, 0.5001, 0.0)], ids=["near", "far", "touching"])
 def test_spheres_are_sampled_uniformly_over_their_cone(engine, center):
     wi, distance, pdf = sampled(engine, [Sphere(center, 0.5, 1)])
     away = math.dist(center, (0, 0, 0))
@@ -167,8 +160,13 @@ def texel_weights(image):
     """Mean over rgb and over 3 x 3 texels, times the sine of the row: docs/transport.md once more."""
     height, width = image.shape[:2]
     grey = image.mean(axis=2)
-    smooth = [[np.mean([grey[min(max(i + di, 0), height - 1), (j + dj) % width] for di in (-1, 0, 1) for dj in (-1, 0, 1)])
-               for j in range(width)] for i in range(height)]  # fmt: skip
+    smooth = [
+        [
+            np.mean([grey[min(max(i + di, 0), height - 1), (j + dj) % width] for di in (-1, 0, 1) for dj in (-1, 0, 1)])
+            for j in range(width)
+        ]
+        for i in range(height)
+    ]
     return np.array(smooth) * np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
 
 
@@ -195,8 +193,9 @@ def test_every_light_is_chosen_as_often_and_its_pdf_counts_that(engine):
     lamp = Triangle((-0.5, 1.0, 4.0), (0.5, 1.0, 4.0), (0.0, 2.0, 4.0), 1)
     wi, distance, pdf = sampled(engine, [*spheres, lamp], [EnvironmentLight((0.5, 0.4, 0.3))])
     points = wi * distance[:, None]
-    found = np.array([distance == 0, *(np.linalg.norm(points - b.center, axis=1) < 0.201 for b in spheres),
-                      np.abs(points[:, 2] - 4) < 1e-6])  # fmt: skip
+    found = np.array(
+        [distance == 0, *(np.linalg.norm(points - b.center, axis=1) < 0.201 for b in spheres), np.abs(points[:, 2] - 4) < 1e-6]
+    )
     assert (found.sum(axis=0) == 1).all()
     assert stats.chisquare(found.sum(axis=1)).pvalue > 1e-4
     escaped = found[0]

@@ -33,9 +33,12 @@ def here(tmp_path, monkeypatch):
 def owner(folder, *words):
     """A process that has a temporary folder until its input ends, that folder, and the id of its last owner."""
     process = subprocess.Popen(
-        [sys.executable, "-c", OWN, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", OWN, *words],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
         env={**os.environ, "TMPDIR": str(folder), "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    )
     assert process.stdout is not None
     name, pid = process.stdout.readline().split()
     return process, Path(name), int(pid)

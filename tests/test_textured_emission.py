@@ -68,8 +68,7 @@ def rendered(scene, engine, precision, spp=64, **shader):
 
 @pytest.mark.parametrize("direct", ["light", "bsdf", "mis"])
 @pytest.mark.parametrize(
-    ("engine", "precision"),
-    [("numpy", "float64"), ("embreex_batch", "float64"), ("numba", "float64"), ("embree", "float32")],
+    ("engine", "precision"), [("numpy", "float64"), ("embreex_batch", "float64"), ("numba", "float64"), ("embree", "float32")]
 )
 def test_a_floor_is_lit_by_the_texture_of_the_lamp(engine, precision, direct):
     """256 pixels of the same place. Sobol's error is below that of random samples: 4 % at most where light is hit by chance."""
@@ -80,9 +79,7 @@ def test_a_floor_is_lit_by_the_texture_of_the_lamp(engine, precision, direct):
 
 def test_coordinates_outside_of_0_1_repeat():
     moved = [(u + 3, v - 2) for u, v in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    assert np.allclose(
-        rendered(lamp(quarters(), moved), "numpy", None, 4), rendered(lamp(quarters()), "numpy", None, 4)
-    )
+    assert np.allclose(rendered(lamp(quarters(), moved), "numpy", None, 4), rendered(lamp(quarters()), "numpy", None, 4))
 
 
 def test_the_camera_sees_the_texture():
@@ -100,27 +97,38 @@ def every_lamp():
         return ImageTexture(rng.uniform(0, 6, (3, 4, 3)).astype(np.float32), **keys)
 
     materials = [
-        GREY, Material("a", emission=image(), two_sided=True), Material("b", emission=quarters(wrap="mirror")),
-        Material("c", emission=image(to_uv=(0.8, -0.6, 0.17, 0.6, 0.8, -0.31))), Material("d", emission=image()),
+        GREY,
+        Material("a", emission=image(), two_sided=True),
+        Material("b", emission=quarters(wrap="mirror")),
+        Material("c", emission=image(to_uv=(0.8, -0.6, 0.17, 0.6, 0.8, -0.31))),
+        Material("d", emission=image()),
         Material("e", emission=Checkerboard((5.0, 1.0, 0.0), (0.0, 2.0, 5.0), (3.0, 0.0, 0.1, 0.0, 3.0, 0.2)), two_sided=True),
         Material("f", emission=ImageTexture(np.full((1, 1, 1), 0.2, np.float32)), bsdf=GREY.bsdf),
-    ]  # fmt: skip
+    ]
     uvs = np.array([[0.1, 0.0], [1.9, 0.2], [1.7, 1.6], [-0.2, 1.3]])
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     shapes = [
-        Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0), Plane((0.0, 4.0, 0.0), (0.0, -1.0, 0.0), 6),
+        Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0),
+        Plane((0.0, 4.0, 0.0), (0.0, -1.0, 0.0), 6),
         Mesh(SQUARE * 0.5 + (-1.5, 0.5, 0.5), faces, np.array([1, 0], np.int32), uvs=uvs),
-        Triangle((1.0, 1.0, 2.0), (2.0, 1.5, 2.0), (1.5, 0.5, 1.2), 5), Sphere((0.2, 0.3, 1.0), 0.4, 2),
-        Disk((1.2, -0.3, 0.9), (0.48, -0.36, -0.8), 0.5, 3), Cylinder((-0.6, -0.8, 0.5), (-0.2, -0.9, 1.1), 0.2, 4),
-    ]  # fmt: skip
+        Triangle((1.0, 1.0, 2.0), (2.0, 1.5, 2.0), (1.5, 0.5, 1.2), 5),
+        Sphere((0.2, 0.3, 1.0), 0.4, 2),
+        Disk((1.2, -0.3, 0.9), (0.48, -0.36, -0.8), 0.5, 3),
+        Cylinder((-0.6, -0.8, 0.5), (-0.2, -0.9, 1.1), 0.2, 4),
+    ]
     camera = Perspective((0.3, -4.0, 1.9), (0.0, 0.0, 0.7), (0.0, 0.0, 1.0), 60.0, "y", (24, 24))
     return Scene("lamps", camera, tuple(materials), tuple(shapes), (), "")
 
 
-@pytest.mark.parametrize("shader", [
-    {"light_sampler": "uniform"}, {"light_sampler": "bvh", "light_candidates": 4},
-    {"light_sampler": "power", "direct": "light"},
-], ids=["uniform", "bvh, candidates", "power"])  # fmt: skip
+@pytest.mark.parametrize(
+    "shader",
+    [
+        {"light_sampler": "uniform"},
+        {"light_sampler": "bvh", "light_candidates": 4},
+        {"light_sampler": "power", "direct": "light"},
+    ],
+    ids=["uniform", "bvh, candidates", "power"],
+)
 def test_the_kernels_equal_the_numpy_engine_on_every_kind_of_lamp(shader):
     images = [rendered(every_lamp(), engine, "float64", 2, max_depth=3, **shader) for engine in ("numpy", "numba")]
     reference, found = images

@@ -15,8 +15,14 @@ from harness.report.tables.scaling import scaling
 from harness.store.results import results_of
 from harness.trace.records import TraceResults
 
-KINDS = {"text": "text", "flag": "true or false", "number": "number", "exact": "number", "count": "whole number",
-         "percent": "share"}  # fmt: skip
+KINDS = {
+    "text": "text",
+    "flag": "true or false",
+    "number": "number",
+    "exact": "number",
+    "count": "whole number",
+    "percent": "share",
+}
 
 
 def text() -> str:

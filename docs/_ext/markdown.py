@@ -7,9 +7,7 @@ from collections.abc import Iterable, Sequence
 def plain(text: str) -> str:
     """Text that Markdown leaves as it is, but for what stands in backticks."""
     pieces = re.split(r"(`[^`]*`)", " ".join(text.split()))
-    return "".join(
-        piece if piece.startswith("`") else re.sub(r"([\\*_<>\[\]${}|#~^])", r"\\\1", piece) for piece in pieces
-    )
+    return "".join(piece if piece.startswith("`") else re.sub(r"([\\*_<>\[\]${}|#~^])", r"\\\1", piece) for piece in pieces)
 
 
 def code(text: object) -> str:

@@ -60,24 +60,38 @@ def house() -> None:
     d.text(20, 30, "harness/", bold=True, at="start")
     d.text(20, 47, "imports public names of engines alone; each part imports from those to its right", soft=True, at="start")
     rooms = [
-        ("commands", ["cli/, console,", "view/"]), ("output", ["report/: tables,", "plots, chapter"]),
-        ("runs", ["run/: sweep,", "recorder, executors"]), ("verdicts and plans", ["analysis/,", "plan/"]),
+        ("commands", ["cli/, console,", "view/"]),
+        ("output", ["report/: tables,", "plots, chapter"]),
+        ("runs", ["run/: sweep,", "recorder, executors"]),
+        ("verdicts and plans", ["analysis/,", "plan/"]),
         ("foundation", ["store/, measure/,", "config/, verify/,", "statistics/"]),
-    ]  # fmt: skip
+    ]
     for k, (title, lines) in enumerate(rooms):
         d.box(20 + 150 * k, 60, 140, 70, title, lines, BLUE)
     d.arrow((390, 130), (390, 166))
-    d.box(20, 168, 740, 62, "engines: the public interface",
-          ["interface: Engine, Renderer, Settings, Hits  |  registry: from a name to an engine",
-           "plugin: shaders, samplers, lights, BSDFs, cameras of yours  |  conformance: tests of every engine"],
-          AMBER)  # fmt: skip
+    d.box(
+        20,
+        168,
+        740,
+        62,
+        "engines: the public interface",
+        [
+            "interface: Engine, Renderer, Settings, Hits  |  registry: from a name to an engine",
+            "plugin: shaders, samplers, lights, BSDFs, cameras of yours  |  conformance: tests of every engine",
+        ],
+        AMBER,
+    )
     d.arrow((390, 230), (390, 262), dashed=True)
     d.text(398, 251, "imported by name, when wanted", soft=True, at="start")
     engines = [
-        ("numba", ["list, grid,", "tree"]), ("embree", ["Intel's", "Embree"]), ("numpy", ["the reference"]),
-        ("embreex_batch", ["shades as", "numpy does"]), ("mitsuba", ["Mitsuba 3"]), ("external", ["any program"]),
+        ("numba", ["list, grid,", "tree"]),
+        ("embree", ["Intel's", "Embree"]),
+        ("numpy", ["the reference"]),
+        ("embreex_batch", ["shades as", "numpy does"]),
+        ("mitsuba", ["Mitsuba 3"]),
+        ("external", ["any program"]),
         ("yours", ["two classes"]),
-    ]  # fmt: skip
+    ]
     for k, (title, lines) in enumerate(engines):
         d.box(20 + 107 * k, 264, 98, 66, title, lines, GREEN if title != "yours" else AMBER)
     d.arrow((341, 297), (332, 297))
@@ -86,34 +100,48 @@ def house() -> None:
     d.parts.append(f"<rect x='20' y='364' width='212' height='218' rx='6' fill='{GREY}' stroke='{LINE}'/>")
     d.text(126, 381, "engines/kernels", bold=True)
     floors = [
-        ("renderer, driver, queries", AMBER), ("stages: loops over lanes", GREEN), ("integrators  |  flatten", GREEN),
-        ("lane: shapes, lights, BSDFs", GREEN), ("layout, features", BLUE), ("compile: Numba and LLVM", BLUE),
-    ]  # fmt: skip
+        ("renderer, driver, queries", AMBER),
+        ("stages: loops over lanes", GREEN),
+        ("integrators  |  flatten", GREEN),
+        ("lane: shapes, lights, BSDFs", GREEN),
+        ("layout, features", BLUE),
+        ("compile: Numba and LLVM", BLUE),
+    ]
     for k, (words, fill) in enumerate(floors):
-        d.parts.append(
-            f"<rect x='30' y='{390 + 31 * k}' width='192' height='26' rx='4' fill='{fill}' stroke='{LINE}'/>"
-        )
+        d.parts.append(f"<rect x='30' y='{390 + 31 * k}' width='192' height='26' rx='4' fill='{fill}' stroke='{LINE}'/>")
         d.text(126, 407 + 31 * k, words, size=11)
     for x in (283, 390, 497, 604, 711):
         d.arrow((x, 330), (x, 602))
     d.arrow((126, 582), (126, 602))
-    d.box(20, 604, 740, 50, "engines/scene, film, errors",
-          ["scene files and models, sums of samples, messages: they know no engine"], GREY)  # fmt: skip
+    d.box(
+        20,
+        604,
+        740,
+        50,
+        "engines/scene, film, errors",
+        ["scene files and models, sums of samples, messages: they know no engine"],
+        GREY,
+    )
     d.save("house")
 
 
 def ray() -> None:
     d = Drawing(910, 390, "A ray's way through a batch of sixteen lanes")
     top = [
-        ("draw", ["two numbers", "for the pixel"], AMBER), ("begin", ["the camera's", "ray"], AMBER),
-        ("closest", ["distance and", "primitive"], BLUE), ("surface", ["point, normal,", "material"], GREEN),
-        ("draw", ["numbers of", "the vertex"], AMBER), ("material", ["wrappers and", "textures"], GREEN),
-    ]  # fmt: skip
+        ("draw", ["two numbers", "for the pixel"], AMBER),
+        ("begin", ["the camera's", "ray"], AMBER),
+        ("closest", ["distance and", "primitive"], BLUE),
+        ("surface", ["point, normal,", "material"], GREEN),
+        ("draw", ["numbers of", "the vertex"], AMBER),
+        ("material", ["wrappers and", "textures"], GREEN),
+    ]
     bottom = [
-        ("finish", ["end, or the", "next segment"], GREEN), ("occluded", ["is the light", "visible?"], BLUE),
-        ("shade", ["the integrator's", "step"], AMBER), ("BSDF", ["value, pdf,", "sample"], GREEN),
+        ("finish", ["end, or the", "next segment"], GREEN),
+        ("occluded", ["is the light", "visible?"], BLUE),
+        ("shade", ["the integrator's", "step"], AMBER),
+        ("BSDF", ["value, pdf,", "sample"], GREEN),
         ("light", ["one sample", "of a light"], GREEN),
-    ]  # fmt: skip
+    ]
     for k, (title, lines, fill) in enumerate(top):
         d.box(20 + 150 * k, 50, 120, 68, title, lines, fill)
         if k:
@@ -132,11 +160,13 @@ def ray() -> None:
     d.text(20, 30, "One batch: sixteen paths, each stage for all of them", bold=True, at="start")
     d.arrow((80, 258), (80, 300))
     d.box(20, 302, 120, 58, "film", ["sums per pixel"], GREY)
-    for k, (fill, words) in enumerate([
-        (BLUE, "differs between engines: numba's list, grid and tree; Embree; an accelerator of yours"),
-        (AMBER, "replaced by a plugin: sampler (draw), camera (begin), shader (shade)"),
-        (GREEN, "the same for all jitted engines; plugins add lights and BSDFs"),
-    ]):  # fmt: skip
+    for k, (fill, words) in enumerate(
+        [
+            (BLUE, "differs between engines: numba's list, grid and tree; Embree; an accelerator of yours"),
+            (AMBER, "replaced by a plugin: sampler (draw), camera (begin), shader (shade)"),
+            (GREEN, "the same for all jitted engines; plugins add lights and BSDFs"),
+        ]
+    ):
         d.parts.append(f"<rect x='180' y='{302 + 21 * k}' width='14' height='14' fill='{fill}' stroke='{LINE}'/>")
         d.text(202, 314 + 21 * k, words, soft=True, at="start")
     d.save("ray")
@@ -144,8 +174,11 @@ def ray() -> None:
 
 def cell() -> None:
     d = Drawing(780, 560, "A cell's way through the harness")
-    for x, title, words in ((20, "command", "never renders"), (275, "worker", "one per engine and block"),
-                            (530, "child", "one per cell, forked")):  # fmt: skip
+    for x, title, words in (
+        (20, "command", "never renders"),
+        (275, "worker", "one per engine and block"),
+        (530, "child", "one per cell, forked"),
+    ):
         d.text(x + 115, 26, title, bold=True)
         d.text(x + 115, 42, words, soft=True)
         d.parts.append(f"<line x1='{x + 115}' y1='50' x2='{x + 115}' y2='545' stroke='{LINE}' stroke-dasharray='2 5'/>")
@@ -153,13 +186,19 @@ def cell() -> None:
         (20, 56, 44, "the next cell", ["of a block, in random order"], BLUE),
         (275, 56, 44, "imports the engine", [], GREEN),
         (530, 108, 44, "loads the scene", [], GREEN),
-        (530, 172, 60, "prepares, compiles, renders 1 spp", ["at another seed, then drops it:", "what a cold start costs"],
-         GREEN),
+        (
+            530,
+            172,
+            60,
+            "prepares, compiles, renders 1 spp",
+            ["at another seed, then drops it:", "what a cold start costs"],
+            GREEN,
+        ),
         (530, 252, 44, "prepares the cell's own seed", ["off the clock"], GREEN),
         (530, 316, 48, "render to the next checkpoint", ["on the clock: nothing but this"], AMBER),
         (20, 372, 60, "error, image, progress", ["against the reference;", "nothing renders meanwhile"], BLUE),
         (20, 488, 52, "appends the event", ["written and synced"], BLUE),
-    ]  # fmt: skip
+    ]
     for x, y, h, title, lines, fill in steps:
         d.box(x, y, 230, h, title, lines, fill)
     d.arrow((250, 78), (274, 78))

@@ -23,14 +23,24 @@ ball of triangles and a sphereflake, each in five sizes; and `scenes/lantern.xml
 docs/pictures/gallery.py` makes all pictures.
 """
 FURNISHED = {
-    "living_room": 256, "study": 1024, "cafe": 1024, "workshop": 256, "cabinet": 256, "still_life": 1024, "bathroom": 256,
+    "living_room": 256,
+    "study": 1024,
+    "cafe": 1024,
+    "workshop": 256,
+    "cabinet": 256,
+    "still_life": 1024,
+    "bathroom": 256,
     "desk_lamp": 256,
-}  # fmt: skip
+}
 """Samples per pixel of the scenes that are drawn in full size, 1280 x 720, in the order of the page."""
 SAMPLES = {
-    "cornell_spheres": 1024, "glassware": 384, "many_lights": 1024, "metals": 1024, "mobilert_cornell": 16,
+    "cornell_spheres": 1024,
+    "glassware": 384,
+    "many_lights": 1024,
+    "metals": 1024,
+    "mobilert_cornell": 16,
     "mobilert_cornell2": 2048,
-}  # fmt: skip
+}
 """Of the others, where it is not 256."""
 SHADERS = {"mobilert_cornell": "whitted"}
 """Whose picture is by another shader: its light hangs a centimetre below the ceiling, and no path finds that spot in time."""

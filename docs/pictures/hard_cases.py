@@ -59,8 +59,11 @@ def sphere() -> Figure:
             hit = np.array([x.is_finite() for x in exact])
             errors.append(median(oracle.absolute(t[hit], exact[hit])))
     figure, axes = _new("distance of a unit sphere [m]", "error of t [m]")
-    for errors, colour, label in ((book32, BOOK32, "b² - 4ac, float32"), (book, BOOK, "b² - 4ac, float64"),
-                                  (ours, OURS, "nearest point first, float64")):  # fmt: skip
+    for errors, colour, label in (
+        (book32, BOOK32, "b² - 4ac, float32"),
+        (book, BOOK, "b² - 4ac, float64"),
+        (ours, OURS, "nearest point first, float64"),
+    ):
         axes.loglog(distances, errors, "o-", color=colour, label=label)
     axes.legend()
     return figure
@@ -73,8 +76,9 @@ def _nearest(o: np.ndarray, d: np.ndarray) -> Any:
 def edges() -> Figure:
     """Share of rays, aimed at shared vertices of a sphere of triangles, that slip through."""
     sphere = {"procedural": {"name": "tessellated_sphere", "subdivisions": 4}}
-    scene = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "materials": {"grey": {"kd": 0.5}},
-                                "shapes": [{**sphere, "material": "grey"}]})  # fmt: skip
+    scene = engines.scene_from(
+        {"raybench_scene": 1, "camera": CAMERA, "materials": {"grey": {"kd": 0.5}}, "shapes": [{**sphere, "material": "grey"}]}
+    )
     mesh = cast(Any, scene.shapes[0])
     rng = np.random.default_rng(2)
     aims = mesh.vertices[rng.integers(0, len(mesh.vertices), 1500)]

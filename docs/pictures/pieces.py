@@ -44,9 +44,13 @@ def staged(piece: dict[str, Any]) -> dict[str, Any]:
         lights = [SKY]
         shapes.append(LAMP)
     return {
-        "raybench_scene": 1, "camera": CAMERA, "textures": piece.get("textures", {}), "materials": MATERIALS | own,
-        "shapes": shapes, "lights": lights,
-    }  # fmt: skip
+        "raybench_scene": 1,
+        "camera": CAMERA,
+        "textures": piece.get("textures", {}),
+        "materials": MATERIALS | own,
+        "shapes": shapes,
+        "lights": lights,
+    }
 
 
 def main(wanted: list[str]) -> None:

@@ -42,9 +42,13 @@ def main(archive: Path, target: Path) -> None:
     figure, plot = plt.subplots(figsize=((WIDTH - PICTURE[0]) / 100, PICTURE[1] / 100), layout="constrained")
     for (engine, sampler, accelerator), (label, colour) in CURVES.items():
         mine = points[
-            (points.scene == SCENE) & (points.engine == engine) & points.sampler.str.startswith(sampler)
-            & points.accelerator.str.startswith(accelerator) & points.label.isna() & (points.division == "closed")
-        ]  # fmt: skip
+            (points.scene == SCENE)
+            & (points.engine == engine)
+            & points.sampler.str.startswith(sampler)
+            & points.accelerator.str.startswith(accelerator)
+            & points.label.isna()
+            & (points.division == "closed")
+        ]
         rows = []
         order = mine.sort_values("spp").groupby("block").cumcount()  # LuxCore's checkpoints differ by a few samples
         for _, group in mine.groupby(order):

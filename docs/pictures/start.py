@@ -16,8 +16,14 @@ sys.path.insert(0, str(ROOT))
 from tests.browser import PROGRAM, Browser  # noqa: E402
 
 TARGET = ROOT / "docs" / "pictures" / "start"
-PLOTS = ("error-over-time-cornell_box", "error-over-samples-cornell_box", "time-to-quality-cornell_box",
-         "pareto-cornell_box", "targets-over-time", "phases-cornell_box")  # fmt: skip
+PLOTS = (
+    "error-over-time-cornell_box",
+    "error-over-samples-cornell_box",
+    "time-to-quality-cornell_box",
+    "pareto-cornell_box",
+    "targets-over-time",
+    "phases-cornell_box",
+)
 WIDTH = 760
 
 

@@ -49,8 +49,14 @@ def race(page: Browser, address: str) -> None:
     page.open(address + "race.html", 1280, 1450)
     page.wait_for("window.raybench && raybench.settingsForms.length === 2")
     page.click("#add")
-    for key, value in {"scene": "cornell_box", "width": 256, "height": 256, "targets": "0.1 0.01", "reference-spp": 512,
-                       "max-seconds": 3}.items():  # fmt: skip
+    for key, value in {
+        "scene": "cornell_box",
+        "width": 256,
+        "height": 256,
+        "targets": "0.1 0.01",
+        "reference-spp": 512,
+        "max-seconds": 3,
+    }.items():
         page.set(f"#{key}", value)
     page.click("#start")
     page.wait_for("raybench.state === 'finished'")
@@ -63,8 +69,12 @@ def dahlquist(page: Browser, address: str) -> None:
 
 
 SHOTS: dict[str, Callable[[Browser, str], None]] = {
-    "view": view, "dark": dark, "narrow": narrow, "race": race, "dahlquist": dahlquist,
-}  # fmt: skip
+    "view": view,
+    "dark": dark,
+    "narrow": narrow,
+    "race": race,
+    "dahlquist": dahlquist,
+}
 
 
 def main(names: list[str]) -> None:

@@ -10,6 +10,16 @@ from engines.adapters.image_renderer import MEANS_ALONE, ImageRenderer
 from engines.adapters.seeds import derive_seed
 
 __all__ = [
-    "MEANS_ALONE", "AdapterEngine", "CameraFrame", "FlatMesh", "ImageRenderer", "camera_frame", "derive_seed", "extent",
-    "flat_meshes", "sphere_mesh", "tangents", "version_with",
-]  # fmt: skip
+    "MEANS_ALONE",
+    "AdapterEngine",
+    "CameraFrame",
+    "FlatMesh",
+    "ImageRenderer",
+    "camera_frame",
+    "derive_seed",
+    "extent",
+    "flat_meshes",
+    "sphere_mesh",
+    "tangents",
+    "version_with",
+]

@@ -71,11 +71,16 @@ def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
         first = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
         faces = [piece.faces + start for piece, start in zip(pieces, first[:-1], strict=True)]
         normals, uvs = ([getattr(piece, name) for piece in pieces] for name in ("normals", "uvs"))
-        found.append(FlatMesh(
-            f"mesh_{index}", material, np.concatenate([piece.vertices for piece in pieces]),
-            np.concatenate(faces).astype(np.int32), None if normals[0] is None else np.concatenate(normals),
-            None if uvs[0] is None else np.concatenate(uvs),
-        ))  # fmt: skip
+        found.append(
+            FlatMesh(
+                f"mesh_{index}",
+                material,
+                np.concatenate([piece.vertices for piece in pieces]),
+                np.concatenate(faces).astype(np.int32),
+                None if normals[0] is None else np.concatenate(normals),
+                None if uvs[0] is None else np.concatenate(uvs),
+            )
+        )
     return found
 
 
@@ -161,9 +166,14 @@ def camera_frame(scene: Scene, settings: Settings) -> CameraFrame:
     middle = 2.0 * half * np.multiply(camera.principal_point, (-1.0, 1.0))
     (left, bottom), (to_right, top) = (middle - half).tolist(), (middle + half).tolist()
     return CameraFrame(
-        np.array(camera.eye), -right if camera.mirror else right, up, forward, float(fov[0]), float(fov[1]),
+        np.array(camera.eye),
+        -right if camera.mirror else right,
+        up,
+        forward,
+        float(fov[0]),
+        float(fov[1]),
         (left, to_right, bottom, top),
-    )  # fmt: skip
+    )
 
 
 def _unit(vector: Array) -> Array:

@@ -93,9 +93,7 @@ class ImageRenderer(ABC):
                     if self.stopped.is_set():
                         break
                     raise RendererFailed(f"{self.engine.name}: the renderer gave no image, and nobody stopped it")
-                self.film.add_mean(
-                    *(found if isinstance(found, tuple) else (found, samples))
-                )
+                self.film.add_mean(*(found if isinstance(found, tuple) else (found, samples)))
                 if on_pass is not None:
                     on_pass(self.film)
             return self.film
@@ -127,9 +125,11 @@ class ImageRenderer(ABC):
     def counters(self) -> Mapping[str, float]:
         """Seconds and bad samples; memory is not known, and rays are not counted. A subclass may add its own."""
         return {
-            "build_seconds": self._build_seconds, "compile_seconds": self._compile_seconds, "accelerator_bytes": 0.0,
+            "build_seconds": self._build_seconds,
+            "compile_seconds": self._compile_seconds,
+            "accelerator_bytes": 0.0,
             "bad_samples": float(self.film.bad_samples),
-        }  # fmt: skip
+        }
 
     def _build(self) -> None:
         begin = perf_counter()

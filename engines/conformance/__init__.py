@@ -29,9 +29,7 @@ __all__ = ["BROKEN", "CLAIMS", "DECLINED", "HOLDS", "NOT_PROMISED", "Finding", "
 
 Claim = Callable[[Subject], None]
 
-CLAIMS: tuple[Claim, ...] = (
-    *asking.CLAIMS, *hits.CLAIMS, *rendering.CLAIMS, *concurrency.CLAIMS, *light.CLAIMS,
-)  # fmt: skip
+CLAIMS: tuple[Claim, ...] = (*asking.CLAIMS, *hits.CLAIMS, *rendering.CLAIMS, *concurrency.CLAIMS, *light.CLAIMS)
 """Every claim; the first line of its docstring says what must hold."""
 
 HOLDS, BROKEN, DECLINED, NOT_PROMISED = "holds", "broken", "declined", "not promised"
@@ -82,7 +80,7 @@ def _not_promised(engine: Engine) -> Mapping[str, str]:
     """The engine's excuses, by the keys of claims."""
     excuses: Any = getattr(engine, "not_promised", {})
     if not isinstance(excuses, Mapping):
-        raise ConfigError(f"engine {engine.name!r}: not_promised = {excuses!r}: a mapping from claims to reasons is wanted")
+        raise ConfigError(f"engine {engine.name!r}: not_promised = {excuses!r}: a mapping from claims to reasons is expected")
     known = [key_of(claim) for claim in CLAIMS]
     for key in excuses:
         if key not in known:

@@ -66,9 +66,7 @@ def values_out_of_range_are_refused(subject: Subject) -> None:
         _expect_raised(subject.engine, held, settings, wrong, ConfigError, meant)
 
 
-def _expect_raised(
-    engine: Engine, held: Scene, settings: Settings, wrong: Any, kind: type[Exception], meant: str
-) -> None:
+def _expect_raised(engine: Engine, held: Scene, settings: Settings, wrong: Any, kind: type[Exception], meant: str) -> None:
     """`prepare` and `why_not` raise `kind` with `meant` in its message."""
     for name, call in (("prepare", engine.prepare), ("why_not", engine.why_not)):
         try:
@@ -76,9 +74,7 @@ def _expect_raised(
         except kind as error:
             expect(meant in str(error), f"{wrong}: the message of {name} does not name {meant!r}: {error}")
         except Exception as error:
-            raise Broken(
-                f"{wrong}: {name} raised {type(error).__name__}, wanted is {kind.__name__}: {error}"
-            ) from error
+            raise Broken(f"{wrong}: {name} raised {type(error).__name__}, wanted is {kind.__name__}: {error}") from error
         else:
             raise Broken(f"{wrong}: {name} answers {answer!r}, wanted is {kind.__name__}")
 
@@ -182,7 +178,7 @@ def whole_patterns_are_as_large_as_asked(subject: Subject) -> None:
             if found is None:
                 expect(last == 0, f"{seen}, after a pattern of {last} samples")
                 continue
-            expect(found.spp >= max(spp, last), f"{seen}: at least {max(spp, last)} samples are wanted")
+            expect(found.spp >= max(spp, last), f"{seen}: at least {max(spp, last)} samples are expected")
             again = engine.full_pattern(found.sampler, found.spp)
             expect(again == found, f"{seen}, but asked for its own sampler and samples it gives {again!r}")
             last = found.spp

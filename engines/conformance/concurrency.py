@@ -83,8 +83,9 @@ def rays_beside_a_render_are_answered_as_alone(subject: Subject) -> None:
     except Unsupported as reason:
         raise Declined(str(reason)) from reason
     calls: dict[str, Callable[[], Any]] = {
-        "trace": lambda: renderer.trace(*rays).t, "occluded": lambda: renderer.occluded(*rays),
-    }  # fmt: skip
+        "trace": lambda: renderer.trace(*rays).t,
+        "occluded": lambda: renderer.occluded(*rays),
+    }
     with _rendering(renderer):
         for name, call in (*calls.items(), *calls.items()):
             answer = _within_time(call, name)
@@ -113,10 +114,11 @@ def a_render_is_not_disturbed(subject: Subject) -> None:
     """render, warm_up and update while a render runs raise RuntimeError, from another thread and from on_pass."""
     renderer, (held, _) = subject.usual(), subject.easiest
     calls: dict[str, Callable[[], Any]] = {
-        "render": lambda: renderer.render(1), "warm_up": renderer.warm_up,
+        "render": lambda: renderer.render(1),
+        "warm_up": renderer.warm_up,
         "update(camera)": lambda: renderer.update(camera=held.camera),
         "update(shapes)": lambda: renderer.update(shapes=held.shapes),
-    }  # fmt: skip
+    }
     with _rendering(renderer):
         for name, call in calls.items():
             answer = _within_time(call, name)
@@ -156,8 +158,4 @@ def update_takes_the_size_of_the_camera(subject: Subject) -> None:
         expect_same(sums(prepared), sums(film), "prepared with the camera, and updated")
 
 
-CLAIMS = (
-    rays_beside_a_render_are_answered_as_alone,
-    a_render_is_not_disturbed,
-    update_takes_the_size_of_the_camera,
-)
+CLAIMS = (rays_beside_a_render_are_answered_as_alone, a_render_is_not_disturbed, update_takes_the_size_of_the_camera)

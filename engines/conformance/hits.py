@@ -42,9 +42,7 @@ def _compare(renderer: Renderer, rays: list[Ray], label: str) -> None:
     for i, ray in enumerate(rays):
         where = f"{label}: ray from {ray.origin} along {ray.direction}, t_max {ray.t_max:g}"
         hit = np.isfinite(ray.t)
-        expect(
-            np.isclose(hits.t[i], ray.t, rtol=RELATIVE, atol=0), f"{where}: t = {hits.t[i]!r}, by hand it is {ray.t!r}"
-        )
+        expect(np.isclose(hits.t[i], ray.t, rtol=RELATIVE, atol=0), f"{where}: t = {hits.t[i]!r}, by hand it is {ray.t!r}")
         found = int(hits.shape[i]), int(hits.primitive[i])
         wanted = (ray.shape, ray.primitive) if hit else (-1, -1)
         expect(found == wanted, f"{where}: shape, primitive = {found}, by hand they are {wanted}")
@@ -81,9 +79,7 @@ def hits_have_their_shapes(subject: Subject) -> None:
         blocked = np.asarray(renderer.occluded(origins, directions))
         expect(blocked.shape == (count,), f"{count} rays: occluded has shape {blocked.shape}")
         expect(blocked.dtype == np.bool_, f"{count} rays: occluded is {blocked.dtype}, wanted is bool")
-    expect(
-        renderer.occluded([[0, 1, 5]], [[0, 0, -1]], 3.0).tolist() == [False], "lists and a scalar t_max are misread"
-    )
+    expect(renderer.occluded([[0, 1, 5]], [[0, 0, -1]], 3.0).tolist() == [False], "lists and a scalar t_max are misread")
 
 
 def spheres_are_hit_where_they_are(subject: Subject) -> None:
@@ -271,9 +267,7 @@ def normals_are_unit_and_face_the_ray(subject: Subject) -> None:
         hits = renderer.trace(origins, directions)
         hit = np.isfinite(hits.t)
         lengths = np.linalg.norm(hits.normal[hit], axis=1)
-        expect(
-            np.allclose(lengths, 1, atol=1e-6), f"{label}: lengths of normals from {lengths.min()} to {lengths.max()}"
-        )
+        expect(np.allclose(lengths, 1, atol=1e-6), f"{label}: lengths of normals from {lengths.min()} to {lengths.max()}")
         away = int((np.einsum("ij,ij->i", hits.normal[hit], directions[hit]) > 0).sum())
         expect(away == 0, f"{label}: {away} of {hit.sum()} normals point along their ray")
 

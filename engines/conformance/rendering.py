@@ -63,8 +63,7 @@ def render_adds_to_the_film(subject: Subject) -> None:
     for spp in (1, 2):
         film, total = renderer.render(spp), total + spp
         expect(
-            (film.counts == total).all(),
-            f"after {total} samples film.counts run {film.counts.min()} to {film.counts.max()}",
+            (film.counts == total).all(), f"after {total} samples film.counts run {film.counts.min()} to {film.counts.max()}"
         )
         expect_same(sums(film), sums(renderer.film), "the film returned and renderer.film")
     image = film.mean()
@@ -79,9 +78,7 @@ def the_parts_of_the_film_belong_together(subject: Subject) -> None:
     renderer = subject.usual()
     first = sums(renderer.render(1))
     expect(first["sums"].any(), "the image is black")
-    expect(
-        np.allclose(first["squares"], first["sums"] ** 2, rtol=1e-5), "after one sample, squares are not sums squared"
-    )
+    expect(np.allclose(first["squares"], first["sums"] ** 2, rtol=1e-5), "after one sample, squares are not sums squared")
     expect(np.array_equal(first["even_sums"], first["sums"]), "after one sample, even_sums are not the sums")
     second = sums(renderer.render(1))
     expect(np.array_equal(second["even_sums"], first["sums"]), "sample 1 went into even_sums")

@@ -9,6 +9,17 @@ from engines.dahlquist.pictures import PROBES, checker_probe, formula_background
 from engines.dahlquist.tracer import ENGINES, Tracer
 
 __all__ = [
-    "BACKGROUND", "COLOURS", "ENGINES", "PROBES", "RADII", "SPHERE", "Animation", "Frame", "Tracer", "checker_probe",
-    "formula_background", "read_picture", "smooth_probe",
-]  # fmt: skip
+    "BACKGROUND",
+    "COLOURS",
+    "ENGINES",
+    "PROBES",
+    "RADII",
+    "SPHERE",
+    "Animation",
+    "Frame",
+    "Tracer",
+    "checker_probe",
+    "formula_background",
+    "read_picture",
+    "smooth_probe",
+]

@@ -44,10 +44,13 @@ class Engine:
         camera = scene.camera
         view = physical.field_of_view()
         fits = (
-            isinstance(camera, Perspective) and width == height and abs(camera.fov - view) < 1e-4
-            and (camera.eye, camera.target[:2]) == ((0.0, 0.0, 0.0), (0.0, 0.0)) and camera.target[2] < 0
+            isinstance(camera, Perspective)
+            and width == height
+            and abs(camera.fov - view) < 1e-4
+            and (camera.eye, camera.target[:2]) == ((0.0, 0.0, 0.0), (0.0, 0.0))
+            and camera.target[2] < 0
             and (camera.principal_point, camera.mirror, camera.clip) == ((0.0, 0.0), False, (0.0, math.inf))
-        )  # fmt: skip
+        )
         fits = fits and _are_the_balls(scene) and not plugins(scene)
         return None if fits else "the engine dahlquist renders its own five balls alone"
 

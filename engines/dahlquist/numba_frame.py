@@ -181,9 +181,12 @@ class Painter:
         (probe_height, probe_width), (height, width, _) = self._probe.shape, self._background.shape
         arrays |= {"probe": self._probe, "background": self._background, "stretch": self._stretch}
         values = {
-            "probe_width": probe_width, "probe_height": probe_height, "background_width": width, "background_height": height,
+            "probe_width": probe_width,
+            "probe_height": probe_height,
+            "background_width": width,
+            "background_height": height,
             **{name: array.ctypes.data for name, array in arrays.items()},
-        }  # fmt: skip
+        }
         return np.array([values[name] for name in FrameTable.fields], np.int64)
 
     def draw(self, frame: Frame, view: View) -> None:
@@ -198,9 +201,17 @@ class Painter:
 
         def work(k: int) -> None:
             self._draw(
-                self._memory[k].ctypes.data, self._queue_bytes, table.ctypes.data, self._texels[k].ctypes.data,
-                self._texel_rows[k].ctypes.data, self._size, rows, flags, next_strip.ctypes.data, frame.ctypes.data,
-            )  # fmt: skip
+                self._memory[k].ctypes.data,
+                self._queue_bytes,
+                table.ctypes.data,
+                self._texels[k].ctypes.data,
+                self._texel_rows[k].ctypes.data,
+                self._size,
+                rows,
+                flags,
+                next_strip.ctypes.data,
+                frame.ctypes.data,
+            )
 
         others = [self._pool.submit(work, k) for k in range(1, len(self._memory))]
         work(0)

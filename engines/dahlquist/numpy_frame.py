@@ -48,8 +48,7 @@ class Painter:
         """Draws the rows of a call into `frame`."""
         width, height = self._size
         rows, columns = (
-            a.ravel()
-            for a in np.meshgrid(np.arange(view.first_row, height, view.row_step), np.arange(width), indexing="ij")
+            a.ravel() for a in np.meshgrid(np.arange(view.first_row, height, view.row_step), np.arange(width), indexing="ij")
         )
         probe = self._pictures.probe if view.environment else None
         hit, colours = _radiance(_primary_rays(columns, rows, width), view, probe)

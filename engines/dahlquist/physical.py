@@ -43,14 +43,23 @@ def scene(centres: Reals, sky: str, size: int = 640) -> dict[str, Any]:
         materials[name] = {"kd": kd.tolist(), "ks": 1 - 1 / FAINTNESS}
         shapes.append({"sphere": {"center": center.tolist(), "radius": float(radius)}, "material": name})
     camera = {
-        "type": "perspective", "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0],
-        "fov": field_of_view(), "fov_axis": "x", "resolution": [size, size],
-    }  # fmt: skip
+        "type": "perspective",
+        "eye": [0, 0, 0],
+        "target": [0, 0, -1],
+        "up": [0, 1, 0],
+        "fov": field_of_view(),
+        "fov_axis": "x",
+        "resolution": [size, size],
+    }
     sun = {"directional": {"direction": list(SUN), "irradiance": math.pi * FAINTNESS}}
     return {
-        "raybench_scene": 1, "name": "Dahlquist's five balls", "camera": camera, "materials": materials, "shapes": shapes,
+        "raybench_scene": 1,
+        "name": "Dahlquist's five balls",
+        "camera": camera,
+        "materials": materials,
+        "shapes": shapes,
         "lights": [sun, {"environment": {"image": sky}}],
-    }  # fmt: skip
+    }
 
 
 def field_of_view() -> float:

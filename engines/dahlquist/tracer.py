@@ -32,12 +32,21 @@ class Tracer:
     """
 
     def __init__(
-        self, width: int, height: int, *, engine: str = "numba", threads: int = 1, reflections: bool = True,
-        environment: bool = True, interlaced: bool = False, exact: bool = False, probe: Picture | None = None,
+        self,
+        width: int,
+        height: int,
+        *,
+        engine: str = "numba",
+        threads: int = 1,
+        reflections: bool = True,
+        environment: bool = True,
+        interlaced: bool = False,
+        exact: bool = False,
+        probe: Picture | None = None,
         background: Picture | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if min(width, height) < 1 or width * height > MAX_PIXELS:
-            raise ConfigError(f"size {width}x{height}: from 1x1 up to {MAX_PIXELS} pixels is wanted")
+            raise ConfigError(f"size {width}x{height}: from 1x1 up to {MAX_PIXELS} pixels is expected")
         pictures = Pictures(
             _checked("probe", checker_probe() if probe is None else probe),
             _checked("background", formula_background() if background is None else background),
@@ -79,9 +88,7 @@ class Tracer:
             self.frame.view("<u4")[:] = SPHERE << 24  # black; one number a pixel is ten times as fast as four
             self._clear = False
         centres = self.animation.centres
-        self._boxes = (
-            np.tile(area_hierarchy.EVERYWHERE, (len(RADII), 1)) if self.exact else area_hierarchy.boxes(centres)
-        )
+        self._boxes = np.tile(area_hierarchy.EVERYWHERE, (len(RADII), 1)) if self.exact else area_hierarchy.boxes(centres)
         row_step = 2 if self.interlaced else 1
         view = View(centres, self._boxes, self._environment, self.reflections, -self._calls % row_step, row_step)
         self._painter.draw(self.frame, view)
@@ -120,13 +127,9 @@ def _painter(engine: str, width: int, height: int, pictures: Pictures, threads: 
 
 
 def _checked(name: str, picture: Picture) -> Picture:
-    if (
-        picture.ndim != 3
-        or picture.shape[2] != 3
-        or picture.dtype != np.uint8
-        or not 0 < picture.size <= 3 * MAX_TEXELS
-    ):
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or not 0 < picture.size <= 3 * MAX_TEXELS:
         raise ConfigError(
-            f"{name}: {picture.dtype} of shape {picture.shape}: (height, width, 3) uint8 of up to {MAX_TEXELS} texels is wanted"
+            f"{name}: {picture.dtype} of shape {picture.shape}: "
+            f"(height, width, 3) uint8 of up to {MAX_TEXELS} texels is expected"
         )
     return picture

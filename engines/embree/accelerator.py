@@ -231,9 +231,7 @@ def _store_hits(rays, scene, embree, memory, variant, real):
         face, primitive = _candidate(scene, memory, lane, variant)
         t, unconfirmed = _candidate_distance(embree, memory, lane, variant), False
         if variant.triangles:
-            confirmed, exact = _confirmed(
-                path_rays(rays), rays.origin_primitive, scene, lane, face, primitive, variant
-            )  # fmt: skip
+            confirmed, exact = _confirmed(path_rays(rays), rays.origin_primitive, scene, lane, face, primitive, variant)
             unconfirmed = (face >= 0) & (not confirmed)
             if variant.refine:
                 t = select(face >= 0, exact, t)
@@ -258,11 +256,7 @@ def _make_closest(variant: Variant, real: Any) -> Any:
     prefetching = Prefetching(3 * np.dtype(real).itemsize, variant.spheres or variant.planes or variant.analytic)
 
     def closest(batch, scene_address):
-        rays, scene, embree = (
-            ray_batch(batch, real),
-            scene_table(scene_address, real),
-            embree_table(scene_address, real),
-        )
+        rays, scene, embree = (ray_batch(batch, real), scene_table(scene_address, real), embree_table(scene_address, real))
         if traced:
             memory = batch + scratch
             write_rays(path_rays(rays), embree, memory, width, widening, real)
@@ -298,9 +292,7 @@ def _store_shadows(rays, scene, memory, variant):
         unconfirmed = False
         if variant.refine and variant.triangles:
             face = np.int64(words[CANDIDATE + np.int64(lane)])
-            confirmed, _ = _confirmed(
-                shadow_rays(rays), rays.origin_primitive, scene, lane, face, np.int32(-2), variant
-            )  # fmt: skip
+            confirmed, _ = _confirmed(shadow_rays(rays), rays.origin_primitive, scene, lane, face, np.int32(-2), variant)
             unconfirmed = hidden & (face >= 0) & (not confirmed)
         rays.occluded[lane] = 1 if hidden else 0
         words[CANDIDATE + np.int64(lane)] = np.int32(1 if unconfirmed else 0)
@@ -313,11 +305,7 @@ def _make_occluded(variant: Variant, real: Any) -> Any:
     filters = variant.triangles and not variant.exact
 
     def occluded(batch, scene_address):
-        rays, scene, embree = (
-            ray_batch(batch, real),
-            scene_table(scene_address, real),
-            embree_table(scene_address, real),
-        )
+        rays, scene, embree = (ray_batch(batch, real), scene_table(scene_address, real), embree_table(scene_address, real))
         if traced:
             memory = batch + scratch
             write_rays(shadow_rays(rays), embree, memory, width, widening, real)

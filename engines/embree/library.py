@@ -119,9 +119,7 @@ class Device:
         self._scenes: list[int] = []
         used = self._used = Counter()
 
-        def count(
-            _: Any, amount: int, __: bool
-        ) -> bool:  # not a method: Embree's memory would wait for the cyclic collector
+        def count(_: Any, amount: int, __: bool) -> bool:  # not a method: Embree's memory would wait for the cyclic collector
             used["bytes"] += amount
             return True
 

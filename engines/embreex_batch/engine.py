@@ -25,7 +25,7 @@ _OPTIONS = {
         True,
         "Embree's robust traversal: 1 in 1,000 rays aimed exactly at a vertex leaks; without it edges leak, too",
         one_of(True, False),
-    ),
+    )
 }
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
 

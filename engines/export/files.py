@@ -27,9 +27,7 @@ class Beside:
         self.folder = path.parent / f"{path.stem}_files"
         self.meshes = 0
 
-    def mesh(
-        self, name: str, vertices: Array, faces: Array, normals: Array | None = None, uvs: Array | None = None
-    ) -> str:
+    def mesh(self, name: str, vertices: Array, faces: Array, normals: Array | None = None, uvs: Array | None = None) -> str:
         """A binary PLY file; `name` does not matter."""
         self.folder.mkdir(exist_ok=True)
         file = self.folder / f"mesh_{self.meshes}.ply"

@@ -19,15 +19,32 @@ from engines.scene import Scene
 VERSION = "3.0.0"
 """The version of the file format."""
 _TAGS = {
-    "sensor": ("perspective", "orthographic", "thinlens"), "film": ("hdrfilm",), "rfilter": ("box",), "integrator": ("path",),
-    "sampler": ("independent",), "texture": ("bitmap", "checkerboard"),
+    "sensor": ("perspective", "orthographic", "thinlens"),
+    "film": ("hdrfilm",),
+    "rfilter": ("box",),
+    "integrator": ("path",),
+    "sampler": ("independent",),
+    "texture": ("bitmap", "checkerboard"),
     "bsdf": (
-        "diffuse", "conductor", "roughconductor", "dielectric", "roughdielectric", "thindielectric", "plastic", "roughplastic",
-        "principled", "null", "twosided", "mask", "blendbsdf", "bumpmap", "normalmap",
+        "diffuse",
+        "conductor",
+        "roughconductor",
+        "dielectric",
+        "roughdielectric",
+        "thindielectric",
+        "plastic",
+        "roughplastic",
+        "principled",
+        "null",
+        "twosided",
+        "mask",
+        "blendbsdf",
+        "bumpmap",
+        "normalmap",
     ),
     "shape": ("disk", "sphere", "cylinder", "ply"),
     "emitter": ("area", "point", "spot", "directional", "constant", "envmap"),
-}  # fmt: skip
+}
 _TAG_OF = {kind: tag for tag, kinds in _TAGS.items() for kind in kinds}
 
 

@@ -27,9 +27,9 @@ from engines.mitsuba.textures import largest
 from engines.scene.support import foreign, model_of
 
 PLANE_EXTENTS = 1e3
-KNOWN: frozenset[type] = frozenset({
-    *CAMERAS, *SHAPES, *LIGHTS, model.Mixture, model.Diffuse, model.Conductor, model.Dielectric, model.ThinDielectric,
-})  # fmt: skip
+KNOWN: frozenset[type] = frozenset(
+    {*CAMERAS, *SHAPES, *LIGHTS, model.Mixture, model.Diffuse, model.Conductor, model.Dielectric, model.ThinDielectric}
+)
 """The types of scenes that are written."""
 
 

@@ -1,4 +1,4 @@
-"""The YAML file of a renderer, read strictly: a `Description`, or a refusal with file, line and what is wanted."""
+"""The YAML file of a renderer, read strictly: a `Description`, or a refusal with file, line and what is expected."""
 
 from __future__ import annotations
 
@@ -20,9 +20,20 @@ UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 ALWAYS = ("scene", "image", "folder", "spp", "seed", "threads", "width", "height", "precision", "shader", "sampler")
 MUST_OCCUR = ("scene", "image", "spp", "seed")
 KEYS = (
-    "raybench_renderer", "name", "version", "lineage", "command", "scene_format", "image", "time", "shaders", "samplers",
-    "precision", "threads", "environment",
-)  # fmt: skip
+    "raybench_renderer",
+    "name",
+    "version",
+    "lineage",
+    "command",
+    "scene_format",
+    "image",
+    "time",
+    "shaders",
+    "samplers",
+    "precision",
+    "threads",
+    "environment",
+)
 REQUIRED = ("raybench_renderer", "name", "version", "command", "shaders")
 
 
@@ -73,16 +84,28 @@ def read(path: str | Path) -> Description:
     if threads is None and "threads" not in passed:
         raise given["command"].refuse("{threads} must occur in it, or the key 'threads' say how many it always takes")
     return Description(
-        file=file, digest=hashlib.sha256(file.read_bytes()).hexdigest()[:8], name=_name(given["name"]),
-        version=str(given["version"].value), command=command, environment=environment, shaders=shaders,
-        samplers=samplers, passed=passed, threads=threads,
+        file=file,
+        digest=hashlib.sha256(file.read_bytes()).hexdigest()[:8],
+        name=_name(given["name"]),
+        version=str(given["version"].value),
+        command=command,
+        environment=environment,
+        shaders=shaders,
+        samplers=samplers,
+        passed=passed,
+        threads=threads,
         lineage=_line(given["lineage"] if "lineage" in given else given["name"]),
         time=_time(given["time"]) if "time" in given else None,
-        **{key: fields.one_of(given[key], values, what) for key, values, what in (
-            ("scene_format", FORMATS, "scene format"), ("image", IMAGE_FORMATS, "image format"),
-            ("precision", ("float32", "float64"), "precision"),
-        ) if key in given},
-    )  # fmt: skip
+        **{
+            key: fields.one_of(given[key], values, what)
+            for key, values, what in (
+                ("scene_format", FORMATS, "scene format"),
+                ("image", IMAGE_FORMATS, "image format"),
+                ("precision", ("float32", "float64"), "precision"),
+            )
+            if key in given
+        },
+    )
 
 
 def _name(node: Located) -> str:
@@ -100,7 +123,7 @@ def _line(node: Located) -> str:
 
 def _words(node: Located) -> list[str]:
     if not isinstance(node.value, list) or not node.value:
-        raise node.refuse("a list of words is wanted: no shell splits or expands them")
+        raise node.refuse("a list of words is expected: no shell splits or expands them")
     return [_word(child) for child in node.value]
 
 
@@ -128,7 +151,7 @@ def _choices(node: Located, kind: str, table: Mapping[str, Mapping[str, Option]]
             raise ConfigError(f"{child.where}: {error}") from error
         found[choice.name] = choice
     if not found:
-        raise node.refuse(f"at least one {kind} is wanted")
+        raise node.refuse(f"at least one {kind} is expected")
     return found
 
 
@@ -147,5 +170,5 @@ def _time(node: Located) -> re.Pattern[str] | None:
     except re.error as error:
         raise pattern.refuse(f"is no regular expression: {error}") from error
     if not compiled.groupindex or not set(compiled.groupindex) <= set(UNITS):
-        raise pattern.refuse(f"groups named by their unit are wanted, as (?P<s>[0-9.]+): {', '.join(UNITS)}")
+        raise pattern.refuse(f"groups named by their unit are expected, as (?P<s>[0-9.]+): {', '.join(UNITS)}")
     return compiled

@@ -179,9 +179,16 @@ class Renderer(ImageRenderer):
         image.unlink(missing_ok=True)
         width, height = self.film.width, self.film.height
         values: dict[str, Any] = {
-            "scene": self._scene_file, "image": image, "folder": folder, "spp": spp, "seed": seed,
-            "threads": settings.threads, "width": width, "height": height, "precision": description.precision,
-        }  # fmt: skip
+            "scene": self._scene_file,
+            "image": image,
+            "folder": folder,
+            "spp": spp,
+            "seed": seed,
+            "threads": settings.threads,
+            "width": width,
+            "height": height,
+            "precision": description.precision,
+        }
         for kind, choice in (("shader", settings.shader), ("sampler", settings.sampler)):
             values[kind] = choice.name
             values |= {f"{kind}.{key}": value for key, value in choice.options.items()}

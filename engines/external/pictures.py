@@ -25,7 +25,7 @@ def read_picture(name: str, path: Path, width: int, height: int) -> Image:
         raise RendererFailed(f"{name}: its image cannot be read: {str(error).replace(str(path), path.name)}") from error
     if image.shape != (height, width, 3):
         found = f"{image.shape[1]}x{image.shape[0]}"
-        raise RendererFailed(f"{name}: its image has {found} pixels where {width}x{height} are wanted")
+        raise RendererFailed(f"{name}: its image has {found} pixels where {width}x{height} are expected")
     bad = int((~np.isfinite(image).all(axis=2)).sum())
     if bad:
         raise RendererFailed(f"{name}: {bad} of the {width * height} pixels of its image are not finite")
@@ -37,7 +37,7 @@ def read_pfm(data: bytes) -> Image:
     float32 values are little-endian; rows run from the bottom up. Raises ValueError."""
     header = _PFM_HEADER.match(data)
     if header is None:
-        raise ValueError("is no portable float map: 'PF', width, height and a scale are wanted")
+        raise ValueError("is no portable float map: 'PF', width, height and a scale are expected")
     channels = 3 if header[1] == b"PF" else 1
     width, height, scale = int(header[2]), int(header[3]), float(header[4])
     pixels = data[header.end() :]

@@ -47,9 +47,14 @@ class Process:
                 try:
                     # In the process group of its parent: whoever kills that for its timeout kills this too.
                     self._running = subprocess.Popen(
-                        words, cwd=folder, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, stdout=output,
-                        stderr=subprocess.STDOUT, preexec_fn=_die_with_parent if _LIBC else None,  # noqa: PLW1509
-                    )  # fmt: skip
+                        words,
+                        cwd=folder,
+                        env={**os.environ, **environment},
+                        stdin=subprocess.DEVNULL,
+                        stdout=output,
+                        stderr=subprocess.STDOUT,
+                        preexec_fn=_die_with_parent if _LIBC else None,  # noqa: PLW1509
+                    )
                 except (OSError, ValueError) as error:
                     reason = getattr(error, "strerror", None) or error
                     raise RendererFailed(f"{name}: {words[0]} cannot be started: {reason}") from error

@@ -51,9 +51,7 @@ def pbrt_file(scene: Scene, settings: Settings, folder: Path) -> Path:
 
 def _exported(form: str, scene: Scene, settings: Settings, folder: Path) -> Path:
     if settings.shader.name != "path_tracer":
-        raise Unsupported(
-            f"scenes are exported to {form} with a path tracer, not with the shader {settings.shader.name}"
-        )
+        raise Unsupported(f"scenes are exported to {form} with a path tracer, not with the shader {settings.shader.name}")
     from engines.export import export
 
     sized = replace(scene, camera=replace(scene.camera, resolution=settings.size(scene)))

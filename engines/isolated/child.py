@@ -10,7 +10,7 @@ import sys
 def main():
     major, minor = sys.version_info[:2]
     if (major, minor) < (3, 11):
-        sys.exit(f"Python 3.11 or later is wanted, this is {major}.{minor}")
+        sys.exit(f"Python 3.11 or later is expected, this is {major}.{minor}")
     del sys.path[0]  # the folder of this file
     folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     spec = importlib.util.spec_from_file_location(

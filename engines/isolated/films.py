@@ -78,7 +78,7 @@ def block_of(film: Any, last: Block | None) -> Block:
     lacking = [part for part in (*PARTS, "bad_samples") if not hasattr(film, part)]
     if lacking:
         raise RendererFailed(
-            f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is wanted"
+            f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is expected"
         )
     parts = [getattr(film, part) for part in PARTS]
     block = _held_by(parts[0])
@@ -94,7 +94,7 @@ def block_of(film: Any, last: Block | None) -> Block:
 def _shape(sums: Any) -> tuple[int, int]:
     shape = np.shape(sums)
     if len(shape) != 3 or shape[2] != 3 or 0 in shape:
-        raise RendererFailed(f"the engine's film.sums is of shape {shape}: (height, width, 3) is wanted")
+        raise RendererFailed(f"the engine's film.sums is of shape {shape}: (height, width, 3) is expected")
     return shape[0], shape[1]
 
 
@@ -103,7 +103,7 @@ def _copy(part: str, found: Any, shared: Any) -> None:
     if found.shape != shared.shape or not np.can_cast(found.dtype, shared.dtype, "same_kind"):
         raise RendererFailed(
             f"the engine's film.{part} is of shape {found.shape} and dtype {found.dtype}: "
-            f"{shared.shape} and {shared.dtype} are wanted"
+            f"{shared.shape} and {shared.dtype} are expected"
         )
     shared[...] = found
 

@@ -34,9 +34,9 @@ from engines.kernels.layout import (
 )
 
 # places in the array of stage addresses; those of the scene's BSDF models come last
-(
-    DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, DARK_SURFACE, TRANSMIT, FIRST_BSDF,
-) = range(12)  # fmt: skip
+(DRAW_PIXEL, BEGIN, CLOSEST, SURFACE, DRAW_VERTEX, LIGHT, SHADE, OCCLUDED, MATERIAL, DARK_SURFACE, TRANSMIT, FIRST_BSDF) = (
+    range(12)
+)
 # places in the control array that threads share
 STOP, NEXT_TILE, STACK_FULL = range(3)
 
@@ -307,9 +307,27 @@ def driver(real: Any) -> Any:
     """The kernel that one thread runs: takes tiles until there are none, or until `control[STOP]` is set."""
 
     def drive(
-        stages, batch, spare, shadows, stack, capacity, scene, plan, tiles, done, target, chunk, width, control,
-        sums, squares, even_sums, counts, buffer, totals,
-    ):  # fmt: skip
+        stages,
+        batch,
+        spare,
+        shadows,
+        stack,
+        capacity,
+        scene,
+        plan,
+        tiles,
+        done,
+        target,
+        chunk,
+        width,
+        control,
+        sums,
+        squares,
+        even_sums,
+        counts,
+        buffer,
+        totals,
+    ):
         rays, stacks = ray_batch(batch, real), waiting_rays(stack, real)
         next_tile, traced = control.ctypes.data + 8 * NEXT_TILE, 0
         while True:

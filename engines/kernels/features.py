@@ -72,9 +72,16 @@ class SceneFeatures(NamedTuple):
     def of_bsdfs(self) -> SceneFeatures:
         """Those that the lane functions of BSDF models depend on."""
         return self.only(
-            "diffuse", "mirror", "refraction", "specular_reflection", "specular_transmission", "transmission", "clearcoat",
-            "spec_trans", "tangents",
-        )  # fmt: skip
+            "diffuse",
+            "mirror",
+            "refraction",
+            "specular_reflection",
+            "specular_transmission",
+            "transmission",
+            "clearcoat",
+            "spec_trans",
+            "tangents",
+        )
 
     def only(self, *names: str) -> SceneFeatures:
         """The named features, and none of the others."""

@@ -37,9 +37,7 @@ def _ray(origins, directions, t_max, center, i):
     x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
     big = max(abs(x), abs(y), abs(z))
     ox, oy, oz = origins[i, 0], origins[i, 1], origins[i, 2]
-    good = (
-        math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and t_max[i] > 0.0
-    )
+    good = math.isfinite(big) and big > 0.0 and math.isfinite(x + y + z) and math.isfinite(ox + oy + oz) and t_max[i] > 0.0
     if not good:
         return Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0), -1.0, 1.0
     scale = 1.0 / big if big > 1e-300 else 1e300
@@ -88,9 +86,8 @@ def tracer(real: Any) -> Any:
     """The kernel that finds closest hits of rays first .. last - 1; returns how many of them can hit anything."""
 
     def trace(
-        stages, batch, scene, origins, directions, t_max, center, first, last,
-        first_id, t, shape, primitive, normal, u, v,
-    ):  # fmt: skip
+        stages, batch, scene, origins, directions, t_max, center, first, last, first_id, t, shape, primitive, normal, u, v
+    ):
         rays = ray_batch(batch, real)
         lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
@@ -125,9 +122,8 @@ def shadow_tracer(real: Any) -> Any:
         lengths, traced = np.empty(LANES), 0
         for start in range(first, last, LANES):
             traced += _load_rays(
-                rays, rays.shadow_origin, rays.wi, rays.shadow_t_max, lengths, origins, directions, t_max, center,
-                start, last,
-            )  # fmt: skip
+                rays, rays.shadow_origin, rays.wi, rays.shadow_t_max, lengths, origins, directions, t_max, center, start, last
+            )
             call_stage(stages[OCCLUDED], batch, scene)
             for lane in range(np.uint64(LANES)):
                 i = start + np.int64(lane)

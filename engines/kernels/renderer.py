@@ -185,31 +185,45 @@ class Renderer:
         def shaded_by() -> Any:
             return shade.stage(integrator, shading, features, real)
 
-        compile_jobs([
-            self._compile_driver,
-            shaded_by,
-            lambda: surface.stage(features, real),
-            lambda: self._accelerator.stages(features, real),
-            lambda: scattering.stages(features, uses, real),
-            lambda: material.stage(features, uses, real),
-            *([lights] if shading.lit else []),
-            lambda: sampler.stages(self.settings.sampler, real, lens),
-            lambda: camera.stage(self._scene.camera, real),
-            *([lambda: surface.dark_stage(features, real), lambda: transmit.stage(features, real)] if crosses else []),
-        ])  # fmt: skip
+        compile_jobs(
+            [
+                self._compile_driver,
+                shaded_by,
+                lambda: surface.stage(features, real),
+                lambda: self._accelerator.stages(features, real),
+                lambda: scattering.stages(features, uses, real),
+                lambda: material.stage(features, uses, real),
+                *([lights] if shading.lit else []),
+                lambda: sampler.stages(self.settings.sampler, real, lens),
+                lambda: camera.stage(self._scene.camera, real),
+                *([lambda: surface.dark_stage(features, real), lambda: transmit.stage(features, real)] if crosses else []),
+            ]
+        )
         closest, occluded = self._accelerator.stages(features, real)
         draw_pixel, draw_vertex = sampler.stages(self.settings.sampler, real, lens)
         programs, bsdfs = material.stage(features, uses, real), scattering.stages(features, uses, real)
         shaded = shaded_by()
         per_vertex = max(int(self._flat.table[SceneTable.n_lights.first]), 1) if shading.every else 1
         self._plan = driver.Plan(
-            shading.lit, shading.shadows, shading.branches, per_vertex, len(bsdfs), programs is not None,
-            shade.last_depth(self.settings.shader, features), crosses,
-        )  # fmt: skip
+            shading.lit,
+            shading.shadows,
+            shading.branches,
+            per_vertex,
+            len(bsdfs),
+            programs is not None,
+            shade.last_depth(self.settings.shader, features),
+            crosses,
+        )
         order = [
-            draw_pixel, camera.stage(self._scene.camera, real), closest, surface.stage(features, real), draw_vertex,
-            lights() if shading.lit else shaded, shaded, occluded,
-        ]  # fmt: skip
+            draw_pixel,
+            camera.stage(self._scene.camera, real),
+            closest,
+            surface.stage(features, real),
+            draw_vertex,
+            lights() if shading.lit else shaded,
+            shaded,
+            occluded,
+        ]
         walk = [surface.dark_stage(features, real), transmit.stage(features, real)] if crosses else []
         self._kept = [*order, *([programs] if programs else []), *walk, *bsdfs]  # machine code lives as long as its stage
         last = [programs.address if programs else 0, *([stage.address for stage in walk] or [0, 0])]
@@ -287,19 +301,41 @@ class Renderer:
         return int(totals[driver.RAYS])
 
     def _call_driver(
-        self, stages: NDArray[np.int64], plan: driver.Plan, film: Film, tiles: NDArray[np.int32], done: NDArray[np.int64],
-        target: int, memory: NDArray[np.uint8], stack: NDArray[np.uint8],
-    ) -> NDArray[np.int64]:  # fmt: skip
+        self,
+        stages: NDArray[np.int64],
+        plan: driver.Plan,
+        film: Film,
+        tiles: NDArray[np.int32],
+        done: NDArray[np.int64],
+        target: int,
+        memory: NDArray[np.uint8],
+        stack: NDArray[np.uint8],
+    ) -> NDArray[np.int64]:
         """What one thread does; returns the driver's totals."""
         shadows = aligned(self._batch_bytes if plan.transparent else 0)
         totals = np.zeros(2, np.int64)
         buffer = np.empty(3 * CHUNK * driver.TILE**2, self._real)
         sums = [array.reshape(-1) for array in (film.sums, film.squares, film.even_sums)]
         driver.driver(self._real)(
-            stages, memory.ctypes.data, memory.ctypes.data + self._batch_bytes, shadows.ctypes.data, stack.ctypes.data,
-            self._stack_capacity, self._flat.address, plan, tiles, done, target, CHUNK, film.width, self._control,
-            *sums, film.counts.reshape(-1), buffer, totals,
-        )  # fmt: skip
+            stages,
+            memory.ctypes.data,
+            memory.ctypes.data + self._batch_bytes,
+            shadows.ctypes.data,
+            stack.ctypes.data,
+            self._stack_capacity,
+            self._flat.address,
+            plan,
+            tiles,
+            done,
+            target,
+            CHUNK,
+            film.width,
+            self._control,
+            *sums,
+            film.counts.reshape(-1),
+            buffer,
+            totals,
+        )
         return totals
 
     def _compile_driver(self) -> None:

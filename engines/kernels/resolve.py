@@ -60,9 +60,7 @@ def why_not(scene: Scene, settings: Settings, engine: str) -> str | None:
         return refusal
     for part, function in _plugins(settings).items():
         if function is None:
-            return (
-                f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
-            )
+            return f"the {part} {getattr(settings, part).name!r} has no `jitted` function, which the engine {engine} needs"
     given: Any = settings.shader
     if given.plugin is not None and (count := len(option_numbers(given.options))) > SHADER_OPTIONS:
         return f"the options of {given.name!r} are {count} numbers, of which the engine {engine} takes {SHADER_OPTIONS}"

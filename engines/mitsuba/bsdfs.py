@@ -200,9 +200,11 @@ def _of_two_sides(front: Bsdf, back: Bsdf, textures: Textures) -> Node:
 
 def _blend(bsdf: Blend, textures: Textures, inner: Callable[[Bsdf, Textures], Node]) -> Node:
     return {
-        "type": "blendbsdf", "weight": textures.number(bsdf.weight),
-        "bsdf_0": inner(bsdf.a, textures), "bsdf_1": inner(bsdf.b, textures),
-    }  # fmt: skip
+        "type": "blendbsdf",
+        "weight": textures.number(bsdf.weight),
+        "bsdf_0": inner(bsdf.a, textures),
+        "bsdf_1": inner(bsdf.b, textures),
+    }
 
 
 def _one_sided(bsdf: Bsdf, textures: Textures) -> Node:
@@ -228,9 +230,12 @@ def _mixture(part: Mixture, textures: Textures) -> Node:
     diffuse, mirror = largest(part.kd), largest(part.ks)
     if largest(part.kt) > 0.0:
         return {
-            "type": "dielectric", "int_ior": part.ior, "ext_ior": 1.0,
-            "specular_reflectance": textures.color(part.ks), "specular_transmittance": textures.color(part.kt),
-        }  # fmt: skip
+            "type": "dielectric",
+            "int_ior": part.ior,
+            "ext_ior": 1.0,
+            "specular_reflectance": textures.color(part.ks),
+            "specular_transmittance": textures.color(part.kt),
+        }
     if mirror == 0.0:
         return _diffuse(Diffuse(part.kd), textures)
     if diffuse == 0.0:
@@ -267,9 +272,11 @@ def _dielectric(part: Dielectric, textures: Textures) -> Node:
 
 def _interface(part: Dielectric | ThinDielectric, textures: Textures) -> Node:
     return {
-        "int_ior": float(part.ior), "ext_ior": 1.0, "specular_reflectance": textures.color(part.reflectance),
+        "int_ior": float(part.ior),
+        "ext_ior": 1.0,
+        "specular_reflectance": textures.color(part.reflectance),
         "specular_transmittance": textures.color(part.transmittance),
-    }  # fmt: skip
+    }
 
 
 def _thin_dielectric(part: ThinDielectric, textures: Textures) -> Node:
@@ -278,17 +285,31 @@ def _thin_dielectric(part: ThinDielectric, textures: Textures) -> Node:
 
 def _plastic(part: Plastic, textures: Textures) -> Node:
     node: Node = {
-        "type": "plastic", "diffuse_reflectance": textures.color(part.diffuse), "int_ior": float(part.ior), "ext_ior": 1.0,
-        "nonlinear": part.nonlinear, "specular_reflectance": textures.color(part.reflectance),
-    }  # fmt: skip
+        "type": "plastic",
+        "diffuse_reflectance": textures.color(part.diffuse),
+        "int_ior": float(part.ior),
+        "ext_ior": 1.0,
+        "nonlinear": part.nonlinear,
+        "specular_reflectance": textures.color(part.reflectance),
+    }
     if part.alpha == 0.0:
         return node
     return {**node, "type": "roughplastic", "alpha": float(part.alpha), "distribution": part.distribution}
 
 
 def _principled(part: Principled, textures: Textures) -> Node:
-    names = ("roughness", "anisotropic", "metallic", "spec_tint", "sheen", "sheen_tint", "clearcoat", "clearcoat_gloss",
-             "flatness", "spec_trans")  # fmt: skip
+    names = (
+        "roughness",
+        "anisotropic",
+        "metallic",
+        "spec_tint",
+        "sheen",
+        "sheen_tint",
+        "clearcoat",
+        "clearcoat_gloss",
+        "flatness",
+        "spec_trans",
+    )
     numbers = {name: textures.number(getattr(part, name)) for name in names}
     return {"type": "principled", "base_color": textures.color(part.base_color), "eta": float(part.eta), **numbers}
 
@@ -298,6 +319,12 @@ def _null(part: Null, textures: Textures) -> Node:
 
 
 MODELS: dict[type, Callable[[Any, Textures], Node]] = {
-    Mixture: _mixture, Diffuse: _diffuse, Conductor: _conductor, Dielectric: _dielectric, ThinDielectric: _thin_dielectric,
-    Plastic: _plastic, Principled: _principled, Null: _null,
-}  # fmt: skip
+    Mixture: _mixture,
+    Diffuse: _diffuse,
+    Conductor: _conductor,
+    Dielectric: _dielectric,
+    ThinDielectric: _thin_dielectric,
+    Plastic: _plastic,
+    Principled: _principled,
+    Null: _null,
+}

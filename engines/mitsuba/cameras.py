@@ -27,9 +27,14 @@ def sensor(camera: Camera, width: int, height: int, sampler: Node, size: float) 
     """A sensor with a film of `width` x `height` pixels and a box filter. `size`: the extent of the scene."""
     assert isinstance(camera, CAMERAS)
     film = {
-        "type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb",
-        "component_format": "float32", "sample_border": False,
-    }  # fmt: skip
+        "type": "hdrfilm",
+        "width": width,
+        "height": height,
+        "rfilter": {"type": "box"},
+        "pixel_format": "rgb",
+        "component_format": "float32",
+        "sample_border": False,
+    }
     to_world = look_at(camera.eye, camera.target, camera.up)
     if camera.mirror:
         to_world = to_world @ np.diag([-1.0, 1.0, 1.0, 1.0])
@@ -42,10 +47,7 @@ def sensor(camera: Camera, width: int, height: int, sampler: Node, size: float) 
         shift = np.eye(4)
         shift[:2, 3] = right * across, down * high
         scale = np.diag([across / 2.0, high / 2.0 * width / height, 1.0, 1.0])
-        return {
-            "type": "orthographic", **lens, "to_world": to_world @ shift @ scale, "film": film,
-            "sampler": sampler,
-        }  # fmt: skip
+        return {"type": "orthographic", **lens, "to_world": to_world @ shift @ scale, "film": film, "sampler": sampler}
     lens |= {"fov": camera.fov, "fov_axis": camera.fov_axis}
     if isinstance(camera, ThinLens):
         lens |= {"aperture_radius": float(camera.aperture_radius), "focus_distance": float(camera.focus_distance)}

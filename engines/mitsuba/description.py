@@ -32,9 +32,7 @@ class Description:
 def described(scene: Scene, placing: Placing, robust: bool = True) -> Description:
     """Materials, shapes and lights; the caller adds the sensor and the integrator. `scene_lacks` must have agreed."""
     textures = Textures(placing)
-    materials = {
-        f"material_{index}": bsdf_node(model_of(material), textures) for index, material in enumerate(scene.materials)
-    }
+    materials = {f"material_{index}": bsdf_node(model_of(material), textures) for index, material in enumerate(scene.materials)}
     found = tuple(parts(scene, placing, textures))
     nodes: Node = {"type": "scene", "embree_use_robust_intersections": robust, **textures.nodes, **materials}
     for index, part in enumerate(found):

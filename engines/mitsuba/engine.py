@@ -21,9 +21,7 @@ from engines.mitsuba.textures import Textures
 from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
 from engines.scene.support import members, model_of, tilts_null_lobes
 
-_OPTIONS = {
-    "robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False)),
-}
+_OPTIONS = {"robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False))}
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
 
 
@@ -39,8 +37,11 @@ def _is_word(value: Any) -> bool:
 _MEANING = f"samples per pixel in a pattern, rounded up; null: as many as a checkpoint wants, {USUAL} outside an experiment"
 _PATTERN = {"sample_count": Option(None, _MEANING, _count_or_none)}
 SAMPLERS: dict[str, dict[str, Option]] = {
-    "independent": {}, "multijitter": _PATTERN, "orthogonal": _PATTERN, "ldsampler": _PATTERN,
-}  # fmt: skip
+    "independent": {},
+    "multijitter": _PATTERN,
+    "orthogonal": _PATTERN,
+    "ldsampler": _PATTERN,
+}
 """Mitsuba's own, beside those of raybench that it has too: `random` (its independent) and `stratified`."""
 ANY = "of surfaces at the same distance Embree returns any"
 _INTEGRATOR = Option("path", "name of the integrator's plugin", lambda value: None if _is_word(value) else "a plugin's name")
@@ -164,9 +165,7 @@ def _scalar_lacks(shader: str, sampler: str) -> str | None:
     if shader in ("whitted", "no_shadows"):
         return f"Mitsuba has no integrator {shader}, and ours is in Python, too slow for its scalar variant"
     if sampler not in ("random", "independent"):
-        return (
-            "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"
-        )
+        return "Mitsuba's scalar variant renders sample by sample here, so that only its independent sampler has a sense"
     return None
 
 

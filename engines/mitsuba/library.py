@@ -1,4 +1,4 @@
-"""Mitsuba itself: whether it is installed, which variant is wanted, and how many threads it takes.
+"""Mitsuba itself: whether it is installed, which variant is expected, and how many threads it takes.
 
 Variant and threads are state of the whole process, so that calls into Mitsuba run within `active`.
 """

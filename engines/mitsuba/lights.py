@@ -34,9 +34,12 @@ def _directional(light: DirectionalLight, placing: Placing) -> Node:
 
 def _spot(light: SpotLight, placing: Placing) -> Node:
     return {
-        "type": "spot", "to_world": facing(light.position, light.direction, 1.0), "intensity": rgb(light.intensity),
-        "cutoff_angle": light.cutoff, "beam_width": light.beam_width,
-    }  # fmt: skip
+        "type": "spot",
+        "to_world": facing(light.position, light.direction, 1.0),
+        "intensity": rgb(light.intensity),
+        "cutoff_angle": light.cutoff,
+        "beam_width": light.beam_width,
+    }
 
 
 def _environment(light: EnvironmentLight, placing: Placing) -> Node:
@@ -50,8 +53,11 @@ def _environment(light: EnvironmentLight, placing: Placing) -> Node:
 
 
 LIGHTS: dict[type, Callable[[Any, Placing], Node]] = {
-    PointLight: _point, DirectionalLight: _directional, SpotLight: _spot, EnvironmentLight: _environment,
-}  # fmt: skip
+    PointLight: _point,
+    DirectionalLight: _directional,
+    SpotLight: _spot,
+    EnvironmentLight: _environment,
+}
 
 
 def _knots(image: Array) -> Array:

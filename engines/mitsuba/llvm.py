@@ -90,9 +90,7 @@ def chosen() -> Iterator[None]:
 @cache
 def _system(library_path: str, program_path: str) -> tuple[int, str | None]:
     """Version and path of the newest library that the loader finds: (0, None) without one."""
-    found = [
-        str(file) for folder in filter(None, library_path.split(":")) for file in Path(folder).glob("libLLVM*.so*")
-    ]
+    found = [str(file) for folder in filter(None, library_path.split(":")) for file in Path(folder).glob("libLLVM*.so*")]
     ldconfig = shutil.which("ldconfig", path=f"{program_path}:/sbin:/usr/sbin")
     if ldconfig:
         listed = subprocess.run([ldconfig, "-p"], capture_output=True, text=True, check=False).stdout

@@ -50,6 +50,9 @@ def _square_of_a_prime(count: int) -> int:
 
 
 ROUNDED: dict[str, Callable[[int], int]] = {
-    "stratified": _power_of_four, "ldsampler": _power_of_four, "multijitter": _rectangle, "orthogonal": _square_of_a_prime,
-}  # fmt: skip
+    "stratified": _power_of_four,
+    "ldsampler": _power_of_four,
+    "multijitter": _rectangle,
+    "orthogonal": _square_of_a_prime,
+}
 """Samples in a pattern for a wanted count. Mitsuba's `stratified` takes any square, raybench's `strata` a power of four."""

@@ -119,6 +119,10 @@ def albedo(stage: Stage) -> Radiance:
 
 
 SHADERS: dict[str, Callable[[Stage], Radiance]] = {
-    "path_tracer": path_tracer, "mitsuba": mitsuba, "whitted": whitted, "no_shadows": no_shadows, "depth_map": depth_map,
+    "path_tracer": path_tracer,
+    "mitsuba": mitsuba,
+    "whitted": whitted,
+    "no_shadows": no_shadows,
+    "depth_map": depth_map,
     "albedo": albedo,
-}  # fmt: skip
+}

@@ -11,20 +11,7 @@ import numpy as np
 from engines.mitsuba.bsdfs import anisotropic, directed
 from engines.mitsuba.nodes import Array, Node, Placing, facing
 from engines.mitsuba.textures import Textures
-from engines.scene import (
-    BLACK,
-    Cylinder,
-    Disk,
-    Material,
-    Mesh,
-    Plane,
-    Scene,
-    Shape,
-    Sphere,
-    SphereSet,
-    Texture,
-    Triangle,
-)
+from engines.scene import BLACK, Cylinder, Disk, Material, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
 from engines.scene.support import members, model_of
 from engines.scene.textures import IDENTITY
 

@@ -105,9 +105,7 @@ def sampler_node(settings: Settings) -> dict[str, Any]:
 
 def listed_emitters(stage: Stage) -> list[Any]:
     """Mitsuba's emitters but for planes, which raybench never samples."""
-    planes = {
-        index for index, part in enumerate(stage.parts) if isinstance(stage.scene.shapes[part.shape], Plane)
-    }  # fmt: skip
+    planes = {index for index, part in enumerate(stage.parts) if isinstance(stage.scene.shapes[part.shape], Plane)}
     shapes = [shape for shape, place in zip(stage.loaded.shapes(), stage.places, strict=True) if place not in planes]
     others = [light for light in stage.loaded.emitters() if light.id().startswith("light_")]
     return [*others, *(shape.emitter() for shape in shapes if shape.is_emitter())]

@@ -49,9 +49,14 @@ class Textures:
             return {"type": "checkerboard", "color0": a, "color1": b, "to_uv": matrix}
         found = self._placing.image(name, pixels(texture, kind))
         return {
-            "type": "bitmap", **found, "raw": True, "format": "variant", "filter_type": texture.filter,
-            "wrap_mode": texture.wrap, "to_uv": matrix,
-        }  # fmt: skip
+            "type": "bitmap",
+            **found,
+            "raw": True,
+            "format": "variant",
+            "filter_type": texture.filter,
+            "wrap_mode": texture.wrap,
+            "to_uv": matrix,
+        }
 
 
 def pixels(texture: ImageTexture, kind: str) -> Array:

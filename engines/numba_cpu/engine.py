@@ -22,9 +22,11 @@ ACCELERATORS: dict[str, dict[str, Option]] = {
     "area_hierarchy": {},
 }
 MADE = {
-    "none": none.Accelerator, "grid": grid.Accelerator, "bvh": bvh.Accelerator,
+    "none": none.Accelerator,
+    "grid": grid.Accelerator,
+    "bvh": bvh.Accelerator,
     "area_hierarchy": area_hierarchy.Accelerator,
-}  # fmt: skip
+}
 
 
 class Engine:

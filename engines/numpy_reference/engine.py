@@ -53,9 +53,7 @@ class Engine:
         return ACCELERATORS
 
 
-def supported(
-    scene: Scene, settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], name: str
-) -> Settings:  # fmt: skip
+def supported(scene: Scene, settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], name: str) -> Settings:
     """The settings with every choice resolved; raises where the engine `name` cannot follow them."""
     chosen = {
         "shader": resolve("shader", settings.shader, SHADERS),

@@ -94,9 +94,7 @@ def surface_interaction(
     normal = np.where(dot(shading, geometric) < 0.0, -shading, shading)
     normal = np.where(dot(direction, normal) < 0.0, normal, geometric)  # one that the viewer cannot see will not do
     material = geometry.material[hits.primitive_id]
-    found = SurfaceInteraction(
-        point, -direction, geometric, normal, dp_du, front, material, hits.primitive_id, offset * scale
-    )  # fmt: skip
+    found = SurfaceInteraction(point, -direction, geometric, normal, dp_du, front, material, hits.primitive_id, offset * scale)
     return found if placed is None else _with_coordinates(found, geometry, origin, direction, placed)
 
 
@@ -118,7 +116,5 @@ def barycentric(geometry: Geometry, origin: Array, direction: Array, primitive_i
     u, v = np.zeros(primitive_id.size), np.zeros(primitive_id.size)
     for primitives, lanes, index in geometry.by_kind(primitive_id):
         if isinstance(primitives, Triangles):
-            u[lanes], v[lanes] = primitives.barycentric(
-                index, origin.take(lanes, axis=1), direction.take(lanes, axis=1)
-            )
+            u[lanes], v[lanes] = primitives.barycentric(index, origin.take(lanes, axis=1), direction.take(lanes, axis=1))
     return u, v

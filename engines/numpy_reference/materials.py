@@ -30,7 +30,7 @@ class Materials:
             return np.array([getattr(material, name) for material in materials], np.float64).reshape(-1, 3).T.copy()
 
         self.kd, self.ks, self.kt = map(colours, ("kd", "ks", "kt"))
-        self.emission, self._radiance = colours("mean_emission"), ColorParameter([m.emission for m in materials], np.inf)
+        self.emission, self._radiance = (colours("mean_emission"), ColorParameter([m.emission for m in materials], np.inf))
         self._geometry = geometry
         self.ior = np.array([material.ior for material in materials], np.float64)
         self.two_sided = np.array([material.two_sided for material in materials], bool)
@@ -104,9 +104,7 @@ class Materials:
         """(n,) whether the BSDF has any of the lobes."""
         return (self.lobes[self._leaf(at)] & lobes) != 0
 
-    def sample(
-        self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL
-    ) -> BSDFSample:  # fmt: skip
+    def sample(self, at: SurfaceInteraction, uc: Array, u0: Array, u1: Array, lobes: Lobes = Lobes.ALL) -> BSDFSample:
         """`BSDF.sample` of the BSDF at each point; straight on where a mask lets the ray pass."""
         found = self._sampled(at, uc, u0, u1, lobes)
         if at.wrapped is None:

@@ -56,9 +56,19 @@ def Li(context: Context, origin: Array, direction: Array, pixel: Indices, sample
     n = pixel.size
     total = np.zeros((3, n))
     paths = Paths(
-        np.arange(n), pixel, origin, direction, np.ones((3, n)), np.full(n, np.inf), *np.zeros((3, 3, n)), np.full(n, -1),
-        np.ones(n, np.int64), np.zeros(n), np.ones(n, bool), np.ones(n),
-    )  # fmt: skip
+        np.arange(n),
+        pixel,
+        origin,
+        direction,
+        np.ones((3, n)),
+        np.full(n, np.inf),
+        *np.zeros((3, 3, n)),
+        np.full(n, -1),
+        np.ones(n, np.int64),
+        np.zeros(n),
+        np.ones(n, bool),
+        np.ones(n),
+    )
     for event in range(1, context.options["max_depth"] + MOST_NULL_LOBES):
         context.check()
         # the next surface
@@ -199,12 +209,19 @@ def _scattered(
     weight, eta = np.where(absent, 1.0, found.weight), np.where(absent, 1.0, context.materials.eta(at, found.wi))
     vertex = ~null if _crosses_freely(context) else ~absent
     following = paths._replace(
-        origin=at.spawn(wi), direction=wi, throughput=paths.throughput * weight, origin_primitive=at.primitive_id,
-        pdf=np.where(vertex, found.pdf, paths.pdf), normal=np.where(vertex, at.normal, paths.normal),
-        vertex=np.where(vertex, at.point, paths.vertex), geometric=np.where(vertex, at.geometric, paths.geometric),
-        depth=paths.depth + vertex, crossed=np.where(vertex, 0.0, paths.crossed + distance),
-        direct_view=paths.direct_view & null, eta=paths.eta * eta,
-    )  # fmt: skip
+        origin=at.spawn(wi),
+        direction=wi,
+        throughput=paths.throughput * weight,
+        origin_primitive=at.primitive_id,
+        pdf=np.where(vertex, found.pdf, paths.pdf),
+        normal=np.where(vertex, at.normal, paths.normal),
+        vertex=np.where(vertex, at.point, paths.vertex),
+        geometric=np.where(vertex, at.geometric, paths.geometric),
+        depth=paths.depth + vertex,
+        crossed=np.where(vertex, 0.0, paths.crossed + distance),
+        direct_view=paths.direct_view & null,
+        eta=paths.eta * eta,
+    )
     goes_on = (weight != 0.0).any(axis=0) & (following.depth <= context.options["max_depth"])
     goes_on &= event + 1 - following.depth < MOST_NULL_LOBES
     kept = np.flatnonzero(goes_on)

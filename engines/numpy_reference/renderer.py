@@ -50,9 +50,7 @@ def require_numpy(scene: Scene, who: str) -> None:
 class Renderer:
     """Renders on one thread, whatever `settings.threads` says: NumPy's operations on arrays are serial."""
 
-    def __init__(
-        self, scene: Scene, settings: Settings, tracer: Callable[[Geometry, Choice], Tracer] = Tracer
-    ) -> None:  # fmt: skip
+    def __init__(self, scene: Scene, settings: Settings, tracer: Callable[[Geometry, Choice], Tracer] = Tracer) -> None:
         """`settings` with every choice resolved, as `Engine.prepare` passes them; `tracer` makes what finds the hits."""
         self._scene, self._wanted, self._tracer = scene, settings, tracer
         self._sampler = Sampler(settings.sampler, settings.seed)
@@ -126,11 +124,7 @@ class Renderer:
             nearest = self._context.tracer.closest(origin, direction, far, _go_on)
         self._count(good.size)
         found = np.flatnonzero(nearest.primitive_id >= 0)
-        lanes, nearest, rays = (
-            good[found],
-            nearest.take(found),
-            (origin.take(found, axis=1), direction.take(found, axis=1)),
-        )
+        lanes, nearest, rays = (good[found], nearest.take(found), (origin.take(found, axis=1), direction.take(found, axis=1)))
         primitive_id = nearest.primitive_id
         hits = Hits(np.full(n, np.inf), np.full(n, -1), np.full(n, -1), np.zeros((n, 3)), np.zeros(n), np.zeros(n))
         hits.t[lanes] = nearest.t / length[found]
@@ -206,9 +200,7 @@ def _go_on() -> None:
     pass
 
 
-def _rays(
-    origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike
-) -> tuple[Indices, Array, Array, Array, Array, int]:
+def _rays(origins: ArrayLike, directions: ArrayLike, t_max: ArrayLike) -> tuple[Indices, Array, Array, Array, Array, int]:
     """Which of n rays can hit (m,), their origins and unit directions (3, m), lengths, t_max in metres (m,); and n."""
     origin, direction = (np.asarray(vectors, np.float64).reshape(-1, 3).T for vectors in (origins, directions))
     n = max(origin.shape[1], direction.shape[1]) if origin.size and direction.size else 0

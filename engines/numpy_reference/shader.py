@@ -90,10 +90,18 @@ class PluginContext:
 
         colours = [spread(colour.take(material, axis=1)) for colour in (table.kd, table.ks, table.kt)]
         return Seen(
-            hits.primitive_id >= 0, hits.t, spread(surface.point), spread(surface.normal), spread(surface.geometric),
-            spread(surface.leave()), spread(surface.leave(inwards=True)), spread(surface.front),
-            *colours, spread(table.ior[material]), spread(table.emitted(surface)),
-        )  # fmt: skip
+            hits.primitive_id >= 0,
+            hits.t,
+            spread(surface.point),
+            spread(surface.normal),
+            spread(surface.geometric),
+            spread(surface.leave()),
+            spread(surface.leave(inwards=True)),
+            spread(surface.front),
+            *colours,
+            spread(table.ior[material]),
+            spread(table.emitted(surface)),
+        )
 
     def occluded(self, origins: ArrayLike, directions: ArrayLike, distances: ArrayLike = np.inf) -> NDArray[np.bool_]:
         """(n,) whether anything lies on the way to lights at these distances, but for the last ulps of the way.

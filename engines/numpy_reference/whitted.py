@@ -34,7 +34,7 @@ def _base(context: Context, depth: int, light: int) -> int:
 
 def _walked(
     context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, light: int
-) -> SurfaceInteraction:  # fmt: skip
+) -> SurfaceInteraction:
     """The points as their BSDFs see them, by the draw of a light."""
     return context.materials.walk(at, context.draw(pixel, sample, _base(context, depth, light) + LOBE))[0]
 
@@ -83,15 +83,11 @@ def _environment_where_missed(context: Context, direction: Array, hits: Nearest)
     return np.where(hits.primitive_id < 0, context.environment(direction), 0.0)
 
 
-def _surface(
-    context: Context, origin: Array, direction: Array, hits: Nearest, arrived: Indices
-) -> SurfaceInteraction:  # fmt: skip
+def _surface(context: Context, origin: Array, direction: Array, hits: Nearest, arrived: Indices) -> SurfaceInteraction:
     return context.surface(origin.take(arrived, axis=1), direction.take(arrived, axis=1), hits.take(arrived))
 
 
-def _local(
-    context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, shadows: bool
-) -> Array:  # fmt: skip
+def _local(context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, depth: int, shadows: bool) -> Array:
     """(3, n) emission, the ambient term, and one sample of every light through the lobes that are no deltas."""
     emitted, first = context.materials.emitted(at), _walked(context, at, pixel, sample, depth, 0)
     total = emitted + context.options["ambient"] * context.materials.diffuse(first)
@@ -103,9 +99,7 @@ def _local(
     return total
 
 
-def _lit(
-    context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, base: int, light: int, shadows: bool
-) -> Array:
+def _lit(context: Context, at: SurfaceInteraction, pixel: Indices, sample: int, base: int, light: int, shadows: bool) -> Array:
     """(3, n) what one sample of a light adds."""
     u0, u1, uc = (context.draw(pixel, sample, base + k) for k in range(3))
     found = context.lights.sample(np.full(pixel.size, light), at.point, at.normal, u0, u1, uc)

@@ -28,9 +28,23 @@ from engines.schema.kinds import NUMBER
 from engines.schema.yaml_file import Located
 
 __all__ = [
-    "Blend", "Bsdf", "Bump", "Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mask", "Mixture", "NormalMap", "Null",
-    "Plastic", "Principled", "Sides", "ThinDielectric", "Wrapper",
-]  # fmt: skip
+    "Blend",
+    "Bsdf",
+    "Bump",
+    "Conductor",
+    "CustomBSDF",
+    "Dielectric",
+    "Diffuse",
+    "Mask",
+    "Mixture",
+    "NormalMap",
+    "Null",
+    "Plastic",
+    "Principled",
+    "Sides",
+    "ThinDielectric",
+    "Wrapper",
+]
 
 MAX_PARTS = 256
 """Wrappers and models of a material, one that is named twice counted twice."""
@@ -86,9 +100,11 @@ class Mask:
     of: Bsdf
 
 
-_MASK = Record("A material with holes.", {
-    "opacity": Key(ROUGHNESS, "Share of the material that is there; the rest lets rays pass straight on."), "of": _OF,
-}, _wrapper(Mask))  # fmt: skip
+_MASK = Record(
+    "A material with holes.",
+    {"opacity": Key(ROUGHNESS, "Share of the material that is there; the rest lets rays pass straight on."), "of": _OF},
+    _wrapper(Mask),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +116,9 @@ class Blend:
     b: Bsdf
 
 
-_BLEND = Record("A mixture of two materials.", {
-    "weight": Key(ROUGHNESS, "Share of b; the rest is a."), "a": _OF, "b": _OF,
-}, _wrapper(Blend))  # fmt: skip
+_BLEND = Record(
+    "A mixture of two materials.", {"weight": Key(ROUGHNESS, "Share of b; the rest is a."), "a": _OF, "b": _OF}, _wrapper(Blend)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +143,15 @@ class HeightKind:
         return NAMED
 
 
-_BUMP = Record("A material whose normal is that of a displaced surface.", {
-    "height": Key(HeightKind(), "Height of the surface, an image."),
-    "scale": Key(NUMBER, "Factor of the height.", 1, unit="metres"),
-    "of": _OF,
-}, _wrapper(Bump))  # fmt: skip
+_BUMP = Record(
+    "A material whose normal is that of a displaced surface.",
+    {
+        "height": Key(HeightKind(), "Height of the surface, an image."),
+        "scale": Key(NUMBER, "Factor of the height.", 1, unit="metres"),
+        "of": _OF,
+    },
+    _wrapper(Bump),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,10 +175,14 @@ class MapKind:
         return NAMED
 
 
-_NORMAL_MAP = Record("A material whose normal an image gives.", {
-    "map": Key(MapKind(), "Texture, of color_space raw, with texels c of the normals 2 c - 1, z along the surface's."),
-    "of": _OF,
-}, _wrapper(NormalMap))  # fmt: skip
+_NORMAL_MAP = Record(
+    "A material whose normal an image gives.",
+    {
+        "map": Key(MapKind(), "Texture, of color_space raw, with texels c of the normals 2 c - 1, z along the surface's."),
+        "of": _OF,
+    },
+    _wrapper(NormalMap),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,11 +248,4 @@ def _anisotropic(leaf: Bsdf) -> bool:
     return isinstance(leaf, Principled) and leaf.anisotropic != 0.0
 
 
-MODELS = {
-    **LEAVES,
-    "mask": _MASK,
-    "blend": _BLEND,
-    "bump": _BUMP,
-    "normal_map": _NORMAL_MAP,
-    "by_side": _BY_SIDE,
-}
+MODELS = {**LEAVES, "mask": _MASK, "blend": _BLEND, "bump": _BUMP, "normal_map": _NORMAL_MAP, "by_side": _BY_SIDE}

@@ -159,8 +159,10 @@ def _camera(kind: Callable[..., Camera], meaning: str, **keys: Key) -> Record:
 _SIDE = integer(1, LARGEST_SIDE)
 _RESOLUTION = Key(
     Kind(_resolution, {"type": "array", "items": _SIDE.json, "minItems": 2, "maxItems": 2}),
-    "Width and height of the image.", DEFAULT_RESOLUTION, unit="pixels",
-)  # fmt: skip
+    "Width and height of the image.",
+    DEFAULT_RESOLUTION,
+    unit="pixels",
+)
 _FRAME = {
     "eye": Key(POINT, "Position of the camera.", unit="metres"),
     "target": Key(POINT, "Point in the middle of the image.", unit="metres"),
@@ -196,10 +198,11 @@ _FILM = {
     "mirror": Key(BOOLEAN, "Whether left and right are exchanged.", False),
     "clip": Key(
         Kind(_clip, {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 2, "maxItems": 2}),
-        "Distances along the axis of view between which things are seen, by default all; the second may be .inf.", None,
+        "Distances along the axis of view between which things are seen, by default all; the second may be .inf.",
+        None,
         unit="metres",
     ),
-}  # fmt: skip
+}
 _LENS = {
     "fov": Key(ANGLE, "Full angle of view.", 40, unit="degrees"),
     "fov_axis": Key(one_of(("x", "y"), "fov_axis"), "Axis of the image along which fov is measured.", "y"),
@@ -207,7 +210,9 @@ _LENS = {
 CAMERAS = {
     "perspective": _camera(Perspective, "A pinhole camera.", **_LENS, **_FILM),
     "thin_lens": _camera(
-        ThinLens, "A perspective camera with a round aperture, and so with depth of field.", **_LENS,
+        ThinLens,
+        "A perspective camera with a round aperture, and so with depth of field.",
+        **_LENS,
         aperture_radius=Key(POSITIVE, "Radius of the aperture.", unit="metres"),
         focus_distance=Key(POSITIVE, "Distance along the axis of view at which things are sharp.", unit="metres"),
         **_FILM,
@@ -216,11 +221,13 @@ CAMERAS = {
         PerspectiveArctan, "MobileRT's camera: slopes are arctangents of angles, and straight lines bend a little.", **_LENS
     ),
     "orthographic": _camera(
-        Orthographic, "Parallel rays from a window. At least one of height and width is required: with one, pixels are square.",
-        height=Key(POSITIVE, "Height of the window.", None, unit="metres"), **_FILM,
+        Orthographic,
+        "Parallel rays from a window. At least one of height and width is required: with one, pixels are square.",
+        height=Key(POSITIVE, "Height of the window.", None, unit="metres"),
+        **_FILM,
         width=Key(POSITIVE, "Width of the window.", None, unit="metres"),
     ),
-}  # fmt: skip
+}
 
 
 def _custom(node: Located, named: Located, context: Any) -> CustomCamera:
@@ -233,7 +240,15 @@ def _custom(node: Located, named: Located, context: Any) -> CustomCamera:
     return CustomCamera(plugin, options, DEFAULT_RESOLUTION if written is None else _RESOLUTION.kind.read(written))
 
 
-CAMERA = Tagged("camera", "type", CAMERAS, _custom, {
-    "type": "object", "required": ["type"], "properties": {"type": {"type": "string", "pattern": ":"}},
-    "description": "A plugin, module:attribute, with options of its own; loaded with --allow-imports alone.",
-})  # fmt: skip
+CAMERA = Tagged(
+    "camera",
+    "type",
+    CAMERAS,
+    _custom,
+    {
+        "type": "object",
+        "required": ["type"],
+        "properties": {"type": {"type": "string", "pattern": ":"}},
+        "description": "A plugin, module:attribute, with options of its own; loaded with --allow-imports alone.",
+    },
+)

@@ -27,14 +27,15 @@ CHUNK = 1 << 20
 """Numbers of an array that are copied at a time."""
 _FILM = {"principal_point", "mirror", "clip"}
 LATER = {
-    Perspective: _FILM, Orthographic: _FILM | {"width"}, EnvironmentLight: {"rotation", "rows"}, Conductor: {"distribution"},
-}  # fmt: skip
+    Perspective: _FILM,
+    Orthographic: _FILM | {"width"},
+    EnvironmentLight: {"rotation", "rows"},
+    Conductor: {"distribution"},
+}
 """Fields that came later: they count where they differ from their defaults, so that older scenes keep their hashes."""
 
 
-def content_hash(
-    camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]
-) -> str:  # fmt: skip
+def content_hash(camera: Camera, materials: Sequence[Material], shapes: Sequence[Shape], lights: Sequence[Light]) -> str:
     """sha256, in hexadecimal, over the camera without its resolution, the shapes in order with their materials by
     value, and the lights in order. Materials that no shape uses do not count, and neither do a mesh's texture coordinates
     where none of its materials looks at them."""

@@ -82,9 +82,8 @@ class Smooth(NamedTuple):
 
 
 def with_face_normals(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64],
-    uvs: NDArray[np.float64] | None,
-) -> Smooth:  # fmt: skip
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64], uvs: NDArray[np.float64] | None
+) -> Smooth:
     """The mesh with a vertex of its own, and the normal of its face, for each corner whose normal is zeros."""
     lacking = lacks_normal(normals)
     if not lacking.any():
@@ -96,9 +95,7 @@ def with_face_normals(
     vertex, faces = faces[face, corner], faces.copy()
     faces[face, corner] = np.arange(len(vertices), len(vertices) + len(face))
     more = None if uvs is None else np.concatenate([uvs, uvs[vertex]])
-    return Smooth(
-        np.concatenate([vertices, vertices[vertex]]), faces, np.concatenate([normals, own]), more, len(face)
-    )  # fmt: skip
+    return Smooth(np.concatenate([vertices, vertices[vertex]]), faces, np.concatenate([normals, own]), more, len(face))
 
 
 def fans(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -109,9 +109,12 @@ def _plugin(light: CustomLight, scale: float) -> LightBounds:
 
 
 _LISTED: dict[type, Callable[[Any, float], LightBounds]] = {
-    PointLight: _point, SpotLight: _spot, DirectionalLight: _directional, EnvironmentLight: _environment,
+    PointLight: _point,
+    SpotLight: _spot,
+    DirectionalLight: _directional,
+    EnvironmentLight: _environment,
     CustomLight: _plugin,
-}  # fmt: skip
+}
 
 
 # ---- shapes that emit --------------------------------------------------------------------------------------------------
@@ -169,8 +172,13 @@ def _cylinder(shape: Cylinder, materials: Any) -> Iterator[LightBounds]:
 
 
 _SHAPES: dict[type, Callable[[Any, Any], Iterator[LightBounds]]] = {
-    Triangle: _triangle, Mesh: _mesh, Sphere: _sphere, SphereSet: _spheres, Disk: _disk, Cylinder: _cylinder,
-}  # fmt: skip
+    Triangle: _triangle,
+    Mesh: _mesh,
+    Sphere: _sphere,
+    SphereSet: _spheres,
+    Disk: _disk,
+    Cylinder: _cylinder,
+}
 
 
 def bounding_cone(axes: Array, spreads: Any = 0.0) -> tuple[Array, float]:

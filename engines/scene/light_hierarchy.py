@@ -116,8 +116,13 @@ class _Nodes:
     def hierarchy(self, place: Indices, unbounded: Indices, through: bool) -> LightHierarchy:
         rows = np.reshape(self.rows, (-1, WIDTH, 10))
         center, radius, axis, spread, reach, power = (
-            rows[..., 0:3], rows[..., 3], rows[..., 4:7], rows[..., 7], rows[..., 8], rows[..., 9]
-        )  # fmt: skip
+            rows[..., 0:3],
+            rows[..., 3],
+            rows[..., 4:7],
+            rows[..., 7],
+            rows[..., 8],
+            rows[..., 9],
+        )
         child, parent = np.reshape(self.child, (-1, WIDTH)).astype(np.int64), np.array(self.parent, np.int64)
         return LightHierarchy(center, radius, axis, spread, reach, power, child, parent, place, unbounded, through)
 
@@ -141,8 +146,9 @@ def _groups(lights: _Lights, members: Indices) -> list[Indices]:
         most = int(np.argmax(costs))
         left, right = _split(lights, groups[most])
         groups[most : most + 1] = [left, right]
-        costs[most : most + 1] = [-np.inf if g.size == 1 else float(_cost(lights, g, np.ones((1, g.size), bool))[0])
-                                  for g in (left, right)]  # fmt: skip
+        costs[most : most + 1] = [
+            -np.inf if g.size == 1 else float(_cost(lights, g, np.ones((1, g.size), bool))[0]) for g in (left, right)
+        ]
     return groups
 
 

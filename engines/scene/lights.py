@@ -43,11 +43,15 @@ def _point(given: Given, context: SceneReader) -> PointLight:
 
 
 _FALLOFF = one_of(("inverse_square", "none"), "falloff")
-_POINT = Record("A point light that is equal in all directions.", {
-    "position": _POSITION,
-    "intensity": Key(color(), "Radiant intensity.", unit="W/sr"),
-    "falloff": Key(_FALLOFF, "Dependence on distance; with none it is everywhere that at 1 m.", "inverse_square"),
-}, _point)  # fmt: skip
+_POINT = Record(
+    "A point light that is equal in all directions.",
+    {
+        "position": _POSITION,
+        "intensity": Key(color(), "Radiant intensity.", unit="W/sr"),
+        "falloff": Key(_FALLOFF, "Dependence on distance; with none it is everywhere that at 1 m.", "inverse_square"),
+    },
+    _point,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,17 +79,24 @@ def _spot(given: Given, context: SceneReader) -> SpotLight:
     return SpotLight(position, direction, given["intensity"], cutoff, beam_width)
 
 
-_SPOT = Record("A point light that is limited to a cone about an axis.", {
-    "position": _POSITION,
-    "target": Key(POINT, "A point on the axis.", None, unit="metres"),
-    "direction": Key(DIRECTION, "Direction of the axis, of any length.", None),
-    "intensity": Key(color(), "Radiant intensity within beam_width of the axis.", unit="W/sr"),
-    "cutoff": Key(ANGLE, "Angle from the axis beyond which there is no light.", 20, unit="degrees"),
-    "beam_width": Key(
-        ANGLE, "Angle from the axis beyond which intensity falls linearly, to 0 at cutoff; by default 3/4 of that.",
-        None, unit="degrees",
-    ),
-}, _spot, either=(("target",), ("direction",)))  # fmt: skip
+_SPOT = Record(
+    "A point light that is limited to a cone about an axis.",
+    {
+        "position": _POSITION,
+        "target": Key(POINT, "A point on the axis.", None, unit="metres"),
+        "direction": Key(DIRECTION, "Direction of the axis, of any length.", None),
+        "intensity": Key(color(), "Radiant intensity within beam_width of the axis.", unit="W/sr"),
+        "cutoff": Key(ANGLE, "Angle from the axis beyond which there is no light.", 20, unit="degrees"),
+        "beam_width": Key(
+            ANGLE,
+            "Angle from the axis beyond which intensity falls linearly, to 0 at cutoff; by default 3/4 of that.",
+            None,
+            unit="degrees",
+        ),
+    },
+    _spot,
+    either=(("target",), ("direction",)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +107,14 @@ class DirectionalLight:
     irradiance: Triple
 
 
-_DIRECTIONAL = Record("Parallel light from infinity, as from the sun.", {
-    "direction": Key(DIRECTION, "Direction in which light travels, of any length."),
-    "irradiance": Key(color(), "Irradiance of a surface that faces the light.", unit="W/m²"),
-}, lambda given, context: DirectionalLight(**given.values))  # fmt: skip
+_DIRECTIONAL = Record(
+    "Parallel light from infinity, as from the sun.",
+    {
+        "direction": Key(DIRECTION, "Direction in which light travels, of any length."),
+        "irradiance": Key(color(), "Irradiance of a surface that faces the light.", unit="W/m²"),
+    },
+    lambda given, context: DirectionalLight(**given.values),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +173,7 @@ def without_negative(image: NDArray[np.float64]) -> tuple[NDArray[np.float64], s
     note, lowest = "", image.min()
     if lowest < 0.0:
         count = int((image < 0.0).any(axis=2).sum())
-        note, image = f"{count} texels with negative radiance, down to {lowest:g}, are taken as 0", np.maximum(image, 0.0)
+        note, image = (f"{count} texels with negative radiance, down to {lowest:g}, are taken as 0", np.maximum(image, 0.0))
     image = np.ascontiguousarray(image)
     image.flags.writeable = False
     return image, note
@@ -179,22 +194,27 @@ def _rotation(node: Located) -> tuple[Triple, Triple, Triple]:
     return a, b, c
 
 
-_ENVIRONMENT = Record("Light from infinity, all around. At least one of radiance and image is required.", {
-    "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
-    "image": Key(
-        ImageKind(), "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
-    ),
-    "scale": Key(within(0, 1e30), "Factor of the light.", 1),
-    "rotation": Key(
-        Kind(_rotation, {"type": "array", "items": POINT.json, "minItems": 3, "maxItems": 3}),
-        "Rows of the rotation of an image, which may mirror: it takes its directions to the scene's.",
-        [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-    ),
-    "rows": Key(
-        one_of(("cells", "poles"), "kind of rows"),
-        "Whether rows of an image are cells of equal height, or the first and last lie on the poles, as in Mitsuba.", "cells",
-    ),
-}, _environment)  # fmt: skip
+_ENVIRONMENT = Record(
+    "Light from infinity, all around. At least one of radiance and image is required.",
+    {
+        "radiance": Key(color(), "Radiance from all directions; with an image, a factor.", 1, unit="W/(sr m²)"),
+        "image": Key(
+            ImageKind(), "File of a latitude-longitude image, +y up, .exr, .hdr or 8-bit, relative to the scene's folder.", None
+        ),
+        "scale": Key(within(0, 1e30), "Factor of the light.", 1),
+        "rotation": Key(
+            Kind(_rotation, {"type": "array", "items": POINT.json, "minItems": 3, "maxItems": 3}),
+            "Rows of the rotation of an image, which may mirror: it takes its directions to the scene's.",
+            [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        ),
+        "rows": Key(
+            one_of(("cells", "poles"), "kind of rows"),
+            "Whether rows of an image are cells of equal height, or the first and last lie on the poles, as in Mitsuba.",
+            "cells",
+        ),
+    },
+    _environment,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,10 +229,13 @@ class CustomLight:
 
 
 Light = PointLight | DirectionalLight | SpotLight | EnvironmentLight | CustomLight
-LIGHTS = Variants("light", {
-    "point": _POINT,
-    "spot": _SPOT,
-    "directional": _DIRECTIONAL,
-    "environment": _ENVIRONMENT,
-    "plugin": PluginKind("light", "A light of one's own; loaded with --allow-imports alone.", CustomLight),
-})  # fmt: skip
+LIGHTS = Variants(
+    "light",
+    {
+        "point": _POINT,
+        "spot": _SPOT,
+        "directional": _DIRECTIONAL,
+        "environment": _ENVIRONMENT,
+        "plugin": PluginKind("light", "A light of one's own; loaded with --allow-imports alone.", CustomLight),
+    },
+)

@@ -15,16 +15,19 @@ from engines.schema.yaml_file import locate, read_yaml
 
 
 def load_scene(
-    path: str | PathLike[str], allow_imports: bool = False, allow_outside: bool = False,
-    parameters: Mapping[str, str] | None = None, natively: bool = False,
-) -> Scene:  # fmt: skip
+    path: str | PathLike[str],
+    allow_imports: bool = False,
+    allow_outside: bool = False,
+    parameters: Mapping[str, str] | None = None,
+    natively: bool = False,
+) -> Scene:
     """The scene of a YAML file (a path, or the bare name of one in `scenes/`), or of a Mitsuba XML file.
 
     Files that it names must lie in its folder, below it, or in the shipped scenes, unless `allow_outside`; a plugin
     `module:attribute` is imported only with `allow_imports`. `parameters` are values of `$name` in an XML file.
     With `natively` an XML file that cannot be imported is a scene for engines that take such files as they are: `Scene.native`.
 
-    Raises `SceneError` for whatever is wrong, with file, line, key path, value and what is wanted.
+    Raises `SceneError` for whatever is wrong, with file, line, key path, value and what is expected.
     """
     file = find_scene(path)
     if is_xml(file):
@@ -40,10 +43,7 @@ def load_scene(
 
 
 def scene_from(
-    mapping: Mapping[str, Any],
-    allow_imports: bool = False,
-    allow_outside: bool = False,
-    folder: str | PathLike[str] = ".",
+    mapping: Mapping[str, Any], allow_imports: bool = False, allow_outside: bool = False, folder: str | PathLike[str] = "."
 ) -> Scene:
     """The scene of plain data in the form of a scene file; `vertices` and `faces` may be arrays.
 

@@ -40,9 +40,7 @@ class Material:
     @property
     def energy(self) -> Triple:
         """The share of light that kd, ks and kt return at most, a channel."""
-        r, g, b = (
-            d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True)
-        )
+        r, g, b = (d + (max(s, t) if self.fresnel else s + t) for d, s, t in zip(self.kd, self.ks, self.kt, strict=True))
         return r, g, b
 
     @property

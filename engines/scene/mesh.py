@@ -44,9 +44,13 @@ class Mesh:
 
 
 def read_only_mesh(
-    vertices: Any, faces: Any, materials: Any, normals: NDArray[np.float64] | None, name: str,
+    vertices: Any,
+    faces: Any,
+    materials: Any,
+    normals: NDArray[np.float64] | None,
+    name: str,
     uvs: NDArray[np.float64] | None = None,
-) -> Mesh:  # fmt: skip
+) -> Mesh:
     """The mesh of these arrays, or of copies in the types of `Mesh`; nobody may write to them any more."""
     vertices = np.ascontiguousarray(vertices, np.float64)
     faces, materials = np.ascontiguousarray(faces, np.int32), np.ascontiguousarray(materials, np.int32)
@@ -112,7 +116,7 @@ def _inline(given: Given, with_uvs: bool) -> MeshData:
     if given.has("uvs"):
         uvs = fields.rows(given["uvs"], np.float64, width=2)
         if len(uvs) != len(vertices):
-            raise given["uvs"].refuse(f"{len(uvs)} pairs for {len(vertices)} vertices: one for each is wanted")
+            raise given["uvs"].refuse(f"{len(uvs)} pairs for {len(vertices)} vertices: one for each is expected")
     return MeshData(vertices, faces, uvs=uvs if with_uvs else None)
 
 
@@ -126,7 +130,7 @@ def _face_materials(given: Given, context: SceneReader, data: MeshData) -> NDArr
         return indices[data.face_materials]
     numbers, count = data.face_materials, len(context.face_materials)
     if numbers is None:
-        raise given.at("file").refuse("has no column 'material' for its triangles: one material is wanted, not a list")
+        raise given.at("file").refuse("has no column 'material' for its triangles: one material is expected, not a list")
     if ((numbers < 0) | (numbers >= count)).any():
         raise given.at("file").refuse(f"has a face with a material outside [0, {count - 1}]")
     return np.array(context.face_materials, np.int32)[numbers]
@@ -188,20 +192,27 @@ def _placed(given: Given, data: MeshData) -> MeshData:
 _LINE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
 _PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 _PAIRS = {"type": "array", "items": _PAIR}
-MESH = Record("Triangles from a file, or listed.", {
-    "file": Key(TEXT, "An .obj, .ply, .stl or .serialized file, relative to the scene's folder.", None),
-    "shape_index": Key(integer(0, 2**31 - 1), "Which mesh of a .serialized file, counted from 0.", 0),
-    "vertices": Key(ROWS, "Vertices of the triangles.", None, unit="metres"),
-    "faces": Key(ROWS, "Three indices of vertices for each triangle, counter-clockwise seen from the front.", None),
-    "uvs": Key(
-        Kind(lambda node: node, _PAIRS), "Texture coordinates [u, v], one pair for each vertex; v = 0 is the top of an image.",
-        None,
-    ),
-    "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),
-    "translate": Key(POINT, "Vector that is added after scaling.", [0, 0, 0], unit="metres"),
-    "transform": Key(
-        Kind(_transform, {"type": "array", "items": _LINE, "minItems": 3, "maxItems": 4}),
-        "Instead of scale and translate, a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers, by rows.", None,
-    ),
-    "smooth": Key(BOOLEAN, "Whether normals are interpolated: those of the file, else means of adjacent faces.", False),
-}, _mesh, either=(("file",), ("vertices", "faces")))  # fmt: skip
+MESH = Record(
+    "Triangles from a file, or listed.",
+    {
+        "file": Key(TEXT, "An .obj, .ply, .stl or .serialized file, relative to the scene's folder.", None),
+        "shape_index": Key(integer(0, 2**31 - 1), "Which mesh of a .serialized file, counted from 0.", 0),
+        "vertices": Key(ROWS, "Vertices of the triangles.", None, unit="metres"),
+        "faces": Key(ROWS, "Three indices of vertices for each triangle, counter-clockwise seen from the front.", None),
+        "uvs": Key(
+            Kind(lambda node: node, _PAIRS),
+            "Texture coordinates [u, v], one pair for each vertex; v = 0 is the top of an image.",
+            None,
+        ),
+        "scale": Key(Kind(_scale, {"anyOf": [POSITIVE.json, POINT.json]}), "Factor of coordinates, or one for each axis.", 1),
+        "translate": Key(POINT, "Vector that is added after scaling.", [0, 0, 0], unit="metres"),
+        "transform": Key(
+            Kind(_transform, {"type": "array", "items": _LINE, "minItems": 3, "maxItems": 4}),
+            "Instead of scale and translate, a matrix of 3 x 3, 3 x 4 or 4 x 4 numbers, by rows.",
+            None,
+        ),
+        "smooth": Key(BOOLEAN, "Whether normals are interpolated: those of the file, else means of adjacent faces.", False),
+    },
+    _mesh,
+    either=(("file",), ("vertices", "faces")),
+)

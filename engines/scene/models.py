@@ -9,23 +9,14 @@ from typing import Any
 
 from engines.scene.metals import METALS
 from engines.scene.plugins import PluginKind, all_options
-from engines.scene.textures import (
-    Color,
-    Number,
-    Texture,
-    named_texture,
-    textured_color,
-    textured_number,
-)
+from engines.scene.textures import Color, Number, Texture, named_texture, textured_color, textured_number
 from engines.scene.triple import BLACK, WHITE, Triple
 from engines.schema import fields
 from engines.schema.keys import Given, Key, Record
 from engines.schema.kinds import BOOLEAN, Kind, color, one_of, within
 from engines.schema.yaml_file import Located
 
-__all__ = [
-    "Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mixture", "Null", "Plastic", "Principled", "ThinDielectric",
-]  # fmt: skip
+__all__ = ["Conductor", "CustomBSDF", "Dielectric", "Diffuse", "Mixture", "Null", "Plastic", "Principled", "ThinDielectric"]
 
 SMOOTHEST = 1e-4
 """The least roughness above 0, as in Mitsuba."""
@@ -118,15 +109,20 @@ def _conductor(given: Given, context: Any) -> Conductor:
     return Conductor(eta, k, given["alpha"], given["specular_reflectance"], given["distribution"])
 
 
-CONDUCTOR = Record("A metal, smooth or with microfacets: its name, or eta and k, or its reflectance alone.", {
-    "metal": Key(one_of(METALS, "metal"), "Name of the metal, such as Au, for its eta and k.", None),
-    "eta": Key(color(), "Real part of the complex index of refraction.", None),
-    "k": Key(color(), "Imaginary part of the complex index of refraction.", None),
-    "reflectance": Key(SHARE, "Reflectance at every angle, instead of Fresnel's equations.", None),
-    "alpha": ALPHA,
-    "distribution": DISTRIBUTION,
-    "specular_reflectance": Key(SHARE, "Factor of the reflectance that follows from metal, or from eta and k.", 1),
-}, _conductor, either=(("metal",), ("eta", "k"), ("reflectance",)))  # fmt: skip
+CONDUCTOR = Record(
+    "A metal, smooth or with microfacets: its name, or eta and k, or its reflectance alone.",
+    {
+        "metal": Key(one_of(METALS, "metal"), "Name of the metal, such as Au, for its eta and k.", None),
+        "eta": Key(color(), "Real part of the complex index of refraction.", None),
+        "k": Key(color(), "Imaginary part of the complex index of refraction.", None),
+        "reflectance": Key(SHARE, "Reflectance at every angle, instead of Fresnel's equations.", None),
+        "alpha": ALPHA,
+        "distribution": DISTRIBUTION,
+        "specular_reflectance": Key(SHARE, "Factor of the reflectance that follows from metal, or from eta and k.", 1),
+    },
+    _conductor,
+    either=(("metal",), ("eta", "k"), ("reflectance",)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +155,11 @@ class Diffuse:
     reflectance: Color = (0.5, 0.5, 0.5)
 
 
-DIFFUSE = Record("A Lambertian surface.", {
-    "reflectance": Key(SHARE, "Share of light that it returns.", 0.5),
-}, lambda given, context: Diffuse(**given.values))  # fmt: skip
+DIFFUSE = Record(
+    "A Lambertian surface.",
+    {"reflectance": Key(SHARE, "Share of light that it returns.", 0.5)},
+    lambda given, context: Diffuse(**given.values),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,10 +185,17 @@ def _dielectric(given: Given, context: Any) -> Dielectric:
     )
 
 
-DIELECTRIC = Record("The interface of a transparent solid, smooth (glass) or with microfacets (frosted glass).", {
-    "ior": IOR, "alpha": ALPHA, "distribution": DISTRIBUTION, "specular_reflectance": _REFLECTED,
-    "specular_transmittance": _TRANSMITTED,
-}, _dielectric)  # fmt: skip
+DIELECTRIC = Record(
+    "The interface of a transparent solid, smooth (glass) or with microfacets (frosted glass).",
+    {
+        "ior": IOR,
+        "alpha": ALPHA,
+        "distribution": DISTRIBUTION,
+        "specular_reflectance": _REFLECTED,
+        "specular_transmittance": _TRANSMITTED,
+    },
+    _dielectric,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,9 +207,11 @@ class ThinDielectric:
     transmittance: Color = WHITE
 
 
-THIN_DIELECTRIC = Record("A pane without thickness, as of a window: what passes goes straight on.", {
-    "ior": IOR, "specular_reflectance": _REFLECTED, "specular_transmittance": _TRANSMITTED,
-}, lambda given, context: ThinDielectric(*given.values.values()))  # fmt: skip
+THIN_DIELECTRIC = Record(
+    "A pane without thickness, as of a window: what passes goes straight on.",
+    {"ior": IOR, "specular_reflectance": _REFLECTED, "specular_transmittance": _TRANSMITTED},
+    lambda given, context: ThinDielectric(*given.values.values()),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,16 +230,20 @@ class Plastic:
     distribution: str = "ggx"
 
 
-PLASTIC = Record("A diffuse base under a clear coat, smooth or with microfacets.", {
-    "diffuse": Key(SHARE, "Reflectance of the base.", 0.5),
-    "ior": Key(within(*PLASTIC_IORS), "Index of refraction of the coat, relative to the outside.", 1.49),
-    "alpha": Key(
-        Kind(_plain_alpha, within(0, 1).json), f"Roughness of the coat; 0 is smooth, else at least {SMOOTHEST:g}.", 0
-    ),
-    "nonlinear": Key(BOOLEAN, "Whether light that is reflected inside takes the base's colour each time.", False),
-    "specular_reflectance": _REFLECTED,
-    "distribution": DISTRIBUTION,
-}, lambda given, context: Plastic(*given.values.values()))  # fmt: skip
+PLASTIC = Record(
+    "A diffuse base under a clear coat, smooth or with microfacets.",
+    {
+        "diffuse": Key(SHARE, "Reflectance of the base.", 0.5),
+        "ior": Key(within(*PLASTIC_IORS), "Index of refraction of the coat, relative to the outside.", 1.49),
+        "alpha": Key(
+            Kind(_plain_alpha, within(0, 1).json), f"Roughness of the coat; 0 is smooth, else at least {SMOOTHEST:g}.", 0
+        ),
+        "nonlinear": Key(BOOLEAN, "Whether light that is reflected inside takes the base's colour each time.", False),
+        "specular_reflectance": _REFLECTED,
+        "distribution": DISTRIBUTION,
+    },
+    lambda given, context: Plastic(*given.values.values()),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,21 +283,27 @@ def _principled(given: Given, context: Any) -> Principled:
     return Principled(**values)
 
 
-PRINCIPLED = Record("Disney's BSDF (Burley 2012, 2015), as Mitsuba parameterises it.", {
-    "base_color": Key(SHARE, "Colour of the surface.", 0.5),
-    "roughness": Key(ROUGHNESS, "Roughness; alpha is about its square.", 0.5),
-    "anisotropic": Key(ROUGHNESS, "How much longer highlights are along the first tangent.", 0),
-    "metallic": Key(ROUGHNESS, "Share of a metal.", 0),
-    "specular": Key(within(0, 1), "Strength of reflection at normal incidence; 1 is 0.08.", 0.5),
-    "eta": Key(within(1, 100), "Index of refraction, instead of specular; at least 1.001 where light is transmitted.", None),
-    "spec_tint": Key(ROUGHNESS, "How much base_color tints the reflection.", 0),
-    "sheen": Key(ROUGHNESS, "Strength of the sheen of cloth at grazing angles.", 0),
-    "sheen_tint": Key(ROUGHNESS, "How much base_color tints the sheen.", 0),
-    "clearcoat": Key(ROUGHNESS, "Strength of a clear coat on top.", 0),
-    "clearcoat_gloss": Key(ROUGHNESS, "Gloss of the clear coat.", 0),
-    "flatness": Key(ROUGHNESS, "Share of an approximation of subsurface scattering in the diffuse part.", 0),
-    "spec_trans": Key(ROUGHNESS, "Share of a transparent solid.", 0),
-}, _principled)  # fmt: skip
+PRINCIPLED = Record(
+    "Disney's BSDF (Burley 2012, 2015), as Mitsuba parameterises it.",
+    {
+        "base_color": Key(SHARE, "Colour of the surface.", 0.5),
+        "roughness": Key(ROUGHNESS, "Roughness; alpha is about its square.", 0.5),
+        "anisotropic": Key(ROUGHNESS, "How much longer highlights are along the first tangent.", 0),
+        "metallic": Key(ROUGHNESS, "Share of a metal.", 0),
+        "specular": Key(within(0, 1), "Strength of reflection at normal incidence; 1 is 0.08.", 0.5),
+        "eta": Key(
+            within(1, 100), "Index of refraction, instead of specular; at least 1.001 where light is transmitted.", None
+        ),
+        "spec_tint": Key(ROUGHNESS, "How much base_color tints the reflection.", 0),
+        "sheen": Key(ROUGHNESS, "Strength of the sheen of cloth at grazing angles.", 0),
+        "sheen_tint": Key(ROUGHNESS, "How much base_color tints the sheen.", 0),
+        "clearcoat": Key(ROUGHNESS, "Strength of a clear coat on top.", 0),
+        "clearcoat_gloss": Key(ROUGHNESS, "Gloss of the clear coat.", 0),
+        "flatness": Key(ROUGHNESS, "Share of an approximation of subsurface scattering in the diffuse part.", 0),
+        "spec_trans": Key(ROUGHNESS, "Share of a transparent solid.", 0),
+    },
+    _principled,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,9 +63,14 @@ def native(document: Document, refusal: str | None = None) -> Native:
                 hashed.update(_hash_of(file, element))
             named[file] = None
     return Native(
-        document.file.absolute(), document.parameters, frozenset(document.files), frozenset(named), hashed.hexdigest(),
-        _size(sensors[0]), refusal,
-    )  # fmt: skip
+        document.file.absolute(),
+        document.parameters,
+        frozenset(document.files),
+        frozenset(named),
+        hashed.hexdigest(),
+        _size(sensors[0]),
+        refusal,
+    )
 
 
 def with_file(document: Document, imported: Callable[[], Scene], natively: bool) -> Scene:

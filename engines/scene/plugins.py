@@ -53,7 +53,7 @@ class PluginKind:
         if not isinstance(node.value, dict):
             raise node.refuse(f"must be a mapping with a type, module:attribute, and the options of that {self.what}")
         if "type" not in node.value:
-            raise node.refuse_key("type", "is missing: module:attribute of a plugin is wanted")
+            raise node.refuse_key("type", "is missing: module:attribute of a plugin is expected")
         named = node.value["type"]
         plugin = load_plugin(named, self.what, context.allow_imports, context.place.folder)
         if not isinstance(getattr(plugin, "options", None), Mapping):

@@ -73,10 +73,15 @@ def _scene(given: Given, context: SceneReader) -> Scene:
     camera, materials = given["camera"], context.table.materials
     shapes, lights = given["shapes"] or [], given["lights"] or []
     return Scene(
-        name=given["name"] or context.name, camera=camera, materials=tuple(materials), shapes=tuple(shapes),
-        lights=tuple(lights), content_hash=content_hash(camera, materials, shapes, lights), source=context.source,
+        name=given["name"] or context.name,
+        camera=camera,
+        materials=tuple(materials),
+        shapes=tuple(shapes),
+        lights=tuple(lights),
+        content_hash=content_hash(camera, materials, shapes, lights),
+        source=context.source,
         warnings=tuple(scene_warnings(context, shapes, lights)),
-    )  # fmt: skip
+    )
 
 
 def scene_warnings(context: SceneReader, shapes: list[Shape], lights: list[Light]) -> list[str]:
@@ -99,15 +104,19 @@ def _emits(materials: list[Material], shape: Shape) -> bool:
 
 
 MATERIALS = by_name(MATERIAL, "materials")
-SCENE = Record("A scene.", {
-    "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
-    "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
-    "camera": Key(CAMERA, "The camera."),
-    "textures": Key(TexturesKind(), "Textures by names of your own.", None),
-    "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
-    "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
-    "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),
-}, _scene)  # fmt: skip
+SCENE = Record(
+    "A scene.",
+    {
+        "raybench_scene": Key(integer(FORMAT, FORMAT), "Version of the format."),
+        "name": Key(TEXT, "Title of the scene, by default the name of its file.", None),
+        "camera": Key(CAMERA, "The camera."),
+        "textures": Key(TexturesKind(), "Textures by names of your own.", None),
+        "materials": Key(MaterialsKind(), "Materials by names of your own.", None),
+        "shapes": Key(list_of(ShapeKind(), "shapes"), "Shapes. One whose material emits is an area light.", None),
+        "lights": Key(list_of(LIGHTS, "lights"), "Lights other than area lights.", None),
+    },
+    _scene,
+)
 
 
 def scene_schema() -> dict[str, Any]:

@@ -53,8 +53,9 @@ class Plane:
 
 _PLANE = Record(
     "An infinite plane. One that emits is found by scattered rays alone.",
-    {"point": Key(POINT, "Any point of the plane.", unit="metres"), "normal": _NORMAL}, _of(Plane),
-)  # fmt: skip
+    {"point": Key(POINT, "Any point of the plane.", unit="metres"), "normal": _NORMAL},
+    _of(Plane),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +119,9 @@ def _cylinder(given: Given, context: SceneReader) -> Cylinder:
 _END = Key(POINT, "An end of the axis.", unit="metres")
 _CYLINDER = Record(
     "The side of a cylinder, open at both ends. Its outside is the front.",
-    {"p0": _END, "p1": _END, "radius": _RADIUS}, _cylinder,
-)  # fmt: skip
+    {"p0": _END, "p1": _END, "radius": _RADIUS},
+    _cylinder,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,25 +156,33 @@ def _spheres(given: Given, context: SceneReader) -> SphereSet:
 
 
 _RADII = Kind(lambda node: node, {"type": "array", "items": POSITIVE.json, "minItems": 1})
-_SPHERES = Record("Many spheres that make one shape.", {
-    "centers": Key(ROWS, "Centers of the spheres.", unit="metres"), "radii": Key(_RADII, "Radius of each.", unit="metres"),
-}, _spheres)  # fmt: skip
+_SPHERES = Record(
+    "Many spheres that make one shape.",
+    {"centers": Key(ROWS, "Centers of the spheres.", unit="metres"), "radii": Key(_RADII, "Radius of each.", unit="metres")},
+    _spheres,
+)
 
 Shape = Plane | Sphere | Disk | Cylinder | Triangle | Mesh | SphereSet
-SHAPES = Variants("shape", {
-    "sphere": _SPHERE,
-    "spheres": _SPHERES,
-    "disk": _DISK,
-    "cylinder": _CYLINDER,
-    "plane": _PLANE,
-    "triangle": _TRIANGLE,
-    "mesh": MESH,
-    "procedural": PROCEDURAL,
-}, {"material": Key(
-    Kind(fields.text, {"anyOf": [TEXT.json, {"type": "array", "items": TEXT.json, "minItems": 1}]}),
-    "Name of one of the materials; a mesh from an OBJ file may leave it to the file, and one from a PLY file may have a list, "
-    "to which a column 'material' of its faces points.",
-)})  # fmt: skip
+SHAPES = Variants(
+    "shape",
+    {
+        "sphere": _SPHERE,
+        "spheres": _SPHERES,
+        "disk": _DISK,
+        "cylinder": _CYLINDER,
+        "plane": _PLANE,
+        "triangle": _TRIANGLE,
+        "mesh": MESH,
+        "procedural": PROCEDURAL,
+    },
+    {
+        "material": Key(
+            Kind(fields.text, {"anyOf": [TEXT.json, {"type": "array", "items": TEXT.json, "minItems": 1}]}),
+            "Name of one of the materials; a mesh from an OBJ file may leave it to the file, and one from a PLY file may have "
+            "a list, to which a column 'material' of its faces points.",
+        )
+    },
+)
 
 
 class ShapeKind:

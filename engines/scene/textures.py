@@ -31,7 +31,7 @@ class ImageTexture:
     """An image (h, w, 3) or (h, w, 1) float32, read-only: linear RGB, or one number a texel.
 
     (u, v) become (u', v') by `to_uv`; v' = 0 is the upper edge of the first row. `filter` is "bilinear" or "nearest",
-    `wrap` "repeat", "mirror" or "clamp". Where one number is wanted, RGB gives its luminance.
+    `wrap` "repeat", "mirror" or "clamp". Where one number is expected, RGB gives its luminance.
     """
 
     pixels: NDArray[np.float32] = field(repr=False)
@@ -45,7 +45,7 @@ class ImageTexture:
 class Checkerboard:
     """Squares of half a unit of (u', v'): `a` where frac(u') > 1/2 equals frac(v') > 1/2, else `b`.
 
-    Where one number is wanted, each colour gives its luminance.
+    Where one number is expected, each colour gives its luminance.
     """
 
     a: Triple = (0.4, 0.4, 0.4)
@@ -103,14 +103,16 @@ _TWO = {"type": "array", "items": NUMBER.json, "minItems": 2, "maxItems": 2}
 PLACING = {
     "scale": Key(
         Kind(lambda node: _pair(node, alone=True), {"anyOf": [NUMBER.json, _TWO]}),
-        "Factor of u and v, or one for each: how often the texture repeats.", 1,
+        "Factor of u and v, or one for each: how often the texture repeats.",
+        1,
     ),
     "offset": Key(Kind(lambda node: _pair(node, alone=False), _TWO), "What is added to u and v after scaling.", [0, 0]),
     "to_uv": Key(
         Kind(_matrix, {"type": "array", "items": _ROW, "minItems": 2, "maxItems": 2}),
-        "Instead of scale and offset, a matrix: u' = m[0] . (u, v, 1), v' = m[1] . (u, v, 1).", None,
+        "Instead of scale and offset, a matrix: u' = m[0] . (u, v, 1), v' = m[1] . (u, v, 1).",
+        None,
     ),
-}  # fmt: skip
+}
 
 
 def _to_uv(given: Given) -> UVMatrix:
@@ -169,36 +171,46 @@ class ImageKind:
         return TEXT.schema()
 
 
-_IMAGE = Record("An image, from a file or (in Python) an array. v = 0 is its upper edge.", {
-    "image": Key(
-        ImageKind(),
-        "File of the image, .png (8 or 16 bit), .jpg, .tga, .bmp, .tif, .webp, .exr or .hdr, relative to the scene's folder.",
-    ),
-    "color_space": Key(
-        one_of(("srgb", "linear", "raw"), "color space"),
-        "Whether values are sRGB-encoded, or linear; raw is another word for linear. By default sRGB for 8 and 16 bit, linear "
-        "for .exr and .hdr.", None,
-    ),
-    "channel": Key(
-        one_of(CHANNELS, "channel"), "The one channel that is read, a for alpha; by default all but alpha.", None
-    ),
-    "filter": Key(one_of(("bilinear", "nearest"), "filter"), "Interpolation between texels.", "bilinear"),
-    "wrap": Key(one_of(("repeat", "mirror", "clamp"), "wrap"), "What lies outside of [0, 1].", "repeat"),
-    **PLACING,
-}, _image)  # fmt: skip
+_IMAGE = Record(
+    "An image, from a file or (in Python) an array. v = 0 is its upper edge.",
+    {
+        "image": Key(
+            ImageKind(),
+            "File of the image, .png (8 or 16 bit), .jpg, .tga, .bmp, .tif, .webp, .exr or .hdr, relative "
+            "to the scene's folder.",
+        ),
+        "color_space": Key(
+            one_of(("srgb", "linear", "raw"), "color space"),
+            "Whether values are sRGB-encoded, or linear; raw is another word for linear. By default sRGB for 8 and 16 bit, "
+            "linear for .exr and .hdr.",
+            None,
+        ),
+        "channel": Key(
+            one_of(CHANNELS, "channel"), "The one channel that is read, a for alpha; by default all but alpha.", None
+        ),
+        "filter": Key(one_of(("bilinear", "nearest"), "filter"), "Interpolation between texels.", "bilinear"),
+        "wrap": Key(one_of(("repeat", "mirror", "clamp"), "wrap"), "What lies outside of [0, 1].", "repeat"),
+        **PLACING,
+    },
+    _image,
+)
 
 
 def _checkerboard(given: Given, context: Any) -> Checkerboard:
     return replace(given["checkerboard"], to_uv=_to_uv(given))
 
 
-_SQUARES = Record("The two colours of a checkerboard.", {
-    "a": Key(color(), "Colour where the halves of u and of v are both upper ones, or both lower ones.", 0.4),
-    "b": Key(color(), "Colour of the other squares.", 0.2),
-}, lambda given, context: Checkerboard(given["a"], given["b"]))  # fmt: skip
-_CHECKERBOARD = Record("Squares of half a unit of u and v.", {
-    "checkerboard": Key(_SQUARES, "The two colours."), **PLACING,
-}, _checkerboard)  # fmt: skip
+_SQUARES = Record(
+    "The two colours of a checkerboard.",
+    {
+        "a": Key(color(), "Colour where the halves of u and of v are both upper ones, or both lower ones.", 0.4),
+        "b": Key(color(), "Colour of the other squares.", 0.2),
+    },
+    lambda given, context: Checkerboard(given["a"], given["b"]),
+)
+_CHECKERBOARD = Record(
+    "Squares of half a unit of u and v.", {"checkerboard": Key(_SQUARES, "The two colours."), **PLACING}, _checkerboard
+)
 TEXTURES = {"image": _IMAGE, "checkerboard": _CHECKERBOARD}
 
 

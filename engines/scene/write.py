@@ -21,16 +21,7 @@ from engines.scene.formats.ply import ply_bytes
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.materials import Material
 from engines.scene.mesh import Mesh
-from engines.scene.models import (
-    Conductor,
-    Dielectric,
-    Diffuse,
-    Mixture,
-    Null,
-    Plastic,
-    Principled,
-    ThinDielectric,
-)
+from engines.scene.models import Conductor, Dielectric, Diffuse, Mixture, Null, Plastic, Principled, ThinDielectric
 from engines.scene.scene import FORMAT, Scene
 from engines.scene.shapes import Cylinder, Disk, Plane, Shape, Sphere, Triangle
 from engines.scene.sphere_set import SphereSet
@@ -90,9 +81,14 @@ class _Writer:
         materials = {name: self.material(each) for name, each in zip(names, scene.materials, strict=True)}
         shapes = [self.shape(shape, names) for shape in scene.shapes]
         found = {
-            "raybench_scene": FORMAT, "name": scene.name, "camera": _camera(scene.camera), "textures": self.tree,
-            "materials": materials, "shapes": shapes, "lights": [self.light(light) for light in scene.lights],
-        }  # fmt: skip
+            "raybench_scene": FORMAT,
+            "name": scene.name,
+            "camera": _camera(scene.camera),
+            "textures": self.tree,
+            "materials": materials,
+            "shapes": shapes,
+            "lights": [self.light(light) for light in scene.lights],
+        }
         return {key: value for key, value in found.items() if value not in ({}, [])}
 
     def name(self, kind: str, wanted: str, file: bool = False) -> str:
@@ -143,9 +139,11 @@ class _Writer:
         if id(texture) not in self.textures:
             wanted = texture.name if isinstance(texture, ImageTexture) else "checkerboard"
             name = self.textures[id(texture)] = self.name("textures", wanted)
-            self.tree[name] = self.image(texture) if isinstance(texture, ImageTexture) else {
-                "checkerboard": {"a": _color(texture.a), "b": _color(texture.b)}, **_placing(texture.to_uv),
-            }  # fmt: skip
+            self.tree[name] = (
+                self.image(texture)
+                if isinstance(texture, ImageTexture)
+                else {"checkerboard": {"a": _color(texture.a), "b": _color(texture.b)}, **_placing(texture.to_uv)}
+            )
         return self.textures[id(texture)]
 
     def image(self, texture: ImageTexture) -> Keys:
@@ -188,10 +186,15 @@ class _Writer:
             irradiance = _color(light.irradiance)
             return {"directional": {"direction": _direction(light.direction), "irradiance": irradiance}}
         if isinstance(light, SpotLight):
-            return {"spot": {
-                "position": [*light.position], "direction": _direction(light.direction),
-                "intensity": _color(light.intensity), "cutoff": light.cutoff, "beam_width": light.beam_width,
-            }}  # fmt: skip
+            return {
+                "spot": {
+                    "position": [*light.position],
+                    "direction": _direction(light.direction),
+                    "intensity": _color(light.intensity),
+                    "cutoff": light.cutoff,
+                    "beam_width": light.beam_width,
+                }
+            }
         assert isinstance(light, EnvironmentLight)
         image = {} if light.image is None else {"image": self.sky(light.image)}
         how = _other_than(light, {"rotation": EnvironmentLight(WHITE).rotation, "rows": "cells"}) if image else {}
@@ -209,8 +212,11 @@ class _Writer:
 
 _SHAPES = {Sphere: "sphere", Disk: "disk", Plane: "plane", Cylinder: "cylinder", Triangle: "triangle"}
 _CAMERAS = {
-    Perspective: "perspective", ThinLens: "thin_lens", PerspectiveArctan: "perspective_arctan", Orthographic: "orthographic",
-}  # fmt: skip
+    Perspective: "perspective",
+    ThinLens: "thin_lens",
+    PerspectiveArctan: "perspective_arctan",
+    Orthographic: "orthographic",
+}
 
 
 def _camera(camera: Camera) -> Keys:
@@ -265,10 +271,23 @@ _BSDFS: dict[type, Callable[[_Writer, Any], Keys]] = {
 }
 
 
-KNOWN: frozenset[type] = frozenset({
-    *_CAMERAS, *_SHAPES, Mesh, SphereSet, PointLight, DirectionalLight, SpotLight, EnvironmentLight, *_BSDFS, Mixture, Sides,
-    ImageTexture, Checkerboard,
-})  # fmt: skip
+KNOWN: frozenset[type] = frozenset(
+    {
+        *_CAMERAS,
+        *_SHAPES,
+        Mesh,
+        SphereSet,
+        PointLight,
+        DirectionalLight,
+        SpotLight,
+        EnvironmentLight,
+        *_BSDFS,
+        Mixture,
+        Sides,
+        ImageTexture,
+        Checkerboard,
+    }
+)
 """The types of scenes that are written."""
 
 

@@ -145,9 +145,7 @@ def unit(vector: Triple) -> Triple | None:
     return scaled[0] / length, scaled[1] / length, scaled[2] / length
 
 
-def rows(
-    node: Located, dtype: type, low: float = -math.inf, high: float = math.inf, width: int = 3
-) -> NDArray[Any]:  # fmt: skip
+def rows(node: Located, dtype: type, low: float = -math.inf, high: float = math.inf, width: int = 3) -> NDArray[Any]:
     """A list of `width` numbers each, three or two, or an array (n, width), as an array of `dtype` with every number in
     [low, high].
 
@@ -162,9 +160,7 @@ def rows(
     return np.array(found, dtype).reshape(-1, width)
 
 
-def _array_rows(
-    node: Located, value: NDArray[Any], dtype: type, low: float, high: float, width: int
-) -> NDArray[Any]:  # fmt: skip
+def _array_rows(node: Located, value: NDArray[Any], dtype: type, low: float, high: float, width: int) -> NDArray[Any]:
     kinds = "iu" if issubclass(dtype, np.integer) else "iuf"
     if value.ndim != 2 or value.shape[1] != width or value.dtype.kind not in kinds:
         wanted = f"must have the shape (n, {width}) and numbers of kind {kinds}"

@@ -67,7 +67,7 @@ class Located:
         return _where(self.origin, self.line, self.path)
 
     def refuse(self, wanted: str) -> RaybenchError:
-        """The error to raise for this value: where, what was found (scalars only), what is wanted."""
+        """The error to raise for this value: where, what was found (scalars only), what is expected."""
         return self.origin.error(f"{self.where}{_found(self.value)}: {wanted}")
 
     def refuse_key(self, key: str, wanted: str) -> RaybenchError:
@@ -202,7 +202,7 @@ class _Composer:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise self._error(line, "a second document begins: one is wanted")
+                    raise self._error(line, "a second document begins: one is expected")
             elif isinstance(event, yaml.AliasEvent):
                 self._add(self._alias(event, line), line)
             elif isinstance(event, yaml.ScalarEvent):
@@ -214,7 +214,7 @@ class _Composer:
             elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
                 self._end()
         if self.root is None or (self.root.value is None and not text.strip()):
-            raise self._error(1, "empty: a mapping is wanted")
+            raise self._error(1, "empty: a mapping is expected")
         return self.root
 
     def _error(self, line: int, wanted: str, path: KeyPath = ()) -> RaybenchError:

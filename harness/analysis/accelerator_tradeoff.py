@@ -57,8 +57,14 @@ def break_evens(analysis: Analysis) -> Iterator[BreakEven]:
         ratios = race_of([seconds_per_sample(c) for c in family], compared, floor).ratios
         found = {row: ratio for (row, _), ratio in zip(compared, ratios, strict=True)}
         for row, other in enumerate(others, 1):
-            yield BreakEven(other, first, build(other), microseconds_a_path(other), found.get(row),
-                            break_even_spp(first, other, found.get(row)))  # fmt: skip
+            yield BreakEven(
+                other,
+                first,
+                build(other),
+                microseconds_a_path(other),
+                found.get(row),
+                break_even_spp(first, other, found.get(row)),
+            )
 
 
 def break_even_spp(first: Contestant, other: Contestant, speedup: Ratio | None) -> Estimate | None:

@@ -36,9 +36,18 @@ def event(analysis: Analysis) -> dict[str, Any]:
         "event": EVENT,
         "bias": [{"of": list(settings), **found._asdict(), "worst_tile": list(found.worst_tile)} for settings, found in biased],
         "baseline": [{"of": list(settings), **found.as_record()} for settings, found in equal],
-        "pairs": [{"first": list(a), "second": list(b), "found": c.found.as_record(), "replicates": list(c.replicates),
-                   "spp": list(c.spp), "paired": c.paired} for a, b, c in pairs],
-    }  # fmt: skip
+        "pairs": [
+            {
+                "first": list(a),
+                "second": list(b),
+                "found": c.found.as_record(),
+                "replicates": list(c.replicates),
+                "spp": list(c.spp),
+                "paired": c.paired,
+            }
+            for a, b, c in pairs
+        ],
+    }
 
 
 def read_archived(results: Results) -> ArchivedVerdicts:

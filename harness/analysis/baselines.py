@@ -125,9 +125,11 @@ def _named(contestant: Contestant, racing: Sequence[Contestant], results: Result
 def _matches(wanted: Any, contestant: Contestant) -> bool:
     """Whether a contestant has the settings of one side of a pair; choices are named without their options."""
     settings = contestant.settings._asdict()
-    return isinstance(wanted, Mapping) and bool(wanted) and all(
-        _name(str(settings.get(key))) == _name(str(value)) for key, value in wanted.items()
-    )  # fmt: skip
+    return (
+        isinstance(wanted, Mapping)
+        and bool(wanted)
+        and all(_name(str(settings.get(key))) == _name(str(value)) for key, value in wanted.items())
+    )
 
 
 def _name(choice: str) -> str:

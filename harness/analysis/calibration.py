@@ -70,8 +70,9 @@ def calibrate(analysis: Analysis, image_repetitions: int = REPETITIONS) -> Calib
     times, images = (np.random.default_rng([SEED, part]) for part in range(2))
     races = race_figures(noises, REPETITIONS, times, margin(analysis.results)) if noises else None
     bias = bias_figures(samples, image_repetitions, images) if samples else None
-    return Calibration(races, bias, len(noises), len(samples), REPETITIONS, image_repetitions,
-                       sum(not noise.twins for noise in noises))  # fmt: skip
+    return Calibration(
+        races, bias, len(noises), len(samples), REPETITIONS, image_repetitions, sum(not noise.twins for noise in noises)
+    )
 
 
 def _noises(analysis: Analysis) -> Iterator[RaceNoise]:
@@ -103,13 +104,18 @@ def figures(found: Calibration) -> list[Figure]:
     else:
         winners, coverage, power = found.races
         lines += [
-            Figure("false winners among identical contestants", percent(winners), f"≤ {percent(MOST_FALSE_WINNERS)}",
-                   winners <= MOST_FALSE_WINNERS),
-            Figure("coverage of the 95 % intervals", percent(coverage), f"≥ {percent(LEAST_COVERAGE)}",
-                   coverage >= LEAST_COVERAGE),
+            Figure(
+                "false winners among identical contestants",
+                percent(winners),
+                f"≤ {percent(MOST_FALSE_WINNERS)}",
+                winners <= MOST_FALSE_WINNERS,
+            ),
+            Figure(
+                "coverage of the 95 % intervals", percent(coverage), f"≥ {percent(LEAST_COVERAGE)}", coverage >= LEAST_COVERAGE
+            ),
             Figure("5 % slower: called slower", percent(power[0])),
             Figure("20 % slower: called slower", percent(power[1])),
-        ]  # fmt: skip
+        ]
     if found.bias is None:
         return [*lines, Figure("smallest bias found in 80 %", f"unknown: {NO_IMAGES}")]
     bias = found.bias

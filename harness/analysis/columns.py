@@ -11,14 +11,7 @@ import pandas as pd
 
 from harness.statistics import Estimate
 
-DTYPES = {
-    "text": "string",
-    "flag": "boolean",
-    "count": "Int64",
-    "number": "float64",
-    "exact": "float64",
-    "percent": "float64",
-}
+DTYPES = {"text": "string", "flag": "boolean", "count": "Int64", "number": "float64", "exact": "float64", "percent": "float64"}
 ESTIMATES = ("estimate", "ratio", "break_even")
 """Kinds with an interval."""
 

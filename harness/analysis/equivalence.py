@@ -93,8 +93,11 @@ def common_spp(*contestants: Contestant, pictured: bool = False) -> int | None:
 
 def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
     """The samples at which every done cell of all of them has a checkpoint (and its image)."""
-    sets = [{point["spp"] for point in cell["points"] if point.get("image") or not pictured}
-            for contestant in contestants for cell in contestant.done]  # fmt: skip
+    sets = [
+        {point["spp"] for point in cell["points"] if point.get("image") or not pictured}
+        for contestant in contestants
+        for cell in contestant.done
+    ]
     return set.intersection(*sets) if sets else set()
 
 
@@ -112,9 +115,7 @@ def compared(first: Contestant, second: Contestant, images: Replicates, alpha: f
     return min(usable, key=lambda comparison: comparison.found.high - comparison.found.low, default=None)
 
 
-def _compared(
-    first: Contestant, second: Contestant, images: Replicates, alpha: float, spp: int | None
-) -> Comparison | None:  # fmt: skip
+def _compared(first: Contestant, second: Contestant, images: Replicates, alpha: float, spp: int | None) -> Comparison | None:
     ours, theirs = images.of(first, spp), images.of(second, spp)
     shared = sorted(ours.keys() & theirs.keys())
     a, b = [ours[block] for block in shared], [theirs[block] for block in shared]
@@ -128,9 +129,7 @@ def _compared(
     return Comparison(found, (len(a), len(b)), typical, paired)
 
 
-def _least_variance(
-    reference: Reference | None, shape: tuple[int, ...], samples: Sequence[Sequence[int]]
-) -> np.ndarray | None:  # fmt: skip
+def _least_variance(reference: Reference | None, shape: tuple[int, ...], samples: Sequence[Sequence[int]]) -> np.ndarray | None:
     """What images of unequal samples differ by at least, for the side of few samples may have missed what is rare."""
     if reference is None or reference.mean.shape != shape:
         return None
@@ -164,8 +163,9 @@ def _nearest(members: Sequence[Contestant]) -> Iterator[tuple[Contestant, Contes
 
 def similarity(one: Contestant, other: Contestant) -> int:
     """How much two contestants have in common, by the weights of `SIMILARITY_WEIGHTS`."""
-    return sum(weight for axis, weight in SIMILARITY_WEIGHTS.items()
-               if getattr(one.settings, axis) == getattr(other.settings, axis))  # fmt: skip
+    return sum(
+        weight for axis, weight in SIMILARITY_WEIGHTS.items() if getattr(one.settings, axis) == getattr(other.settings, axis)
+    )
 
 
 def rests_on(comparison: Comparison) -> str:
@@ -185,14 +185,13 @@ def describe(found: Equivalence) -> str:
     found_bounds = bounds(found.image_bound, found.tile_bound)
     return {
         "identical": f"draw the same numbers, and their images are identical up to rounding in {same} % of the pixels: "
-                     f"{found_bounds}",
+        f"{found_bounds}",
         "equivalent": f"make equivalent images: {found_bounds}",
         "different": f"make different images: the image means differ by {percent(found.difference)} "
-                     f"[{percent(found.low)}, {percent(found.high)}], the tile at pixel ({x}, {y}) by up to "
-                     f"{bound(found.tile_bound)}, and {margins} are allowed",
-        "unresolved": f"are neither shown to make the same image nor different ones: {found_bounds}, and {margins} are "
-                      "allowed",
-    }[found.verdict]  # fmt: skip
+        f"[{percent(found.low)}, {percent(found.high)}], the tile at pixel ({x}, {y}) by up to "
+        f"{bound(found.tile_bound)}, and {margins} are allowed",
+        "unresolved": f"are neither shown to make the same image nor different ones: {found_bounds}, and {margins} are allowed",
+    }[found.verdict]
 
 
 def bounds(image: float, tile: float) -> str:

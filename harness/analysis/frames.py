@@ -40,7 +40,7 @@ SECONDS = Column(
     "Geometric mean over seeds, Student's 95 % interval. inf if some seed did not reach the target: the time is then above the "
     "lower end. If some seeds had reached it at their first checkpoint, the lower end is 0: the time is below the upper end.",
     "estimate",
-)  # fmt: skip
+)
 CELL = [
     Column("cell_id", "Hash of the spec."),
     Column("env_id", "Hash of the machine and library versions."),
@@ -85,8 +85,12 @@ class ResultFrames:
 
     def columns(self, name: str) -> dict[str, str]:
         """What each column of a frame means: `columns("points")["seconds"]`. Raises `KeyError` for another name."""
-        tables = {"points": (points, self.results), "cells": (cells, self.results),
-                  "times_to_quality": (times_to_quality, self.analysis), "verdicts": (verdicts, self.analysis)}  # fmt: skip
+        tables = {
+            "points": (points, self.results),
+            "cells": (cells, self.results),
+            "times_to_quality": (times_to_quality, self.analysis),
+            "verdicts": (verdicts, self.analysis),
+        }
         make, source = tables[name]
         return {name: meaning for column in make(source).columns for name, meaning in column.fields.items()}
 
@@ -104,15 +108,19 @@ def points(results: Results) -> Table:
     """One row a checkpoint of every cell that has one."""
     measured = [cell for cell in results.cells if cell.get("points")]
     before = [
-        CONTESTANT, *CELL, Column("state", "done, or timeout where the cell was cut short."),
+        CONTESTANT,
+        *CELL,
+        Column("state", "done, or timeout where the cell was cut short."),
         Column("order", "Position of the cell in the run.", "count"),
         Column("spp", "Samples per pixel so far.", "count"),
         Column("seconds", "Seconds inside render calls so far (warm).", "number"),
         Column("cold_seconds", "The same with import, load, build and compilation.", "number"),
         Column("rays", "Rays so far.", "number"),
-    ]  # fmt: skip
-    after = [Column("contended", "Whether other work disturbed the timing.", "flag"),
-             Column("image", "The checkpoint's image, relative to the results folder.")]  # fmt: skip
+    ]
+    after = [
+        Column("contended", "Whether other work disturbed the timing.", "flag"),
+        Column("image", "The checkpoint's image, relative to the results folder."),
+    ]
     names = dict.fromkeys(key for cell in measured for point in cell["points"] for key in point.get("metrics") or {})
     metrics = [Column(name, metric_meaning(name), "number") for name in names]
     contestants = _contestants(results)
@@ -120,10 +128,15 @@ def points(results: Results) -> Table:
     for cell in measured:
         fixed = sum(phase_seconds(cell, phase) for phase in PHASES[:-1])
         contended = (cell.get("machine") or {}).get("contended")
-        shared = {**_cell(cell), "contestant": contestants[cell["cell_id"]],
-                  "contended": None if contended is None else bool(contended)}  # fmt: skip
-        rows += [{**(point.get("metrics") or {}), **point, **shared, "cold_seconds": fixed + point["seconds"]}
-                 for point in cell["points"]]  # fmt: skip
+        shared = {
+            **_cell(cell),
+            "contestant": contestants[cell["cell_id"]],
+            "contended": None if contended is None else bool(contended),
+        }
+        rows += [
+            {**(point.get("metrics") or {}), **point, **shared, "cold_seconds": fixed + point["seconds"]}
+            for point in cell["points"]
+        ]
     taken = {column.name for column in (*before, *after)}
     columns = [*before, *(column for column in metrics if column.name not in taken), *after]
     return Table("points", "Checkpoints", "One row per checkpoint.", columns, rows)
@@ -132,26 +145,36 @@ def points(results: Results) -> Table:
 def times_to_quality(analysis: Analysis) -> Table:
     """One row a contestant, target and start (warm or cold)."""
     table = Table(
-        "ttq", "Time to quality", "One row per contestant, target and start.",
-        [CONTESTANT, *IDENTITY, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
-         Column("start", "warm: rendering alone; cold: with import, load, build and compilation."),
-         SECONDS,
-         Column("reached", "Seeds that reached the target.", "count"),
-         Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
-         Column("seeds", "Seeds that were run.", "count")],
-    )  # fmt: skip
+        "ttq",
+        "Time to quality",
+        "One row per contestant, target and start.",
+        [
+            CONTESTANT,
+            *IDENTITY,
+            Column("metric", "Metric of the target."),
+            Column("target", "Value to reach.", "exact"),
+            Column("start", "warm: rendering alone; cold: with import, load, build and compilation."),
+            SECONDS,
+            Column("reached", "Seeds that reached the target.", "count"),
+            Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
+            Column("seeds", "Seeds that were run.", "count"),
+        ],
+    )
     for verdict in analysis.verdicts:
-        who = {
-            **_cell(verdict.contestant.done[0]),
-            "contestant": verdict.contestant.name,
-            "metric": analysis.results.metric,
-        }
+        who = {**_cell(verdict.contestant.done[0]), "contestant": verdict.contestant.name, "metric": analysis.results.metric}
         for start, times in (("warm", verdict.warm), ("cold", verdict.cold)):
             for target, time in zip(analysis.results.targets, times, strict=True):
-                table.rows.append({
-                    **who, "target": target, "start": start, "seconds": (time.value, time.low, time.high),
-                    "reached": time.reached, "at_first": time.at_first, "seeds": time.seeds,
-                })  # fmt: skip
+                table.rows.append(
+                    {
+                        **who,
+                        "target": target,
+                        "start": start,
+                        "seconds": (time.value, time.low, time.high),
+                        "reached": time.reached,
+                        "at_first": time.at_first,
+                        "seeds": time.seeds,
+                    }
+                )
     return table
 
 
@@ -163,23 +186,31 @@ def cells(results: Results) -> Table:
         for key, value in (cell.get("machine") or {}).items():
             machine.setdefault(key, []).append(value)
     columns = [
-        CONTESTANT, *CELL, Column("state", "done, failed, timeout or skipped."),
+        CONTESTANT,
+        *CELL,
+        Column("state", "done, failed, timeout or skipped."),
         Column("order", "Position of the cell in the run.", "count"),
         *(Column(f"{phase}_seconds", f"Seconds of the phase {phase}.", "number") for phase in PHASES),
         Column("warm_build_seconds", "Seconds of the second build, of the renderer that is timed.", "number"),
         *(Column(f"counter_{name}", f"The engine's counter {name}.", "number") for name in counters),
-        *(Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
-          for name, values in machine.items()),
+        *(
+            Column(f"machine_{name}", f"The machine during the cell: {name}.", _kind_of(values))
+            for name, values in machine.items()
+        ),
         Column("message", "Why it has no result."),
-    ]  # fmt: skip
+    ]
     contestants = _contestants(results)
     rows = [
-        {**(cell.get("phases") or {}), **_cell(cell), "contestant": contestants[cell["cell_id"]],
-         **{f"counter_{name}": value for name, value in (cell.get("counters") or {}).items()},
-         **{f"machine_{name}": value for name, value in (cell.get("machine") or {}).items()},
-         "message": cell.get("message")}
+        {
+            **(cell.get("phases") or {}),
+            **_cell(cell),
+            "contestant": contestants[cell["cell_id"]],
+            **{f"counter_{name}": value for name, value in (cell.get("counters") or {}).items()},
+            **{f"machine_{name}": value for name, value in (cell.get("machine") or {}).items()},
+            "message": cell.get("message"),
+        }
         for cell in results.cells
-    ]  # fmt: skip
+    ]
     return Table("phases", "Phases", "One row per cell.", columns, rows)
 
 
@@ -189,37 +220,68 @@ def verdicts(analysis: Analysis) -> Table:
     allowed, allowed_open = (", ".join(sorted(names)) for names in (OF_THE_TIME, OF_THE_ESTIMATOR))
     margin = f"{100 * races.margin(analysis.results):g} %"
     table = Table(
-        "verdicts", "Verdicts", "One row per scene, target and contestant that has a measured cell.",
-        [IDENTITY[0], CONTESTANT, Column("metric", "Metric of the target."), Column("target", "Value to reach.", "exact"),
-         *IDENTITY[1:],
-         SECONDS._replace(meaning=f"Seconds of rendering alone (warm) until the target. {SECONDS.meaning}"),
-         Column("cold_seconds", "The same with import, load, build and compilation.", "estimate"),
-         Column("reached", "Seeds that reached the target.", "count"),
-         Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
-         Column("seeds", "Seeds that were run.", "count"),
-         Column("failed_cells", "Cells that failed or ran out of time.", "count"),
-         Column("baseline", "Contestant that it is compared with: the config's pairs name it, it differs in a single factor, "
-                "or it is the baseline of the race. Unknown if there is none."),
-         Column("factor", "Factors in which the two differ, joined by `and`."),
-         Column("no_ratio", "Why it is compared with none; empty where it is."),
-         Column("ratio", "Seconds of the baseline over these, paired by block: above 1 is faster. Where a target was not "
+        "verdicts",
+        "Verdicts",
+        "One row per scene, target and contestant that has a measured cell.",
+        [
+            IDENTITY[0],
+            CONTESTANT,
+            Column("metric", "Metric of the target."),
+            Column("target", "Value to reach.", "exact"),
+            *IDENTITY[1:],
+            SECONDS._replace(meaning=f"Seconds of rendering alone (warm) until the target. {SECONDS.meaning}"),
+            Column("cold_seconds", "The same with import, load, build and compilation.", "estimate"),
+            Column("reached", "Seeds that reached the target.", "count"),
+            Column("at_first", "Of these, how many were there at their first checkpoint (an upper bound).", "count"),
+            Column("seeds", "Seeds that were run.", "count"),
+            Column("failed_cells", "Cells that failed or ran out of time.", "count"),
+            Column(
+                "baseline",
+                "Contestant that it is compared with: the config's pairs name it, it differs in a single factor, "
+                "or it is the baseline of the race. Unknown if there is none.",
+            ),
+            Column("factor", "Factors in which the two differ, joined by `and`."),
+            Column("no_ratio", "Why it is compared with none; empty where it is."),
+            Column(
+                "ratio",
+                "Seconds of the baseline over these, paired by block: above 1 is faster. Where a target was not "
                 "reached, only an end of the interval is known. Unknown where one of the two has a flag that disqualifies it.",
-                "ratio"),
-         Column("verdict", "faster or slower: beyond the noise floor, with a family-wise error rate of 5 % (Holm). same: "
-                f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared."),
-         Column("noise_floor", "Difference from 1 that a ratio must exceed, from the scene's A/A twin; unknown if that was not "
-                "measured.", "percent"),
-         Column("possible_winner", "Whether it may be the fastest of its scene, shader, size, division and machine, among "
+                "ratio",
+            ),
+            Column(
+                "verdict",
+                "faster or slower: beyond the noise floor, with a family-wise error rate of 5 % (Holm). same: "
+                f"the 90 % interval lies within {margin}. Else unresolved. Empty where nothing is compared.",
+            ),
+            Column(
+                "noise_floor",
+                "Difference from 1 that a ratio must exceed, from the scene's A/A twin; unknown if that was not measured.",
+                "percent",
+            ),
+            Column(
+                "possible_winner",
+                "Whether it may be the fastest of its scene, shader, size, division and machine, among "
                 "those that no flag disqualifies: no test finds it slower than another. False for all if none reached the "
-                "target.", "flag"),
-         Column("flags", f"Names joined by spaces. All but {allowed} disqualify, in the open division also all but "
-                f"{allowed_open}. {flags}.")],
-    )  # fmt: skip
+                "target.",
+                "flag",
+            ),
+            Column(
+                "flags",
+                f"Names joined by spaces. All but {allowed} disqualify, in the open division also all but "
+                f"{allowed_open}. {flags}.",
+            ),
+        ],
+    )
     table.rows = [
-        {**_verdict(verdict, index), "metric": analysis.results.metric, "target": target,
-         "noise_floor": math.expm1(analysis.floor(verdict.contestant.settings.scene, index))}
-        for verdict in analysis.verdicts for index, target in enumerate(analysis.results.targets)
-    ]  # fmt: skip
+        {
+            **_verdict(verdict, index),
+            "metric": analysis.results.metric,
+            "target": target,
+            "noise_floor": math.expm1(analysis.floor(verdict.contestant.settings.scene, index)),
+        }
+        for verdict in analysis.verdicts
+        for index, target in enumerate(analysis.results.targets)
+    ]
     return table
 
 
@@ -227,14 +289,22 @@ def _verdict(verdict: Verdict, index: int) -> dict[str, Any]:
     """A verdict on the target of `index`."""
     warm, cold, ratio = verdict.warm[index], verdict.cold[index], verdict.quality_speedups[index]
     return {
-        **_cell(verdict.contestant.done[0]), "contestant": verdict.contestant.name,
-        "seconds": (warm.value, warm.low, warm.high), "cold_seconds": (cold.value, cold.low, cold.high),
-        "reached": warm.reached, "at_first": warm.at_first, "seeds": warm.seeds, "failed_cells": verdict.failures,
-        "baseline": verdict.against.name if verdict.against else None, "factor": verdict.factors or None,
-        "no_ratio": verdict.no_ratio, "ratio": ratio[:3] if ratio else None,
+        **_cell(verdict.contestant.done[0]),
+        "contestant": verdict.contestant.name,
+        "seconds": (warm.value, warm.low, warm.high),
+        "cold_seconds": (cold.value, cold.low, cold.high),
+        "reached": warm.reached,
+        "at_first": warm.at_first,
+        "seeds": warm.seeds,
+        "failed_cells": verdict.failures,
+        "baseline": verdict.against.name if verdict.against else None,
+        "factor": verdict.factors or None,
+        "no_ratio": verdict.no_ratio,
+        "ratio": ratio[:3] if ratio else None,
         "verdict": ratio.verdict if ratio else "unresolved" if verdict.against else "",
-        "possible_winner": verdict.possible_winner[index], "flags": " ".join(verdict.flags_of(index)),
-    }  # fmt: skip
+        "possible_winner": verdict.possible_winner[index],
+        "flags": " ".join(verdict.flags_of(index)),
+    }
 
 
 def by_contestant(frame: pd.DataFrame, results: Results) -> pd.DataFrame:

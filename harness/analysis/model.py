@@ -100,9 +100,10 @@ def bias_sizes(bias: BiasEstimate | None) -> dict[str, str]:
     if bias is None:
         return {}
     return {
-        "biased": f" by {100 * bias.root:.2g} %", "biased_image": f" by {100 * bias.difference:+.2g} %",
+        "biased": f" by {100 * bias.root:.2g} %",
+        "biased_image": f" by {100 * bias.difference:+.2g} %",
         "biased_tile": f" by {100 * bias.tile_difference:+.2g} % at pixel {bias.worst_tile}",
-    }  # fmt: skip
+    }
 
 
 @dataclass

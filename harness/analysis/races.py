@@ -31,8 +31,10 @@ def run_races(analysis: Analysis) -> None:
     Contestants with a flag that disqualifies them are left out.
     """
     groups = list(raced_together(analysis.verdicts).values())
-    logs = {index: [_logs([_bounds(analysis.results, verdict, index) for verdict in group]) for group in groups]
-            for index in (None, *range(len(analysis.results.targets)))}  # fmt: skip
+    logs = {
+        index: [_logs([_bounds(analysis.results, verdict, index) for verdict in group]) for group in groups]
+        for index in (None, *range(len(analysis.results.targets)))
+    }
     twins = [_twins([verdict.contestant for verdict in group]) for group in groups]
     distances: dict[int | None, dict[str, list[float]]] = {}
     for group, pairs in zip(groups, twins, strict=True):
@@ -92,14 +94,24 @@ def _filled(distances: Sequence[float]) -> list[float]:
 
 def _run(
     analysis: Analysis, group: list[Verdict], index: int | None, low: Logs, high: Logs, twins: list[tuple[int, int]]
-) -> None:  # fmt: skip
+) -> None:
     scene = group[0].contestant.settings.scene
     rows = {id(verdict.contestant): row for row, verdict in enumerate(group) if not verdict.disqualified}
-    compared = [(rows[id(v.contestant)], rows[id(v.against)]) for v in group
-                if id(v.contestant) in rows and id(v.against) in rows]  # fmt: skip
+    compared = [
+        (rows[id(v.contestant)], rows[id(v.against)]) for v in group if id(v.contestant) in rows and id(v.against) in rows
+    ]
     ranked = np.array([id(v.contestant) in rows and not v.contestant.settings.label for v in group])
-    found = race(low, high, compared, analysis.floor(scene, index), ranked=ranked, twins=twins, clock=clock_steps(low),
-                 margin=margin(analysis.results), **_readings(analysis.results, group, index))  # fmt: skip
+    found = race(
+        low,
+        high,
+        compared,
+        analysis.floor(scene, index),
+        ranked=ranked,
+        twins=twins,
+        clock=clock_steps(low),
+        margin=margin(analysis.results),
+        **_readings(analysis.results, group, index),
+    )
     if found.twins_separated:
         analysis.separated.add((scene, index))
     for (row, _), ratio in zip(compared, found.ratios, strict=True):
@@ -142,10 +154,14 @@ def times_read(results: Results, verdict: Verdict, index: int, reading: Reading)
     found = {cell["block"]: crossing_seconds(results.curve(cell), target, reading) for cell in verdict.contestant.runs}
     if verdict.warm[index].reliable:
         return {block: crossing.x for block, crossing in found.items()}
-    rooms = {block: max(1 - NOISE_ERRORS * crossing.noise, 0.0) if crossing.noise < math.inf else 0.0
-             for block, crossing in found.items()}  # fmt: skip
-    return {block: Bound(x.low * rooms[block], x.high / rooms[block] if rooms[block] else math.inf)
-            for block, (x, _, _) in found.items()}  # fmt: skip
+    rooms = {
+        block: max(1 - NOISE_ERRORS * crossing.noise, 0.0) if crossing.noise < math.inf else 0.0
+        for block, crossing in found.items()
+    }
+    return {
+        block: Bound(x.low * rooms[block], x.high / rooms[block] if rooms[block] else math.inf)
+        for block, (x, _, _) in found.items()
+    }
 
 
 def sample_floors(results: Results) -> dict[str, float]:
@@ -160,9 +176,12 @@ def sample_floors(results: Results) -> dict[str, float]:
 
 
 def race_of(
-    measured: Sequence[Mapping[int, float]], compared: Sequence[tuple[int, int]], floor: float,
-    readings: Sequence[Sequence[Mapping[int, Bound]]] = (), mixed: NDArray[np.bool_] | None = None,
-) -> Race:  # fmt: skip
+    measured: Sequence[Mapping[int, float]],
+    compared: Sequence[tuple[int, int]],
+    floor: float,
+    readings: Sequence[Sequence[Mapping[int, Bound]]] = (),
+    mixed: NDArray[np.bool_] | None = None,
+) -> Race:
     """The race of contestants of which each has block -> a positive number, of which less is better. `readings`: the numbers
     of all as found in other ways, see `statistics.race`."""
     logs = _logs([{b: Bound(value, value) for b, value in one.items()} for one in measured])

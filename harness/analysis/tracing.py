@@ -9,15 +9,7 @@ from typing import Any
 import numpy as np
 
 from harness.analysis.columns import Column, Table
-from harness.statistics import (
-    Estimate,
-    Ratio,
-    geometric_interval,
-    noise_floor,
-    proportion_interval,
-    race,
-    twin_distance,
-)
+from harness.statistics import Estimate, Ratio, geometric_interval, noise_floor, proportion_interval, race, twin_distance
 from harness.trace.records import Entry, TraceResults
 
 COLUMNS = [
@@ -30,8 +22,9 @@ COLUMNS = [
     Column("precision", "Precision setting; empty: the engine's own."),
     Column("threads", "Threads of the engine.", "count"),
     Column("mrays_per_second", "Million rays per second of wall time: geometric mean over blocks.", "estimate", "Mrays/s"),
-    Column("mrays_per_cpu_second", "Million rays per second of processor time, of all threads together.", "estimate",
-           "Mrays/cpu s"),
+    Column(
+        "mrays_per_cpu_second", "Million rays per second of processor time, of all threads together.", "estimate", "Mrays/cpu s"
+    ),
     Column("ratio", "Rate over that of the baseline, paired by blocks; above 1 is faster.", "ratio", "over baseline"),
     Column("verdict", "faster, slower, same or unresolved, as in races."),
     Column("checked", "Rays whose answers were compared with exact ones.", "count"),
@@ -52,7 +45,7 @@ COLUMNS = [
     Column("unstable", "Whether answers differed between blocks.", "flag"),
     Column("state", "done, failed, timeout or skipped."),
     Column("message", "Why it was skipped or has failed."),
-]  # fmt: skip
+]
 
 
 def trace_table(results: TraceResults) -> Table:
@@ -102,9 +95,14 @@ def _ratios(group: Sequence[Entry], same_within: float) -> list[Ratio | None]:
     others = [i for i in timed if i != base]
     ranked = np.array([i in timed and not entry.twin for i, entry in enumerate(group)])
     made = race(
-        times, times, [(i, base) for i in others], noise_floor(distances, distances), ranked=ranked, twins=twins,
+        times,
+        times,
+        [(i, base) for i in others],
+        noise_floor(distances, distances),
+        ranked=ranked,
+        twins=twins,
         margin=same_within,
-    )  # fmt: skip
+    )
     for i, ratio in zip(others, made.ratios, strict=True):
         found[i] = ratio
     return found
@@ -123,8 +121,9 @@ def _row(entry: Entry, ratio: Ratio | None) -> dict[str, Any]:
             "mrays_per_cpu_second": geometric_interval(rates(entry, cpu=True)),
             "build_seconds": float(np.median([each.build_seconds for each in entry.timings])),
             "first_call_seconds": float(np.median([each.first_call_seconds for each in entry.timings])),
-            "blocks": len(entry.timings), "contended": sum(each.contended for each in entry.timings),
-        }  # fmt: skip
+            "blocks": len(entry.timings),
+            "contended": sum(each.contended for each in entry.timings),
+        }
     if entry.answers:
         answers = entry.answers
         row |= {key: value for key, value in answers.model_dump().items() if value is not None}

@@ -14,14 +14,7 @@ from harness.analysis.model import Analysis, Group, Verdict, raced_together
 from harness.analysis.races import run_races
 from harness.analysis.slopes import slopes
 from harness.metrics import as_error
-from harness.statistics import (
-    Slope,
-    bias_estimate,
-    efficiency,
-    geometric_interval,
-    time_to_quality,
-    too_good_per_sample,
-)
+from harness.statistics import Slope, bias_estimate, efficiency, geometric_interval, time_to_quality, too_good_per_sample
 from harness.statistics.bias import radiance_sample
 from harness.statistics.equivalence import shared_alpha
 from harness.store.results import Contestant, Event, Results, phase_seconds, point_error, samples_of
@@ -75,10 +68,13 @@ def _own_verdict(results: Results, contestant: Contestant, slope: Slope) -> Verd
         efficiency=efficiency([_mse(end) for end in ends], [float(end["seconds"]) for end in ends]),
         samples_per_second=geometric_interval([_rate(_samples(cell), cell["points"][-1]) for cell in done]),
         rays_per_second=geometric_interval([_rate(end.get("rays"), end) for end in ends]),
-        phases={phase: geometric_interval([phase_seconds(cell, phase) for cell in done])
-                for phase in ("import", "load", "build", "compile", "render")},
-        quality_speedups=[None] * len(results.targets), possible_winner=[False] * len(results.targets),
-    )  # fmt: skip
+        phases={
+            phase: geometric_interval([phase_seconds(cell, phase) for cell in done])
+            for phase in ("import", "load", "build", "compile", "render")
+        },
+        quality_speedups=[None] * len(results.targets),
+        possible_winner=[False] * len(results.targets),
+    )
 
 
 def error_targets(results: Results) -> list[float]:
@@ -132,8 +128,12 @@ def _too_good(results: Results, contestant: Contestant, baseline: Contestant) ->
 
 
 def _error_times_samples(results: Results, contestant: Contestant, spp: int) -> dict[int, float]:
-    return {cell["block"]: point_error(point, results.metric)[0] * samples_of(point)
-            for cell in contestant.done for point in cell["points"] if point["spp"] == spp}  # fmt: skip
+    return {
+        cell["block"]: point_error(point, results.metric)[0] * samples_of(point)
+        for cell in contestant.done
+        for point in cell["points"]
+        if point["spp"] == spp
+    }
 
 
 def _mse(point: Event) -> float:

@@ -40,12 +40,15 @@ from harness.cli.options import (
 from harness.cli.options import size as parse_size
 
 app = typer.Typer(
-    name="raybench", cls=Group, no_args_is_help=True, pretty_exceptions_enable=False,
+    name="raybench",
+    cls=Group,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Measures how long ray tracers take to reach a given image error.",
     epilog="Exit codes: 0 all is well; 1 a cell failed or timed out, a check failed, images differ, or a regression was "
     "found; 2 the input cannot be used, or a file cannot be written; 130 interrupted.",
-)  # fmt: skip
+)
 
 EXPERIMENTS, RESULTS, IMAGES = "Experiments", "Results", "Images"
 CHECKS, FILES = "Checks of engines", "Scenes and names"
@@ -115,9 +118,14 @@ def run(
 
 @command(EXPERIMENTS)
 def plan(
-    config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False, allow_outside: AllowOutside = False, references: References = None,
-) -> None:  # fmt: skip
+    config: Config,
+    out: Out = None,
+    overrides: Set = None,
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
+    references: References = None,
+) -> None:
     """Show what a run would measure: every configuration, its state, why it is skipped, and the expected time."""
     from harness.cli import experiments
 
@@ -126,9 +134,14 @@ def plan(
 
 @command(EXPERIMENTS)
 def reference(
-    config: Config, out: Out = None, overrides: Set = None, allow_imports: AllowImports = False,
-    allow_commands: AllowCommands = False, allow_outside: AllowOutside = False, references: References = None,
-) -> None:  # fmt: skip
+    config: Config,
+    out: Out = None,
+    overrides: Set = None,
+    allow_imports: AllowImports = False,
+    allow_commands: AllowCommands = False,
+    allow_outside: AllowOutside = False,
+    references: References = None,
+) -> None:
     """Render only the references of an experiment. Existing ones are kept, or extended."""
     from harness.cli import experiments
 
@@ -147,9 +160,9 @@ def view(
             metavar="SCENE", help="A scene below the folder, or a bare name from scenes/.", autocompletion=shipped("scenes")
         ),
     ] = "cornell_box",
-    folder: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder that the page may read. Races are saved in it.")
-    ] = Path("."),
+    folder: Annotated[Path, typer.Option(metavar="DIR", help="Folder that the page may read. Races are saved in it.")] = Path(
+        "."
+    ),
     engine: Annotated[str, typer.Option(help="Engine that is selected at first.", autocompletion=engines)] = DEFAULT_ENGINE,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the server.", show_default="a free one")] = 0,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open no browser.")] = False,
@@ -318,8 +331,9 @@ def equivalence(
 
     names = [name.strip() for name in engines.split(",") if name.strip()]
     margins, allowed = Margins(margin, tile_margin), (allow_imports, allow_commands, allow_outside)
-    options = EquivalenceOptions(scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed,
-                                 parameters_of(define or []))  # fmt: skip
+    options = EquivalenceOptions(
+        scene, names, replicates, spp, size, shader, margins, seed, same_seeds, *allowed, parameters_of(define or [])
+    )
     raise typer.Exit(compare(options))
 
 

@@ -15,7 +15,9 @@ def export(
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="mitsuba|pbrt", help="Mitsuba 3's XML, or pbrt-v4's format.",
+            "--to",
+            metavar="mitsuba|pbrt",
+            help="Mitsuba 3's XML, or pbrt-v4's format.",
             autocompletion=words("mitsuba", "pbrt"),
         ),
     ],
@@ -51,7 +53,7 @@ def import_(
 
     file = paths.find("scenes", scene)
     if file.suffix.lower() != ".xml":
-        raise ConfigError(f"{scene}: a Mitsuba file, .xml, is wanted")
+        raise ConfigError(f"{scene}: a Mitsuba file, .xml, is expected")
     held = load_scene(file, allow_outside=allow_outside, parameters=parameters_of(define or []))
     for warning in held.warnings:
         consoles()[1].print(f"warning: {file}: {warning}", style="yellow", markup=False, soft_wrap=True)

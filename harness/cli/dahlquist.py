@@ -101,11 +101,16 @@ def _check(request: Request) -> None:
 def _tracer(request: Request) -> dahlquist.Tracer:
     probe = dahlquist.read_picture(request.probe_image) if request.probe_image else dahlquist.PROBES[request.probe]()
     return dahlquist.Tracer(
-        *request.size, engine=request.engine, threads=request.threads or len(machine.usable_cores()),
-        reflections=request.reflections, environment=request.environment, interlaced=request.interlaced,
-        exact=request.exact, probe=probe,
+        *request.size,
+        engine=request.engine,
+        threads=request.threads or len(machine.usable_cores()),
+        reflections=request.reflections,
+        environment=request.environment,
+        interlaced=request.interlaced,
+        exact=request.exact,
+        probe=probe,
         background=dahlquist.read_picture(request.background_image) if request.background_image else None,
-    )  # fmt: skip
+    )
 
 
 # ---- animations ------------------------------------------------------------------------------------------------------

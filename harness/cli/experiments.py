@@ -93,9 +93,7 @@ def _summary(console: Console, outcome: Outcome, folder: Path) -> None:
 # --- plan -----------------------------------------------------------------------------------------------------------
 
 
-def plan(
-    given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed
-) -> None:  # fmt: skip
+def plan(given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed) -> None:
     """Prints the configurations of an experiment with their states, and how long what is left may take."""
     stdout, stderr = consoles()
     made, folder = _planned(given, out, overrides, allowed, stderr)
@@ -117,14 +115,10 @@ def plan(
     _plan_references(stdout, made)
     if made.verify_jobs:
         left = len(verify_jobs.todo(made.verify_jobs, events, retry=False))
-        stdout.print(
-            f"{len(made.verify_jobs)} verify jobs, {left} of them not yet run."
-        )
+        stdout.print(f"{len(made.verify_jobs)} verify jobs, {left} of them not yet run.")
 
 
-def _planned(
-    given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed, console: Console
-) -> tuple[Plan, Path]:  # fmt: skip
+def _planned(given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed, console: Console) -> tuple[Plan, Path]:
     """The plan of an experiment, its warnings said, and its results folder."""
     experiment = config.load(given, overrides)
     made = planner.make(experiment, *allowed)
@@ -143,8 +137,11 @@ def _plan_references(console: Console, made: Plan) -> None:
 
 def _plan_accelerators(console: Console, made: Plan) -> None:
     """One line for each scene and engine: which accelerator `auto` takes there, and why."""
-    lines = {(cell.scene.name, cell.engine_name, cell.settings["precision"]): cell.auto_accelerator
-             for cell in made.cells if cell.auto_accelerator}  # fmt: skip
+    lines = {
+        (cell.scene.name, cell.engine_name, cell.settings["precision"]): cell.auto_accelerator
+        for cell in made.cells
+        if cell.auto_accelerator
+    }
     for (scene, engine, precision), said in sorted(lines.items()):
         console.print(f"auto in {scene}, {engine} {precision}: {said}", soft_wrap=True, markup=False, highlight=False)
 
@@ -164,8 +161,10 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
     table = Table(*columns, "seeds", "state", "why", box=None, header_style="bold")
     for row, cells in sorted(rows.items()):
         counted = Counter(states[cell.cell_id] for cell in cells)
-        shown = ", ".join(f"[{progress.COLOURS[state]}]{state}[/]" + (f" {n}" if len(counted) > 1 else "")
-                          for state, n in sorted(counted.items()))  # fmt: skip
+        shown = ", ".join(
+            f"[{progress.COLOURS[state]}]{state}[/]" + (f" {n}" if len(counted) > 1 else "")
+            for state, n in sorted(counted.items())
+        )
         table.add_row(*[escape(row[i]) for i in varying], str(len(cells)), shown, escape(cells[0].skip or ""))
     console.print(table)
 
@@ -173,18 +172,23 @@ def _plan_table(console: Console, made: Plan, states: Mapping[str, str]) -> None
 def _columns(cell: Cell) -> tuple[str, ...]:
     settings = cell.settings
     return (
-        cell.scene.name, cell.engine_name, words(settings["accelerator"]), words(settings["shader"]),
-        words(settings["sampler"]), settings["precision"], str(settings["threads"]),
-        f"{settings['width']}x{settings['height']}", cell.label or "", cell.division,
-    )  # fmt: skip
+        cell.scene.name,
+        cell.engine_name,
+        words(settings["accelerator"]),
+        words(settings["shader"]),
+        words(settings["sampler"]),
+        settings["precision"],
+        str(settings["threads"]),
+        f"{settings['width']}x{settings['height']}",
+        cell.label or "",
+        cell.division,
+    )
 
 
 # --- references, status ---------------------------------------------------------------------------------------------
 
 
-def reference(
-    given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed
-) -> int:  # fmt: skip
+def reference(given: str, out: Path | None, overrides: Sequence[str], allowed: Allowed) -> int:
     """Renders the references that an experiment needs, and certifies them; 1 where one failed or is refuted."""
     stdout, stderr = consoles()
     made, folder = _planned(given, out, overrides, allowed, stderr)
@@ -214,14 +218,15 @@ def reference(
 
 def _make_reference(wanted: Any, root: Path, pool: Any, terminal: Any, name: str) -> None:
     references.make(
-        wanted, root, pool, lambda done, count: terminal.reference(name, done, count),
+        wanted,
+        root,
+        pool,
+        lambda done, count: terminal.reference(name, done, count),
         lambda: terminal.note(f"reference of {name}: another run makes it: waiting for that one"),
-    )  # fmt: skip
+    )
 
 
-def _certified(
-    wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console
-) -> bool:  # fmt: skip
+def _certified(wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Console) -> bool:
     """Certifies a reference; whether the engine of another lineage makes another image."""
     if wanted.certifier is None:
         stdout.print(f"{wanted.describe()}: uncertified", markup=False, soft_wrap=True)

@@ -45,9 +45,7 @@ def render(
     seed: Annotated[int, typer.Option(help="Seed of the sampler: another seed gives another noise.")] = 1,
     precision: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(
-            help="float64 or float32.", show_default="the engine's", autocompletion=words("float64", "float32")
-        ),
+        typer.Option(help="float64 or float32.", show_default="the engine's", autocompletion=words("float64", "float32")),
     ] = None,
     tone_mapper: Annotated[
         str,
@@ -67,9 +65,23 @@ def render(
 
     chosen = {"shader": shader, "sampler": sampler, "accelerator": accelerator}
     rendered(
-        Request(scene, engine, chosen, threads, spp, size, seed, precision, tone_mapper, output, allow_imports,
-                allow_commands, allow_outside, parameters_of(define or []))
-    )  # fmt: skip
+        Request(
+            scene,
+            engine,
+            chosen,
+            threads,
+            spp,
+            size,
+            seed,
+            precision,
+            tone_mapper,
+            output,
+            allow_imports,
+            allow_commands,
+            allow_outside,
+            parameters_of(define or []),
+        )
+    )
 
 
 def dahlquist(
@@ -110,7 +122,21 @@ def dahlquist(
     from harness.cli.dahlquist import Request, draw
 
     request = Request(
-        size, calls, time_elapsed, not no_reflections, not no_probe, interlaced, exact, redraw, probe, probe_image,
-        background_image, engine, threads, animate, fps, output,
-    )  # fmt: skip
+        size,
+        calls,
+        time_elapsed,
+        not no_reflections,
+        not no_probe,
+        interlaced,
+        exact,
+        redraw,
+        probe,
+        probe_image,
+        background_image,
+        engine,
+        threads,
+        animate,
+        fps,
+        output,
+    )
     draw(request)

@@ -107,7 +107,7 @@ def size(text: str) -> tuple[int, int]:
 
     found = width_and_height(text)
     if found is None:
-        raise ConfigError(f"--size {text}: width and height are wanted, as 256x192")
+        raise ConfigError(f"--size {text}: width and height are expected, as 256x192")
     return found
 
 
@@ -145,10 +145,12 @@ def _keep_references(folder: Path | None) -> Path | None:
 References = Annotated[
     Optional[Path],  # noqa: UP045
     typer.Option(
-        metavar="DIR", file_okay=False, callback=_keep_references,
+        metavar="DIR",
+        file_okay=False,
+        callback=_keep_references,
         help="Folder of references; by default $RAYBENCH_REFERENCES, or else raybench/references in the user's cache.",
     ),
-]  # fmt: skip
+]
 AllowImports = Annotated[
     bool, typer.Option("--allow-imports", help="Import code that files name as module:attribute. Only if you trust it.")
 ]
@@ -156,9 +158,7 @@ AllowImports = Annotated[
 AllowCommands = Annotated[
     bool, typer.Option("--allow-commands", help="Run the programs that renderers' files name. Only if you trust them.")
 ]
-AllowOutside = Annotated[
-    bool, typer.Option("--allow-outside", help="Read files that the scene names outside of its folder.")
-]
+AllowOutside = Annotated[bool, typer.Option("--allow-outside", help="Read files that the scene names outside of its folder.")]
 Define = Annotated[
     Optional[list[str]],  # noqa: UP045
     typer.Option("-D", metavar="NAME=VALUE", help="Set the parameter $NAME of a Mitsuba file. May be repeated."),

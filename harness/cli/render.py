@@ -66,9 +66,7 @@ def render(request: Request) -> Film:
     require_commands(request.engine, request.allow_commands)
     engine = engine_of(request.engine)
     settings = _settings(request)
-    scene = load_scene(
-        path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters
-    )  # fmt: skip
+    scene = load_scene(path, request.allow_imports, request.allow_outside, natively=True, parameters=request.parameters)
     if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
         raise Unsupported(f"{scene.native.refusal}. The engine mitsuba is given the file as it is")
     if scene.shader is not None and not request.chosen["shader"]:
@@ -139,14 +137,16 @@ def _settings(request: Request) -> dict[str, Any]:
     width, height = request.size or (None, None)
     tables = {"shader": SHADERS, "sampler": SAMPLERS}
     settings: dict[str, Any] = {
-        "width": width, "height": height, "precision": request.precision,
+        "width": width,
+        "height": height,
+        "precision": request.precision,
         "threads": request.threads if request.threads is not None else len(machine.usable_cores()),
-    }  # fmt: skip
+    }
     for kind, written in request.chosen.items():
         text = written or DEFAULTS[kind]
         given = parse_yaml(text, f"--{kind}", ConfigError).plain() if text.lstrip().startswith("{") else {"name": text}
         if not isinstance(given, dict) or not isinstance(given.get("name"), str):
-            raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is wanted")
+            raise ConfigError(f"--{kind} {text}: a name, or {{name: ..., option: value}}, is expected")
         if kind in tables and ":" not in given["name"]:
             given = resolve(kind, given, known(kind, given["name"], tables[kind])).describe()
         settings[kind] = completed(kind, given, request.allow_imports)
@@ -154,16 +154,18 @@ def _settings(request: Request) -> dict[str, Any]:
 
 
 def _provenance(
-    request: Request,
-    settings: Mapping[str, Any],
-    scene_hash: str,
-    engine: Engine,
-    seconds: float,
-    warnings: Sequence[str],
+    request: Request, settings: Mapping[str, Any], scene_hash: str, engine: Engine, seconds: float, warnings: Sequence[str]
 ) -> dict[str, Any]:
     return {
-        "scene": request.scene, "scene_hash": scene_hash, "engine": request.engine,
-        "engine_version": str(engine.version), "settings": dict(settings), "seed": request.seed,
-        "spp": request.spp, "render_seconds": seconds, "machine": machine.environment(), "warnings": list(warnings),
+        "scene": request.scene,
+        "scene_hash": scene_hash,
+        "engine": request.engine,
+        "engine_version": str(engine.version),
+        "settings": dict(settings),
+        "seed": request.seed,
+        "spp": request.spp,
+        "render_seconds": seconds,
+        "machine": machine.environment(),
+        "warnings": list(warnings),
         **({"parameters": dict(request.parameters)} if request.parameters else {}),
-    }  # fmt: skip
+    }

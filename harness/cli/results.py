@@ -23,7 +23,7 @@ NO_CHANGE = ("same", "unresolved", "identical", "equivalent")
 
 def require_results(folder: Path) -> None:
     if store.events_file(folder) is None:
-        raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is wanted")
+        raise ConfigError(f"{folder}: no {store.EVENTS} is there: a folder written by `raybench run` is expected")
 
 
 def write_derived(folder: Path) -> None:
@@ -36,7 +36,7 @@ def write_derived(folder: Path) -> None:
 def report(folders: Sequence[Path], prose: Path | None = None) -> None:
     """Writes everything derived from results folders anew."""
     if prose is not None:
-        raise ConfigError(f"--prose {prose}: is the text of a chapter: --chapter DIR is wanted, too")
+        raise ConfigError(f"--prose {prose}: is the text of a chapter: --chapter DIR is expected, too")
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
@@ -61,7 +61,7 @@ def chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) ->
     for folder in folders:
         require_results(folder)
     if target.exists() and not target.is_dir():
-        raise ConfigError(f"--chapter {target}: is a file; a folder is wanted")
+        raise ConfigError(f"--chapter {target}: is a file; a folder is expected")
     try:
         for written in write_chapter(folders, target, prose):
             consoles()[0].print(str(written), soft_wrap=True)
@@ -130,8 +130,8 @@ def calibrate(folder: Path) -> int:
 
 
 def compare(
-    before: Sequence[Path], after: Sequence[Path], everything: bool, output: Path | None, threshold: float | None,
-) -> int:  # fmt: skip
+    before: Sequence[Path], after: Sequence[Path], everything: bool, output: Path | None, threshold: float | None
+) -> int:
     """Prints what changed between two sides of results folders, or all that was compared; the number of regressions."""
     from harness.report.tables import TEXTS, cell_text, changes
     from harness.store.results import load_results
@@ -157,12 +157,10 @@ def compare(
     return sum(bool(row.get("regression")) for row in found.rows)
 
 
-def sides(
-    folders: Sequence[Path], before: Sequence[Path], after: Sequence[Path]
-) -> tuple[Sequence[Path], Sequence[Path]]:  # fmt: skip
+def sides(folders: Sequence[Path], before: Sequence[Path], after: Sequence[Path]) -> tuple[Sequence[Path], Sequence[Path]]:
     """The folders before and after: two without options, or those of both options."""
     if (folders and (before or after)) or (not folders and not (before and after)) or (folders and len(folders) != 2):
-        raise ConfigError("compare: two results folders are wanted, or --before and --after with one or more each")
+        raise ConfigError("compare: two results folders are expected, or --before and --after with one or more each")
     return (folders[:1], folders[1:]) if folders else (before, after)
 
 

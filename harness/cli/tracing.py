@@ -22,8 +22,12 @@ def trace(
     ],
     rays: Annotated[
         Optional[list[str]],  # noqa: UP045
-        typer.Option(metavar="SET", help="camera, shadow or incoherent rays. May be repeated.", show_default="all three",
-            autocompletion=words("camera", "shadow", "incoherent")),
+        typer.Option(
+            metavar="SET",
+            help="camera, shadow or incoherent rays. May be repeated.",
+            show_default="all three",
+            autocompletion=words("camera", "shadow", "incoherent"),
+        ),
     ] = None,
     engine: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -53,8 +57,12 @@ def trace(
     seed: Annotated[int, typer.Option(help="Seed of the rays and of the order.")] = 1,
     baseline: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option(metavar="ENGINE", help="Engine that rates are compared with.",
-            show_default="the first that has results", autocompletion=engines),
+        typer.Option(
+            metavar="ENGINE",
+            help="Engine that rates are compared with.",
+            show_default="the first that has results",
+            autocompletion=engines,
+        ),
     ] = None,
     out: Annotated[
         Optional[Path],  # noqa: UP045
@@ -72,16 +80,24 @@ def trace(
     axes = {"rays": rays, "engine": engine, "precision": precision, "threads": threads}
     chosen = [parse_yaml(each, "--accelerator", ConfigError).plain() for each in accelerator or []]
     options = {
-        "scene": scene, "accelerator": chosen or None, "count": count, "batch": batch, "bounces": bounces, "checked": checked,
-        "hard": hard, "repeats": repeats, "max_time": max_time, "seed": seed, "baseline": baseline, **axes,
-    }  # fmt: skip
+        "scene": scene,
+        "accelerator": chosen or None,
+        "count": count,
+        "batch": batch,
+        "bounces": bounces,
+        "checked": checked,
+        "hard": hard,
+        "repeats": repeats,
+        "max_time": max_time,
+        "seed": seed,
+        "baseline": baseline,
+        **axes,
+    }
     experiment = trace_of({key: value for key, value in options.items() if value is not None})
     raise typer.Exit(measure(experiment, out, json, (allow_imports, allow_outside), ["raybench", *sys.argv[1:]]))
 
 
-def run_file(
-    given: str, out: Path | None, overrides: Sequence[str], allowed: tuple[bool, bool], command: Sequence[str]
-) -> int:
+def run_file(given: str, out: Path | None, overrides: Sequence[str], allowed: tuple[bool, bool], command: Sequence[str]) -> int:
     """`raybench run` of a file that compares rays."""
     from harness.config.trace import load_trace
 
@@ -121,9 +137,7 @@ def measure(experiment: Any, out: Path | None, as_json: bool, allowed: tuple[boo
         stdout.print(text_of(results), markup=False, soft_wrap=True, end="")
     else:
         show(results, stdout)
-        stdout.print(
-            f"Report: {folder / 'report.html'} (and trace.json, tables/, plots/)", soft_wrap=True, markup=False
-        )
+        stdout.print(f"Report: {folder / 'report.html'} (and trace.json, tables/, plots/)", soft_wrap=True, markup=False)
     return _code([each.model_dump() for each in results.entries])
 
 

@@ -5,6 +5,17 @@ from harness.config.sections import Checkpoints, Limits, Quality, ReferenceConfi
 from harness.config.settings import Budget
 
 __all__ = [
-    "SCHEMA_VERSION", "Budget", "Checkpoints", "Experiment", "Limits", "Quality", "ReferenceConfig", "VerifyConfig",
-    "experiment_schema", "load", "override", "parse", "read_quality",
-]  # fmt: skip
+    "SCHEMA_VERSION",
+    "Budget",
+    "Checkpoints",
+    "Experiment",
+    "Limits",
+    "Quality",
+    "ReferenceConfig",
+    "VerifyConfig",
+    "experiment_schema",
+    "load",
+    "override",
+    "parse",
+    "read_quality",
+]

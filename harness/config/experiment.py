@@ -37,46 +37,53 @@ def _section(record: Record) -> Key:
     return Key(record, record.meaning, {})
 
 
-KEYS = Record("An experiment.", {
-    "raybench_experiment": Key(Kind(_version, {"const": SCHEMA_VERSION}), "Version of the format."),
-    "name": Key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None),
-    "question": Key(LINE, "Question that the experiment answers; the report begins with it.", None),
-    "repeats": Key(
-        integer(1, 1000), "Blocks. Each measures every combination once, in random order, with a seed of its own.", 3
-    ),
-    "seed": Key(SEED, "Seed of the first block; each further block adds one.", 1),
-    "aa_twin": Key(
-        BOOLEAN, "Whether one contestant of every scene runs under a second label, too, its A/A twin: the baseline engine's "
-        "first configuration there, else the first of all. By default from three repeats on, where times count.", None
-    ),
-    "remeasure": Key(
-        integer(0, 100), "Rounds, at the end of a run, in which contended cells are measured again, where times count.", 2
-    ),
-    "timing": Key(BOOLEAN, "Whether times count. Otherwise cells may run in parallel, on any machine of a cluster.", True),
-    "images": Key(
-        one_of(*IMAGES), "Checkpoints whose images are kept; some: 1, 4 and 16 samples and the last, all of the first block.",
-        "some",
-    ),
-    "baseline": Key(
-        OrNull(NAME), "Engine that speed-ups and images are compared with; by default numpy, else numba, else embree.", None
-    ),
-    "pairs": Key(
-        ListOf(sections.PAIR),
-        "Ratios of times between contestants that differ in several settings; others are formed where one differs.", []
-    ),
-    "same_within": Key(
-        number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
-    ),
-    **SETTINGS,
-    **matrix.MATRIX,
-    "checkpoints": _section(sections.CHECKPOINTS),
-    "limits": _section(sections.LIMITS),
-    "order": _section(sections.ORDER),
-    "reference": _section(sections.REFERENCE),
-    "quality": _section(sections.QUALITY),
-    "equivalence": _section(sections.EQUIVALENCE),
-    "verify": Key(sections.VERIFY, sections.VERIFY.meaning, None),
-})  # fmt: skip
+KEYS = Record(
+    "An experiment.",
+    {
+        "raybench_experiment": Key(Kind(_version, {"const": SCHEMA_VERSION}), "Version of the format."),
+        "name": Key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None),
+        "question": Key(LINE, "Question that the experiment answers; the report begins with it.", None),
+        "repeats": Key(
+            integer(1, 1000), "Blocks. Each measures every combination once, in random order, with a seed of its own.", 3
+        ),
+        "seed": Key(SEED, "Seed of the first block; each further block adds one.", 1),
+        "aa_twin": Key(
+            BOOLEAN,
+            "Whether one contestant of every scene runs under a second label, too, its A/A twin: the baseline engine's "
+            "first configuration there, else the first of all. By default from three repeats on, where times count.",
+            None,
+        ),
+        "remeasure": Key(
+            integer(0, 100), "Rounds, at the end of a run, in which contended cells are measured again, where times count.", 2
+        ),
+        "timing": Key(BOOLEAN, "Whether times count. Otherwise cells may run in parallel, on any machine of a cluster.", True),
+        "images": Key(
+            one_of(*IMAGES),
+            "Checkpoints whose images are kept; some: 1, 4 and 16 samples and the last, all of the first block.",
+            "some",
+        ),
+        "baseline": Key(
+            OrNull(NAME), "Engine that speed-ups and images are compared with; by default numpy, else numba, else embree.", None
+        ),
+        "pairs": Key(
+            ListOf(sections.PAIR),
+            "Ratios of times between contestants that differ in several settings; others are formed where one differs.",
+            [],
+        ),
+        "same_within": Key(
+            number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
+        ),
+        **SETTINGS,
+        **matrix.MATRIX,
+        "checkpoints": _section(sections.CHECKPOINTS),
+        "limits": _section(sections.LIMITS),
+        "order": _section(sections.ORDER),
+        "reference": _section(sections.REFERENCE),
+        "quality": _section(sections.QUALITY),
+        "equivalence": _section(sections.EQUIVALENCE),
+        "verify": Key(sections.VERIFY, sections.VERIFY.meaning, None),
+    },
+)
 
 
 def experiment_schema() -> Schema:
@@ -130,7 +137,7 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     """The experiment of a YAML tree; scene paths are looked up beside `folder`."""
     top = {key: node for key, node in mapping(root).items() if not key.startswith(".")}
     if "raybench_experiment" not in top:
-        raise root.refuse(f"'raybench_experiment: {SCHEMA_VERSION}' is wanted: this is no experiment")
+        raise root.refuse(f"'raybench_experiment: {SCHEMA_VERSION}' is expected: this is no experiment")
     given = KEYS.read(replace(root, value=top), folder)
     settings = {key: given[key] for key in SETTINGS} | {"budget": BUDGET.merged(given["budget"])}
     combinations, warnings = matrix.expand(given, settings)
@@ -138,14 +145,30 @@ def parse(root: Located, folder: Path, stem: str = "experiment", source: str = "
     aa_twin = repeats >= 3 and timing if given["aa_twin"] is None else given["aa_twin"]
     _seeds_differ(root, seed, repeats, given["reference"])
     experiment = Experiment(
-        name=given["name"] or stem, question=given["question"] or "", combinations=tuple(combinations),
-        checkpoints=given["checkpoints"], repeats=repeats, seed=seed, order_seed=given["order"]["seed"],
-        reference=given["reference"], quality=given["quality"], aa_twin=aa_twin,
-        remeasure=given["remeasure"] if timing else 0, images=given["images"], warnings=tuple(warnings), resolved={},
-        source=source, verify=given["verify"], timing=timing, baseline=given["baseline"], limits=given["limits"],
-        equivalence=given["equivalence"], pairs=tuple(given["pairs"]), same_within=given["same_within"],
+        name=given["name"] or stem,
+        question=given["question"] or "",
+        combinations=tuple(combinations),
+        checkpoints=given["checkpoints"],
+        repeats=repeats,
+        seed=seed,
+        order_seed=given["order"]["seed"],
+        reference=given["reference"],
+        quality=given["quality"],
+        aa_twin=aa_twin,
+        remeasure=given["remeasure"] if timing else 0,
+        images=given["images"],
+        warnings=tuple(warnings),
+        resolved={},
+        source=source,
+        verify=given["verify"],
+        timing=timing,
+        baseline=given["baseline"],
+        limits=given["limits"],
+        equivalence=given["equivalence"],
+        pairs=tuple(given["pairs"]),
+        same_within=given["same_within"],
         folder=folder,
-    )  # fmt: skip
+    )
     return replace(experiment, resolved=_resolved(experiment))
 
 
@@ -204,14 +227,25 @@ def _seeds_differ(root: Located, seed: int, repeats: int, reference: ReferenceCo
 def _resolved(experiment: Experiment) -> dict[str, Any]:
     """The whole experiment as plain data, every default filled in, for the manifest."""
     return {
-        "raybench_experiment": SCHEMA_VERSION, "name": experiment.name, "question": experiment.question,
+        "raybench_experiment": SCHEMA_VERSION,
+        "name": experiment.name,
+        "question": experiment.question,
         "source": experiment.source,
         "combinations": [matrix.plain(combination) for combination in experiment.combinations],
-        "checkpoints": asdict(experiment.checkpoints), "repeats": experiment.repeats, "seed": experiment.seed,
-        "order": {"policy": "blocks", "seed": experiment.order_seed}, "aa_twin": experiment.aa_twin,
-        "remeasure": experiment.remeasure, "images": experiment.images, "timing": experiment.timing,
-        "baseline": experiment.baseline, "pairs": list(experiment.pairs), "same_within": experiment.same_within,
-        "verify": asdict(experiment.verify) if experiment.verify else None, "limits": asdict(experiment.limits),
-        "reference": asdict(experiment.reference), "equivalence": experiment.equivalence,
+        "checkpoints": asdict(experiment.checkpoints),
+        "repeats": experiment.repeats,
+        "seed": experiment.seed,
+        "order": {"policy": "blocks", "seed": experiment.order_seed},
+        "aa_twin": experiment.aa_twin,
+        "remeasure": experiment.remeasure,
+        "images": experiment.images,
+        "timing": experiment.timing,
+        "baseline": experiment.baseline,
+        "pairs": list(experiment.pairs),
+        "same_within": experiment.same_within,
+        "verify": asdict(experiment.verify) if experiment.verify else None,
+        "limits": asdict(experiment.limits),
+        "reference": asdict(experiment.reference),
+        "equivalence": experiment.equivalence,
         "quality": {**asdict(experiment.quality), "targets": list(experiment.quality.targets or []) or "auto"},
-    }  # fmt: skip
+    }

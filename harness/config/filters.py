@@ -19,13 +19,21 @@ from harness.config.settings import CHOICES, SETTINGS
 from harness.config.validators import RESOLUTION, is_number, listing, number
 
 COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
-    "ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt,
-}  # fmt: skip
+    "ge": operator.ge,
+    "gt": operator.gt,
+    "le": operator.le,
+    "lt": operator.lt,
+}
 _BOUND = number(-1e300, 1e300)
-_BOUNDS = Record("Bounds of a number.", {
-    "ge": Key(_BOUND, "At least this.", None), "gt": Key(_BOUND, "More than this.", None),
-    "le": Key(_BOUND, "At most this.", None), "lt": Key(_BOUND, "Less than this.", None),
-})  # fmt: skip
+_BOUNDS = Record(
+    "Bounds of a number.",
+    {
+        "ge": Key(_BOUND, "At least this.", None),
+        "gt": Key(_BOUND, "More than this.", None),
+        "le": Key(_BOUND, "At most this.", None),
+        "lt": Key(_BOUND, "Less than this.", None),
+    },
+)
 Condition = Callable[[Any], bool]
 
 
@@ -58,7 +66,7 @@ class ConditionKind:
 def _filter(given: Given, context: Any) -> Filter:
     """An empty one is refused, for it would match everything."""
     if not given.written:
-        raise given.node.refuse("at least one condition is wanted")
+        raise given.node.refuse("at least one condition is expected")
     return Filter(given.written, given.node.where)
 
 
@@ -86,9 +94,9 @@ def condition(key: str, node: Located) -> Condition:
         return lambda found: all(name in found and test(found[name]) for name, test in inner.items())
     bounds = _BOUNDS.read(node).written
     if not bounds:
-        raise node.refuse("bounds are wanted: {ge: 2}")
+        raise node.refuse("bounds are expected: {ge: 2}")
     if key in ("scene", "engine", "resolution", "precision", "division", *CHOICES):
-        raise node.refuse("bounds are for numbers: a name, a glob or a list is wanted")
+        raise node.refuse("bounds are for numbers: a name, a glob or a list is expected")
     return lambda found: is_number(found) and all(COMPARISONS[name](found, x) for name, x in bounds.items())
 
 

@@ -33,27 +33,29 @@ class ZipKind:
 
 def _where_and_set(node: Located) -> None:
     if not {"where", "set"} <= mapping(node).keys():
-        raise node.refuse("both 'where' and 'set' are wanted")
+        raise node.refuse("both 'where' and 'set' are expected")
 
 
-_LISTS = Record(
-    "Lists of settings.", {name: Key(ListOf(key.kind, 1), key.meaning, None) for name, key in SETTINGS.items()}
-)  # fmt: skip
+_LISTS = Record("Lists of settings.", {name: Key(ListOf(key.kind, 1), key.meaning, None) for name, key in SETTINGS.items()})
 _SETTINGS = Record("Settings.", SETTINGS)
-_EXTEND = Record("A change of settings.", {
-    "where": Key(FILTER, "Filter of the cells that change: all of its conditions must match."),
-    "set": Key(_SETTINGS, "Settings that change."),
-})  # fmt: skip
+_EXTEND = Record(
+    "A change of settings.",
+    {
+        "where": Key(FILTER, "Filter of the cells that change: all of its conditions must match."),
+        "set": Key(_SETTINGS, "Settings that change."),
+    },
+)
 MATRIX = {
     "matrix": Key(_LISTS, "Lists of settings, of which every combination is measured.", None),
     "zip": Key(ZipKind(), "Lists of settings that advance together: one mapping, or a list of them, each an axis.", []),
     "exclude": Key(ListOf(FILTER), "Filters: combinations that match one are left out.", []),
     "include": Key(
         ListOf(_SETTINGS),
-        "Whole cells beside the matrix. A setting that one leaves out comes from the first value of each axis.", [],
+        "Whole cells beside the matrix. A setting that one leaves out comes from the first value of each axis.",
+        [],
     ),
     "extend": Key(ListOf(Checked(_where_and_set, _EXTEND)), "Settings that change where a filter matches.", []),
-}  # fmt: skip
+}
 """The keys that make combinations of the settings."""
 
 
@@ -75,7 +77,7 @@ def expand(top: Given, settings: Mapping[str, Any]) -> tuple[list[dict[str, Any]
     """
     axes = _axes(top)
     if not axes and not top.has("engine") and not top.has("include"):
-        raise top.node.refuse("a matrix is wanted, or at least a scene and an engine")
+        raise top.node.refuse("a matrix is expected, or at least a scene and an engine")
     combinations = _product(top, settings, axes)
     warnings = [_idle(each) for each in top["exclude"] if not any(map(each.matches, combinations))]
     combinations = [found for found in combinations if not any(each.matches(found) for each in top["exclude"])]
@@ -137,7 +139,7 @@ def _include(top: Given, settings: Mapping[str, Any], axes: list[Axis]) -> Itera
         whole = _changed(settings, *(axis[0] for axis in axes), cell.written)
         for key in ("scene", "engine"):
             if whole[key] is None:
-                raise cell.node.refuse(f"the key {key!r} is wanted: an included cell is whole")
+                raise cell.node.refuse(f"the key {key!r} is expected: an included cell is whole")
         yield whole
 
 

@@ -41,14 +41,19 @@ def exact_root(ratio: float) -> float:
     return root if abs(root - ratio) < 1e-4 * ratio else ratio
 
 
-CHECKPOINTS = Record("Samples per pixel at which the error is measured; by default 1, 2, 3, 4, 6, 8, 12, 16, 24, ...", {
-    "ratio": Key(
-        number(1.01, 1024.0),
-        "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in turn: "
-        "powers of two times the start, and three times them.", 1.4142,
-    ),
-    "start": Key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1),
-}, lambda given, context: Checkpoints(exact_root(given["ratio"]), given["start"]))  # fmt: skip
+CHECKPOINTS = Record(
+    "Samples per pixel at which the error is measured; by default 1, 2, 3, 4, 6, 8, 12, 16, 24, ...",
+    {
+        "ratio": Key(
+            number(1.01, 1024.0),
+            "Ratio of one checkpoint to the one before, in whole samples. 1.4142, the root of two, stands for 3/2 and 4/3 in "
+            "turn: powers of two times the start, and three times them.",
+            1.4142,
+        ),
+        "start": Key(integer(1, 2**31), "Samples per pixel of the first checkpoint.", 1),
+    },
+    lambda given, context: Checkpoints(exact_root(given["ratio"]), given["start"]),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,36 +63,51 @@ class Limits:
     memory_bytes: int | None = None
 
 
-LIMITS = Record("What a cell may use beside its budget.", {
-    "memory": Key(
-        SIZE, "Memory that its processes may hold before they are killed, as 8 GiB; by default 3/4 of the machine's.", None
-    ),
-}, lambda given, context: Limits(given["memory"]))  # fmt: skip
+LIMITS = Record(
+    "What a cell may use beside its budget.",
+    {
+        "memory": Key(
+            SIZE, "Memory that its processes may hold before they are killed, as 8 GiB; by default 3/4 of the machine's.", None
+        )
+    },
+    lambda given, context: Limits(given["memory"]),
+)
 
 
-ORDER = Record("Order in which cells run.", {
-    "policy": Key(one_of("blocks"), "Block after block, at random within each.", "blocks"),
-    "seed": Key(SEED, "Seed of the random order.", 1),
-})  # fmt: skip
+ORDER = Record(
+    "Order in which cells run.",
+    {
+        "policy": Key(one_of("blocks"), "Block after block, at random within each.", "blocks"),
+        "seed": Key(SEED, "Seed of the random order.", 1),
+    },
+)
 
 
 def _side(given: Given, context: Any) -> dict[str, Any]:
     if not given.written:
-        raise given.node.refuse("at least one setting is wanted")
+        raise given.node.refuse("at least one setting is expected")
     return given.written
 
 
-_SIDE = Record("Contestants, by some of their settings; choices by their names alone.", {
-    "engine": Key(NAME, "Engine, by the name that tables use.", None),
-    "accelerator": Key(NAME, "Accelerator.", None),
-    "sampler": Key(NAME, "Sampler.", None),
-    "precision": Key(NAME, "Precision.", None),
-    "threads": Key(integer(1, 1024), "Threads.", None),
-}, _side)  # fmt: skip
-PAIR = Record("A ratio of times to form, in however many settings the two differ.", {
-    "contestant": Key(_SIDE, "Contestant whose times are compared."),
-    "baseline": Key(_SIDE, "Contestant that it is compared with; of several, the one that shares the most settings."),
-}, lambda given, context: dict(given.values))  # fmt: skip
+_SIDE = Record(
+    "Contestants, by some of their settings; choices by their names alone.",
+    {
+        "engine": Key(NAME, "Engine, by the name that tables use.", None),
+        "accelerator": Key(NAME, "Accelerator.", None),
+        "sampler": Key(NAME, "Sampler.", None),
+        "precision": Key(NAME, "Precision.", None),
+        "threads": Key(integer(1, 1024), "Threads.", None),
+    },
+    _side,
+)
+PAIR = Record(
+    "A ratio of times to form, in however many settings the two differ.",
+    {
+        "contestant": Key(_SIDE, "Contestant whose times are compared."),
+        "baseline": Key(_SIDE, "Contestant that it is compared with; of several, the one that shares the most settings."),
+    },
+    lambda given, context: dict(given.values),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +145,7 @@ def _reference(given: Given, context: Any) -> ReferenceConfig:
         if given[key] and (is_file(given[key]) or split(given[key])[1]):
             raise given.at(key).refuse("a renderer by process, or with a Python of its own, is raced, but makes no reference")
     if given["certify"] == given["engine"]:
-        raise given.at("certify").refuse(f"another engine than the reference's, {given['engine']}, is wanted")
+        raise given.at("certify").refuse(f"another engine than the reference's, {given['engine']}, is expected")
     return ReferenceConfig(**given.values)
 
 
@@ -136,24 +156,31 @@ def _certifier(node: Located) -> str | None:
     return AUTOMATIC if node.value == AUTOMATIC else OrNull(_ENGINE).read(node)
 
 
-REFERENCE = Record("How the reference is made: the mean of independent images.", {
-    "engine": Key(_ENGINE, "Engine that renders it.", "embree"),
-    "spp": Key(integer(2, 2**31), "Samples per pixel in all.", 8192),
-    "seed": Key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000),
-    "sampler": Key(SETTINGS["sampler"].kind, "Sampler, as for cells.", "sobol"),
-    "accelerator": Key(SETTINGS["accelerator"].kind, "Accelerator, as for cells.", "auto"),
-    "precision": Key(SETTINGS["precision"].kind, "Precision, as for cells.", None),
-    "threads": Key(integer(0, 1024), "Threads; 0 is every core. They change no pixel.", 0),
-    "certify": Key(
-        Kind(_certifier, {"anyOf": [{"const": AUTOMATIC}, *OrNull(_ENGINE).schema()["anyOf"]]}),
-        "An engine of another lineage that renders the image again: the report says whether it is the same. "
-        "By default one that is fast enough; null: none.", AUTOMATIC
-    ),
-    "shader": Key(
-        OrNull(SETTINGS["shader"].kind), "Shader of one reference that contestants of all shaders race towards; null: each "
-        "shader has its own reference, and its own race.", None
-    ),
-}, _reference)  # fmt: skip
+REFERENCE = Record(
+    "How the reference is made: the mean of independent images.",
+    {
+        "engine": Key(_ENGINE, "Engine that renders it.", "embree"),
+        "spp": Key(integer(2, 2**31), "Samples per pixel in all.", 8192),
+        "seed": Key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000),
+        "sampler": Key(SETTINGS["sampler"].kind, "Sampler, as for cells.", "sobol"),
+        "accelerator": Key(SETTINGS["accelerator"].kind, "Accelerator, as for cells.", "auto"),
+        "precision": Key(SETTINGS["precision"].kind, "Precision, as for cells.", None),
+        "threads": Key(integer(0, 1024), "Threads; 0 is every core. They change no pixel.", 0),
+        "certify": Key(
+            Kind(_certifier, {"anyOf": [{"const": AUTOMATIC}, *OrNull(_ENGINE).schema()["anyOf"]]}),
+            "An engine of another lineage that renders the image again: the report says whether it is the same. "
+            "By default one that is fast enough; null: none.",
+            AUTOMATIC,
+        ),
+        "shader": Key(
+            OrNull(SETTINGS["shader"].kind),
+            "Shader of one reference that contestants of all shaders race towards; null: each "
+            "shader has its own reference, and its own race.",
+            None,
+        ),
+    },
+    _reference,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +211,7 @@ def _quality(given: Given, context: Any) -> Quality:
     if not higher_is_better(quality.metric):
         return quality
     if quality.targets is None or not given.has("targets"):
-        wanted = f"targets are wanted with {quality.metric}: there is no default, and auto is for errors"
+        wanted = f"targets are expected with {quality.metric}: there is no default, and auto is for errors"
         raise given.node.refuse(wanted)
     if min(as_error(quality.metric, target) for target in quality.targets) <= 0.0:
         raise given.at("targets").refuse("must be below 1")
@@ -198,28 +225,34 @@ def _targets(node: Located) -> tuple[float, ...] | None:
     if node.value == "auto":
         return None
     if not isinstance(node.value, list) or not node.value:
-        raise node.refuse("a list of errors, or auto, is wanted")
+        raise node.refuse("a list of errors, or auto, is expected")
     return tuple(sorted(set(_TARGETS.read(node)), reverse=True))
 
 
-QUALITY = Record("Metric of the error, and the target errors.", {
-    "metric": Key(one_of(*METRICS), "Metric of targets and plots.", "relmse"),
-    "epsilon": Key(number(0.0, 1e6, open_low=True), "Added to the square of each reference pixel in relMSE.", 0.01),
-    "targets": Key(
-        Kind(_targets, {"oneOf": [{"const": "auto"}, _TARGETS.schema()]}),
-        "Errors to reach, or auto: four half a decade apart, chosen once from the first results.", [0.1, 0.01, 0.001],
-    ),
-}, _quality)  # fmt: skip
+QUALITY = Record(
+    "Metric of the error, and the target errors.",
+    {
+        "metric": Key(one_of(*METRICS), "Metric of targets and plots.", "relmse"),
+        "epsilon": Key(number(0.0, 1e6, open_low=True), "Added to the square of each reference pixel in relMSE.", 0.01),
+        "targets": Key(
+            Kind(_targets, {"oneOf": [{"const": "auto"}, _TARGETS.schema()]}),
+            "Errors to reach, or auto: four half a decade apart, chosen once from the first results.",
+            [0.1, 0.01, 0.001],
+        ),
+    },
+    _quality,
+)
 
 
 def _margin(default: float, of: str) -> Key:
     return Key(number(0.0, 1.0, open_low=True), f"Largest difference of {of}, as a share of the radiance.", default)
 
 
-EQUIVALENCE = Record("Margins within which the images of two engines count as equivalent.", {
-    "image": _margin(0.005, "the image means"),
-    "tile": _margin(0.05, "a tile of 16x16 pixels"),
-}, lambda given, context: given.values)  # fmt: skip
+EQUIVALENCE = Record(
+    "Margins within which the images of two engines count as equivalent.",
+    {"image": _margin(0.005, "the image means"), "tile": _margin(0.05, "a tile of 16x16 pixels")},
+    lambda given, context: given.values,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,8 +273,12 @@ def _verify(given: Given, context: Any) -> VerifyConfig:
     return VerifyConfig(tuple(given["cases"]), given["quick"], given["timeout"])
 
 
-VERIFY = Record("Cases of `raybench verify` that run after all that is timed.", {
-    "cases": Key(ListOf(NAME, 1), "Ids of cases or names of sections.", ["stability"]),
-    "quick": Key(BOOLEAN, "Whether to use fewer rays and parameters.", False),
-    "timeout": Key(DURATION, "Wall time of a verify job.", "300s"),
-}, _verify)  # fmt: skip
+VERIFY = Record(
+    "Cases of `raybench verify` that run after all that is timed.",
+    {
+        "cases": Key(ListOf(NAME, 1), "Ids of cases or names of sections.", ["stability"]),
+        "quick": Key(BOOLEAN, "Whether to use fewer rays and parameters.", False),
+        "timeout": Key(DURATION, "Wall time of a verify job.", "300s"),
+    },
+    _verify,
+)

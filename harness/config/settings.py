@@ -19,16 +19,7 @@ import numpy as np
 from engines import choices
 from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.interface import Settings
-from engines.registry import (
-    BUILT_IN,
-    THIS,
-    engine_names,
-    interpreter,
-    is_file,
-    known_names,
-    load_attribute,
-    names_a_program,
-)  # fmt: skip
+from engines.registry import BUILT_IN, THIS, engine_names, interpreter, is_file, known_names, load_attribute, names_a_program
 from engines.registry import engine as engine_of
 from engines.scene import Scene, load_scene
 from engines.schema.keys import Key, Record, Schema
@@ -79,18 +70,21 @@ def _parameters(node: Located) -> tuple[tuple[str, str], ...]:
     found = []
     for name, child in mapping(node).items():
         if not name.isidentifier() or isinstance(child.value, (dict, list, bool, type(None))):
-            raise child.refuse("a number or a word is wanted, under the name of a parameter")
+            raise child.refuse("a number or a word is expected, under the name of a parameter")
         found.append((name, str(child.value)))
     return tuple(sorted(found))
 
 
-_SCENE = Record("A Mitsuba file, with values of its parameters.", {
-    "file": Key(NAME, "Path of the file beside the experiment, or a bare name."),
-    "parameters": Key(
-        Kind(_parameters, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}),
-        "Values of $name in the file, by name.",
-    ),
-})  # fmt: skip
+_SCENE = Record(
+    "A Mitsuba file, with values of its parameters.",
+    {
+        "file": Key(NAME, "Path of the file beside the experiment, or a bare name."),
+        "parameters": Key(
+            Kind(_parameters, {"type": "object", "additionalProperties": {"type": ["number", "string"]}}),
+            "Values of $name in the file, by name.",
+        ),
+    },
+)
 
 
 class SceneKind:
@@ -124,7 +118,7 @@ class PythonKind:
     def read(self, node: Located, context: Any = None) -> str:
         text = os.path.expandvars(NAME.read(node))
         if "$" in text:
-            raise node.refuse("the variable is not set: the folder of a virtual environment, or a Python, is wanted")
+            raise node.refuse("the variable is not set: the folder of a virtual environment, or a Python, is expected")
         if text == THIS:
             return text
         places = [os.path.join(place, os.path.expanduser(text)) for place in (context or "", Path.cwd())]
@@ -139,13 +133,17 @@ class PythonKind:
         return NAME.schema()
 
 
-_APART = Record("An engine in a process of its own, with a Python of the user's choice.", {
-    "name": Key(NAME, "Name of the engine, or module:attribute."),
-    "python": Key(
-        PythonKind(), "Folder of the virtual environment, or the Python, that runs the engine; `this` is raybench's own. "
-        "$NAME stands for a variable of the environment.",
-    ),
-})  # fmt: skip
+_APART = Record(
+    "An engine in a process of its own, with a Python of the user's choice.",
+    {
+        "name": Key(NAME, "Name of the engine, or module:attribute."),
+        "python": Key(
+            PythonKind(),
+            "Folder of the virtual environment, or the Python, that runs the engine; `this` is raybench's own. "
+            "$NAME stands for a variable of the environment.",
+        ),
+    },
+)
 
 
 class EngineKind:
@@ -157,7 +155,7 @@ class EngineKind:
             given = _APART.read(node, context)
             name = self.read(given.at("name"), context)
             if is_file(name):
-                raise given.at("name").refuse("a renderer's file names its own program: an engine in Python is wanted")
+                raise given.at("name").refuse("a renderer's file names its own program: an engine in Python is expected")
             return f"{name}@{given['python']}"
         given = NAME.read(node)
         if is_file(given):
@@ -183,11 +181,11 @@ class ChoiceKind:
 
     def read(self, node: Located, context: Any = None) -> dict[str, Any]:
         if not isinstance(node.value, (str, dict)):
-            raise node.refuse(f"a {self.kind}'s name, or {{name: ..., option: value}}, is wanted")
+            raise node.refuse(f"a {self.kind}'s name, or {{name: ..., option: value}}, is expected")
         finite(node)
         given = node.plain() if isinstance(node.value, dict) else {"name": NAME.read(node)}
         if not isinstance(given.get("name"), str):
-            raise node.refuse("the key 'name' is wanted")
+            raise node.refuse("the key 'name' is expected")
         if self.table is None or ":" in given["name"]:
             return given
         try:
@@ -228,7 +226,7 @@ _BUDGET = Record(
         "max_spp": Key(integer(1, 2**31), "Samples per pixel of the last checkpoint.", 1024),
         "timeout": Key(DURATION, "Wall time after which a cell's process is killed; its checkpoints are kept.", "300s"),
     },
-)  # fmt: skip
+)
 BUDGET = Budget(**_changes(_BUDGET.read(locate({})).values))
 """That of a file that gives none."""
 
@@ -238,30 +236,30 @@ DIVISIONS = ("closed", "open")
 SETTINGS = {
     "scene": Key(
         SceneKind(),
-        "Name of a scene in scenes/, path of a scene file beside the experiment, or a Mitsuba file with parameters.", None,
+        "Name of a scene in scenes/, path of a scene file beside the experiment, or a Mitsuba file with parameters.",
+        None,
     ),
     "engine": Key(EngineKind(), "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None),
     "shader": Key(ChoiceKind("shader", choices.SHADERS), "Name of a shader, or {name: ..., option: value}.", "path_tracer"),
     "sampler": Key(ChoiceKind("sampler", choices.SAMPLERS), "Name of a sampler, or {name: ..., option: value}.", "sobol"),
     "accelerator": Key(
-        ChoiceKind("accelerator"),
-        "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto",
+        ChoiceKind("accelerator"), "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto"
     ),
     "precision": Key(
         OrNull(one_of("float64", "float32")),
-        "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else.", None,
+        "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else.",
+        None,
     ),
     "threads": Key(integer(1, 1024), "Threads of the engine.", 1),
     "resolution": Key(RESOLUTION, "Width and height of the image, by default those of the scene.", None, unit="pixels"),
     "division": Key(
         one_of(*DIVISIONS),
         "Division in which the contestant is ranked. closed: the same estimator with the same image. open: anything whose "
-        "image is not biased against the reference.", "closed",
+        "image is not biased against the reference.",
+        "closed",
     ),
-    "budget": Key(
-        Checked(mapping, replace(_BUDGET, make=lambda given, context: _changes(given.written))), _BUDGET.meaning, {}
-    ),
-}  # fmt: skip
+    "budget": Key(Checked(mapping, replace(_BUDGET, make=lambda given, context: _changes(given.written))), _BUDGET.meaning, {}),
+}
 """The keys of a cell, in the order of its description. At the top level of a file a default stands for one left out."""
 
 
@@ -272,9 +270,13 @@ def engine_settings(plain: Mapping[str, Any], seed: int, allow_imports: bool) ->
     """`engines.Settings` of a cell's plain data: shader, sampler, accelerator, precision, threads, width, height."""
     chosen = {kind: plugin_or_choice(kind, plain[kind], allow_imports) for kind in CHOICES}
     return Settings(
-        width=plain["width"], height=plain["height"], threads=plain["threads"], precision=plain["precision"],
-        seed=seed, **chosen,
-    )  # fmt: skip
+        width=plain["width"],
+        height=plain["height"],
+        threads=plain["threads"],
+        precision=plain["precision"],
+        seed=seed,
+        **chosen,
+    )
 
 
 def plugin_or_choice(kind: str, given: Mapping[str, Any], allow_imports: bool) -> Any:

@@ -38,11 +38,7 @@ class _OneOrMore:
     kind: Readable
 
     def read(self, node: Located, context: Any = None) -> list[Any]:
-        return (
-            ListOf(self.kind, 1).read(node, context)
-            if isinstance(node.value, list)
-            else [self.kind.read(node, context)]
-        )
+        return ListOf(self.kind, 1).read(node, context) if isinstance(node.value, list) else [self.kind.read(node, context)]
 
     def schema(self) -> Schema:
         return {"anyOf": [self.kind.schema(), ListOf(self.kind, 1).schema()]}
@@ -52,32 +48,35 @@ def _axis(kind: Readable, meaning: str, default: Any = ...) -> Key:
     return Key(_OneOrMore(kind), meaning, default)
 
 
-KEYS = Record("A comparison of engines by the rays that they trace: one value, or a list of several, for each axis.", {
-    TRACE: Key(Kind(_version, {"const": VERSION}), "Version of the format."),
-    "name": Key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None),
-    "question": Key(LINE, "Question that the comparison answers.", None),
-    "scene": _axis(SceneKind(), "Scenes: names in scenes/, or paths beside the file."),
-    "rays": _axis(one_of(*KINDS), "Sets of rays; shadow is answered by occluded, the others by trace.", [*KINDS]),
-    "engine": _axis(EngineKind(), "Engines, as in experiments.", [*ENGINES]),
-    "accelerator": _axis(
-        ChoiceKind("accelerator"), "Accelerators, as in experiments; an engine that lacks one is left out there.", ["auto"]
-    ),
-    "precision": _axis(OrNull(one_of("float64", "float32")), "Precisions; null is the engine's own.", [None]),
-    "threads": _axis(integer(1, 1024), "Threads of the engines.", [1]),
-    "count": Key(integer(16, 10**8), "Rays per set.", 200_000),
-    "batch": Key(OrNull(integer(1, 10**8)), "Rays per call; by default all in one.", None),
-    "bounces": Key(integer(1, 64), "Bounces of the paths from whose hits incoherent rays start.", 3),
-    "checked": Key(integer(0, 10**8), "Rays per set that are compared with exact answers; the whole set at most.", 10_000),
-    "hard": Key(integer(0, 10**8), "Rays at edges and vertices that triangles share, by which leaks are counted.", 20_000),
-    "repeats": Key(integer(1, 1000), "Blocks. Each measures every contestant once, in random order, in new processes.", 5),
-    "max_time": Key(DURATION, "Time inside calls in a block: sets are traced again until it is reached.", "500ms"),
-    "timeout": Key(DURATION, "Wall time after which the process of a contestant's block is killed.", "300s"),
-    "seed": Key(SEED, "Seed of the rays and of the order.", 1),
-    "baseline": Key(OrNull(NAME), "Engine that rates are compared with; by default the first that has results.", None),
-    "same_within": Key(
-        number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
-    ),
-})  # fmt: skip
+KEYS = Record(
+    "A comparison of engines by the rays that they trace: one value, or a list of several, for each axis.",
+    {
+        TRACE: Key(Kind(_version, {"const": VERSION}), "Version of the format."),
+        "name": Key(LINE, "Title of the report, and name of the results folder; by default the name of the file.", None),
+        "question": Key(LINE, "Question that the comparison answers.", None),
+        "scene": _axis(SceneKind(), "Scenes: names in scenes/, or paths beside the file."),
+        "rays": _axis(one_of(*KINDS), "Sets of rays; shadow is answered by occluded, the others by trace.", [*KINDS]),
+        "engine": _axis(EngineKind(), "Engines, as in experiments.", [*ENGINES]),
+        "accelerator": _axis(
+            ChoiceKind("accelerator"), "Accelerators, as in experiments; an engine that lacks one is left out there.", ["auto"]
+        ),
+        "precision": _axis(OrNull(one_of("float64", "float32")), "Precisions; null is the engine's own.", [None]),
+        "threads": _axis(integer(1, 1024), "Threads of the engines.", [1]),
+        "count": Key(integer(16, 10**8), "Rays per set.", 200_000),
+        "batch": Key(OrNull(integer(1, 10**8)), "Rays per call; by default all in one.", None),
+        "bounces": Key(integer(1, 64), "Bounces of the paths from whose hits incoherent rays start.", 3),
+        "checked": Key(integer(0, 10**8), "Rays per set that are compared with exact answers; the whole set at most.", 10_000),
+        "hard": Key(integer(0, 10**8), "Rays at edges and vertices that triangles share, by which leaks are counted.", 20_000),
+        "repeats": Key(integer(1, 1000), "Blocks. Each measures every contestant once, in random order, in new processes.", 5),
+        "max_time": Key(DURATION, "Time inside calls in a block: sets are traced again until it is reached.", "500ms"),
+        "timeout": Key(DURATION, "Wall time after which the process of a contestant's block is killed.", "300s"),
+        "seed": Key(SEED, "Seed of the rays and of the order.", 1),
+        "baseline": Key(OrNull(NAME), "Engine that rates are compared with; by default the first that has results.", None),
+        "same_within": Key(
+            number(0.0, 1.0, open_low=True), "Largest difference of times that counts as the same, as a share.", 0.05
+        ),
+    },
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +112,11 @@ class TraceExperiment:
 def trace_schema() -> Schema:
     """The JSON schema (draft 2020-12) of such files. It is no stricter than `load_trace`, which has the last word."""
     return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema", **KEYS.schema(), "title": "raybench trace",
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **KEYS.schema(),
+        "title": "raybench trace",
         "patternProperties": {r"^\.": {}},
-    }  # fmt: skip
+    }
 
 
 def is_trace(path: Path) -> bool:
@@ -151,8 +152,13 @@ def _parsed(root: Located, folder: Path | None, stem: str) -> TraceExperiment:
     if given["baseline"] is not None and given["baseline"] not in given["engine"]:
         raise given.at("baseline").refuse(f"must be one of the engines: {', '.join(given['engine'])}")
     return TraceExperiment(
-        name=given["name"] or stem, question=given["question"] or "", scenes=tuple(dict.fromkeys(given["scene"])),
-        rays=tuple(dict.fromkeys(given["rays"])), contestants=tuple(contestants),
-        max_time_seconds=given["max_time"], timeout_seconds=given["timeout"], folder=folder,
+        name=given["name"] or stem,
+        question=given["question"] or "",
+        scenes=tuple(dict.fromkeys(given["scene"])),
+        rays=tuple(dict.fromkeys(given["rays"])),
+        contestants=tuple(contestants),
+        max_time_seconds=given["max_time"],
+        timeout_seconds=given["timeout"],
+        folder=folder,
         **{key: given[key] for key in same},
-    )  # fmt: skip
+    )

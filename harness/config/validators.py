@@ -15,8 +15,7 @@ from engines.schema.keys import Readable, Schema
 from engines.schema.kinds import Kind
 from engines.schema.yaml_file import Located
 
-UNITS = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12,
-         "KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}  # fmt: skip
+UNITS = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30, "TiB": 2**40}
 """Bytes by the unit of a size."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 _NUMBER = r"([0-9]+(?:\.[0-9]*)?|\.[0-9]+)"
@@ -31,14 +30,14 @@ def is_number(value: Any) -> bool:
 def mapping(node: Located) -> dict[str, Located]:
     """The children of a mapping."""
     if not isinstance(node.value, dict):
-        raise node.refuse("a mapping is wanted")
+        raise node.refuse("a mapping is expected")
     return node.value
 
 
 def listing(node: Located, at_least: int = 0) -> list[Located]:
     """The children of a list."""
     if not isinstance(node.value, list) or len(node.value) < at_least:
-        raise node.refuse("a list is wanted" if at_least == 0 else f"a list of at least {at_least} is wanted")
+        raise node.refuse("a list is expected" if at_least == 0 else f"a list of at least {at_least} is expected")
     return node.value
 
 
@@ -133,13 +132,13 @@ class Checked:
 
 def _text(node: Located) -> str:
     if not isinstance(node.value, str) or not node.value.strip():
-        raise node.refuse("a name is wanted")
+        raise node.refuse("a name is expected")
     return node.value
 
 
 def _line(node: Located) -> str:
     if isinstance(node.value, (dict, list, bool)) or node.value is None or not str(node.value).strip():
-        raise node.refuse("a line of text is wanted")
+        raise node.refuse("a line of text is expected")
     return str(node.value).strip()
 
 
@@ -182,7 +181,7 @@ def _resolution(node: Located) -> tuple[int, int]:
         return _PIXELS.read(node.value[0]), _PIXELS.read(node.value[1])
     sides = width_and_height(node.value) if isinstance(node.value, str) else None
     if sides is None:
-        raise node.refuse("width and height are wanted, as 256x192 or [256, 192]")
+        raise node.refuse("width and height are expected, as 256x192 or [256, 192]")
     return _PIXELS.read(replace(node, value=sides[0])), _PIXELS.read(replace(node, value=sides[1]))
 
 
@@ -196,7 +195,11 @@ SIZE = Kind(_size, {"type": "string", "pattern": rf"^\s*{_SIZE}\s*$"})
 """Bytes, from text with a unit."""
 RESOLUTION = Kind(
     _resolution,
-    {"anyOf": [{"type": "array", "items": _PIXELS.json, "minItems": 2, "maxItems": 2},
-               {"type": "string", "pattern": f"^{PIXEL_COUNTS}$"}]},
-)  # fmt: skip
+    {
+        "anyOf": [
+            {"type": "array", "items": _PIXELS.json, "minItems": 2, "maxItems": 2},
+            {"type": "string", "pattern": f"^{PIXEL_COUNTS}$"},
+        ]
+    },
+)
 """(width, height) in pixels."""

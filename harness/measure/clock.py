@@ -46,8 +46,7 @@ def prepare(engine: Engine, scene: Scene, settings: Settings) -> tuple[Renderer,
     lacking = [name for name in ("warm_up", "render", "counters") if not callable(getattr(renderer, name, None))]
     if lacking:
         raise RendererFailed(
-            f"the engine's prepare returned {type(renderer).__name__}, which lacks {', '.join(lacking)}: "
-            "a Renderer is wanted"
+            f"the engine's prepare returned {type(renderer).__name__}, which lacks {', '.join(lacking)}: a Renderer is expected"
         )
     inside = counters(renderer).get("compile_seconds", 0.0)
     warming = perf_counter()
@@ -66,9 +65,7 @@ def one_sample(renderer: Renderer) -> float:
     return max(reported_seconds(renderer) or waited, 1e-9)
 
 
-def timed_points(
-    renderer: Renderer, schedule: Schedule, seconds_per_spp: float, disturbance: Disturbance
-) -> Iterator[Point]:
+def timed_points(renderer: Renderer, schedule: Schedule, seconds_per_spp: float, disturbance: Disturbance) -> Iterator[Point]:
     """Renders checkpoint after checkpoint until the budget is spent; the caller's work in between is off the clock."""
     done, seconds = 0, 0.0
     gc.collect()  # once: before every pass it would empty the caches that the renderer has filled
@@ -86,9 +83,14 @@ def timed_points(
 
 
 def pattern_points(
-    engine: Engine, scene: Scene, prepared: Callable[[FullPattern], Settings], patterns: Sequence[FullPattern],
-    max_time: float, seconds_per_spp: float, disturbance: Disturbance,
-) -> Iterator[Point]:  # fmt: skip
+    engine: Engine,
+    scene: Scene,
+    prepared: Callable[[FullPattern], Settings],
+    patterns: Sequence[FullPattern],
+    max_time: float,
+    seconds_per_spp: float,
+    disturbance: Disturbance,
+) -> Iterator[Point]:
     """Renders pattern after pattern, each from its first sample on by a renderer of its own, in one call that is timed alone.
 
     `prepared` gives the settings of a pattern. The last one is the first that takes `max_time`; one that is predicted to take
@@ -156,9 +158,9 @@ def counters(renderer: Renderer) -> dict[str, float]:
     """
     found: Any = renderer.counters()
     if not isinstance(found, Mapping):
-        raise RendererFailed(f"the engine's counters returned {type(found).__name__}: a mapping to numbers is wanted")
+        raise RendererFailed(f"the engine's counters returned {type(found).__name__}: a mapping to numbers is expected")
     numbers = {str(key): float(value) for key, value in found.items() if isinstance(value, Real)}
     for key, value in numbers.items():
         if not 0.0 <= value < math.inf:
-            raise RendererFailed(f"the engine's counters have {key} = {value}: a finite number from 0 on is wanted")
+            raise RendererFailed(f"the engine's counters have {key} = {value}: a finite number from 0 on is expected")
     return numbers

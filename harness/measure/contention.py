@@ -172,9 +172,10 @@ def contended_by_cpu_time(cells: Iterable[Mapping[str, Any]]) -> set[str]:
             known[cell["cell_id"]] = (cpu / wall, wall, others or 0.0)
     best = max((share for share, _, _ in known.values()), default=0.0)
     return {
-        cell_id for cell_id, (share, wall, others) in known.items()
+        cell_id
+        for cell_id, (share, wall, others) in known.items()
         if share < (1.0 - SHARE) * best and others >= 0.5 * (best - share) * wall
-    }  # fmt: skip
+    }
 
 
 def _number(machine: Mapping[str, Any], key: str) -> float | None:

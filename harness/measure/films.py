@@ -34,7 +34,7 @@ def leave(film: Any, path: str | Path, width: int, height: int, spp: int, oversh
     lacking = [part for part in PARTS if not hasattr(film, part)]
     if lacking:
         raise RendererFailed(
-            f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is wanted"
+            f"the engine's render returned {type(film).__name__}, which lacks {', '.join(lacking)}: a Film is expected"
         )
     parts = {part: getattr(film, part) for part in PARTS}
     _refuse_unfit(parts, width, height, spp, overshoots)
@@ -78,19 +78,19 @@ def _refuse_unfit(parts: Mapping[str, Any], width: int, height: int, spp: int, o
     low, high = int(counts.min()), int(counts.max())
     if low < spp or (high > spp and not overshoots):
         found = str(low) if low == high else f"{low} to {high}"
-        raise RendererFailed(f"the engine's film.counts are {found}: {spp} is wanted, the samples requested")
+        raise RendererFailed(f"the engine's film.counts are {found}: {spp} is expected, the samples requested")
     bad = parts["bad_samples"]
     if isinstance(bad, bool) or not isinstance(bad, Integral) or int(bad) < 0:
-        raise RendererFailed(f"the engine's film.bad_samples is {bad!r}: an integer from 0 on is wanted")
+        raise RendererFailed(f"the engine's film.bad_samples is {bad!r}: an integer from 0 on is expected")
 
 
 def _refuse_array(name: str, found: Any, shape: tuple[int, ...], kind: type, words: str) -> None:
     if not isinstance(found, np.ndarray):
-        raise RendererFailed(f"the engine's film.{name} is of type {type(found).__name__}: a NumPy array is wanted")
+        raise RendererFailed(f"the engine's film.{name} is of type {type(found).__name__}: a NumPy array is expected")
     if found.shape != shape:
-        raise RendererFailed(f"the engine's film.{name} is of shape {found.shape}: {shape} is wanted")
+        raise RendererFailed(f"the engine's film.{name} is of shape {found.shape}: {shape} is expected")
     if not np.issubdtype(found.dtype, kind):
-        raise RendererFailed(f"the engine's film.{name} is of dtype {found.dtype}: {words} are wanted")
+        raise RendererFailed(f"the engine's film.{name} is of dtype {found.dtype}: {words} are expected")
 
 
 def image_of(film: Film) -> Image:

@@ -30,6 +30,8 @@ LAST_SECONDS = 5.0
 """What a process has left to end in, once it has closed its pipe."""
 FOREVER = math.inf
 """A deadline that never comes."""
+
+
 class WorkerFailed(Exception):
     """A request that failed; the message is the worker's, or says how the process died."""
 
@@ -54,13 +56,18 @@ class Worker:
     the end of a request has not been received.
 
     It is killed when it and its children together hold more than `most_bytes` of memory. `threads` are looked at while it is
-    waited for, where they are wanted.
+    waited for, where they are expected.
     """
 
     def __init__(
-        self, engine: str, allow_imports: bool, log: Path, most_bytes: int | None = None, folder: Path | None = None,
+        self,
+        engine: str,
+        allow_imports: bool,
+        log: Path,
+        most_bytes: int | None = None,
+        folder: Path | None = None,
         code: Path | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`folder` is where the process and what it starts keep temporary files, `code` where code that files name is looked
         for first."""
         try:
@@ -71,10 +78,14 @@ class Worker:
         self._most_bytes = memory.default_limit() if most_bytes is None else most_bytes
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "harness.measure.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                stderr=self._log, start_new_session=True, bufsize=0,
+                [sys.executable, "-P", "-m", "harness.measure.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._log,
+                start_new_session=True,
+                bufsize=0,
                 env={**worker_environment(allow_imports, code), **({"TMPDIR": str(folder)} if folder else {})},
-            )  # fmt: skip
+            )
         except OSError as error:
             self._log.close()
             raise WorkerFailed(f"no process could be started: {error.strerror or error}") from error
@@ -112,7 +123,7 @@ class Worker:
             raise FilmUnwritten(answer["message"])
         if wanted and answer["did"] not in (*wanted, "failed", "idle"):
             self.kill()
-            raise WorkerFailed(f"the engine's process sent a message {answer['did']!r} where {wanted[0]!r} is wanted")
+            raise WorkerFailed(f"the engine's process sent a message {answer['did']!r} where {wanted[0]!r} is expected")
         if answer["did"] == "failed":
             self._settle(deadline)
             raise WorkerFailed(answer["message"])

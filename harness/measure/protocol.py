@@ -18,7 +18,7 @@ MOST_WORDS = 2000
 
 
 class BadMessage(Exception):
-    """Something that is no message; says what was found and what is wanted."""
+    """Something that is no message; says what was found and what is expected."""
 
 
 def _seconds(value: Any) -> bool:
@@ -81,16 +81,14 @@ def parsed(line: bytes) -> dict[str, Any]:
         message = json.loads(line)
         message = json.loads(json.dumps(message, ensure_ascii=False).encode("utf-8", "replace"))
     except (ValueError, RecursionError) as error:
-        raise BadMessage(
-            f"it wrote {excerpt(line)} where messages are sent: engines may print to stdout only"
-        ) from error
+        raise BadMessage(f"it wrote {excerpt(line)} where messages are sent: engines may print to stdout only") from error
     kind = message.get("did") if isinstance(message, dict) else None
     if not isinstance(kind, str) or kind not in FIELDS:
         raise BadMessage(f"it wrote {excerpt(line)} where messages are sent: engines may print to stdout only")
     wanted = {**FIELDS[kind], **{key: check for key, check in OPTIONAL.items() if key in message}}
     for key, (holds, words) in wanted.items():
         if not holds(message.get(key)):
-            raise BadMessage(f"its message {kind!r} has {key} = {message.get(key)!r:.{_SHOWN}}: {words} is wanted")
+            raise BadMessage(f"its message {kind!r} has {key} = {message.get(key)!r:.{_SHOWN}}: {words} is expected")
     if "message" in message:
         message["message"] = " ".join(message["message"].split())[:MOST_WORDS]
     return message

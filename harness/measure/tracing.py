@@ -28,10 +28,13 @@ Arrays = Mapping[str, Any]
 
 
 def write_rays(path: Path, rays: Any, checked: Any, hard: Any) -> None:
-    """Leaves a set (origins, directions, t_max) for workers, the indices of the rays whose answers are wanted, and the
+    """Leaves a set (origins, directions, t_max) for workers, the indices of the rays whose answers are expected, and the
     hard rays."""
-    sets = {f"{prefix}{name}": array for prefix, each in (("", rays), ("hard_", hard))
-            for name, array in zip(("origins", "directions", "t_max"), each, strict=True)}  # fmt: skip
+    sets = {
+        f"{prefix}{name}": array
+        for prefix, each in (("", rays), ("hard_", hard))
+        for name, array in zip(("origins", "directions", "t_max"), each, strict=True)
+    }
     np.savez(path, checked=checked, **sets)
 
 
@@ -81,9 +84,7 @@ def prepare(engine: Engine, scene: Scene, request: Mapping[str, Any], rays: Arra
     return tracer, built - start, perf_counter() - built
 
 
-def timed_passes(
-    tracer: RayTracer, request: Mapping[str, Any], rays: Arrays, disturbance: Disturbance
-) -> tuple[float, int]:
+def timed_passes(tracer: RayTracer, request: Mapping[str, Any], rays: Arrays, disturbance: Disturbance) -> tuple[float, int]:
     """Seconds and number of the passes over the whole set."""
     count = len(rays["t_max"])
     batch = request["batch"] or count
@@ -108,8 +109,11 @@ def leave_answers(tracer: RayTracer, request: Mapping[str, Any], rays: Arrays) -
     whole = _answer(tracer, request, rays, slice(None))
     hard = {name.removeprefix("hard_"): array for name, array in rays.items() if name.startswith("hard_")}
     kept = {name: array[rays["checked"]] for name, array in whole.items()}
-    np.savez(request["answers"].removesuffix(".npz"), **kept,
-             **{f"hard_{name}": array for name, array in _answer(tracer, request, hard, slice(None)).items()})  # fmt: skip
+    np.savez(
+        request["answers"].removesuffix(".npz"),
+        **kept,
+        **{f"hard_{name}": array for name, array in _answer(tracer, request, hard, slice(None)).items()},
+    )
 
 
 def _answer(tracer: RayTracer, request: Mapping[str, Any], rays: Arrays, part: slice) -> dict[str, Any]:
@@ -134,8 +138,11 @@ def read_answers(path: Path, request: Mapping[str, Any]) -> Arrays:
     kinds = {"t": np.float64, "blocked": np.bool_}
     try:
         with np.load(path, allow_pickle=False) as file:
-            found = {f"{prefix}{name}": file[f"{prefix}{name}"].astype(kinds.get(name, np.int64), casting="same_kind")
-                     for name in names for prefix in sizes}  # fmt: skip
+            found = {
+                f"{prefix}{name}": file[f"{prefix}{name}"].astype(kinds.get(name, np.int64), casting="same_kind")
+                for name in names
+                for prefix in sizes
+            }
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise RendererFailed(f"its answers cannot be read: {type(error).__name__}: {error}") from error
     for name, array in found.items():

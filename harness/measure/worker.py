@@ -153,9 +153,14 @@ def cell(engine: Any, request: dict[str, Any], pipes: Pipes) -> None:
     again: dict[str, float] = {}
     if patterns:
         points = clock.pattern_points(
-            engine, scene, lambda each: settings_of(request, request["seed"], each.sampler), patterns,
-            schedule.max_time_seconds, estimate, disturbance,
-        )  # fmt: skip
+            engine,
+            scene,
+            lambda each: settings_of(request, request["seed"], each.sampler),
+            patterns,
+            schedule.max_time_seconds,
+            estimate,
+            disturbance,
+        )
     else:
         renderer, again["warm_build_seconds"], _ = clock.prepare(engine, scene, settings_of(request, request["seed"]))
         points = clock.timed_points(renderer, schedule, estimate, disturbance)

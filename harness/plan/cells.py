@@ -77,11 +77,15 @@ class Cell:
     def request(self, checkpoints: Checkpoints) -> dict[str, Any]:
         """The request that a worker gets for this cell."""
         return {
-            "scene_path": self.scene.path, **self.scene.options, "scene_hash": self.scene_hash, "settings": dict(self.settings),
-            "seed": self.seed, "warm_up_seed": self.seed + WARM_UP_SEED,
+            "scene_path": self.scene.path,
+            **self.scene.options,
+            "scene_hash": self.scene_hash,
+            "settings": dict(self.settings),
+            "seed": self.seed,
+            "warm_up_seed": self.seed + WARM_UP_SEED,
             "schedule": Schedule.of(checkpoints, self.budget)._asdict(),
             "patterns": [asdict(each) for each in self.patterns],
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,13 +64,11 @@ def refuse_own_lineage(where: str, certifier: Engine, name: str, reference: Engi
     if lineage == lineage_of(reference):
         raise ConfigError(
             f"{where} = {name!r}: is of the lineage {lineage}, as the reference's engine {reference_name} is, and would "
-            "share its errors: an engine of another lineage is wanted, or auto"
+            "share its errors: an engine of another lineage is expected, or auto"
         )
 
 
-def first_able(
-    names: tuple[str, ...], lineage: str, attempt: Callable[[str], Certifier | None]
-) -> Certifier | None:  # fmt: skip
+def first_able(names: tuple[str, ...], lineage: str, attempt: Callable[[str], Certifier | None]) -> Certifier | None:
     """The first of `names` that is of another lineage than `lineage` and can; else one that says why none can."""
     refusals: dict[str, Certifier] = {}
     for name in names:

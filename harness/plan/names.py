@@ -18,12 +18,13 @@ def names_of(engines: Mapping[str, Engine]) -> dict[str, str]:
     shared = {name for name, count in Counter(names.values()).items() if count > 1}
     names |= {
         written: f"{name} ({_folder(python)})"
-        for written, name in names.items() if name in shared and (python := split(written)[1])
-    }  # fmt: skip
+        for written, name in names.items()
+        if name in shared and (python := split(written)[1])
+    }
     for name, count in Counter(names.values()).items():
         alike = [written for written, each in names.items() if each == name]
         if count > 1 and any(split(written)[1] for written in alike):
-            raise ConfigError(f"{' and '.join(alike)}: both would be called {name}: folders of other names are wanted")
+            raise ConfigError(f"{' and '.join(alike)}: both would be called {name}: folders of other names are expected")
     return names
 
 

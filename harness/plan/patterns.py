@@ -37,7 +37,7 @@ def _answers(engine: Any, sampler: Mapping[str, Any], schedule: Schedule) -> Ite
             raise ConfigError(f"engine {engine.name}: full_pattern failed: {type(error).__name__}: {error}") from error
         if answer is not None and not (_is_pattern(answer) and answer.spp >= max(spp, last)):
             raise ConfigError(
-                f"engine {engine.name}: full_pattern({dict(sampler)}, {spp}) returned {answer!r}: None is wanted, or a "
+                f"engine {engine.name}: full_pattern({dict(sampler)}, {spp}) returned {answer!r}: None is expected, or a "
                 f"FullPattern of {max(spp, last)} samples or more with its sampler"
             )
         yield answer

@@ -55,7 +55,7 @@ REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
 
 def make(
     experiment: Experiment, allow_imports: bool = False, allow_commands: bool = False, allow_outside: bool = False
-) -> Plan:  # fmt: skip
+) -> Plan:
     """The plan of an experiment. Raises `RaybenchError` for names, options and scenes that do not exist."""
     allow_here(allow_imports, experiment.folder)
     known = _Known(experiment, allow_imports, allow_commands, allow_outside)
@@ -99,8 +99,16 @@ def _one_division(experiment: Experiment, found: Iterable[tuple[Cell, Any]]) -> 
 
 def _pairs_exist(experiment: Experiment, configurations: Iterable[Cell]) -> None:
     """Refuses a pair with a side that is no contestant of the experiment, and one whose sides are in different divisions."""
-    runs = [{**cell.settings, "engine": cell.engine_name, "accelerator": cell.settings["accelerator"]["name"],
-             "sampler": cell.settings["sampler"]["name"], "division": cell.division} for cell in configurations]  # fmt: skip
+    runs = [
+        {
+            **cell.settings,
+            "engine": cell.engine_name,
+            "accelerator": cell.settings["accelerator"]["name"],
+            "sampler": cell.settings["sampler"]["name"],
+            "division": cell.division,
+        }
+        for cell in configurations
+    ]
     for index, pair in enumerate(experiment.pairs):
         divisions = []
         for side, wanted in pair.items():
@@ -180,7 +188,7 @@ def _accelerators(engine: Engine) -> Mapping[str, Any]:
         raise ConfigError(message) from error
     if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
         raise ConfigError(
-            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is wanted"
+            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is expected"
         )
     return {"auto": {}, **found}
 
@@ -205,9 +213,7 @@ def _precision(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_
     return "float64" if able or _why_not(engine, scene, single, allow_imports) else "float32"
 
 
-def _configured(
-    experiment: Experiment, combination: Mapping[str, Any], known: _Known
-) -> tuple[Cell, PlannedReference | None]:
+def _configured(experiment: Experiment, combination: Mapping[str, Any], known: _Known) -> tuple[Cell, PlannedReference | None]:
     """A configuration as a cell without block and seed, and the reference it needs."""
     file = known.file(combination)
     scene, engine = known.scenes[file], known.engines[combination["engine"]]
@@ -217,9 +223,11 @@ def _configured(
     settings = {
         **{kind: completed(kind, combination[kind], known.allow_imports) for kind in ("shader", "sampler")},
         "accelerator": accelerator,
-        "precision": combination["precision"] or "float64", "threads": combination["threads"],
-        "width": int(width), "height": int(height),
-    }  # fmt: skip
+        "precision": combination["precision"] or "float64",
+        "threads": combination["threads"],
+        "width": int(width),
+        "height": int(height),
+    }
     if combination["precision"] is None and not lacking:
         settings["precision"] = _precision(engine, scene, settings, known.allow_imports)
     skip = lacking or _why_not(engine, scene, settings, known.allow_imports)
@@ -231,22 +239,43 @@ def _configured(
         skip = f"no whole pattern of its sampler has at most {budget.max_spp} samples per pixel, the budget.max_spp"
     named = known.names[combination["engine"]]
     spec = {
-        "schema": SCHEMA_VERSION, "scene": scene.identity, "engine": named, "engine_version": str(engine.version),
-        **settings, "max_time_seconds": budget.max_time_seconds, "max_spp": budget.max_spp,
-        "checkpoints": experiment.checkpoints.describe(), "label": None,
+        "schema": SCHEMA_VERSION,
+        "scene": scene.identity,
+        "engine": named,
+        "engine_version": str(engine.version),
+        **settings,
+        "max_time_seconds": budget.max_time_seconds,
+        "max_spp": budget.max_spp,
+        "checkpoints": experiment.checkpoints.describe(),
+        "label": None,
         "code": {"engine": known.code(combination["engine"]), **plugin_codes(settings)},
         **({"environment": environment} if (environment := environment_of(engine)) else {}),
         **({"patterns": [asdict(each) for each in patterns]} if patterns else {}),
-    }  # fmt: skip
+    }
     cell = Cell(
-        cell_id="", configuration=digest(spec), spec=spec, block=0, order=0, seed=0, label=None, scene=file,
-        scene_hash=scene.identity, engine=combination["engine"], engine_name=named, settings=settings,
-        budget=budget, reference_id=wanted.reference_id if wanted and not skip else None, skip=skip,
-        primitives=primitive_count(scene), smooth_sampler=_is_smooth(engine, settings["sampler"], known.allow_imports),
-        reproducible=_is_reproducible(engine), patterns=patterns or (), division=combination["division"],
+        cell_id="",
+        configuration=digest(spec),
+        spec=spec,
+        block=0,
+        order=0,
+        seed=0,
+        label=None,
+        scene=file,
+        scene_hash=scene.identity,
+        engine=combination["engine"],
+        engine_name=named,
+        settings=settings,
+        budget=budget,
+        reference_id=wanted.reference_id if wanted and not skip else None,
+        skip=skip,
+        primitives=primitive_count(scene),
+        smooth_sampler=_is_smooth(engine, settings["sampler"], known.allow_imports),
+        reproducible=_is_reproducible(engine),
+        patterns=patterns or (),
+        division=combination["division"],
         raced=dict(experiment.reference.shader) if experiment.reference.shader else None,
         auto_accelerator="" if skip else _auto_accelerator(engine, scene, settings, known.allow_imports),
-    )  # fmt: skip
+    )
     return cell, None if skip else wanted
 
 
@@ -301,7 +330,7 @@ def _why_not(engine: Engine, scene: Scene, settings: Mapping[str, Any], allow_im
         return None
     if answer is not None and not isinstance(answer, str):
         warnings.warn(
-            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is wanted: it is tried", stacklevel=2
+            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is expected: it is tried", stacklevel=2
         )
         return None
     return answer
@@ -314,33 +343,45 @@ def _reference(
     given = experiment.reference
     engine = known.engines[given.engine]
     render_settings = {
-        **settings, "precision": given.precision, "threads": 1, "sampler": dict(given.sampler),
+        **settings,
+        "precision": given.precision,
+        "threads": 1,
+        "sampler": dict(given.sampler),
         "shader": completed("shader", given.shader or settings["shader"], known.allow_imports),
         "accelerator": _resolved(engine, given.accelerator),
-    }  # fmt: skip
+    }
     render_settings["precision"] = given.precision or _precision(engine, scene, render_settings, known.allow_imports)
     why_not = _why_not(engine, scene, render_settings, known.allow_imports)
     if why_not:
         return None, f"no reference by {given.engine}: {why_not}"
     each, count = given.replicates
     spec = {
-        "schema": SCHEMA_VERSION, "scene": scene.identity, "engine": given.engine,
-        "engine_version": str(engine.version), "replicate_spp": each, "replicates": count, "seed": given.seed,
+        "schema": SCHEMA_VERSION,
+        "scene": scene.identity,
+        "engine": given.engine,
+        "engine_version": str(engine.version),
+        "replicate_spp": each,
+        "replicates": count,
+        "seed": given.seed,
         **{key: value for key, value in render_settings.items() if key != "threads"},
-    }  # fmt: skip
+    }
     spec["code"] = {"engine": known.code(given.engine), **plugin_codes(render_settings)}
     threads = given.threads or len(usable_cores())
     render_settings["threads"] = threads
     planned = PlannedReference(
-        file.name, file.path, scene.identity, spec, render_settings, lineage_of(engine),
-        margins=Margins(**experiment.equivalence), scene_options=file.options,
-    )  # fmt: skip
+        file.name,
+        file.path,
+        scene.identity,
+        spec,
+        render_settings,
+        lineage_of(engine),
+        margins=Margins(**experiment.equivalence),
+        scene_options=file.options,
+    )
     return replace(planned, certifier=_certifier(experiment, scene, planned, known)), None
 
 
-def _certifier(
-    experiment: Experiment, scene: Scene, wanted: PlannedReference, known: _Known
-) -> Certifier | None:  # fmt: skip
+def _certifier(experiment: Experiment, scene: Scene, wanted: PlannedReference, known: _Known) -> Certifier | None:
     """The engine that the config names, or the first able one of another lineage."""
     name, width, height = experiment.reference.certify, wanted.spec["width"], wanted.spec["height"]
     if name is None:

@@ -56,20 +56,24 @@ def planned(config: VerifyConfig | None, engines: Mapping[str, Engine]) -> tuple
     return tuple(found)
 
 
-def _job(
-    config: VerifyConfig, name: str, engine: Engine, precision: str, accelerator: str, case: Case
-) -> VerifyJob:  # fmt: skip
+def _job(config: VerifyConfig, name: str, engine: Engine, precision: str, accelerator: str, case: Case) -> VerifyJob:
     source = inspect.getsource(inspect.getmodule(case.check) or case.check)
     preimage = {
-        "engine": name if ":" not in name else engine.name, "engine_version": str(engine.version),
-        "engine_code": engine_code(engine, name), "precision": precision, "accelerator": accelerator, "case": case.id,
-        "quick": config.quick, "code": hashlib.sha256(source.encode()).hexdigest(),
-    }  # fmt: skip
+        "engine": name if ":" not in name else engine.name,
+        "engine_version": str(engine.version),
+        "engine_code": engine_code(engine, name),
+        "precision": precision,
+        "accelerator": accelerator,
+        "case": case.id,
+        "quick": config.quick,
+        "code": hashlib.sha256(source.encode()).hexdigest(),
+    }
     return VerifyJob(digest(preimage), name, preimage, config.timeout_seconds)
 
 
 def todo(wanted: Iterable[VerifyJob], events: Iterable[Mapping[str, Any]], retry: bool) -> list[VerifyJob]:
     """The jobs without a result; with `retry` those that failed, too."""
     known = latest_verify_jobs(events)
-    return [each for each in wanted if each.verify_job_id not in known
-            or (retry and known[each.verify_job_id]["state"] != "done")]  # fmt: skip
+    return [
+        each for each in wanted if each.verify_job_id not in known or (retry and known[each.verify_job_id]["state"] != "done")
+    ]

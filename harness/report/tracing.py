@@ -73,18 +73,40 @@ def _contention(table: Table) -> str:
 
 
 def _printed(title: str, rows: list[Mapping[str, Any]]) -> Printed:
-    printed = Printed(title=escape(title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, header_style="dim",
-                      pad_edge=False, padding=(0, 1, 0, 0))  # fmt: skip
+    printed = Printed(
+        title=escape(title),
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        header_style="dim",
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
     hits = any(row["rays"] != "shadow" for row in rows)
     printed.add_column("engine")
-    for heading in ("Mrays/s", "Mrays/\ncpu s", "over baseline", "", *(["wrong\nhits"] if hits else []), "missed",
-                    "false\nhits", "wrong answers", "leaks", *(["t error\n99.9 %"] if hits else []), "build\n[s]"):  # fmt: skip
+    for heading in (
+        "Mrays/s",
+        "Mrays/\ncpu s",
+        "over baseline",
+        "",
+        *(["wrong\nhits"] if hits else []),
+        "missed",
+        "false\nhits",
+        "wrong answers",
+        "leaks",
+        *(["t error\n99.9 %"] if hits else []),
+        "build\n[s]",
+    ):
         printed.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
     for row in rows:
         names = [row["engine"], "" if row["accelerator"] == "auto" else row["accelerator"], row["precision"]]
-        cells = [" ".join(filter(None, names)), estimate_text(row["mrays_per_second"]),
-                 number_text(row["mrays_per_cpu_second"].value), estimate_text(row["ratio"]) if row.get("ratio") else "",
-                 row["verdict"]]  # fmt: skip
+        cells = [
+            " ".join(filter(None, names)),
+            estimate_text(row["mrays_per_second"]),
+            number_text(row["mrays_per_cpu_second"].value),
+            estimate_text(row["ratio"]) if row.get("ratio") else "",
+            row["verdict"],
+        ]
         cells += [str(row[key]) for key in (*(["wrong"] if hits else []), "missed", "false_hits")]
         cells += [share_text(row["error_rate"]), share_text(row["leak_rate"])]
         cells += [number_text(row.get("t_p999", math.nan))] if hits else []

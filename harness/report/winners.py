@@ -54,9 +54,14 @@ def ratio_of(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> tuple
     own = verdict.quality_speedups[index]
     if own is not None and verdict.against is not None and isfinite(own.ratio) and own.ratio > 0:
         return estimate_text((own.ratio, own.low, own.high)), verdict.against.name
-    rivals = [(each, ratio) for each in verdicts if each.against is verdict.contestant and not each.disqualified
-              and (ratio := each.quality_speedups[index]) is not None
-              and 0 < ratio.low <= ratio.ratio <= ratio.high < inf]  # fmt: skip
+    rivals = [
+        (each, ratio)
+        for each in verdicts
+        if each.against is verdict.contestant
+        and not each.disqualified
+        and (ratio := each.quality_speedups[index]) is not None
+        and 0 < ratio.low <= ratio.ratio <= ratio.high < inf
+    ]
     if not rivals:
         return "", ""
     rival, ratio = min(rivals, key=lambda pair: pair[0].warm[index].value)

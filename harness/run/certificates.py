@@ -47,11 +47,18 @@ def spec_of(wanted: PlannedReference) -> dict[str, Any]:
     certifier = wanted.certifier
     assert certifier is not None
     return {
-        "reference_id": wanted.reference_id, "reference_lineage": wanted.lineage, "engine": certifier.engine,
-        "engine_version": certifier.version, "lineage": certifier.lineage, "factor": certifier.factor,
+        "reference_id": wanted.reference_id,
+        "reference_lineage": wanted.lineage,
+        "engine": certifier.engine,
+        "engine_version": certifier.version,
+        "lineage": certifier.lineage,
+        "factor": certifier.factor,
         "settings": {key: value for key, value in certifier.settings.items() if key != "threads"},
-        "replicates": REPLICATES, "replicate_spp": certifier.spp, "margins": list(wanted.margins), "alpha": ALPHA,
-    }  # fmt: skip
+        "replicates": REPLICATES,
+        "replicate_spp": certifier.spp,
+        "margins": list(wanted.margins),
+        "alpha": ALPHA,
+    }
 
 
 def existing(wanted: PlannedReference, root: Path) -> dict[str, Any] | None:
@@ -81,11 +88,17 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
     certifier, spec = wanted.certifier, spec_of(wanted)
     assert certifier is not None
     event: dict[str, Any] = {
-        "event": "certificate", "certificate_id": digest(spec), **spec, "scene": wanted.scene_name,
-        "reference_engine": wanted.spec["engine"], "spp": REPLICATES * certifier.spp,
-        "width": certifier.settings["width"], "height": certifier.settings["height"],
-        "message": certifier.why_not or "", "time": datetime.now(UTC).isoformat(timespec="seconds"),
-    }  # fmt: skip
+        "event": "certificate",
+        "certificate_id": digest(spec),
+        **spec,
+        "scene": wanted.scene_name,
+        "reference_engine": wanted.spec["engine"],
+        "spp": REPLICATES * certifier.spp,
+        "width": certifier.settings["width"],
+        "height": certifier.settings["height"],
+        "message": certifier.why_not or "",
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
     if certifier.why_not:
         event["verdict"] = "impossible"
     else:
@@ -100,9 +113,14 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
 
 
 def _images(
-    wanted: PlannedReference, engine: str, settings: Mapping[str, Any], spp: int, count: int, pool: Images,
+    wanted: PlannedReference,
+    engine: str,
+    settings: Mapping[str, Any],
+    spp: int,
+    count: int,
+    pool: Images,
     report: Report = lambda done, count: None,
-) -> list[Array]:  # fmt: skip
+) -> list[Array]:
     """Up to `count` images (h, w, 3), as many as the time allows."""
     first, begun = wanted.spec["seed"] + SEEDS_AWAY, monotonic()
     found: list[Array] = []
@@ -113,7 +131,7 @@ def _images(
         if film.bad_samples or pixels:
             bad = f"{pixels} pixels" if pixels else f"{film.bad_samples} samples"
             seed = first + len(found)
-            raise WorkerFailed(f"{engine}, seed {seed}: {bad} are NaN or infinite: finite radiance is wanted")
+            raise WorkerFailed(f"{engine}, seed {seed}: {bad} are NaN or infinite: finite radiance is expected")
         found.append(image)
         report(len(found), count)
         if monotonic() - begun > MOST_SECONDS and len(found) >= FEWEST:

@@ -56,9 +56,13 @@ class Terminal:
     def __init__(self, console: Console) -> None:
         self.console = console
         self._bar = Progress(
-            BarColumn(BAR_WIDTH), TextColumn("{task.description}", markup=False),
-            console=console, auto_refresh=False, transient=True, disable=not console.is_terminal,
-        )  # fmt: skip
+            BarColumn(BAR_WIDTH),
+            TextColumn("{task.description}", markup=False),
+            console=console,
+            auto_refresh=False,
+            transient=True,
+            disable=not console.is_terminal,
+        )
         self._task = self._bar.add_task("", total=None)
         self._left = ""
         self._number, self._total, self._words = 0, 0, ""
@@ -94,8 +98,9 @@ class Terminal:
         if event["message"]:
             words += f": {event['message']}"
         if not self.console.is_terminal or state != "done":
-            self.console.print(escape(words), style=None if state == "done" else COLOURS[state], highlight=False,
-                               soft_wrap=True)  # fmt: skip
+            self.console.print(
+                escape(words), style=None if state == "done" else COLOURS[state], highlight=False, soft_wrap=True
+            )
 
     def verify_job(self, name: str, number: int, total: int) -> None:
         self._draw(f"verify {name}", number, total)

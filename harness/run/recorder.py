@@ -31,9 +31,8 @@ class Recorder:
     """The state of one run. `latest` has the last event of every cell; `stopped` says that no further cell may begin."""
 
     def __init__(
-        self, plan: Plan, folder: Path, listener: Listener, events: store.Events, retry: bool = False,
-        fail_fast: bool = False,
-    ) -> None:  # fmt: skip
+        self, plan: Plan, folder: Path, listener: Listener, events: store.Events, retry: bool = False, fail_fast: bool = False
+    ) -> None:
         self.plan, self.folder, self.listener = plan, folder, listener
         self._events, self._retry, self._fail_fast = events, retry, fail_fast
         self.root = reference_files.cache_folder()
@@ -166,9 +165,13 @@ class Recorder:
         spp = record.points[-1]["spp"] if record.points else 0
         known = {"env_id": record.env_id, "attempt": record.attempt}
         event = {
-            **self.event(cell, state, message, spp), **known, "phases": record.phases, "points": record.points,
-            "counters": record.counters, "machine": record.disturbance,
-        }  # fmt: skip
+            **self.event(cell, state, message, spp),
+            **known,
+            "phases": record.phases,
+            "points": record.points,
+            "counters": record.counters,
+            "machine": record.disturbance,
+        }
         try:
             validation.event(event, "the engine's figures are unusable")
         except ConfigError as error:  # it must not make the whole folder unreadable
@@ -178,18 +181,36 @@ class Recorder:
     def event(self, cell: Cell, state: str, message: str, spp: int = 0) -> dict[str, Any]:
         """An event that says everything about a cell but what was measured; `spp` are those of its last image."""
         return {
-            "event": "cell", "cell_id": cell.cell_id, "configuration": cell.configuration, "env_id": self.env_id,
-            "label": cell.label, "state": state, "message": message, "block": cell.block, "order": cell.order,
-            "seed": cell.seed, "scene": cell.scene.name, "scene_hash": cell.scene_hash,
-            "primitives": cell.primitives, "smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible,
-            "division": cell.division, **({"raced": dict(cell.raced)} if cell.raced else {}),
+            "event": "cell",
+            "cell_id": cell.cell_id,
+            "configuration": cell.configuration,
+            "env_id": self.env_id,
+            "label": cell.label,
+            "state": state,
+            "message": message,
+            "block": cell.block,
+            "order": cell.order,
+            "seed": cell.seed,
+            "scene": cell.scene.name,
+            "scene_hash": cell.scene_hash,
+            "primitives": cell.primitives,
+            "smooth_sampler": cell.smooth_sampler,
+            "reproducible": cell.reproducible,
+            "division": cell.division,
+            **({"raced": dict(cell.raced)} if cell.raced else {}),
             "engine": cell.engine_name,
-            "engine_version": cell.spec["engine_version"], **cell.settings,
-            "reference_id": cell.reference_id, "spec": dict(cell.spec), "separate_renders": bool(cell.patterns),
+            "engine_version": cell.spec["engine_version"],
+            **cell.settings,
+            "reference_id": cell.reference_id,
+            "spec": dict(cell.spec),
+            "separate_renders": bool(cell.patterns),
             "command": cell.command(spp or cell.budget.max_spp),
-            "time": datetime.now(UTC).isoformat(timespec="seconds"), "phases": {}, "points": [], "counters": {},
+            "time": datetime.now(UTC).isoformat(timespec="seconds"),
+            "phases": {},
+            "points": [],
+            "counters": {},
             "machine": {},
-        }  # fmt: skip
+        }
 
     def reference(self, reference_id: str) -> Any:
         """The arrays of a reference, read and checked once."""
@@ -233,9 +254,7 @@ class CellRecord:
     def _imported(self, seconds: float, version: str, code: str) -> None:
         planned = str(self.cell.spec["engine_version"])
         if version != planned:
-            raise WorkerFailed(
-                f"the engine is version {version} where it was to render, {planned} where it was planned"
-            )
+            raise WorkerFailed(f"the engine is version {version} where it was to render, {planned} where it was planned")
         # Elsewhere native libraries of the same version may be other files.
         if self.env_id == self.recorder.env_id and code != self.cell.spec["code"]["engine"]:
             raise WorkerFailed("the engine's code has changed since the run began: run again")
@@ -257,7 +276,7 @@ class CellRecord:
             self._last_film = None
             raise WorkerFailed(
                 f"{bad} of {film.width * film.height} pixels of the engine's image at {answer['spp']} spp are not finite: "
-                "finite radiance is wanted"
+                "finite radiance is expected"
             )
         images = self.recorder.plan.experiment.images
         wanted = self.cell.block == 0 or answer["spp"] in SHARED_SPP
@@ -266,7 +285,7 @@ class CellRecord:
         self.recorder.listener.point(answer["spp"], answer["seconds"])
 
     def keep_last_image(self) -> None:
-        """Writes the image of the last checkpoint, if images are wanted and it is not there yet."""
+        """Writes the image of the last checkpoint, if images are expected and it is not there yet."""
         if self._last_film is not None and self.recorder.plan.experiment.images != "none" and self.points[-1]["image"] is None:
             self._keep(self._last_film)
 

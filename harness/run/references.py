@@ -99,16 +99,22 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
 
 
 def replicates(
-    wanted: PlannedReference, seeds: Iterable[int], pool: Images, engine: str | None = None,
-    settings: Mapping[str, Any] | None = None, spp: int = 0,
-) -> Iterator[tuple[Film, float]]:  # fmt: skip
+    wanted: PlannedReference,
+    seeds: Iterable[int],
+    pool: Images,
+    engine: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    spp: int = 0,
+) -> Iterator[tuple[Film, float]]:
     """The reference's image under each seed, with the seconds it took; by another engine, with other settings and samples,
     where these are named."""
     request = {
-        "scene_path": wanted.scene_path, **wanted.scene_options, "scene_hash": wanted.scene_hash,
+        "scene_path": wanted.scene_path,
+        **wanted.scene_options,
+        "scene_hash": wanted.scene_hash,
         "settings": dict(settings or wanted.settings),
         "spp": spp or wanted.spec["replicate_spp"],
-    }  # fmt: skip
+    }
     yield from pool.replicates(engine or wanted.spec["engine"], request, list(seeds))
 
 
@@ -116,11 +122,17 @@ def event(wanted: PlannedReference, root: Path) -> dict[str, Any]:
     """What `events.jsonl` says of a reference. Its id and its scene's hash say where it lies."""
     meta = meta_of(wanted.folder(root))
     return {
-        "event": "reference", "scene": wanted.scene_name, "scene_hash": wanted.scene_hash,
-        "reference_id": wanted.reference_id, "engine": wanted.spec["engine"], "spp": wanted.spp,
-        "width": wanted.spec["width"], "height": wanted.spec["height"], "shader": wanted.spec["shader"],
+        "event": "reference",
+        "scene": wanted.scene_name,
+        "scene_hash": wanted.scene_hash,
+        "reference_id": wanted.reference_id,
+        "engine": wanted.spec["engine"],
+        "spp": wanted.spp,
+        "width": wanted.spec["width"],
+        "height": wanted.spec["height"],
+        "shader": wanted.spec["shader"],
         "seconds": meta["seconds"],
-    }  # fmt: skip
+    }
 
 
 # --- on disk --------------------------------------------------------------------------------------------------------
@@ -156,7 +168,7 @@ def _add(film: Film, replicate: Film, wanted: PlannedReference) -> None:
         bad = f"{pixels} pixels of the image" if pixels else f"{replicate.bad_samples} samples"
         raise WorkerFailed(
             f"reference of {wanted.scene_name} by {wanted.spec['engine']}, seed {seed}: {bad} are NaN or infinite: finite "
-            "radiance is wanted"
+            "radiance is expected"
         )
     film.add(image)
 
@@ -168,15 +180,21 @@ def _save(folder: Path, wanted: PlannedReference, film: Film, seconds: float) ->
     """
     name = f"film-{film.spp:04d}.npz"
     with atomic.replacing(folder / name) as file:
-        np.savez(
-            file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts, bad_samples=0
-        )
+        np.savez(file, sums=film.sums, squares=film.squares, even_sums=film.even_sums, counts=film.counts, bad_samples=0)
     meta = {
-        "reference_id": wanted.reference_id, "family": wanted.family, "scene": wanted.scene_name,
-        "scene_hash": wanted.scene_hash, "spec": dict(wanted.spec), "done": film.spp,
-        "complete": film.spp == wanted.spec["replicates"], "file": name, "sha256": checksum(folder / name),
-        "seconds": seconds, "time": datetime.now(UTC).isoformat(timespec="seconds"), "machine": machine.provenance(),
-    }  # fmt: skip
+        "reference_id": wanted.reference_id,
+        "family": wanted.family,
+        "scene": wanted.scene_name,
+        "scene_hash": wanted.scene_hash,
+        "spec": dict(wanted.spec),
+        "done": film.spp,
+        "complete": film.spp == wanted.spec["replicates"],
+        "file": name,
+        "sha256": checksum(folder / name),
+        "seconds": seconds,
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": machine.provenance(),
+    }
     if meta["complete"]:
         film.save(folder / EXR, provenance=_text(meta))
     before = meta_of(folder)["file"] if (folder / META).exists() else name

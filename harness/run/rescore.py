@@ -51,9 +51,7 @@ def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
     return config.read_quality(root)
 
 
-def _scored(
-    folder: Path, history: Sequence[dict[str, Any]], quality: Quality
-) -> tuple[list[dict[str, Any]], int, int]:  # fmt: skip
+def _scored(folder: Path, history: Sequence[dict[str, Any]], quality: Quality) -> tuple[list[dict[str, Any]], int, int]:
     """Events of cells whose scores have changed; checkpoints scored; checkpoints without an image."""
     references: dict[str, Any] = {}
     changed: list[dict[str, Any]] = []
@@ -83,17 +81,25 @@ def _scored(
 
 
 def _record(
-    manifest: dict[str, Any], quality: Quality, events: store.Events, latest: Mapping[str, Mapping[str, Any]],
+    manifest: dict[str, Any],
+    quality: Quality,
+    events: store.Events,
+    latest: Mapping[str, Mapping[str, Any]],
     command: Sequence[str],
-) -> None:  # fmt: skip
+) -> None:
     """The new quality in manifest and events, with its targets; `auto` ones of another metric are resolved now."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     changed = quality.name != _quality(manifest, ()).name
     manifest["config"]["quality"] = {**asdict(quality), "targets": list(quality.targets or []) or "auto"}
-    events.append({
-        "event": "run", "time": now, "run_id": digest([now, *command]), "command": list(command),
-        "config_name": manifest.get("config_name", manifest.get("name")),
-    })  # fmt: skip
+    events.append(
+        {
+            "event": "run",
+            "time": now,
+            "run_id": digest([now, *command]),
+            "command": list(command),
+            "config_name": manifest.get("config_name", manifest.get("name")),
+        }
+    )
     targets = list(quality.targets or ()) or (automatic_targets(latest.values(), quality.name) if changed else [])
     if targets:
         events.append({"event": "targets", "metric": quality.name, "targets": targets})

@@ -97,9 +97,7 @@ def _run(plan: Plan, folder: Path, options: Options, listener: Listener, cluster
 class Sweep:
     """One run around its cells: what is planned, references before them, verify jobs and targets after them."""
 
-    def __init__(
-        self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events
-    ) -> None:  # fmt: skip
+    def __init__(self, plan: Plan, folder: Path, options: Options, listener: Listener, events: store.Events) -> None:
         self.plan, self.options, self.listener = plan, options, listener
         self.recorder = Recorder(plan, folder, listener, events, options.retry, options.fail_fast)
 
@@ -114,10 +112,15 @@ class Sweep:
         self._write_manifest(now, bool(todo or jobs))
         if todo or jobs:
             run_id = digest([now, *(cell.cell_id for cell in todo), *(each.verify_job_id for each in jobs)])
-            self.recorder.append({
-                "event": "run", "time": now, "run_id": run_id, "command": list(self.options.command),
-                "config_name": experiment.name,
-            })  # fmt: skip
+            self.recorder.append(
+                {
+                    "event": "run",
+                    "time": now,
+                    "run_id": run_id,
+                    "command": list(self.options.command),
+                    "config_name": experiment.name,
+                }
+            )
         self.recorder.record_environment(self.recorder.env_id, self.recorder.environment)
         self._note_other_machines()
         self._note_skipped()
@@ -160,12 +163,15 @@ class Sweep:
         """Replaces the manifest where it would say something else, or something is going to be measured."""
         experiment = self.plan.experiment
         same = {
-            "raybench_results": FORMAT_VERSION, "name": experiment.name, "config_name": experiment.name,
-            "config": json.loads(json.dumps(experiment.resolved)), "env_id": self.recorder.env_id,
+            "raybench_results": FORMAT_VERSION,
+            "name": experiment.name,
+            "config_name": experiment.name,
+            "config": json.loads(json.dumps(experiment.resolved)),
+            "env_id": self.recorder.env_id,
             "cell_ids": [cell.cell_id for cell in self.plan.cells],
             "verify_job_ids": [each.verify_job_id for each in self.plan.verify_jobs],
             **({"warnings": list(self.plan.warnings)} if self.plan.warnings else {}),
-        }  # fmt: skip
+        }
         path = self.recorder.folder / store.MANIFEST
         before = store.read_manifest(self.recorder.folder) if path.exists() else {}
         if running or any(before.get(key) != value for key, value in same.items()):
@@ -220,10 +226,12 @@ class Sweep:
 
     def _make_reference(self, wanted: PlannedReference, pool: references.Images) -> None:
         references.make(
-            wanted, self.recorder.root, pool,
+            wanted,
+            self.recorder.root,
+            pool,
             lambda done, count: self.listener.reference(wanted.describe(), done, count),
             lambda: self.listener.note(f"reference of {wanted.describe()}: another run makes it: waiting for that one"),
-        )  # fmt: skip
+        )
 
     def _note_samples(self, wanted: PlannedReference, made: bool) -> None:
         """Says of a new reference whether it has samples enough for the targets, of another one if it has too few."""
@@ -238,9 +246,11 @@ class Sweep:
         found = certificates.existing(wanted, self.recorder.root)
         try:
             found = found or certificates.make(
-                wanted, self.recorder.root, pool,
+                wanted,
+                self.recorder.root,
+                pool,
                 lambda done, count: self.listener.reference(f"{wanted.describe()}, certificate", done, count),
-            )  # fmt: skip
+            )
         except (WorkerFailed, WorkerTimeout) as error:
             self.listener.note(f"{wanted.describe()}: no certificate: {error}")
             return
@@ -286,6 +296,9 @@ class Sweep:
                 found.failures.append((cell, event))
         known = store.latest_verify_jobs(self.recorder.history)
         events = [(each, known.get(each.verify_job_id)) for each in self.plan.verify_jobs]
-        found.failed_verify_jobs = [f"{event['state']}: {each.words}: {event['message']}"
-                            for each, event in events if event is not None and event["state"] in BROKEN]  # fmt: skip
+        found.failed_verify_jobs = [
+            f"{event['state']}: {each.words}: {event['message']}"
+            for each, event in events
+            if event is not None and event["state"] in BROKEN
+        ]
         return found

@@ -55,7 +55,7 @@ class _Task:
 
 def run(
     experiment: TraceExperiment, folder: Path, note: Note, allow_imports: bool = False, command: Sequence[str] = ()
-) -> TraceResults:  # fmt: skip
+) -> TraceResults:
     """Measures everything and judges the answers. `note` is called with a line of progress while nothing is on the clock.
 
     Raises `ConfigError` for engines that cannot be loaded and for scenes that lack such rays.
@@ -71,9 +71,13 @@ def run(
         with Pool(allow_imports, folder / "worker.log") as pool:
             _measure(experiment, tasks, pool, note)
     return TraceResults(
-        name=experiment.name, time=datetime.now(UTC).isoformat(timespec="seconds"), command=list(command),
-        config=experiment.describe(), machine=machine.provenance(), entries=entries,
-    )  # fmt: skip
+        name=experiment.name,
+        time=datetime.now(UTC).isoformat(timespec="seconds"),
+        command=list(command),
+        config=experiment.describe(),
+        machine=machine.provenance(),
+        entries=entries,
+    )
 
 
 def _require_engines(experiment: TraceExperiment, allow_imports: bool) -> None:
@@ -92,7 +96,7 @@ def _require_engines(experiment: TraceExperiment, allow_imports: bool) -> None:
 
 def _prepared(
     experiment: TraceExperiment, file: SceneFile, folder: Path, note: Note, allow_imports: bool
-) -> list[tuple[Entry, _Task | None]]:  # fmt: skip
+) -> list[tuple[Entry, _Task | None]]:
     """The entries of a scene, each with what is to be done for it unless its engine declines."""
     note(f"{file.name}: rays and exact answers")
     scene = file.load(allow_imports)
@@ -111,7 +115,7 @@ def _prepared(
 
 def _contestants(
     experiment: TraceExperiment, scene: Scene, of: _Set, checked: int, allow_imports: bool
-) -> list[tuple[Entry, _Task | None]]:  # fmt: skip
+) -> list[tuple[Entry, _Task | None]]:
     """All contestants of a set, and after each baseline its A/A twin."""
     found: list[tuple[Entry, _Task | None]] = []
     compared: set[int] = set()
@@ -127,17 +131,34 @@ def _contestants(
         is_base = threads not in compared and reason is None and experiment.baseline in (None, wanted["engine"])
         for twin in (False, True) if is_base and experiment.repeats >= TWINS_FROM else (False,):
             entry = Entry(
-                scene=of.scene.name, primitives=sum(map(_size, scene.shapes)), rays=of.kind, count=experiment.count,
-                engine=engine.name, version=str(engine.version), accelerator=words(wanted["accelerator"]),
-                precision=wanted["precision"], threads=threads, twin=twin, baseline=is_base and not twin,
-                state="skipped" if reason else "done", message=reason or "",
-            )  # fmt: skip
+                scene=of.scene.name,
+                primitives=sum(map(_size, scene.shapes)),
+                rays=of.kind,
+                count=experiment.count,
+                engine=engine.name,
+                version=str(engine.version),
+                accelerator=words(wanted["accelerator"]),
+                precision=wanted["precision"],
+                threads=threads,
+                twin=twin,
+                baseline=is_base and not twin,
+                state="skipped" if reason else "done",
+                message=reason or "",
+            )
             request = {
-                "scene_path": of.scene.path, **of.scene.options, "scene_hash": of.scene_hash, "rays": str(of.file),
-                "set": of.kind, "accelerator": wanted["accelerator"], "precision": wanted["precision"], "threads": threads,
-                "batch": experiment.batch, "max_time_seconds": experiment.max_time_seconds, "checked": checked,
+                "scene_path": of.scene.path,
+                **of.scene.options,
+                "scene_hash": of.scene_hash,
+                "rays": str(of.file),
+                "set": of.kind,
+                "accelerator": wanted["accelerator"],
+                "precision": wanted["precision"],
+                "threads": threads,
+                "batch": experiment.batch,
+                "max_time_seconds": experiment.max_time_seconds,
+                "checked": checked,
                 "hard": len(of.hard.t_max),
-            }  # fmt: skip
+            }
             found.append((entry, None if reason else _Task(entry, wanted["engine"], request, of)))
         if is_base:
             compared.add(threads)
@@ -172,12 +193,19 @@ def _measure_one(experiment: TraceExperiment, task: _Task, pool: Pool, block: in
         entry.state, entry.message = "timeout", f"killed after {experiment.timeout_seconds:g} s"
         return
     disturbed, answers = found["machine"], found["answers"]
-    entry.timings.append(Timing(
-        block=block, order=order, passes=found["passes"], seconds=max(float(found["seconds"]), 1e-9),
-        cpu_seconds=disturbed.get("cpu_seconds"), contended=bool(disturbed["contended"]),
-        load_seconds=float(found["load_seconds"]), build_seconds=float(found["build_seconds"]),
-        first_call_seconds=float(found["compile_seconds"]),
-    ))  # fmt: skip
+    entry.timings.append(
+        Timing(
+            block=block,
+            order=order,
+            passes=found["passes"],
+            seconds=max(float(found["seconds"]), 1e-9),
+            cpu_seconds=disturbed.get("cpu_seconds"),
+            contended=bool(disturbed["contended"]),
+            load_seconds=float(found["load_seconds"]),
+            build_seconds=float(found["build_seconds"]),
+            first_call_seconds=float(found["compile_seconds"]),
+        )
+    )
     if entry.answers is None:
         entry.answers, task.first = _judged(task, answers), answers
     elif any(not np.array_equal(answers[name], task.first[name]) for name in answers):
@@ -192,9 +220,14 @@ def _judged(task: _Task, answers: Mapping[str, Any]) -> Answers:
         faults = task.of.judge.hits(answers["t"], answers["shape"], answers["primitive"])
         leaked = leaks(hard, answers["hard_t"])
     return Answers(
-        checked=faults.checked, wrong=faults.wrong, missed=faults.missed, false_hits=faults.false_hits,
-        hard=len(hard.t_max), leaks=leaked, **_quantiles(faults),
-    )  # fmt: skip
+        checked=faults.checked,
+        wrong=faults.wrong,
+        missed=faults.missed,
+        false_hits=faults.false_hits,
+        hard=len(hard.t_max),
+        leaks=leaked,
+        **_quantiles(faults),
+    )
 
 
 def _quantiles(faults: Faults) -> dict[str, float]:
@@ -207,6 +240,4 @@ def _quantiles(faults: Faults) -> dict[str, float]:
 def contestant_text(entry: Entry) -> str:
     """A contestant in a few words."""
     parts = [entry.engine, "" if entry.accelerator == "auto" else entry.accelerator, entry.precision or ""]
-    return " ".join(
-        filter(None, [*parts, f"{entry.threads}t" if entry.threads > 1 else "", "(twin)" if entry.twin else ""])
-    )
+    return " ".join(filter(None, [*parts, f"{entry.threads}t" if entry.threads > 1 else "", "(twin)" if entry.twin else ""]))

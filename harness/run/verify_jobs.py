@@ -24,7 +24,13 @@ def make(each: VerifyJob, pool: Pool, env_id: str) -> dict[str, Any]:
     except WorkerTimeout:
         state, message = "timeout", f"killed after {each.timeout_seconds:g} s"
     return {
-        "event": "verify_job", "verify_job_id": each.verify_job_id, "spec": dict(each.spec), "env_id": env_id,
-        "state": state, "message": message, "results": found, "wall_seconds": monotonic() - began,
+        "event": "verify_job",
+        "verify_job_id": each.verify_job_id,
+        "spec": dict(each.spec),
+        "env_id": env_id,
+        "state": state,
+        "message": message,
+        "results": found,
+        "wall_seconds": monotonic() - began,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
-    }  # fmt: skip
+    }

@@ -86,9 +86,7 @@ class BiasEstimate(NamedTuple):
         return [name for name, seen in found.items() if seen]
 
 
-def bias_estimate(
-    images: Sequence[Image], reference: Reference, epsilon: float, spp: Sequence[int] = ()
-) -> BiasEstimate:  # fmt: skip
+def bias_estimate(images: Sequence[Image], reference: Reference, epsilon: float, spp: Sequence[int] = ()) -> BiasEstimate:
     """Pixels, image mean and tiles of `images`, one a seed, against the reference; needs two images.
 
     `spp`: the samples per pixel of each image. With them a tile's variance is at least that of the reference's estimator at
@@ -145,10 +143,17 @@ def bias_of(found: Differences, sample: RadianceSample) -> BiasEstimate:
     tile_z, (x, y) = largest(abs(tiles) / tiles_se)
     worst = tiles[y // TILE, x // TILE]
     return BiasEstimate(
-        math.nan, math.nan, 0, difference=_farthest(image), image_z=float((abs(image) / image_se).max()),
-        image_bound=float((abs(image) + IMAGE_Z * image_se).max()), tile_difference=_farthest(worst), tile_z=tile_z,
-        tile_bound=largest(abs(tiles) + TILE_Z * tiles_se)[0], worst_tile=(x, y),
-    )  # fmt: skip
+        math.nan,
+        math.nan,
+        0,
+        difference=_farthest(image),
+        image_z=float((abs(image) / image_se).max()),
+        image_bound=float((abs(image) + IMAGE_Z * image_se).max()),
+        tile_difference=_farthest(worst),
+        tile_z=tile_z,
+        tile_bound=largest(abs(tiles) + TILE_Z * tiles_se)[0],
+        worst_tile=(x, y),
+    )
 
 
 def _farthest(channels: Image) -> float:
@@ -172,8 +177,9 @@ def on_bias_floor(bias: BiasEstimate, corrected_error: float) -> bool:
     return bias.biased and bias.squared >= 0.5 * corrected_error
 
 
-def too_good_per_sample(error_times_spp: Mapping[int, float], baseline: Mapping[int, float], margin: float = 1.1,
-                        level: float = 0.99) -> bool:  # fmt: skip
+def too_good_per_sample(
+    error_times_spp: Mapping[int, float], baseline: Mapping[int, float], margin: float = 1.1, level: float = 0.99
+) -> bool:
     """Whether error x samples is below the baseline estimator's by more than `margin`, by a 99 % interval over seeds.
 
     Both map seed (or block) to error x samples, of independent samples or of one sample each, with the same shader. An engine

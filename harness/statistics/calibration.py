@@ -106,8 +106,16 @@ def _race(noise: RaceNoise, slower: float, noises: Sequence[RaceNoise], rng: np.
         twins = [(0, k)]
         own = twin_distance(logs, logs, 0, k)
         floor = noise_floor([own], [own, *(_twin_distance(other, rng) for other in noises if other is not noise)])
-    return race(logs, logs, [(row, 0) for row in range(1, k)], floor, ranked=np.arange(len(logs)) < k, twins=twins,
-                clock=noise.clock, margin=margin)  # fmt: skip
+    return race(
+        logs,
+        logs,
+        [(row, 0) for row in range(1, k)],
+        floor,
+        ranked=np.arange(len(logs)) < k,
+        twins=twins,
+        clock=noise.clock,
+        margin=margin,
+    )
 
 
 def _twin_distance(noise: RaceNoise, rng: np.random.Generator) -> float:
@@ -132,8 +140,10 @@ def bias_figures(samples: Sequence[RadianceSample], repetitions: int, rng: np.ra
             at = bisect_left(BIASES, True, key=lambda bias, shape=shape: _biased(sample, found, bias * shape))
             smallest[kind].append(BIASES[at] if at < len(BIASES) else math.inf)
     image, tile = (float(np.quantile(values, FOUND, method="inverted_cdf")) for values in smallest)
-    found_image, found_tile = (sum(value <= share for value in values) / repetitions
-                               for values, share in zip(smallest, (BIASED_IMAGE, BIASED_TILE), strict=True))  # fmt: skip
+    found_image, found_tile = (
+        sum(value <= share for value in values) / repetitions
+        for values, share in zip(smallest, (BIASED_IMAGE, BIASED_TILE), strict=True)
+    )
     return BiasFigures(image, tile, found_image, found_tile, false_alarms / repetitions)
 
 

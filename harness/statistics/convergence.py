@@ -55,9 +55,14 @@ class Slope(NamedTuple):
 
 
 def curve(
-    samples: ArrayLike, seconds: ArrayLike, error: ArrayLike, se: ArrayLike | None = None, *,
-    smooth: bool = False, reproducible: bool = False,
-) -> Curve:  # fmt: skip
+    samples: ArrayLike,
+    seconds: ArrayLike,
+    error: ArrayLike,
+    se: ArrayLike | None = None,
+    *,
+    smooth: bool = False,
+    reproducible: bool = False,
+) -> Curve:
     """A Curve of float arrays sorted by samples; without `se` the reference has no noise."""
     x, y, e = (np.asarray(values, np.float64) for values in (samples, seconds, error))
     noise = np.zeros_like(x) if se is None else np.asarray(se, np.float64)

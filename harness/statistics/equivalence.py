@@ -87,9 +87,12 @@ class Equivalence:
 
 
 def equivalence(
-    first: Sequence[Array] | Array, second: Sequence[Array] | Array, margins: Margins = DEFAULT_MARGINS, alpha: float = ALPHA,
+    first: Sequence[Array] | Array,
+    second: Sequence[Array] | Array,
+    margins: Margins = DEFAULT_MARGINS,
+    alpha: float = ALPHA,
     least_variance: Array | None = None,
-) -> Equivalence:  # fmt: skip
+) -> Equivalence:
     """Compares the images `first` (n, h, w, 3) and `second`, in pairs of one block; n at least 2.
 
     Blocks are independent of each other. The two images of a pair may share their noise, which then cancels, or not; and
@@ -97,7 +100,7 @@ def equivalence(
     `least_variance`: see `tiles.differences`. Raises ValueError where shapes or numbers differ.
     """
     if len(first) != len(second) or len(first) < 2:
-        raise ValueError(f"{len(first)} and {len(second)} images: two or more pairs are wanted")
+        raise ValueError(f"{len(first)} and {len(second)} images: two or more pairs are expected")
     shapes = {image.shape for image in (*first, *second)}
     if len(shapes) > 1:
         raise ValueError(f"images of shapes {shapes}: must be equal")
@@ -124,8 +127,18 @@ def judge(found: Differences, level: Array, margins: Margins, alpha: float = ALP
     ]
     within = image_bound <= margins.image and tile_bound <= margins.tile
     verdict = "different" if any(outside) else "equivalent" if within else "unresolved"
-    return Equivalence(verdict, difference, difference - half, difference + half, image_bound, tile_bound, worst,
-                       margins.image, margins.tile, alpha=alpha)  # fmt: skip
+    return Equivalence(
+        verdict,
+        difference,
+        difference - half,
+        difference + half,
+        image_bound,
+        tile_bound,
+        worst,
+        margins.image,
+        margins.tile,
+        alpha=alpha,
+    )
 
 
 def rounded_share(first: Array, second: Array) -> float:

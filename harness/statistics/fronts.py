@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
-def pareto_front(time_low: ArrayLike, time_high: ArrayLike, error_low: ArrayLike,
-                 error_high: ArrayLike) -> NDArray[np.bool_]:  # fmt: skip
+def pareto_front(time_low: ArrayLike, time_high: ArrayLike, error_low: ArrayLike, error_high: ArrayLike) -> NDArray[np.bool_]:
     """(n,) bool: whether no other point is surely better in both time and error.
 
     A point is dominated only where another's upper bounds lie below its lower bounds in both: overlapping intervals

@@ -54,9 +54,17 @@ def time_to_quality(
     value, low, high, _ = bounded_interval([bound.low for bound in bounds], [bound.high for bound in bounds])
     states = [crossing.state for crossing in found]
     return QualityTime(
-        target, value, low, high, reached=len(states) - states.count("censored"), at_first=states.count("at_first"),
-        seeds=len(states), crossings=bounds, reliable=all(c.noise <= 1 / CLEAR_ERRORS for c in found), reading=own,
-    )  # fmt: skip
+        target,
+        value,
+        low,
+        high,
+        reached=len(states) - states.count("censored"),
+        at_first=states.count("at_first"),
+        seeds=len(states),
+        crossings=bounds,
+        reliable=all(c.noise <= 1 / CLEAR_ERRORS for c in found),
+        reading=own,
+    )
 
 
 def reading_of(curves: Sequence[Curve]) -> Reading:

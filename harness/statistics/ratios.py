@@ -91,10 +91,18 @@ class _Pairs(NamedTuple):
 
 
 def race(
-    low: Array, high: Array, compared: Sequence[tuple[int, int]], floor: float, *, ranked: Mask | None = None,
-    twins: Sequence[tuple[int, int]] = (), clock: Array | float = 0.0, margin: float = MARGIN,
-    readings: Sequence[tuple[Array, Array]] = (), mixed: Mask | None = None,
-) -> Race:  # fmt: skip
+    low: Array,
+    high: Array,
+    compared: Sequence[tuple[int, int]],
+    floor: float,
+    *,
+    ranked: Mask | None = None,
+    twins: Sequence[tuple[int, int]] = (),
+    clock: Array | float = 0.0,
+    margin: float = MARGIN,
+    readings: Sequence[tuple[Array, Array]] = (),
+    mixed: Mask | None = None,
+) -> Race:
     """All ratios, verdicts and possible winners among k contestants in n blocks.
 
     `low`, `high`: (k, n) bounds of ln seconds: equal where measured, -inf and inf where there is none, NaN where a contestant
@@ -173,9 +181,7 @@ def _separated(pairs: _Pairs, twins: Sequence[tuple[int, int]]) -> bool:
     return bool(((least > 0) & (pairs.blocks[i, j] >= FEWEST_BLOCKS)).any())
 
 
-def _ratios(
-    pairs: _Pairs, p: Array, compared: Rows, ranked: Mask, margin: float, separated: bool
-) -> list[Ratio]:  # fmt: skip
+def _ratios(pairs: _Pairs, p: Array, compared: Rows, ranked: Mask, margin: float, separated: bool) -> list[Ratio]:
     of, base = compared.T
     least, most, blocks = pairs.excess[0, base, of], -pairs.excess[0, of, base], pairs.blocks[of, base]
     ends, inner = ((pairs.least(level, base, of), -pairs.least(level, of, base)) for level in (LEVEL, 1 - 2 * ALPHA))
@@ -216,4 +222,3 @@ def _between(least: float, most: float) -> float:
     if math.isinf(least) and math.isinf(most):
         return math.nan
     return least if math.isinf(least) else most if math.isinf(most) else (least + most) / 2
-

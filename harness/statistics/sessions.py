@@ -115,7 +115,7 @@ def _within(logs: NDArray[np.float64], sessions: int) -> tuple[float, int]:
 
 def _change(
     mean: float, shares: Sequence[tuple[float, int]], sessions: tuple[int, int], tested: bool, least: float = LEAST_ERROR
-) -> Change:  # fmt: skip
+) -> Change:
     """With the degrees of freedom of a sum of variances (Welch 1947, Satterthwaite 1946)."""
     variance = sum(share for share, _ in shares)
     spread = sum(share**2 / freedom for share, freedom in shares)

@@ -64,7 +64,7 @@ def tile_sample(
         squares = squares + delta * (image - mean)  # Welford 1962: a small spread survives a large mean
         means.append(tile_means(image))
     if len(means) < 2:
-        raise ValueError(f"{len(means)} images: two or more are wanted on each side")
+        raise ValueError(f"{len(means)} images: two or more are expected on each side")
     sizes = tile_sizes(mean)
     fixed, least = (None if v is None else tile_sums(v) / sizes**2 for v in (fixed_variance, least_variance))
     return TileSample(np.stack(means), tile_sums(squares) / (len(means) - 1) / sizes**2, sizes, fixed, least)

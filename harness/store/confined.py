@@ -29,9 +29,7 @@ def inside(folder: Path, relative: str | Path, what: str) -> Path:
 
     Raises `ConfigError` where the path, or a link on its way, leads out of the folder.
     """
-    refused = ConfigError(
-        f"{what} = {str(relative)[:200]!r}: leads out of {folder}: a path inside that folder is wanted"
-    )
+    refused = ConfigError(f"{what} = {str(relative)[:200]!r}: leads out of {folder}: a path inside that folder is expected")
     try:
         root, path = folder.resolve(), (folder / relative).resolve()
     except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL

@@ -17,7 +17,7 @@ from harness.verify.check_result import CheckResult
 
 def _path(text: str) -> str:
     if not confined.is_relative(text):
-        raise ValueError("a relative path without '..' is wanted")
+        raise ValueError("a relative path without '..' is expected")
     return text
 
 
@@ -25,7 +25,7 @@ def _metric(text: str) -> str:
     if text.startswith("relmse_e"):
         Quality(metric="relmse", epsilon=float(text.removeprefix("relmse_e")))
     elif text not in ("mse", "mape", "smape", "psnr", "ssim", "flip"):
-        raise ValueError("the name of a metric is wanted, such as relmse_e0.01")
+        raise ValueError("the name of a metric is expected, such as relmse_e0.01")
     return text
 
 
@@ -132,7 +132,7 @@ class Certificate(Record):
     def _compared(self) -> Certificate:
         known = (self.difference, self.low, self.high, *((self.image_bound, self.tile_bound) if self.lineage else ()))
         if self.verdict != "impossible" and None in known:
-            raise ValueError("difference, low, high and bounds are wanted")
+            raise ValueError("difference, low, high and bounds are expected")
         return self
 
 
@@ -209,7 +209,7 @@ class Attempt(Measurement):
 
 def _settings(row: list[str | int]) -> list[str | int]:
     if [type(value) for value in row[:10]] != [str] * 6 + [int] + [str] * 3 or row[10:] not in ([], ["closed"], ["open"]):
-        raise ValueError("a contestant's settings are wanted: six texts, the threads, three texts, and the division")
+        raise ValueError("a contestant's settings are expected: six texts, the threads, three texts, and the division")
     return row
 
 
@@ -329,7 +329,17 @@ class VerifyJob(Record):
 
 
 Event = Annotated[
-    Run | Environment | Targets | Reference | Certificate | Sentinel | Start | Cell | Attempt | ArchivedVerdicts | Calibration
+    Run
+    | Environment
+    | Targets
+    | Reference
+    | Certificate
+    | Sentinel
+    | Start
+    | Cell
+    | Attempt
+    | ArchivedVerdicts
+    | Calibration
     | VerifyJob,
     Field(discriminator="event"),
 ]

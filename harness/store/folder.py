@@ -101,9 +101,7 @@ def locked(folder: Path) -> Iterator[None]:
             if not locks.try_lock(file):
                 file.seek(0)
                 holder = file.read().strip() or "unknown"
-                raise ConfigError(
-                    f"{folder}: another run (process {holder}) is writing here: wait for it, or choose --out"
-                )
+                raise ConfigError(f"{folder}: another run (process {holder}) is writing here: wait for it, or choose --out")
             file.truncate(0)
             file.write(f"{os.getpid()}\n")
             file.flush()

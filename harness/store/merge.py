@@ -130,8 +130,10 @@ def _manifest(sources: Sequence[Results], cell_ids: list[str]) -> dict[str, Any]
     """A manifest that holds those of all folders; its own config is the first one's."""
     first = sources[0].manifest
     return {
-        "raybench_results": FORMAT_VERSION, "name": str(first.get("name") or sources[0].folder.name),
-        "config": first.get("config") or {}, "cell_ids": cell_ids,
+        "raybench_results": FORMAT_VERSION,
+        "name": str(first.get("name") or sources[0].folder.name),
+        "config": first.get("config") or {},
+        "cell_ids": cell_ids,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "merged": [{"folder": source.folder.name, **source.manifest} for source in sources],
-    }  # fmt: skip
+    }

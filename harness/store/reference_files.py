@@ -85,7 +85,7 @@ def read(folder: Path, reference_id: str, scene_hash: str) -> Reference:
     film = film_in(folder, meta)
     if film.bad_samples:
         raise ConfigError(
-            f"{folder}: {film.bad_samples} of this reference's samples are NaN or infinite: finite radiance is wanted"
+            f"{folder}: {film.bad_samples} of this reference's samples are NaN or infinite: finite radiance is expected"
         )
     spp = meta["spec"]["replicates"] * meta["spec"]["replicate_spp"]
     return Reference(film.mean(), film.half(0), film.half(1), film.variance_of_mean(), spp)
@@ -106,9 +106,7 @@ def carry(results: Path, event: Mapping[str, Any], out: Path, small: bool) -> No
     try:
         data = _small(film_in(source, meta)) if small else path.read_bytes()
     except OSError as error:
-        raise ConfigError(
-            f"{path}: cannot be read: {error.strerror or error}: remove {source} to make it anew"
-        ) from error
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}: remove {source} to make it anew") from error
     with atomic.replacing(target / meta["file"]) as file:
         file.write(data)
     write_json(target / META, {**meta, "sha256": hashlib.sha256(data).hexdigest()} if small else meta)

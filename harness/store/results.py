@@ -151,13 +151,13 @@ def load_results(folder: str | Path) -> Results:
 
     folder = Path(folder)
     if not folder.is_dir():
-        raise ConfigError(f"{folder}: no such folder; one written by `raybench run` is wanted")
+        raise ConfigError(f"{folder}: no such folder; one written by `raybench run` is expected")
     if events_file(folder) is None:
-        raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is wanted")
+        raise ConfigError(f"{folder}: has no events.jsonl; a folder written by `raybench run` is expected")
     events = read_events(folder)
     manifest = read_manifest(folder) if (folder / "manifest.json").exists() else {}
     if not events and not manifest:
-        raise ConfigError(f"{folder}: has an empty events.jsonl and no manifest.json; a folder of `raybench run` is wanted")
+        raise ConfigError(f"{folder}: has an empty events.jsonl and no manifest.json; a folder of `raybench run` is expected")
     return results_of(folder, manifest, events)
 
 
@@ -170,13 +170,20 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
     numbers = [float(t) for t in goals if t != "auto"] if isinstance(goals, (list, tuple)) else []
     references = {event["reference_id"]: event for event in of_kind(events, "reference")}
     cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
-    results = Results(folder, manifest, cells, references, metric,
-                      sorted(numbers, reverse=not higher_is_better(metric)),
-                      of_kind(events, "run"),
-                      {event["env_id"]: event for event in of_kind(events, "environment")},
-                      {event["reference_id"]: event for event in of_kind(events, "certificate")},
-                      check_results(events, manifest.get("verify_job_ids")),
-                      last_event(events, "archived_verdicts"), last_event(events, "calibration"))  # fmt: skip
+    results = Results(
+        folder,
+        manifest,
+        cells,
+        references,
+        metric,
+        sorted(numbers, reverse=not higher_is_better(metric)),
+        of_kind(events, "run"),
+        {event["env_id"]: event for event in of_kind(events, "environment")},
+        {event["reference_id"]: event for event in of_kind(events, "certificate")},
+        check_results(events, manifest.get("verify_job_ids")),
+        last_event(events, "archived_verdicts"),
+        last_event(events, "calibration"),
+    )
     results.contestants = _contestants(results.cells, _config_scenes(manifest))
     return results
 
@@ -253,11 +260,18 @@ def setting_text(axis: str, value: Any) -> str:
 def settings_of(cell: Event) -> Settings:
     """The configuration of a cell."""
     return Settings(
-        str(cell.get("scene", "?")), str(cell.get("engine", "?")), choice_text(cell.get("accelerator")),
-        choice_text(cell.get("shader")), choice_text(cell.get("sampler")), str(cell.get("precision") or ""),
-        int(cell.get("threads") or 1), f"{cell.get('width') or '?'}x{cell.get('height') or '?'}",
-        str(cell.get("label") or ""), str(cell.get("env_id") or "")[:8], str(cell.get("division") or "closed"),
-    )  # fmt: skip
+        str(cell.get("scene", "?")),
+        str(cell.get("engine", "?")),
+        choice_text(cell.get("accelerator")),
+        choice_text(cell.get("shader")),
+        choice_text(cell.get("sampler")),
+        str(cell.get("precision") or ""),
+        int(cell.get("threads") or 1),
+        f"{cell.get('width') or '?'}x{cell.get('height') or '?'}",
+        str(cell.get("label") or ""),
+        str(cell.get("env_id") or "")[:8],
+        str(cell.get("division") or "closed"),
+    )
 
 
 def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[Contestant]:
@@ -270,8 +284,10 @@ def _contestants(cells: Sequence[Event], config_scenes: Sequence[str]) -> list[C
     for cell in cells:
         groups.setdefault(settings_of(cell), []).append(cell)
     scenes = list(dict.fromkeys([*config_scenes, *(settings.scene for settings in groups)]))
-    contestants = [Contestant(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
-                  for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))]  # fmt: skip
+    contestants = [
+        Contestant(settings, sorted(groups[settings], key=lambda cell: cell.get("block") or 0))
+        for settings in sorted(groups, key=lambda s: (scenes.index(s.scene), s))
+    ]
     choices = choices_of(contestants)
     words = [name_words(contestant, choices) for contestant in contestants]
     if len({own["shader"].partition("(")[0] for own in words}) == 1:

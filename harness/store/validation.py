@@ -1,7 +1,7 @@
 """Checks what was loaded from a results folder, once, at the door; whoever reads it afterwards may rely on it.
 
 Folders come from other machines and other people. Types are those of `record_types`; besides numbers fit 64 bits, text is
-Unicode, and nothing is nested deeper than `MAX_DEPTH`. What is wrong is said in a line: file, line, field, what is wanted.
+Unicode, and nothing is nested deeper than `MAX_DEPTH`. What is wrong is said in a line: file, line, field, what is expected.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def version(data: Any, where: str) -> None:
     """Raises `ConfigError` if this is no manifest of the version of the format that is read here."""
     found = data.get("raybench_results") if isinstance(data, dict) else None
     if not isinstance(found, int) or isinstance(found, bool):
-        raise ConfigError(f"{where}: 'raybench_results: {FORMAT_VERSION}' is wanted: this is no manifest of results")
+        raise ConfigError(f"{where}: 'raybench_results: {FORMAT_VERSION}' is expected: this is no manifest of results")
     if found != FORMAT_VERSION:
         age = "a newer raybench wrote it" if found > FORMAT_VERSION else "an older raybench wrote it: measure again"
         raise ConfigError(f"{where}: results of format {found}, and this raybench reads {FORMAT_VERSION}: {age}")
@@ -83,7 +83,7 @@ def _plain(value: Any, depth: int = 0) -> None:
 
 
 def _first(error: ValidationError) -> str:
-    """The first thing that is wrong, in a line: where in the data, what was found, what is wanted."""
+    """The first thing that is wrong, in a line: where in the data, what was found, what is expected."""
     found = error.errors(include_url=False, include_context=False)[0]
     field = re.sub(r"\.(\d+)", r"[\1]", ".".join(map(str, found["loc"])))
     message = found["msg"].removeprefix("Value error, ")

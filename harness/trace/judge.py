@@ -59,9 +59,12 @@ class Judge:
         with np.errstate(invalid="ignore"):
             errors = np.abs(t - exact.t) / exact.t
         return Faults(
-            len(t), int((wrong & hit & met).sum()), int((wrong & ~hit).sum()), int((wrong & hit & ~met).sum()),
+            len(t),
+            int((wrong & hit & met).sum()),
+            int((wrong & ~hit).sum()),
+            int((wrong & hit & ~met).sum()),
             errors[right & hit & met],
-        )  # fmt: skip
+        )
 
     def occlusions(self, blocked: NDArray[np.bool_]) -> Faults:
         """Of answers to whether anything lies before `t_max`."""

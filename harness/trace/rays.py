@@ -76,9 +76,7 @@ def camera_rays(scene: Scene, count: int, rng: np.random.Generator) -> Rays:
     """Rays through a random place of each pixel of an image with about `count` pixels; a thin lens counts as its pinhole."""
     camera = scene.camera
     if not isinstance(camera, Perspective | ThinLens | Orthographic):
-        raise Unsupported(
-            f"trace takes perspective, thin-lens and orthographic cameras: this is {type(camera).__name__}"
-        )
+        raise Unsupported(f"trace takes perspective, thin-lens and orthographic cameras: this is {type(camera).__name__}")
     aspect = camera.resolution[0] / camera.resolution[1]
     width = max(1, round(math.sqrt(count * aspect)))
     height = -(-count // width)
@@ -108,9 +106,7 @@ def _frame(camera: Perspective | ThinLens | Orthographic) -> tuple[Array, Array,
     return forward, -right if camera.mirror else right, np.cross(right, forward)
 
 
-def _surface_points(
-    scene: Scene, truth: Truth, count: int, bounces: int, rng: np.random.Generator
-) -> tuple[Array, Array]:
+def _surface_points(scene: Scene, truth: Truth, count: int, bounces: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Points (n, 3) that camera paths of diffuse bounces hit, and the normals there, towards where the path came from."""
     rays, points, normals = camera_rays(scene, count, rng), [], []
     for _ in range(bounces):
@@ -291,8 +287,9 @@ def _merged(truth: Truth) -> tuple[Array, NDArray[np.int64]]:
     flat = truth.corners.reshape(-1, 3)
     if not len(flat):
         return flat, np.zeros((0, 3), np.int64)
-    _, first, index = np.unique(np.ascontiguousarray(flat + 0.0).view([("", flat.dtype)] * 3).ravel(),
-                                return_index=True, return_inverse=True)  # fmt: skip
+    _, first, index = np.unique(
+        np.ascontiguousarray(flat + 0.0).view([("", flat.dtype)] * 3).ravel(), return_index=True, return_inverse=True
+    )
     faces = index.reshape(-1, 3)
     distinct = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     return flat[first], faces[distinct]

@@ -105,9 +105,7 @@ class Truth:
             a, b, c = (self.corners[faces, k] for k in range(3))
             t, u, v = oracle.triangle(a, b, c, o[lines], d[lines])
             inside = np.asarray((u >= 0) & (v >= 0) & (u + v <= 1), bool)
-            self._take(
-                found, lines, self._first[TRIANGLE][faces], np.where(inside, t.astype(np.float64), np.inf), t_max
-            )
+            self._take(found, lines, self._first[TRIANGLE][faces], np.where(inside, t.astype(np.float64), np.inf), t_max)
         lines, which = ray[is_sphere], box[is_sphere] - len(self.corners)
         if lines.size:
             roots = oracle.sphere_roots(self.spheres[which, :3], self.spheres[which, 3], o[lines], d[lines])

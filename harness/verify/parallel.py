@@ -128,8 +128,12 @@ def make_jobs(engines: Sequence[EngineInfo], quick: bool, cases: Sequence[Case] 
     for engine in engines:
         for precision, tracing in engine.precisions:
             for section in dict.fromkeys(case.section for case in chosen):
-                checks = [(case.id, accelerator) for case in chosen if case.section == section
-                          for accelerator in (engine.accelerators if case.each_accelerator else ["auto"])]  # fmt: skip
+                checks = [
+                    (case.id, accelerator)
+                    for case in chosen
+                    if case.section == section
+                    for accelerator in (engine.accelerators if case.each_accelerator else ["auto"])
+                ]
                 jobs.append(Job(engine, precision, tracing, section, quick, tuple(checks)))
     return jobs
 

@@ -19,18 +19,23 @@ LARGEST_ERROR = 2e-3
 """A test with a larger standard error would find no bias, and fails."""
 
 
-def means(subject: Subject, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], view: Any,
-          shader: Any, spp: int = 1, power: int = 1, **settings: Any) -> Array:  # fmt: skip
+def means(
+    subject: Subject,
+    shapes: Sequence[Shape],
+    materials: Sequence[Material],
+    lights: Sequence[Light],
+    view: Any,
+    shader: Any,
+    spp: int = 1,
+    power: int = 1,
+    **settings: Any,
+) -> Array:
     """(REPLICATES,) means of an image to a power; the images differ in their seeds only."""
-    images = (
-        subject.image(shapes, materials, lights, view, shader, spp, seed=1 + k, **settings) for k in range(REPLICATES)
-    )
+    images = (subject.image(shapes, materials, lights, view, shader, spp, seed=1 + k, **settings) for k in range(REPLICATES))
     return np.array([float(np.mean(image**power)) for image in images])
 
 
-def z_score(
-    subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR
-) -> Measurement:
+def z_score(subject: Subject, replicates: Array, truth: float, parameter: str, largest: float = LARGEST_ERROR) -> Measurement:
     """|mean - truth| in standard errors; infinite where the standard error is above `largest`.
 
     The standard error is at least as large as the rounding error of an image without noise.

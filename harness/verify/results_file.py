@@ -51,8 +51,13 @@ def _numbers_of(rows: Any) -> Any:
     """Rows with numbers in the place of what `document` writes for those that JSON lacks."""
     if not (isinstance(rows, list) and all(isinstance(row, dict) for row in rows)):
         return rows
-    return [{key: NOT_FINITE.get(value, value) if key in NUMBERS and isinstance(value, str | None) else value
-             for key, value in row.items()} for row in rows]  # fmt: skip
+    return [
+        {
+            key: NOT_FINITE.get(value, value) if key in NUMBERS and isinstance(value, str | None) else value
+            for key, value in row.items()
+        }
+        for row in rows
+    ]
 
 
 def _plain(value: Any) -> Any:

@@ -59,9 +59,7 @@ def _reflected(wo: Array, wi: Array, alpha: tuple[float, float], beckmann: bool 
     return facets(m, alpha, beckmann) * masking / (4 * wo[2]), (wo[:, None] * m).sum(axis=0)
 
 
-def _refracted(
-    wo: Array, wi: Array, eta: float, alpha: tuple[float, float], beckmann: bool = False
-) -> tuple[Array, Array]:
+def _refracted(wo: Array, wi: Array, eta: float, alpha: tuple[float, float], beckmann: bool = False) -> tuple[Array, Array]:
     """The factor of 1 - F for light from behind, and the cosine before the facets; wi.z < 0."""
     m = unit(wo[:, None] + eta * wi)
     m = np.where(m[2] < 0, -m, m)
@@ -186,8 +184,12 @@ def _alphas(leaf: Conductor | Dielectric) -> tuple[float, float]:
 
 
 FORMS: dict[type, Callable[[Any, Array, Array, bool], Array]] = {
-    Diffuse: _diffuse, Conductor: _conductor, Dielectric: _dielectric, Plastic: _plastic, Principled: _principled,
-}  # fmt: skip
+    Diffuse: _diffuse,
+    Conductor: _conductor,
+    Dielectric: _dielectric,
+    Plastic: _plastic,
+    Principled: _principled,
+}
 
 
 def value(leaf: Any, wo: Array, wi: Array, front: bool) -> Array:

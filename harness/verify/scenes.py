@@ -36,8 +36,9 @@ def glass(ior: float = 1.5) -> Material:
     return material(ks=1, kt=1, ior=ior, fresnel=True)
 
 
-def scene(shapes: Sequence[Shape] = (), materials: Sequence[Material] = (), lights: Sequence[Light] = (),
-          camera: Any = FRONT_CAMERA) -> Scene:  # fmt: skip
+def scene(
+    shapes: Sequence[Shape] = (), materials: Sequence[Material] = (), lights: Sequence[Light] = (), camera: Any = FRONT_CAMERA
+) -> Scene:
     return Scene("verify", camera, tuple(materials) or (material(kd=0.5),), tuple(shapes), tuple(lights), "")
 
 
@@ -100,10 +101,11 @@ def sphere_mesh(rings: int, center: ArrayLike = ORIGIN, radius: float = 1.0, ind
     c, d, k = a + 2 * rings, b + 2 * rings, np.arange(2 * rings)
     top, bottom, last = len(out) - 2, len(out) - 1, (rings - 2) * 2 * rings
     faces = [
-        np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3),
+        np.stack([a, b, d], -1).reshape(-1, 3),
+        np.stack([a, d, c], -1).reshape(-1, 3),
         np.stack([np.full_like(k, top), (k + 1) % (2 * rings), k], -1),
         np.stack([np.full_like(k, bottom), last + k, last + (k + 1) % (2 * rings)], -1),
-    ]  # fmt: skip
+    ]
     return mesh(np.asarray(center) + radius * out, np.concatenate(faces), index)
 
 

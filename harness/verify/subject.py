@@ -101,8 +101,16 @@ class Subject:
     def trace(self, shapes: Sequence[Shape], origins: ArrayLike, directions: ArrayLike, t_max: Any = np.inf) -> Hits:
         return self.tracer(*shapes).trace(origins, directions, t_max)
 
-    def image(self, shapes: Sequence[Shape], materials: Sequence[Material], lights: Sequence[Light], camera: Any,
-              shader: Any, spp: int = 1, **settings: Any) -> Array:  # fmt: skip
+    def image(
+        self,
+        shapes: Sequence[Shape],
+        materials: Sequence[Material],
+        lights: Sequence[Light],
+        camera: Any,
+        shader: Any,
+        spp: int = 1,
+        **settings: Any,
+    ) -> Array:
         """(height, width) red channel of the mean; infinite everywhere where the film holds a bad sample."""
         film = self.renderer(scene(shapes, materials, lights, camera), shader=shader, **settings).render(spp)
         seen = film.mean()[:, :, 0]

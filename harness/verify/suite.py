@@ -32,9 +32,24 @@ from harness.verify.checks import (
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
 from harness.verify.tolerances import ENGINE_TOLERANCES, TOLERANCES, Tolerance
 
-SECTIONS = (spheres.SECTION, cylinders.SECTION, triangles.SECTION, accelerators.SECTION, rays.SECTION, spawned_rays.SECTION,
-            cameras.SECTION, glass.SECTION, materials.SECTION, models.SECTION, textures.SECTION, furnaces.SECTION,
-            lights.SECTION, skies.SECTION, sampling.SECTION, stability.SECTION)  # fmt: skip
+SECTIONS = (
+    spheres.SECTION,
+    cylinders.SECTION,
+    triangles.SECTION,
+    accelerators.SECTION,
+    rays.SECTION,
+    spawned_rays.SECTION,
+    cameras.SECTION,
+    glass.SECTION,
+    materials.SECTION,
+    models.SECTION,
+    textures.SECTION,
+    furnaces.SECTION,
+    lights.SECTION,
+    skies.SECTION,
+    sampling.SECTION,
+    stability.SECTION,
+)
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 
@@ -115,9 +130,25 @@ def _result(case: Case, subject: Subject, measured: Measurement, outcome: Outcom
     ulps = measured.ulps if measured.ulps is not None else np.full(1, np.nan)
     median, p999, worst = (float(np.quantile(ulps, q, method="higher")) for q in (0.5, 0.999, 1.0))
     return CheckResult(
-        engine=subject.engine.name, version=subject.engine.version, precision=subject.precision, tracing=subject.tracing,
-        accelerator=subject.accelerator, section=case.section, case=case.id, description=case.description,
-        source=case.source, parameter=measured.parameter, count=measured.errors.size, error=error, unit=tolerance.unit,
-        tolerance=limit, outcome=outcome, median_ulp=median, p999_ulp=p999, worst_ulp=worst, seconds=seconds,
-        note=measured.note, median_error=_median_error(measured.errors),
-    )  # fmt: skip
+        engine=subject.engine.name,
+        version=subject.engine.version,
+        precision=subject.precision,
+        tracing=subject.tracing,
+        accelerator=subject.accelerator,
+        section=case.section,
+        case=case.id,
+        description=case.description,
+        source=case.source,
+        parameter=measured.parameter,
+        count=measured.errors.size,
+        error=error,
+        unit=tolerance.unit,
+        tolerance=limit,
+        outcome=outcome,
+        median_ulp=median,
+        p999_ulp=p999,
+        worst_ulp=worst,
+        seconds=seconds,
+        note=measured.note,
+        median_error=_median_error(measured.errors),
+    )

@@ -15,9 +15,15 @@ from engines.packages import install_extra
 
 
 def open_viewer(
-    scene: str, folder: Path, port: int, engine: str, allow_imports: bool, allow_outside: bool,
-    parameters: Mapping[str, str], browser: bool,
-) -> None:  # fmt: skip
+    scene: str,
+    folder: Path,
+    port: int,
+    engine: str,
+    allow_imports: bool,
+    allow_outside: bool,
+    parameters: Mapping[str, str],
+    browser: bool,
+) -> None:
     """Serves until interrupted. Raises `ConfigError` where the extra `view` is not installed, and where `server.serve` does."""
     try:
         from harness.view.server import serve

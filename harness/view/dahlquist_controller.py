@@ -163,7 +163,13 @@ class DahlquistController:
             calls = 2 if self._tracer.interlaced else 1  # of a whole frame
             seconds = calls * median(self._seconds)
             span = self._call_times[-1] - self._call_times[0]
-            fields |= {"frame_seconds": seconds, "rays_per_second": width * height / seconds, "size": f"{width}x{height}",
-                     "calls_per_frame": calls, "redraw": self._switches.redraw, "threads": self._threads,
-                     "frames_per_second": (len(self._call_times) - 1) / span / calls if span else None}  # fmt: skip
+            fields |= {
+                "frame_seconds": seconds,
+                "rays_per_second": width * height / seconds,
+                "size": f"{width}x{height}",
+                "calls_per_frame": calls,
+                "redraw": self._switches.redraw,
+                "threads": self._threads,
+                "frames_per_second": (len(self._call_times) - 1) / span / calls if span else None,
+            }
         self._send(packed(fields))

@@ -24,10 +24,12 @@ COMPILED = ("numba", "embree", "embreex_batch")
 FIRST_COMPILE_SECONDS = 30
 """About the time that this takes (docs/view.md)."""
 PROBE_SCENE = {
-    "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-    "materials": {"white": {"kd": 0.5}}, "lights": [{"point": {"position": [0, 3, 3], "intensity": 4}}],
+    "raybench_scene": 1,
+    "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+    "materials": {"white": {"kd": 0.5}},
+    "lights": [{"point": {"position": [0, 3, 3], "intensity": 4}}],
     "shapes": [{"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "white"}],
-}  # fmt: skip
+}
 """A scene that every engine renders: a refusal is then due to the sampler or shader in question."""
 
 PROBE_SHADER = {"name": "path_tracer", "max_depth": 16, "rr_depth": 16}
@@ -38,12 +40,16 @@ def menu(library: Library) -> dict[str, Any]:
     """The menu as plain data. An engine that cannot be loaded is listed with the reason."""
     listed = engines_listed()
     return {
-        "engines": listed, "shaders": _table(SHADERS), "samplers": _table(SAMPLERS), "tone_mappers": list(TONE_MAPPERS),
-        "scenes": library.names(), "cores": len(machine.usable_cores()),
+        "engines": listed,
+        "shaders": _table(SHADERS),
+        "samplers": _table(SAMPLERS),
+        "tone_mappers": list(TONE_MAPPERS),
+        "scenes": library.names(),
+        "cores": len(machine.usable_cores()),
         "preferred": next((e["name"] for e in listed if e["name"] == PREFERRED and not e["problem"]), listed[0]["name"]),
         "first_compile": dict.fromkeys(COMPILED, FIRST_COMPILE_SECONDS),
         "limits": {"side": MAX_SIDE, "pixels": MAX_PIXELS, "spp": MAX_SPP},
-    }  # fmt: skip
+    }
 
 
 @cache
@@ -85,8 +91,9 @@ def _why_nothing(reasons: Mapping[str, str]) -> str:
 
 
 def _table(table: Mapping[str, Mapping[str, Option]]) -> list[dict[str, Any]]:
-    return [{"name": name, "options": [_option(key, option) for key, option in options.items()]}
-            for name, options in table.items()]  # fmt: skip
+    return [
+        {"name": name, "options": [_option(key, option) for key, option in options.items()]} for name, options in table.items()
+    ]
 
 
 def _literal(text: str) -> Any:

@@ -72,9 +72,7 @@ class ViewState:
 class Publisher:
     """Publishes a `ViewState`. `tick` is called some fifty times a second during a render."""
 
-    def __init__(
-        self, send: Callable[[bytes], None], view: ViewState, tick: Callable[[], None], library: Library
-    ) -> None:  # fmt: skip
+    def __init__(self, send: Callable[[bytes], None], view: ViewState, tick: Callable[[], None], library: Library) -> None:
         self._send, self._view, self._tick, self._library = send, view, tick, library
         self._requests = CoalescingQueue()
         self._tone = Tone()
@@ -133,7 +131,7 @@ class Publisher:
             return True
 
     def _error_map(self, film: Film, interactive: InteractiveScene, fields: dict[str, Any]) -> bytes | None:
-        """The error map where it is wanted and there is a reference of this view; adds its mean to `fields`."""
+        """The error map where it is expected and there is a reference of this view; adds its mean to `fields`."""
         reference = self._reference
         if self._show != "error" or reference is None:
             return None
@@ -155,9 +153,12 @@ class Publisher:
             fields |= {"build_seconds": now.interactive.build_seconds, "compile_seconds": now.interactive.compile_seconds}
         if film is not None and now.film is film:
             seconds = now.seconds or None
-            fields |= {"spp": film.spp, "samples_per_second": float(film.counts.sum()) / seconds if seconds else None,
-                       "rays_per_second": now.rays / seconds if seconds and now.rays else None,
-                       "bad_samples": film.bad_samples}  # fmt: skip
+            fields |= {
+                "spp": film.spp,
+                "samples_per_second": float(film.counts.sum()) / seconds if seconds else None,
+                "rays_per_second": now.rays / seconds if seconds and now.rays else None,
+                "bad_samples": film.bad_samples,
+            }
         self._send(packed(fields))
 
     # ---- requests ------------------------------------------------------------------------------------------------------
@@ -203,10 +204,14 @@ class Publisher:
             raise ConfigError("there is no image to save yet")
         name = f"{Path(interactive.scene.source).stem}.{request.kind}"
         provenance = {
-            **self._view.provenance, "camera": camera_fields(interactive.scene.camera),
-            "moved": {key: offset.tolist() for key, offset in interactive.offsets.items()}, "spp": film.spp,
-            "render_seconds": self._view.seconds, "tone_mapper": self._tone.name, "exposure": self._tone.exposure,
-        }  # fmt: skip
+            **self._view.provenance,
+            "camera": camera_fields(interactive.scene.camera),
+            "moved": {key: offset.tolist() for key, offset in interactive.offsets.items()},
+            "spp": film.spp,
+            "render_seconds": self._view.seconds,
+            "tone_mapper": self._tone.name,
+            "exposure": self._tone.exposure,
+        }
         with TemporaryFolder() as folder:
             path = Path(folder, name)
             film.save(path, provenance=provenance, tone_mapper=self._tone)

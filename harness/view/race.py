@@ -63,9 +63,12 @@ class Replicates:
 
     def replicates(self, engine: str, request: Mapping[str, Any], seeds: Sequence[int]) -> Iterator[tuple[Film, float]]:
         scene = load_scene(
-            request["scene_path"], self._allow_imports, request.get("allow_outside", False),
-            request.get("scene_parameters"), natively=True,
-        )  # fmt: skip
+            request["scene_path"],
+            self._allow_imports,
+            request.get("allow_outside", False),
+            request.get("scene_parameters"),
+            natively=True,
+        )
         for seed in seeds:
             settings = engine_settings(request["settings"], seed, self._allow_imports)
             self._renderer = clock.prepare(engine_of(engine), scene, settings)[0]
@@ -80,9 +83,13 @@ class Race:
     """A running race; `folder` becomes its results folder. Raises `RaybenchError` for a request that cannot be raced."""
 
     def __init__(
-        self, request: requests.RaceRequest, scene: tuple[Path, Mapping[str, str]], folder: Path, allowed: tuple[bool, bool],
+        self,
+        request: requests.RaceRequest,
+        scene: tuple[Path, Mapping[str, str]],
+        folder: Path,
+        allowed: tuple[bool, bool],
         send: Callable[..., None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`scene`: its file, and values of its parameters. `allowed`: imports, and files outside of the scene's folder."""
         self.folder, (allow_imports, allow_outside) = folder, allowed
         located = locate(_experiment(request, *scene), "race", ConfigError)
@@ -126,12 +133,20 @@ def _experiment(request: requests.RaceRequest, scene: Path, parameters: Mapping[
         contestants.append({**settings, **{kind: getattr(given, kind) for kind in KINDS}})
     named = {"file": str(scene), "parameters": dict(parameters)} if parameters else str(scene)
     return {
-        "raybench_experiment": 1, "name": "race", "question": "Which contestant reaches an error first?", "scene": named,
-        "resolution": [request.width, request.height], "repeats": 1, "seed": request.seed, "aa_twin": False,
-        "include": contestants, "images": "some", "budget": {"max_time": f"{request.max_seconds}s", "max_spp": 2**20},
+        "raybench_experiment": 1,
+        "name": "race",
+        "question": "Which contestant reaches an error first?",
+        "scene": named,
+        "resolution": [request.width, request.height],
+        "repeats": 1,
+        "seed": request.seed,
+        "aa_twin": False,
+        "include": contestants,
+        "images": "some",
+        "budget": {"max_time": f"{request.max_seconds}s", "max_spp": 2**20},
         "reference": {"engine": request.reference_engine, "spp": request.reference_spp},
         "quality": {"metric": "relmse", "targets": list(request.targets)},
-    }  # fmt: skip
+    }
 
 
 def _index_of(cell: Cell, contestants: Sequence[requests.RenderSettings]) -> int:

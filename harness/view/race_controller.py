@@ -30,7 +30,7 @@ class RaceController:
 
     def __init__(
         self, send: Callable[[bytes], None], library: Library, scratch: Path, allow_imports: bool, allow_outside: bool = False
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._send, self._library, self._scratch = send, library, scratch
         self._allowed = allow_imports, allow_outside
         self._work = CoalescingQueue()
@@ -151,10 +151,15 @@ class RaceController:
     def _send_contestant(self, index: int, contestant: Contestant) -> None:
         assert contestant.renderer is not None
         fields = {
-            "contestant": index, "seconds": contestant.seconds, "spp": contestant.spp, "done": contestant.done,
-            "points": contestant.points, "crossings": contestant.crossings(), "phases": contestant.phases,
+            "contestant": index,
+            "seconds": contestant.seconds,
+            "spp": contestant.spp,
+            "done": contestant.done,
+            "points": contestant.points,
+            "crossings": contestant.crossings(),
+            "phases": contestant.phases,
             "rays": _rays(contestant),
-        }  # fmt: skip
+        }
         self._send(packed({"type": "contestant", **fields}, half_floats(contestant.renderer.film)))
 
     # ---- saving -------------------------------------------------------------------------------------------------

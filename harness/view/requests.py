@@ -158,12 +158,26 @@ class PlainRequest(Request):
 
 
 REQUESTS: dict[str, type[Request]] = {
-    "open": OpenRequest, "camera": CameraRequest, "pick": PickRequest, "drag": DragRequest, "probe": ProbeRequest,
-    "tone": ToneRequest, "reference": ReferenceRequest,
-    "save": SaveRequest, "race": RaceRequest, "dahlquist": DahlquistRequest, "hold": HoldRequest,
-    "switches": SwitchesRequest, "touch": TouchRequest, "move": TouchRequest, "release": TouchRequest, "stop": PlainRequest,
-    "resume": PlainRequest, "yaml": PlainRequest, "ack": PlainRequest,
-}  # fmt: skip
+    "open": OpenRequest,
+    "camera": CameraRequest,
+    "pick": PickRequest,
+    "drag": DragRequest,
+    "probe": ProbeRequest,
+    "tone": ToneRequest,
+    "reference": ReferenceRequest,
+    "save": SaveRequest,
+    "race": RaceRequest,
+    "dahlquist": DahlquistRequest,
+    "hold": HoldRequest,
+    "switches": SwitchesRequest,
+    "touch": TouchRequest,
+    "move": TouchRequest,
+    "release": TouchRequest,
+    "stop": PlainRequest,
+    "resume": PlainRequest,
+    "yaml": PlainRequest,
+    "ack": PlainRequest,
+}
 
 
 def checked(message: Mapping[str, Any]) -> Any:

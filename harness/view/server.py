@@ -44,9 +44,14 @@ class Server:
     """The pages, sockets and workers of one `raybench view`."""
 
     def __init__(
-        self, folder: Path, scene: str, engine: str = "", allow_imports: bool = False, allow_outside: bool = False,
+        self,
+        folder: Path,
+        scene: str,
+        engine: str = "",
+        allow_imports: bool = False,
+        allow_outside: bool = False,
         parameters: Mapping[str, str] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.library = Library(folder)
         self._scene, self._engine, self._allow_imports = self.library.name_of(scene), engine, allow_imports
         self._allow_outside, self._parameters = allow_outside, {self._scene: dict(parameters or {})}
@@ -56,9 +61,11 @@ class Server:
 
     def app(self) -> Starlette:
         routes = [
-            Route("/", self._page), Route("/{name}", self._page),
-            Route("/reports/{name}/report.html", self._report), WebSocketRoute("/socket/{page}", self._socket),
-        ]  # fmt: skip
+            Route("/", self._page),
+            Route("/{name}", self._page),
+            Route("/reports/{name}/report.html", self._report),
+            WebSocketRoute("/socket/{page}", self._socket),
+        ]
         return Starlette(routes=routes, lifespan=self._lifespan)
 
     @contextlib.asynccontextmanager
@@ -124,9 +131,15 @@ def _assets() -> dict[str, tuple[bytes, str]]:
 
 
 def serve(
-    scene: str, folder: Path, port: int = 0, engine: str = "", allow_imports: bool = False, allow_outside: bool = False,
-    parameters: Mapping[str, str] | None = None, browser: bool = True,
-) -> None:  # fmt: skip
+    scene: str,
+    folder: Path,
+    port: int = 0,
+    engine: str = "",
+    allow_imports: bool = False,
+    allow_outside: bool = False,
+    parameters: Mapping[str, str] | None = None,
+    browser: bool = True,
+) -> None:
     """Serves until interrupted. Raises `ConfigError` for a missing folder or scene, and for a port in use."""
     if not folder.is_dir():
         raise ConfigError(f"--folder {folder}: is not a folder")
@@ -144,10 +157,16 @@ def serve(
         raise ConfigError(f"--port {port}: {getattr(error, 'strerror', None) or error}") from error
     port, token = listening.getsockname()[1], new_token()
     config = uvicorn.Config(
-        AccessMiddleware(server.app(), port, token), log_level="warning", ws="websockets-sansio", ws_max_size=MAX_REQUEST_BYTES,
-        ws_ping_interval=PING_SECONDS, ws_per_message_deflate=False, server_header=False, access_log=False,
+        AccessMiddleware(server.app(), port, token),
+        log_level="warning",
+        ws="websockets-sansio",
+        ws_max_size=MAX_REQUEST_BYTES,
+        ws_ping_interval=PING_SECONDS,
+        ws_per_message_deflate=False,
+        server_header=False,
+        access_log=False,
         timeout_graceful_shutdown=1,
-    )  # fmt: skip
+    )
     address = f"http://127.0.0.1:{port}/{token}/"
     print(f"raybench view: {address} (Ctrl-C ends it)", flush=True)
     if browser:

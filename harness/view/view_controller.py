@@ -43,8 +43,8 @@ class ViewController:
 
     def __init__(
         self, send: Callable[[bytes], None], library: Library, allow_imports: bool, allow_outside: bool = False
-    ) -> None:  # fmt: skip
-        self._send, self._library, self._allow_imports, self._allow_outside = send, library, allow_imports, allow_outside
+    ) -> None:
+        self._send, self._library, self._allow_imports, self._allow_outside = (send, library, allow_imports, allow_outside)
         self._work = CoalescingQueue()
         self._view = ViewState()
         self._publisher = Publisher(send, self._view, self._interrupt, library)
@@ -152,17 +152,25 @@ class ViewController:
         if names_a_program(given.engine):
             raise ConfigError(f"{given.engine}: external renderers are not run from a page")
         plain = {
-            "shader": given.shader, "sampler": given.sampler, "accelerator": given.accelerator, "precision": given.precision,
-            "threads": requests.limited_threads(given.threads), "width": request.width, "height": request.height,
-        }  # fmt: skip
+            "shader": given.shader,
+            "sampler": given.sampler,
+            "accelerator": given.accelerator,
+            "precision": given.precision,
+            "threads": requests.limited_threads(given.threads),
+            "width": request.width,
+            "height": request.height,
+        }
         settings = engine_settings(plain, request.seed, self._allow_imports)
         width, height = settings.size(scene)
         if width * height > requests.MAX_PIXELS:
             raise ConfigError(f"{width}x{height}: more than {requests.MAX_PIXELS} pixels: choose a smaller size")
         return settings, {
-            "scene": request.scene, "scene_hash": scene.content_hash, "engine": given.engine, "settings": plain,
+            "scene": request.scene,
+            "scene_hash": scene.content_hash,
+            "engine": given.engine,
+            "settings": plain,
             "seed": request.seed,
-        }  # fmt: skip
+        }
 
     def _describe(self, name: str, interactive: InteractiveScene) -> None:
         fields = {"width": interactive.width, "height": interactive.height, "scene": name, "name": interactive.scene.name}

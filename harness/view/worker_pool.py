@@ -29,9 +29,16 @@ class Worker:
     async def start(cls, allow_imports: bool) -> Worker:
         """Starts a worker and waits for its imports."""
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-P", "-m", "harness.view.worker", stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
-            env=worker_environment(allow_imports), start_new_session=True, limit=STREAM_LIMIT,
-        )  # fmt: skip
+            sys.executable,
+            "-P",
+            "-m",
+            "harness.view.worker",
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            env=worker_environment(allow_imports),
+            start_new_session=True,
+            limit=STREAM_LIMIT,
+        )
         made = cls(process)
         try:
             first = await made.receive()

@@ -17,10 +17,16 @@ DIGITS = 9
 """Significant digits of a coordinate; a float32 has no more."""
 
 POSITION_KEYS = {
-    "sphere": ("center",), "triangle": ("a", "b", "c"), "mesh": ("translate",), "point": ("position",),
-    "spot": ("position", "target"), "disk": ("center",), "cylinder": ("p0", "p1"), "procedural": ("center",),
+    "sphere": ("center",),
+    "triangle": ("a", "b", "c"),
+    "mesh": ("translate",),
+    "point": ("position",),
+    "spot": ("position", "target"),
+    "disk": ("center",),
+    "cylinder": ("p0", "p1"),
+    "procedural": ("center",),
     "rectangle": ("corner",),
-}  # fmt: skip
+}
 """The keys with the position of each kind of object. A procedural quad has `points` instead."""
 
 

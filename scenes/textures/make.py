@@ -252,8 +252,25 @@ def sky():
 
 TEXTURES = {
     make.__name__: make
-    for make in (wood, walnut, planks, weave, marble, rug, stripes, spines, leaf, tiles, tile_color, holes, page, dents,
-                 peel, painting, sky)
+    for make in (
+        wood,
+        walnut,
+        planks,
+        weave,
+        marble,
+        rug,
+        stripes,
+        spines,
+        leaf,
+        tiles,
+        tile_color,
+        holes,
+        page,
+        dents,
+        peel,
+        painting,
+        sky,
+    )
 }
 LINEAR = {"sky"}
 

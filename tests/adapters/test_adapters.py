@@ -20,11 +20,17 @@ SQUARE = {"vertices": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], "faces":
 
 
 def scene(shapes=(), lights=(), camera=None, textures=None, **materials):
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "small", "camera": {**CAMERA, **(camera or {})}, "textures": textures,
-        "materials": {"grey": {"kd": 0.5}, **materials}, "shapes": list(shapes),
-        "lights": [{"point": {"position": [0, 3, 4], "intensity": 30}}, *lights],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "small",
+            "camera": {**CAMERA, **(camera or {})},
+            "textures": textures,
+            "materials": {"grey": {"kd": 0.5}, **materials},
+            "shapes": list(shapes),
+            "lights": [{"point": {"position": [0, 3, 4], "intensity": 30}}, *lights],
+        }
+    )
 
 
 LIT = scene([{"mesh": SQUARE, "material": "grey"}])
@@ -153,14 +159,23 @@ def test_unknown_names_are_refused_and_own_ones_known():
 def test_flat_meshes_hold_every_triangle_by_material():
     flat_triangle = {"triangle": {"a": [0, 0, 0], "b": [0, 0, 0], "c": [1, 0, 0]}, "material": "grey"}
     triangle = {"triangle": {"a": [0, 0, 1], "b": [1, 0, 1], "c": [0, 1, 1]}, "material": "red"}
-    found = flat_meshes(scene(
-        [{"mesh": SQUARE, "material": "grey"}, triangle, {"mesh": SQUARE, "material": "red"}, flat_triangle,
-         {"mesh": {**SQUARE, "smooth": True}, "material": "red"}],
-        red={"kd": [0.5, 0, 0]},
-    ))  # fmt: skip
+    found = flat_meshes(
+        scene(
+            [
+                {"mesh": SQUARE, "material": "grey"},
+                triangle,
+                {"mesh": SQUARE, "material": "red"},
+                flat_triangle,
+                {"mesh": {**SQUARE, "smooth": True}, "material": "red"},
+            ],
+            red={"kd": [0.5, 0, 0]},
+        )
+    )
     assert [(mesh.material, len(mesh.faces), mesh.normals is not None) for mesh in found] == [
-        (0, 2, False), (1, 3, False), (1, 2, True),
-    ]  # fmt: skip
+        (0, 2, False),
+        (1, 3, False),
+        (1, 2, True),
+    ]
     assert len({mesh.name for mesh in found}) == 3
     corners = found[1].vertices[found[1].faces]
     np.testing.assert_array_equal(corners[0], [[0, 0, 1], [1, 0, 1], [0, 1, 1]])

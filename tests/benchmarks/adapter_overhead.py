@@ -103,9 +103,7 @@ def luxcore_pair(scene: engines.Scene, settings: engines.Settings, spp: int) -> 
     return Pair(native, adapter)
 
 
-def told_rounds(
-    scene: engines.Scene, settings: engines.Settings, rounds: int, spp: int
-) -> list[tuple[Seconds, Seconds]]:
+def told_rounds(scene: engines.Scene, settings: engines.Settings, rounds: int, spp: int) -> list[tuple[Seconds, Seconds]]:
     """Of cycles, whose Python is another one: two calls a round, as its own render function took them, and as they took
     here, process boundary included. By the wall clock alone, which stands for both clocks."""
     renderer = engines.engine("engines.peers.cycles:Engine").prepare(scene, settings)
@@ -172,9 +170,7 @@ def show_head(given: argparse.Namespace) -> None:
     version = engines.engine(given.engine).version
     print(f"Python {platform.python_version()}, {given.engine} {version}, load {os.getloadavg()[0]:.1f}")
     command = shlex.join(["python", "-m", "tests.benchmarks.adapter_overhead", *sys.argv[1:]])
-    print(
-        f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}"
-    )
+    print(f"{given.size}x{given.size} pixels, threads {given.threads}, path_tracer {SHADER['max_depth']} deep: {command}")
     print(f"{'million paths/s':34}{'clock':11}{'native':>9}{'adapter':>9}{'seconds':>11}   95 % interval of the ratio")
 
 
@@ -189,7 +185,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=8, help="2 or more")
     given = parser.parse_args()
     if given.rounds < 2:
-        parser.error("--rounds: 2 or more are wanted")
+        parser.error("--rounds: 2 or more are expected")
     engine: Any = engines.engine(given.engine)
     show_head(given)
     for name in given.scenes:

@@ -47,9 +47,7 @@ def ratios(config):
 def changes(found):
     """(name, ratio, baseline's or None, factor or None), the most slowed first."""
     known = json.loads(BASELINE.read_text())["ratios"] if BASELINE.exists() else {}
-    rows = [
-        (name, ratio, known.get(name), ratio / known[name] if name in known else None) for name, ratio in found.items()
-    ]
+    rows = [(name, ratio, known.get(name), ratio / known[name] if name in known else None) for name, ratio in found.items()]
     return sorted(rows, key=lambda row: -(row[3] or 0))
 
 

@@ -71,9 +71,12 @@ def compare(file: str, given: argparse.Namespace) -> None:
     width, height = size_of(scene, given.width)
     depth = given.depth or (scene.shader or {}).get("max_depth", 6)
     settings = {
-        "width": width, "height": height, "threads": given.threads, "sampler": "random",
+        "width": width,
+        "height": height,
+        "threads": given.threads,
+        "sampler": "random",
         "shader": {"name": "path_tracer", "max_depth": depth, "rr_depth": 1_000_000},
-    }  # fmt: skip
+    }
     print(f"{file}: {width} x {height}, depth {depth}, {given.blocks} blocks of {given.spp} spp")
     found: list[Contestant] = []
     for word in (PEER, *given.engines):
@@ -107,9 +110,13 @@ def compare_image(file: str, given: argparse.Namespace) -> None:
     columns, rows = theirs.shape[1] // width, theirs.shape[0] // height
     theirs = theirs.reshape(height, rows, width, columns).mean((1, 3))
     settings = engines.Settings(
-        width, height, sampler="sobol", threads=given.threads, precision="float32",
+        width,
+        height,
+        sampler="sobol",
+        threads=given.threads,
+        precision="float32",
         shader={"name": "path_tracer", "max_depth": given.depth or 64, "rr_depth": 1_000_000},
-    )  # fmt: skip
+    )
     ours = engines.engine(given.engines[0]).prepare(scene, settings).render(given.spp).mean() @ LUMINANCE
     tiles = [image.reshape(height // TILE, TILE, width // TILE, TILE).swapaxes(1, 2) for image in (ours, theirs)]
     means = [tile.mean((2, 3)) for tile in tiles]

@@ -54,14 +54,22 @@ def random_scene(counts: Counts, rng: np.random.Generator) -> engines.Scene:
     shapes += [{"sphere": {"center": each.tolist(), "radius": 0.35 * size}} for each in rng.random((counts.spheres, 3))]
     for center, normal in zip(rng.random((counts.analytic, 3)), rng.normal(size=(counts.analytic, 3)), strict=True):
         shapes.append({"disk": {"center": center.tolist(), "normal": normal.tolist(), "radius": 0.5 * size}})
-    return engines.scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0.5, 0.5, 3], "target": [0.5, 0.5, 0.5], "up": [0, 1, 0], "fov": 30,
-                   "resolution": [64, 64]},
-        "materials": {"white": {"kd": 0.5}},
-        "shapes": [{**shape, "material": "white"} for shape in shapes],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {
+                "type": "perspective",
+                "eye": [0.5, 0.5, 3],
+                "target": [0.5, 0.5, 0.5],
+                "up": [0, 1, 0],
+                "fov": 30,
+                "resolution": [64, 64],
+            },
+            "materials": {"white": {"kd": 0.5}},
+            "shapes": [{**shape, "material": "white"} for shape in shapes],
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
 
 
 def rays(rng: np.random.Generator) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
@@ -174,9 +182,13 @@ def of_project(precision: str, rounds: int, most: int) -> None:
         calls = []
         for accelerator in NAMES:
             settings = engines.Settings(
-                128, 128, accelerator=accelerator, precision=precision, sampler="random",
+                128,
+                128,
+                accelerator=accelerator,
+                precision=precision,
+                sampler="random",
                 shader={"name": "path_tracer", "max_depth": 6, "rr_depth": 1000},
-            )  # fmt: skip
+            )
             renderer: Any = engines.engine("numba").prepare(scene, settings)
             calls.append(lambda renderer=renderer: renderer.render(4))
         seconds = least_seconds(calls, rounds)

@@ -154,9 +154,7 @@ def show_machine() -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("base", type=Path, metavar="BASE")
-    parser.add_argument(
-        "--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES)
-    )
+    parser.add_argument("--scenes", nargs="+", choices=CASES, default=list(CASES), metavar="NAME", help=", ".join(CASES))
     parser.add_argument("--rounds", type=int, default=6, help="2 or more")
     parser.add_argument("--seconds", type=float, default=0.15, help="of one render")
     parser.add_argument("--images", action="store_true", help="compare films bit for bit, time nothing")
@@ -166,9 +164,7 @@ def main() -> None:
     if given.job:
         return work(base, given.job)
     if not (base / "engines" / "__init__.py").exists() or given.rounds < 2:
-        parser.error(
-            f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are wanted"
-        )
+        parser.error(f"{given.base} is no checkout of raybench" if given.rounds > 1 else "--rounds: 2 or more are expected")
     if given.images:
         before, now = (ask(checkout, task="images", cases=given.scenes) for checkout in (base, HERE))
         for name in given.scenes:

@@ -39,9 +39,14 @@ class Row(NamedTuple):
 
 
 def rows(
-    scenes: Sequence[str] = SCENES, depths: Sequence[int] = DEPTHS, labels: Sequence[str] = LABELS, rounds: int = 4,
-    seconds: float = 0.5, pixels: int = PIXELS, threads: int = 1,
-) -> Iterator[Row]:  # fmt: skip
+    scenes: Sequence[str] = SCENES,
+    depths: Sequence[int] = DEPTHS,
+    labels: Sequence[str] = LABELS,
+    rounds: int = 4,
+    seconds: float = 0.5,
+    pixels: int = PIXELS,
+    threads: int = 1,
+) -> Iterator[Row]:
     """The table, row by row. A turn takes about `seconds` seconds."""
     contestants = [contestant for contestant in CONTESTANTS if contestant.label in labels]
     for name in scenes:
@@ -71,22 +76,18 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="+", default=SCENES, metavar="NAME")
     parser.add_argument("--depths", nargs="+", type=int, default=DEPTHS, metavar="N")
     labels = [contestant.label for contestant in CONTESTANTS]
-    parser.add_argument(
-        "--contestants", nargs="+", choices=labels, default=LABELS, metavar="LABEL", help=", ".join(labels)
-    )
+    parser.add_argument("--contestants", nargs="+", choices=labels, default=LABELS, metavar="LABEL", help=", ".join(labels))
     parser.add_argument("--pixels", type=int, default=PIXELS, help="of an image")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=4, help="2 or more")
     parser.add_argument("--seconds", type=float, default=0.5, help="of a turn")
     given = parser.parse_args()
     if given.rounds < 2:
-        parser.error("--rounds: 2 or more are wanted")
+        parser.error("--rounds: 2 or more are expected")
     show_processor()
     print(shlex.join(["python", "-m", "tests.benchmarks.path_cost", *sys.argv[1:]]))
     print(f"{'scene':14}{'contestant':16}{'depth':>6}{'ns per path':>12}{'over Mitsuba':>14}   95 % interval")
-    for row in rows(
-        given.scenes, given.depths, given.contestants, given.rounds, given.seconds, given.pixels, given.threads
-    ):
+    for row in rows(given.scenes, given.depths, given.contestants, given.rounds, given.seconds, given.pixels, given.threads):
         print(line(row), flush=True)
 
 

@@ -53,9 +53,13 @@ Call = Callable[[int], float]
 def prepared(contestant: Contestant, scene: engines.Scene, size: tuple[int, int], threads: int = 2, depth: int = 6) -> Any:
     """A warm renderer. Raises `Unsupported`."""
     settings = engines.Settings(
-        *size, sampler="random", threads=threads, precision="float32", accelerator=contestant.accelerator,
+        *size,
+        sampler="random",
+        threads=threads,
+        precision="float32",
+        accelerator=contestant.accelerator,
         shader={"name": "path_tracer", "max_depth": depth, "rr_depth": 1_000_000},
-    )  # fmt: skip
+    )
     engine = engines.engine(contestant.engine)
     if reason := engine.why_not(scene, settings):
         raise engines.Unsupported(reason)
@@ -139,7 +143,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=0.5, help="of a turn")
     given = parser.parse_args()
     if given.rounds < 2:
-        parser.error("--rounds: 2 or more are wanted")
+        parser.error("--rounds: 2 or more are expected")
     show_processor()
     print(shlex.join(["python", "-m", "tests.benchmarks.speed", *sys.argv[1:]]))
     print(f"  {'':16}{'clock':11}{'million paths/s':>9}{'over Mitsuba':>14}   95 % interval")

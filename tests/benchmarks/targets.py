@@ -28,14 +28,22 @@ RAYS = 1_000_000
 
 def sphere_mesh(subdivisions: int) -> engines.Scene:
     """20 x 4^subdivisions triangles; 7 gives 327,680."""
-    return engines.scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
-                   "resolution": [1000, 1000]},
-        "materials": {"white": {"kd": 0.5}},
-        "shapes": [{"procedural": {"name": "tessellated_sphere", "subdivisions": subdivisions}, "material": "white"}],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {
+                "type": "perspective",
+                "eye": [0, 0, 3],
+                "target": [0, 0, 0],
+                "up": [0, 1, 0],
+                "fov": 40,
+                "resolution": [1000, 1000],
+            },
+            "materials": {"white": {"kd": 0.5}},
+            "shapes": [{"procedural": {"name": "tessellated_sphere", "subdivisions": subdivisions}, "material": "white"}],
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
 
 
 def prepared(engine: str, scene: engines.Scene, accelerator: Any = "auto", threads: int = 2, **more: Any) -> Any:
@@ -97,13 +105,15 @@ def trace() -> None:
     (origins, directions), eye = incoherent(RAYS), coherent(RAYS)
     narrow = origins.astype(np.float32), directions.astype(np.float32)
     embree, numba = prepared("embree", scene), prepared("numba", scene, "bvh")
-    found = in_turns({
-        "embreex.run": lambda: theirs.run(*narrow, query="INTERSECT"),
-        "embree": lambda: embree.trace(origins, directions),
-        "numba bvh": lambda: numba.trace(origins, directions),
-        "embree, camera": lambda: embree.trace(*eye),
-        "numba bvh, camera": lambda: numba.trace(*eye),
-    })  # fmt: skip
+    found = in_turns(
+        {
+            "embreex.run": lambda: theirs.run(*narrow, query="INTERSECT"),
+            "embree": lambda: embree.trace(origins, directions),
+            "numba bvh": lambda: numba.trace(origins, directions),
+            "embree, camera": lambda: embree.trace(*eye),
+            "numba bvh, camera": lambda: numba.trace(*eye),
+        }
+    )
     del kept
     rate = {name: RAYS / seconds / 1e6 for name, seconds in found.items()}
     detail = ", ".join(f"{name} {value:.2f}" for name, value in rate.items()) + " million rays/s"
@@ -134,16 +144,18 @@ def growth() -> None:
     origins, directions = incoherent(RAYS // 4)
     for engine, name, wanted in (("numba", "bvh", "<= 2.35"), ("embree", "embree", "<= 2")):
         small, large = (prepared(engine, sphere_mesh(k), name) for k in (5, 8))
-        found = in_turns({
-            "small": lambda small=small: small.trace(origins, directions),
-            "large": lambda large=large: large.trace(origins, directions),
-        })  # fmt: skip
+        found = in_turns(
+            {
+                "small": lambda small=small: small.trace(origins, directions),
+                "large": lambda large=large: large.trace(origins, directions),
+            }
+        )
         report(f"cost of a ray, 1.3e6 over 2e4 triangles, {engine}", found["large"] / found["small"], wanted)
     narrow = origins.astype(np.float32), directions.astype(np.float32)
     (small, _one), (large, _other) = (plain_embree(sphere_mesh(k)) for k in (5, 8))
-    found = in_turns({
-        "small": lambda: small.run(*narrow, query="INTERSECT"), "large": lambda: large.run(*narrow, query="INTERSECT")
-    })  # fmt: skip
+    found = in_turns(
+        {"small": lambda: small.run(*narrow, query="INTERSECT"), "large": lambda: large.run(*narrow, query="INTERSECT")}
+    )
     report("the same of embreex.run, one thread", found["large"] / found["small"], "-")
 
 
@@ -178,8 +190,11 @@ def first() -> None:
         "import engines; settings = engines.Settings(8, 8, shader='path_tracer', precision='float32'); "
         "engines.engine('numba').prepare(engines.load_scene('cornell_box'), settings).render(1)"
     )
-    rows = {"import engines": ("import engines", "< 0.4 s"), "first pixel, empty cache": (pixel, "<= 5 s"),
-            "first pixel, full cache": (pixel, "<= 1 s")}  # fmt: skip
+    rows = {
+        "import engines": ("import engines", "< 0.4 s"),
+        "first pixel, empty cache": (pixel, "<= 5 s"),
+        "first pixel, full cache": (pixel, "<= 1 s"),
+    }
     found: dict[str, list[Start]] = {what: [] for what in rows}
     for _ in range(TURNS):
         with tempfile.TemporaryDirectory() as cache:

@@ -25,14 +25,22 @@ pytestmark = pytest.mark.benchmark(max_time=0.5, min_rounds=5, disable_gc=True)
 
 @cache
 def sphere_mesh(size):
-    return scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
-                   "resolution": [8, 8]},
-        "materials": {"white": {"kd": 0.5}},
-        "shapes": [{"procedural": {"name": "tessellated_sphere", "subdivisions": SUBDIVISIONS[size]}, "material": "white"}],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
+    return scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {
+                "type": "perspective",
+                "eye": [0, 0, 4],
+                "target": [0, 0, 0],
+                "up": [0, 1, 0],
+                "fov": 40,
+                "resolution": [8, 8],
+            },
+            "materials": {"white": {"kd": 0.5}},
+            "shapes": [{"procedural": {"name": "tessellated_sphere", "subdivisions": SUBDIVISIONS[size]}, "material": "white"}],
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
 
 
 @cache

@@ -76,8 +76,13 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     given = parser.parse_args()
     width, height = map(int, given.size.split("x"))
-    settings = {"engine": given.engine, "shader": {"name": "path_tracer", "max_depth": 6}, "sampler": {"name": "sobol"},
-                "accelerator": {"name": "auto"}, "threads": given.threads}  # fmt: skip
+    settings = {
+        "engine": given.engine,
+        "shader": {"name": "path_tracer", "max_depth": 6},
+        "sampler": {"name": "sobol"},
+        "accelerator": {"name": "auto"},
+        "threads": given.threads,
+    }
     request = {"type": "open", "scene": given.scene, "settings": settings, "width": width, "height": height, "spp": 1 << 20}
     print(f"{given.scene} {given.size}, {given.engine}, {given.threads} threads")
     with tempfile.TemporaryDirectory() as folder, Viewer(Path(folder)) as viewer:

@@ -28,9 +28,7 @@ ELSEWHERE = ("cycles", "luxcore", "open3d")
 SLOW = {"embree": [pytest.mark.slow]}
 """numba's kernels around another intersector, which tests/kernels/test_embree_hits.py and others examine by themselves."""
 EXAMINED = [
-    pytest.param(name, marks=[*marks_of(name), *SLOW.get(name, [])])
-    for name in engines.engine_names()
-    if name not in ELSEWHERE
+    pytest.param(name, marks=[*marks_of(name), *SLOW.get(name, [])]) for name in engines.engine_names() if name not in ELSEWHERE
 ]
 
 
@@ -119,7 +117,6 @@ def test_all_that_is_broken_is_said_at_once(monkeypatch):
     assert sentence_of(rendering.seeds_matter) in str(caught.value)
 
 
-
 def test_an_engine_without_single_rays_declines_what_needs_them_and_is_held_to_all_else():
     class Raster(Renderer):
         """It traces for its own images alone."""
@@ -150,6 +147,7 @@ def test_an_engine_without_single_rays_declines_what_needs_them_and_is_held_to_a
 
 def test_an_engine_that_cannot_render_what_it_accepted_is_not_excused_for_it(monkeypatch):
     monkeypatch.setattr(concurrency, "PASS_SECONDS", 0.5)  # no pass comes to be waited for
+
     class Late(Renderer):
         def render(self, spp, on_pass=None):
             raise engines.Unsupported("not today")

@@ -24,10 +24,7 @@ def test_the_frame_is_written_with_its_flag(tmp_path):
     done = command("--size", "320x480", "--calls", 1, "--time-elapsed", 3000, "--engine", "numpy", "-o", file)
     assert done.exit_code == 0, done.output
     pixels = np.asarray(Image.open(file))
-    assert (
-        hashlib.sha256(pixels.tobytes()).hexdigest()
-        == "9e7888d91d13ba37f761a29e50b0dc2278280c29a1e6587132b55d3fbbef39f3"
-    )
+    assert hashlib.sha256(pixels.tobytes()).hexdigest() == "9e7888d91d13ba37f761a29e50b0dc2278280c29a1e6587132b55d3fbbef39f3"
     assert "million primary rays/s" in done.output
 
 
@@ -49,9 +46,7 @@ def test_an_animation_is_a_folder_or_a_gif_of_consecutive_calls(tmp_path):
     assert command(*animated, "-o", tmp_path / "frames").exit_code == 0
     files = sorted((tmp_path / "frames").iterdir())
     assert [file.name for file in files] == [f"frame_{call:05d}.png" for call in (3, 4, 5, 6)]
-    alone = command(
-        "--size", "48x48", "--engine", "numpy", "--calls", 5, "--time-elapsed", 20000, "-o", tmp_path / "5.png"
-    )
+    alone = command("--size", "48x48", "--engine", "numpy", "--calls", 5, "--time-elapsed", 20000, "-o", tmp_path / "5.png")
     assert alone.exit_code == 0
     assert np.array_equal(np.asarray(Image.open(tmp_path / "5.png")), np.asarray(Image.open(files[2])))
     assert command(*animated, "-o", tmp_path / "movie.gif").exit_code == 0
@@ -94,7 +89,7 @@ def test_without_an_encoder_the_message_names_the_extra(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--size", "10"], "--size 10: width and height are wanted"),
+        (["--size", "10"], "--size 10: width and height are expected"),
         (["--calls", "0"], "--calls 0"),
         (["--animate", "0", "-o", "x.gif"], "--animate 0"),
         (["--probe", "chequer"], "did you mean 'checker'"),

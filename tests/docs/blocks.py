@@ -17,7 +17,7 @@ and `configs/` (and, where the page names it, a copy of `results/baseline`); all
                                       a backslash goes on, two spaces and # start a comment
     ```console exit 1                 ... must exit with 1
     ```console with --size 48x32      ... with these words added to each command in the tests alone
-    ```python no-run: needs a GPU     does not run; the reason is wanted. For every language.
+    ```python no-run: needs a GPU     does not run; the reason is expected. For every language.
     ```text                           output, or a drawing; also json, csv, xml, latex, c, html, ini
 
 Lines of a console block below a command are its output, or some of it: each must be printed, in that order. Any number

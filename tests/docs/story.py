@@ -81,9 +81,8 @@ def run(line: str) -> tuple[int, str]:
     words = shlex.split(line)
     if words[0] != "raybench" or set(line) & set("|<>&;*"):
         done = subprocess.run(
-            line, shell=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            check=False,
-        )  # fmt: skip
+            line, shell=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        )
         return done.returncode, done.stdout
     done = forked.raybench(words[1:], None, os.environ, merged=True)
     return done.returncode, done.stdout

@@ -68,9 +68,7 @@ def site(tmp_path_factory) -> Path:
 
 
 def test_the_site_needs_no_network(site):
-    fetched = re.compile(
-        r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]*\"|@import|url\(['\"]?https?:"
-    )
+    fetched = re.compile(r"<(?:script|link|img|iframe)[^>]*(?:src|href)=\"(?:https?:)?//[^\"]*\"|@import|url\(['\"]?https?:")
     files = [path for path in site.rglob("*") if path.suffix in (".html", ".css")]
     assert [f"{path.name}: {each}" for path in files for each in fetched.findall(path.read_text())] == []
 

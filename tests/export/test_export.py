@@ -103,11 +103,15 @@ def test_the_command_says_what_it_wrote_and_refuses_other_forms(tmp_path):
 
 def _metal(conductor, **spot):
     spot = {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 4, "cutoff": 30, "beam_width": 30, **spot}
-    return engines.scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "materials": {"metal": {"conductor": conductor}}, "lights": [{"spot": spot}],
-        "shapes": [{"disk": {"center": [1, 2, 3], "normal": [0, 1, 0], "radius": 2}, "material": "metal"}],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "materials": {"metal": {"conductor": conductor}},
+            "lights": [{"spot": spot}],
+            "shapes": [{"disk": {"center": [1, 2, 3], "normal": [0, 1, 0], "radius": 2}, "material": "metal"}],
+        }
+    )
 
 
 def test_pbrt_gets_a_disk_of_metal_under_a_spot_light(tmp_path):

@@ -16,10 +16,11 @@ TILTS = TEXTURE / 4 + [0.4, 0.4, 0.7]
 CAMERA = {"type": "perspective", "eye": [0.6, 0.9, 3.5], "target": [0, 0, 0], "fov": 40, "resolution": [SIDE, SIDE]}
 SQUARE = {
     "mesh": {
-        "vertices": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], "faces": [[0, 1, 2], [0, 2, 3]],
+        "vertices": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]],
+        "faces": [[0, 1, 2], [0, 2, 3]],
         "uvs": [[0, 0], [1, 0], [1, 1], [0, 1]],
-    },
-}  # fmt: skip
+    }
+}
 BALL = {"sphere": {"center": [0.2, 0, 0], "radius": 0.8}}
 IMAGE = {"image": TEXTURE, "color_space": "raw", "filter": "nearest"}
 RED = {"diffuse": {"reflectance": [0.7, 0.3, 0.2]}}
@@ -30,9 +31,13 @@ TINTED = {"environment": {"image": TEXTURE[:3] + 0.2, "rotation": [[0, 0, 1], [0
 def of(material, shape=SQUARE, **more):
     """A scene of one shape."""
     return {
-        "raybench_scene": 1, "camera": CAMERA, "lights": [SKY], "materials": {"m": material, "red": RED},
-        "shapes": [{**shape, "material": "m"}], **more,
-    }  # fmt: skip
+        "raybench_scene": 1,
+        "camera": CAMERA,
+        "lights": [SKY],
+        "materials": {"m": material, "red": RED},
+        "shapes": [{**shape, "material": "m"}],
+        **more,
+    }
 
 
 def textured(**placing):
@@ -49,16 +54,15 @@ def through(**camera):
 
 FLAT = {"type": "orthographic", "height": 2.5}
 FLAT_CAMERA = {key: value for key, value in CAMERA.items() if key != "fov"} | FLAT
-SMOOTH = SQUARE | {
-    "mesh": {**SQUARE["mesh"], "vertices": [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0.5]], "smooth": True}
-}
+SMOOTH = SQUARE | {"mesh": {**SQUARE["mesh"], "vertices": [[-1, -1, 0], [1, -1, 0.5], [1, 1, 0], [-1, 1, 0.5]], "smooth": True}}
 SCENES = {
     "offset": textured(offset=[0.3, 0.6]),
     "scale and offset": textured(scale=[2, 3], offset=[0.3, 0.6], wrap="mirror"),
     "matrix": textured(to_uv=[[1.2, 0.5, 0.1], [-0.4, 0.9, 0.7]], wrap="clamp"),
-    "checkerboard": of({"diffuse": {"reflectance": "t"}}, textures={"t": {
-        "checkerboard": {"a": [0.9, 0.2, 0.1], "b": 0.1}, "scale": [2, 3], "offset": [0.15, 0.4],
-    }}),
+    "checkerboard": of(
+        {"diffuse": {"reflectance": "t"}},
+        textures={"t": {"checkerboard": {"a": [0.9, 0.2, 0.1], "b": 0.1}, "scale": [2, 3], "offset": [0.15, 0.4]}},
+    ),
     "one number": of({"mask": {"opacity": "t", "of": "red"}}, textures={"t": IMAGE | {"channel": "g", "offset": [0.2, 0.1]}}),
     "smooth mesh": seen(SMOOTH),
     "disk": seen({"disk": {"center": [0, 0, 0], "normal": [1, 2, 3], "radius": 0.9}}),
@@ -86,7 +90,7 @@ SCENES = {
     "thin lens": through(type="thin_lens", aperture_radius=0.1, focus_distance=2),
     "orthographic": seen(camera=FLAT_CAMERA),
     "wide window": seen(camera={**FLAT_CAMERA, "width": 6, "principal_point": [0.1, 0.05]}),
-}  # fmt: skip
+}
 RENEWED = {"lamp of two sides", "furnace", "sky"}
 """What comes back as something else of the same look, so that its samples are others: a surface that emits on both sides
 is two, a hair apart, and a sky has rows between its own. The means of their images differ by less than 1 %, by chance."""

@@ -60,7 +60,7 @@ def test_variance_is_that_between_calls_and_unknown_after_one(tmp_path):
         ("signal", "was killed by SIGSEGV"),
         ("silent", "wrote no image"),
         ("garbage", "its image cannot be read: is no portable float map"),
-        ("size", "its image has 7x4 pixels where 6x4 are wanted"),
+        ("size", "its image has 7x4 pixels where 6x4 are expected"),
         ("nan", "1 of the 24 pixels of its image are not finite"),
     ],
 )
@@ -124,7 +124,7 @@ def test_no_shell_reads_the_command(tmp_path):
         ({}, {"precision": "float64"}, "computes in float32"),
         ({"threads": 1}, {"threads": 2}, "always takes 1 threads"),
     ],
-)  # fmt: skip
+)
 def test_what_the_file_does_not_promise_is_declined(tmp_path, changes, settings, said):
     engine = engines.engine(str(described(tmp_path, **changes)))
     asked = Settings(**{"width": 6, "height": 4, "sampler": "random", **settings})
@@ -158,16 +158,27 @@ def test_a_scene_with_plugins_is_declined_where_it_would_be_read(tmp_path):
 
 
 def test_a_scene_that_is_in_no_file_is_declined_where_it_would_be_read(tmp_path):
-    made = engines.scene_from({"raybench_scene": 1, "camera": {
-        "type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "fov_axis": "y",
-        "resolution": [8, 8]}})  # fmt: skip
+    made = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {
+                "type": "perspective",
+                "eye": [0, 0, 5],
+                "target": [0, 0, 0],
+                "up": [0, 1, 0],
+                "fov": 40,
+                "fov_axis": "y",
+                "resolution": [8, 8],
+            },
+        }
+    )
     assert "not in a file" in (engines.engine(str(described(tmp_path))).why_not(made, SETTINGS) or "")
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"command": "a {scene} {image}"}, "command = 'a {scene} {image}': a list of words is wanted: no shell"),
+        ({"command": "a {scene} {image}"}, "command = 'a {scene} {image}': a list of words is expected: no shell"),
         ({"command": ["a", "{image}{spp}{seed}{sede}"]}, "unknown placeholder {sede}: did you mean 'seed'"),
         ({"command": ["a", "{image}{spp}"]}, "{seed} must occur"),
         ({"command": ["a", "{image}{spp}{seed}}"]}, "a brace stands alone"),
@@ -182,7 +193,7 @@ def test_a_scene_that_is_in_no_file_is_declined_where_it_would_be_read(tmp_path)
         ({"time": {"pattern": "took (.*)s"}}, "groups named by their unit"),
         ({"time": {"pattern": "took (?P<s>.*"}}, "is no regular expression"),
     ],
-)  # fmt: skip
+)
 def test_a_file_that_cannot_be_used_says_where_and_what_is_wanted(tmp_path, changes, said):
     path = described(tmp_path, **changes)
     with pytest.raises(ConfigError) as caught:

@@ -38,12 +38,16 @@ def test_every_mishap_is_a_state_and_the_sweep_goes_on(swept):
     _, out, outcome, _ = swept
     found = {e["engine"]: e for e in store.latest_cells(store.read_events(out)).values()}
     states = {name.removeprefix("a_renderer_"): event["state"] for name, event in found.items()}
-    assert states == {"well": "done", "crash": "failed", "garbage": "failed", "nan": "failed", "hang": "timeout",
-                      "missing": "skipped"}  # fmt: skip
+    assert states == {
+        "well": "done",
+        "crash": "failed",
+        "garbage": "failed",
+        "nan": "failed",
+        "hang": "timeout",
+        "missing": "skipped",
+    }
     assert "no program 'no_such_program'" in found["a_renderer_missing"]["message"]
-    assert (
-        found["a_renderer_crash"]["message"] == "a_renderer_crash: the program ended with status 3: the tree fell over"
-    )
+    assert found["a_renderer_crash"]["message"] == "a_renderer_crash: the program ended with status 3: the tree fell over"
     assert outcome.states == {"done": 1, "failed": 3, "timeout": 1, "skipped": 1}
 
 
@@ -61,9 +65,7 @@ def test_no_program_outlives_its_timeout(swept):
     import psutil
 
     running = [p.info["cmdline"] or [] for p in psutil.process_iter(["cmdline"])]
-    assert not [
-        words for words in running if "a_renderer.py" in " ".join(words) and str(swept[1].parent) in " ".join(words)
-    ]
+    assert not [words for words in running if "a_renderer.py" in " ".join(words) and str(swept[1].parent) in " ".join(words)]
 
 
 def test_a_program_is_run_only_where_that_is_allowed(swept):

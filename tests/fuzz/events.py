@@ -18,9 +18,18 @@ from tests.harness.synthetic import Size, write_folder
 
 BESIDES = [
     {"event": "environment", "env_id": "env0", "preimage": {"cpu": "a CPU", "usable_cores": 2, "python": "3.12"}},
-    {"event": "certificate", "reference_id": "r", "certificate_id": "c", "verdict": "impossible", "message": "no planes",
-     "engine": "numpy", "reference_engine": "embree", "spp": 64, "scene": "cornell_box"},
-]  # fmt: skip
+    {
+        "event": "certificate",
+        "reference_id": "r",
+        "certificate_id": "c",
+        "verdict": "impossible",
+        "message": "no planes",
+        "engine": "numpy",
+        "reference_engine": "embree",
+        "spp": 64,
+        "scene": "cornell_box",
+    },
+]
 """Events that the synthetic folder lacks."""
 
 

@@ -21,12 +21,25 @@ from tests.fuzz.mutate import mutated_bytes
 from tests.fuzz.scenes import TREE
 
 SAVED = [
-    ("png", "RGB", {}), ("png", "P", {}), ("png", "I;16", {}), ("png", "1", {}), ("png", "RGBA", {}),
-    ("jpg", "RGB", {}), ("jpg", "CMYK", {}), ("jpg", "L", {"progressive": True}),
-    ("tif", "RGB", {}), ("tif", "RGB", {"compression": "tiff_lzw"}), ("tif", "1", {"compression": "group4"}),
-    ("tif", "RGB", {"compression": "jpeg"}), ("tif", "RGBA", {"compression": "tiff_adobe_deflate"}), ("tif", "F", {}),
-    ("bmp", "RGB", {}), ("bmp", "P", {}), ("webp", "RGB", {}), ("webp", "RGBA", {"lossless": True}),
-]  # fmt: skip
+    ("png", "RGB", {}),
+    ("png", "P", {}),
+    ("png", "I;16", {}),
+    ("png", "1", {}),
+    ("png", "RGBA", {}),
+    ("jpg", "RGB", {}),
+    ("jpg", "CMYK", {}),
+    ("jpg", "L", {"progressive": True}),
+    ("tif", "RGB", {}),
+    ("tif", "RGB", {"compression": "tiff_lzw"}),
+    ("tif", "1", {"compression": "group4"}),
+    ("tif", "RGB", {"compression": "jpeg"}),
+    ("tif", "RGBA", {"compression": "tiff_adobe_deflate"}),
+    ("tif", "F", {}),
+    ("bmp", "RGB", {}),
+    ("bmp", "P", {}),
+    ("webp", "RGB", {}),
+    ("webp", "RGBA", {"lossless": True}),
+]
 FOREIGN = ("gif", "ppm", "ico", "tga", "eps", "pdf", "pcx", "im", "dds", "jp2")
 """What Pillow could read besides, some of it by starting a program."""
 
@@ -114,5 +127,3 @@ def read(folder: Path) -> None:
     image = read_image(path)
     assert image.dtype == np.float64 and image.ndim == 3 and image.shape[2] == 3
     engines.load_scene(folder / "s.yaml")
-
-

@@ -62,9 +62,7 @@ def write(random: Random, folder: Path) -> None:
     files = {"s.xml": SCENE, "more.xml": MORE}
     name = random.choice(("s.xml", "s.xml", "more.xml"))
     content = files[name].encode()
-    damaged = (
-        mutated_text(random, content.decode()).encode() if random.random() < 0.7 else mutated_bytes(random, content)
-    )
+    damaged = mutated_text(random, content.decode()).encode() if random.random() < 0.7 else mutated_bytes(random, content)
     for other, text in files.items():
         (folder / other).write_bytes(damaged if other == name else text.encode())
     (folder / "m.obj").write_text(OBJ, encoding="ascii")

@@ -17,18 +17,80 @@ HEAD = 300
 NEVER_RIGHT: list[Any] = [math.nan, math.inf, -math.inf, {"x": {"y": 1}}, [[[]]], "\0text", 10**400, [1, 2, 3, 4]]
 """Values that no key of a scene takes."""
 WRONG: list[Any] = [
-    *NEVER_RIGHT, -1, 0, 1.5, 1e308, -5e-324, 2**31, 2**70, True, None, "", "x", "9" * 400, "numba", "../../etc/passwd",
-    "/dev/zero", "a:b", "\x07", "two\nlines", "\x1b[31m", "ö\u2028", [], [[]], {}, [1, [2, {"a": 3}]],
-    {"name": "grid", "name2": 1}, "1e400s", "*.yaml",
-]  # fmt: skip
+    *NEVER_RIGHT,
+    -1,
+    0,
+    1.5,
+    1e308,
+    -5e-324,
+    2**31,
+    2**70,
+    True,
+    None,
+    "",
+    "x",
+    "9" * 400,
+    "numba",
+    "../../etc/passwd",
+    "/dev/zero",
+    "a:b",
+    "\x07",
+    "two\nlines",
+    "\x1b[31m",
+    "ö\u2028",
+    [],
+    [[]],
+    {},
+    [1, [2, {"a": 3}]],
+    {"name": "grid", "name2": 1},
+    "1e400s",
+    "*.yaml",
+]
 """Values that are wrong in many places."""
 NUMBERS = [
-    "nan", "inf", "-inf", "1e999", "1e308", "-1e-320", "-1", "0", "1", "2", "0.5", "4294967296", "9" * 400, "0x10", "1_0", "",
-]  # fmt: skip
+    "nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "1e308",
+    "-1e-320",
+    "-1",
+    "0",
+    "1",
+    "2",
+    "0.5",
+    "4294967296",
+    "9" * 400,
+    "0x10",
+    "1_0",
+    "",
+]
 SYNTAX = [
-    "\\", "#", "x", "\t", "\0", "é", "/", "//", "1//", "../../etc/passwd", "*a", "&a", "<<:", "{", "[", "---", "? ", "| ",
-    "!!python/object/apply:os.system", "'", '"', "%YAML 1.1", "\u2028", "\r",
-]  # fmt: skip
+    "\\",
+    "#",
+    "x",
+    "\t",
+    "\0",
+    "é",
+    "/",
+    "//",
+    "1//",
+    "../../etc/passwd",
+    "*a",
+    "&a",
+    "<<:",
+    "{",
+    "[",
+    "---",
+    "? ",
+    "| ",
+    "!!python/object/apply:os.system",
+    "'",
+    '"',
+    "%YAML 1.1",
+    "\u2028",
+    "\r",
+]
 """Words that stand somewhere wrong, or anywhere."""
 _WORD = re.compile(r"[^\s,:\[\]{}/]+")
 EXTREMES = (0, 1, 255, 256, 65_535, 2**31 - 1, 2**31, 2**32 - 1)
@@ -151,5 +213,13 @@ def _insert(random: Random, damaged: bytearray) -> None:
 
 
 _BYTE_DAMAGE: tuple[Callable[[Random, bytearray], None], ...] = (
-    _flip, _flip, _flip, _number, _number, _cut, _remove, _repeat, _insert,
-)  # fmt: skip
+    _flip,
+    _flip,
+    _flip,
+    _number,
+    _number,
+    _cut,
+    _remove,
+    _repeat,
+    _insert,
+)

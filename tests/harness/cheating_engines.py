@@ -199,4 +199,4 @@ FLAGS: Mapping[str, str] = {
     "TakesThreads": "too_many_threads",
     "WrongCorner": "biased_tile",
 }
-REFUSED: Mapping[str, str] = {"RendersFewer": "the engine's film.counts are 3: 4 is wanted, the samples requested"}
+REFUSED: Mapping[str, str] = {"RendersFewer": "the engine's film.counts are 3: 4 is expected, the samples requested"}

@@ -17,10 +17,37 @@ from engines.errors import RaybenchError
 from harness import store
 
 WRONG = (
-    None, True, False, -1, 0, 1, 3, -1.5, 0.5, 1e-300, 1e300, float("nan"), float("inf"), 2**70, "", "x", "0", "../../..",
-    "/etc/passwd", "a/../b", "images", "a\x00b", "\ud800", [], {}, [1], ["x"], {"name": "x"}, {"x": [None]},
+    None,
+    True,
+    False,
+    -1,
+    0,
+    1,
+    3,
+    -1.5,
+    0.5,
+    1e-300,
+    1e300,
+    float("nan"),
+    float("inf"),
+    2**70,
+    "",
+    "x",
+    "0",
+    "../../..",
+    "/etc/passwd",
+    "a/../b",
+    "images",
+    "a\x00b",
+    "\ud800",
+    [],
+    {},
+    [1],
+    ["x"],
+    {"name": "x"},
+    {"x": [None]},
     [[[[[[]]]]]],
-)  # fmt: skip
+)
 """What is put in place of a value."""
 
 
@@ -45,24 +72,70 @@ def write_whole(folder: Path) -> Path:
     cell = next(event for event in kept if event["event"] == "cell")
     reference = next(event for event in kept if event["event"] == "reference")
     verdict = {
-        "difference": 1e-4, "low": -1e-3, "high": 1e-3, "image_bound": 1e-3, "tile_bound": 0.02, "worst_tile": [0, 0],
-        "image_margin": 0.005, "tile_margin": 0.05, "same_pixels": 0.1, "verdict": "equivalent", "alpha": 1e-3,
-    }  # fmt: skip
+        "difference": 1e-4,
+        "low": -1e-3,
+        "high": 1e-3,
+        "image_bound": 1e-3,
+        "tile_bound": 0.02,
+        "worst_tile": [0, 0],
+        "image_margin": 0.005,
+        "tile_margin": 0.05,
+        "same_pixels": 0.1,
+        "verdict": "equivalent",
+        "alpha": 1e-3,
+    }
     finding = {
-        "engine": "numba", "version": "1", "precision": "float64", "tracing": "float64", "accelerator": "bvh",
-        "section": "stability", "case": "sphere-distance", "description": "?", "source": "here", "parameter": "t, 1e3",
-        "count": 100, "error": 1e-9, "unit": "1", "tolerance": 1e-6, "outcome": "pass", "median_ulp": 0.5,
-        "p999_ulp": 1.0, "worst_ulp": 2.0, "seconds": 0.1, "note": "", "median_error": 1e-10,
-    }  # fmt: skip
+        "engine": "numba",
+        "version": "1",
+        "precision": "float64",
+        "tracing": "float64",
+        "accelerator": "bvh",
+        "section": "stability",
+        "case": "sphere-distance",
+        "description": "?",
+        "source": "here",
+        "parameter": "t, 1e3",
+        "count": 100,
+        "error": 1e-9,
+        "unit": "1",
+        "tolerance": 1e-6,
+        "outcome": "pass",
+        "median_ulp": 0.5,
+        "p999_ulp": 1.0,
+        "worst_ulp": 2.0,
+        "seconds": 0.1,
+        "note": "",
+        "median_error": 1e-10,
+    }
     kept += [
         {"event": "environment", "env_id": "env0", "preimage": {"cpu": "One", "usable_cores": 2, "libraries": {"a": "1"}}},
         {"event": "start", "cell_id": cell["cell_id"], "time": "2026-01-01"},
-        {"event": "certificate", "certificate_id": "c0", "reference_id": reference["reference_id"], "engine": "numpy",
-         "scene": "cornell_box", "spp": 64, "message": "", "lineage": "raybench-numpy",
-         "reference_lineage": "raybench-kernels", "width": 16, "height": 12, **verdict},
-        {"event": "verify_job", "verify_job_id": "x0", "spec": {"case": "sphere-distance"}, "env_id": "env0",
-         "state": "done", "message": "", "results": [finding], "wall_seconds": 1.0, "time": "2026-01-01"},
-    ]  # fmt: skip
+        {
+            "event": "certificate",
+            "certificate_id": "c0",
+            "reference_id": reference["reference_id"],
+            "engine": "numpy",
+            "scene": "cornell_box",
+            "spp": 64,
+            "message": "",
+            "lineage": "raybench-numpy",
+            "reference_lineage": "raybench-kernels",
+            "width": 16,
+            "height": 12,
+            **verdict,
+        },
+        {
+            "event": "verify_job",
+            "verify_job_id": "x0",
+            "spec": {"case": "sphere-distance"},
+            "env_id": "env0",
+            "state": "done",
+            "message": "",
+            "results": [finding],
+            "wall_seconds": 1.0,
+            "time": "2026-01-01",
+        },
+    ]
     write_events(folder, kept)
     manifest = json.loads((folder / store.MANIFEST).read_text())
     ids = [event["cell_id"] for event in kept if event["event"] == "cell"]

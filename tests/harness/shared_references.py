@@ -24,9 +24,15 @@ REPLICATES = 6
 
 def wanted(number: int, replicates: int = REPLICATES) -> references.PlannedReference:
     asked = {
-        "scene": "s", "replicates": replicates, "replicate_spp": 4, "engine": "fake", "width": 24, "height": 16,
-        "shader": {"name": "albedo"}, "seed": 100 * number,
-    }  # fmt: skip
+        "scene": "s",
+        "replicates": replicates,
+        "replicate_spp": 4,
+        "engine": "fake",
+        "width": 24,
+        "height": 16,
+        "shader": {"name": "albedo"},
+        "seed": 100 * number,
+    }
     return references.PlannedReference("ball", "ball.yaml", "5ce4e", asked, {})
 
 

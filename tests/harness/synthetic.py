@@ -48,10 +48,15 @@ def write_folder(folder: Path, size: Size = SMALL, seeds: int = 5, with_images: 
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "manifest.json").write_text(json.dumps(manifest()))
     events = [
-        {"event": "run", "time": "2026-11-21T03:00:00Z", "run_id": "r1", "config_name": "synthetic",
-         "command": ["raybench", "run", "synthetic.yaml"]},
+        {
+            "event": "run",
+            "time": "2026-11-21T03:00:00Z",
+            "run_id": "r1",
+            "config_name": "synthetic",
+            "command": ["raybench", "run", "synthetic.yaml"],
+        },
         {"event": "targets", "metric": "relmse_e0.01", "targets": TARGETS},
-    ]  # fmt: skip
+    ]
     events += [write_reference(folder, scene, size, rng) for scene in SCENES]
     drift = rng.lognormal(0, 0.05, seeds)
     for block in range(seeds):
@@ -87,17 +92,36 @@ def cases(threads):
 def base_cell(case, block, size):
     scene, engine, accelerator, sampler, threads, label = case
     return {
-        "event": "cell", "cell_id": "-".join(map(str, (*case, block))).replace("/", ""), "env_id": "env0",
-        "label": label, "state": "done", "message": "", "block": block, "order": 0, "seed": 1000 + block,
-        "scene": scene, "scene_hash": "s" + scene, "engine": engine, "engine_version": "1.0",
-        "shader": {"name": "path_tracer", "max_depth": 6}, "sampler": {"name": sampler},
-        "accelerator": {"name": accelerator}, "precision": "float64", "threads": threads, "width": size.width,
+        "event": "cell",
+        "cell_id": "-".join(map(str, (*case, block))).replace("/", ""),
+        "env_id": "env0",
+        "label": label,
+        "state": "done",
+        "message": "",
+        "block": block,
+        "order": 0,
+        "seed": 1000 + block,
+        "scene": scene,
+        "scene_hash": "s" + scene,
+        "engine": engine,
+        "engine_version": "1.0",
+        "shader": {"name": "path_tracer", "max_depth": 6},
+        "sampler": {"name": sampler},
+        "accelerator": {"name": accelerator},
+        "precision": "float64",
+        "threads": threads,
+        "width": size.width,
         "command": f"raybench render {scene} --engine {engine} --seed {1000 + block} -o image.exr",
-        "height": size.height, "reference_id": reference_id(scene, size), "phases": {}, "points": [], "counters": {},
-        "smooth_sampler": sampler == "random", "reproducible": True,
+        "height": size.height,
+        "reference_id": reference_id(scene, size),
+        "phases": {},
+        "points": [],
+        "counters": {},
+        "smooth_sampler": sampler == "random",
+        "reproducible": True,
         "machine": {"load_1m": 0.5, "steal_seconds": 0.0, "involuntary_switches": 3, "contended": False},
         "sentinel_seconds": 0.2,
-    }  # fmt: skip
+    }
 
 
 def done_cell(folder, case, block, drift, size, rng, with_images):
@@ -113,30 +137,50 @@ def done_cell(folder, case, block, drift, size, rng, with_images):
         error = SCENES[scene] * luck * spp ** (2 * SLOPES[sampler]) * rng.lognormal(0, 0.02) + biased
         keep = with_images and spp in (4, 16, 64, 256)
         image = write_image(folder, cell, spp, error - biased, size, rng) if keep else None
-        cell["points"].append({"spp": spp, "seconds": spp * per_spp, "rays": spp * size.width * size.height * 7,
-                               "metrics": metrics(error), "image": image})  # fmt: skip
+        cell["points"].append(
+            {
+                "spp": spp,
+                "seconds": spp * per_spp,
+                "rays": spp * size.width * size.height * 7,
+                "metrics": metrics(error),
+                "image": image,
+            }
+        )
     cell["phases"] = {
-        "import_seconds": 0.8, "load_seconds": 0.05, "build_seconds": BUILD_SECONDS[engine],
-        "compile_seconds": COMPILE_SECONDS[engine], "render_seconds": cell["points"][-1]["seconds"],
-    }  # fmt: skip
+        "import_seconds": 0.8,
+        "load_seconds": 0.05,
+        "build_seconds": BUILD_SECONDS[engine],
+        "compile_seconds": COMPILE_SECONDS[engine],
+        "render_seconds": cell["points"][-1]["seconds"],
+    }
     cell["counters"] = {"rays": cell["points"][-1]["rays"], "accelerator_bytes": 4096.0}
     return cell
 
 
 def metrics(error):
     return {
-        "relmse_e0.01": error * 1.01, "relmse_e0.01_corrected": error, "relmse_e0.01_se": 1e-5 + error * 0.02,
-        "relmse_e0.01_trimmed": error * 0.9, "mse": error * 0.3, "mse_corrected": error * 0.29, "mse_se": error * 0.006,
+        "relmse_e0.01": error * 1.01,
+        "relmse_e0.01_corrected": error,
+        "relmse_e0.01_se": 1e-5 + error * 0.02,
+        "relmse_e0.01_trimmed": error * 0.9,
+        "mse": error * 0.3,
+        "mse_corrected": error * 0.29,
+        "mse_se": error * 0.006,
         "mape": error**0.5,
-        "smape": error**0.5, "psnr": -10 * np.log10(error * 0.2), "ssim": float(1 / (1 + error)), "nonfinite": 0.0,
-        "mean_r": 0.5, "mean_g": 0.5, "mean_b": 0.5,
-    }  # fmt: skip
+        "smape": error**0.5,
+        "psnr": -10 * np.log10(error * 0.2),
+        "ssim": float(1 / (1 + error)),
+        "nonfinite": 0.0,
+        "mean_r": 0.5,
+        "mean_g": 0.5,
+        "mean_b": 0.5,
+    }
 
 
 def troubles(block, size):
     """Cells that did not make it: skipped, failed (first block) and timed out (last blocks)."""
     skipped = base_cell(("two_spheres", "numba", "grid", "random", 1, None), block, size)
-    skipped.update(state="skipped", message="grid <small> cannot hold infinite planes & has \"no\" fallback")
+    skipped.update(state="skipped", message='grid <small> cannot hold infinite planes & has "no" fallback')
     timeout = base_cell(("cornell_box", "numpy", "none", "random", 1, None), block, size)
     timeout.update(state="timeout", message="no answer within 5m")
     failed = base_cell(("cornell_box", "mitsuba", "auto", "random", 2, None), block, size)
@@ -147,13 +191,19 @@ def troubles(block, size):
 def manifest():
     return {
         "raybench_results": 2,
-        "config": {"raybench_experiment": 1, "name": "synthetic", "resolution": [48, 36], "repeats": 5,
-                   "equivalence": {"image": 0.02, "tile": 0.5},
-                   "quality": {"metric": "relmse", "epsilon": 0.01, "targets": TARGETS}},
-        "command": ["raybench", "run", "synthetic.yaml"], "git": {"commit": "0123abc", "dirty": True},
+        "config": {
+            "raybench_experiment": 1,
+            "name": "synthetic",
+            "resolution": [48, 36],
+            "repeats": 5,
+            "equivalence": {"image": 0.02, "tile": 0.5},
+            "quality": {"metric": "relmse", "epsilon": 0.01, "targets": TARGETS},
+        },
+        "command": ["raybench", "run", "synthetic.yaml"],
+        "git": {"commit": "0123abc", "dirty": True},
         "versions": {"python": "3.12", "numpy": "2.4", "numba": "0.68"},
         "machine": {"cpu": "Synthetic 2-core at 3 GHz", "cores": 2, "memory_gib": 8.0, "system": "Linux"},
-    }  # fmt: skip
+    }
 
 
 def write_image(folder, cell, spp, error, size, rng):
@@ -187,9 +237,15 @@ def write_reference(folder, scene, size, rng):
 
 def reference_asked(scene, size):
     return {
-        "scene": scene, "replicates": 2, "replicate_spp": 4096, "engine": "embree", "width": size.width,
-        "height": size.height, "shader": {"name": "path_tracer", "max_depth": 6}, "seed": 9000,
-    }  # fmt: skip
+        "scene": scene,
+        "replicates": 2,
+        "replicate_spp": 4096,
+        "engine": "embree",
+        "width": size.width,
+        "height": size.height,
+        "shader": {"name": "path_tracer", "max_depth": 6},
+        "seed": 9000,
+    }
 
 
 def reference_id(scene, size):

@@ -106,14 +106,19 @@ def test_an_engine_of_the_same_lineage_is_refused_with_one_line(tmp_path):
 
 def test_lineages_are_declared_or_the_name():
     lineages = {name: lineage_of(engine(name)) for name in ("numpy", "numba", "embree", "embreex_batch", "mitsuba_scalar")}
-    assert lineages == {"numpy": "raybench-numpy", "numba": "raybench-kernels", "embree": "raybench-kernels",
-                        "embreex_batch": "raybench-numpy", "mitsuba_scalar": "mitsuba"}  # fmt: skip
+    assert lineages == {
+        "numpy": "raybench-numpy",
+        "numba": "raybench-kernels",
+        "embree": "raybench-kernels",
+        "embreex_batch": "raybench-numpy",
+        "mitsuba_scalar": "mitsuba",
+    }
     assert lineage_of(fake_engines.Steady()) == "steady" and lineage_of(fake_engines.Sibling()) == "steady"
 
     class Unspeakable(fake_engines.Steady):
         lineage = 3
 
-    with pytest.raises(ConfigError, match="its lineage is 3: a line of text is wanted"):
+    with pytest.raises(ConfigError, match="its lineage is 3: a line of text is expected"):
         engine(Unspeakable())
 
 
@@ -194,8 +199,9 @@ def test_a_reference_with_bad_samples_is_refused_with_where_and_what(tmp_path):
     text = sweeping.EXPERIMENT.replace("reference: {engine: 'fake_engines:Steady'", "reference: {engine: 'fake_engines:Spotty'")
     outcome, listener = sweeping.run(sweeping.write(tmp_path, text), tmp_path / "out", ["repeats=1"])
     assert outcome.states == {"failed": 2}
-    assert "reference of ball by fake_engines:Spotty, seed 9000: 1 samples are NaN or infinite: finite radiance is wanted" in (
-        listener.notes[0]
+    assert (
+        "reference of ball by fake_engines:Spotty, seed 9000: 1 samples are NaN or infinite: finite radiance is expected"
+        in (listener.notes[0])
     )
 
 
@@ -220,8 +226,8 @@ def test_a_certificate_takes_as_many_pairs_of_images_as_time_allowed(tmp_path, m
     assert event["spp"] == 3 * wanted.certifier.spp and event["verdict"] in ("equivalent", "unresolved", "different")
 
 
-@pytest.mark.parametrize(("spp", "first"), [
-    (256, {"name": "stratified", "strata": 256}), (128, "random"), (1, "random"), (4**8, "random"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("spp", "first"), [(256, {"name": "stratified", "strata": 256}), (128, "random"), (1, "random"), (4**8, "random")]
+)
 def test_a_certifier_without_the_reference_s_sampler_takes_whole_patterns(spp, first):
     assert certifiers.samplers(spp)[0] == first and certifiers.samplers(spp)[-1] == "random"

@@ -21,25 +21,22 @@ COMMITTED = Path(__file__).resolve().parents[2] / "results" / "dissertation"
 
 
 def cell(
-    accelerator,
-    seconds,
-    *,
-    block,
-    scene="hall",
-    threads=2,
-    shader="path_tracer",
-    sampler="sobol",
-    error=0.01,
-    label=None,
+    accelerator, seconds, *, block, scene="hall", threads=2, shader="path_tracer", sampler="sobol", error=0.01, label=None
 ):
     """A measured cell: `seconds` a sample, `error` at the last checkpoint."""
     made = base_cell((scene, "numba", accelerator, sampler, threads, label), block, SIZE) | {"shader": {"name": shader}}
     made["cell_id"] = "-".join(map(str, (scene, accelerator, sampler, threads, shader, block, bool(label))))
     made["primitives"], made["phases"] = 1234, {"build_seconds": 0.002}
     made["points"] = [
-        {"spp": spp, "seconds": spp * seconds, "rays": spp * (2000 if shader == "whitted" else 9000),
-         "metrics": metrics(error * SPP[-1] / spp), "image": None} for spp in SPP
-    ]  # fmt: skip
+        {
+            "spp": spp,
+            "seconds": spp * seconds,
+            "rays": spp * (2000 if shader == "whitted" else 9000),
+            "metrics": metrics(error * SPP[-1] / spp),
+            "image": None,
+        }
+        for spp in SPP
+    ]
     return made
 
 
@@ -77,11 +74,13 @@ def with_twins(cells):
 
 def accelerators(bvh, grid, noise=0.002):
     return [
-        made for block in range(4) for made in (
+        made
+        for block in range(4)
+        for made in (
             cell("bvh", bvh * wobble(block), block=block),
             cell("grid", grid * wobble(block) * (1 + noise * (-1) ** block), block=block),
         )
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -101,8 +100,11 @@ def test_threads_are_credited_with_what_they_gave(tmp_path):
 
 
 def threads():
-    return [cell("bvh", 0.02 * wobble(b) / share * (1 + 0.001 * b), block=b, threads=n)
-            for b in range(4) for n, share in ((1, 1.0), (2, 1.6))]  # fmt: skip
+    return [
+        cell("bvh", 0.02 * wobble(b) / share * (1 + 0.001 * b), block=b, threads=n)
+        for b in range(4)
+        for n, share in ((1, 1.0), (2, 1.6))
+    ]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -119,9 +121,7 @@ def test_builds_are_those_of_a_warm_process(tmp_path):
 def test_the_worst_pixels_share_of_the_error_is_told(tmp_path):
     made: list[dict[str, Any]] = accelerators(0.01, 0.02)
     for each in made:
-        each["points"] = [
-            point | {"metrics": {"relmse_e0.01": 2.0, "relmse_e0.01_trimmed": 0.5}} for point in each["points"]
-        ]
+        each["points"] = [point | {"metrics": {"relmse_e0.01": 2.0, "relmse_e0.01_trimmed": 0.5}} for point in each["points"]]
     # One of 200 pixels is what 0.1 % rounds up to: the others hold 0.5 * 199 of 2 * 200.
     assert re.search(r"\| hall \| path_tracer \| 16 \| 2 \| 0\.500 \| 75\.1 % \|", chapter(tmp_path, made))
 
@@ -180,7 +180,7 @@ def test_claims_that_do_not_hold_are_named_with_their_sentence_and_numbers(tmp_p
     first, second = caught.value.problems
     assert first == (
         f'{tmp_path}/prose.md:8: "On hall it is faster than the grid…, by ….": the results do not say that '
-        'faster("hall", "numba bvh", "numba grid"): faster(\'hall\', \'numba bvh\', \'numba grid\') is slower on '
+        "faster(\"hall\", \"numba bvh\", \"numba grid\"): faster('hall', 'numba bvh', 'numba grid') is slower on "
         "hall, 0.500 (0.492 to 0.508)"
     )
     assert ':11: "It takes … words….": the results do not say that fastest(' in second and "is False" in second
@@ -193,14 +193,14 @@ def test_claims_that_do_not_hold_are_named_with_their_sentence_and_numbers(tmp_p
         ("faster(", "faster(: is no expression"),
         ("quicker('hall')", "quicker is unknown"),
         ("speed.__class__", "speed.__class__ is no call, number, text, list or comparison"),
-        ("speed('attic')", "'attic' names no configurations: one is wanted"),
-        ("speed('hall')", "'hall' names 2 configurations (numba bvh; numba grid): one is wanted"),
+        ("speed('attic')", "'attic' names no configurations: one is expected"),
+        ("speed('hall')", "'hall' names 2 configurations (numba bvh; numba grid): one is expected"),
         ("faster('hall', 'numba bvh', 'embree')", "'hall' with numba bvh and embree names no comparisons"),
         ("speed()", "missing 1 required positional argument"),
         ("1 / 0", "division by zero"),
         ("build('hall, numba bvh')", "the results have no number for build('hall, numba bvh')"),
     ],
-)  # fmt: skip
+)
 def test_what_prose_cannot_ask_is_a_message(tmp_path, code, problem):
     with pytest.raises(ConfigError, match=re.escape(problem)):
         written(tmp_path, accelerators(0.01, 0.02), f"# A\n\n## B\n\nIt is {{{{{code}}}}}.\n")
@@ -216,16 +216,23 @@ def test_an_unknown_table_and_an_unreadable_file_are_messages(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_samplers_are_compared_by_error_and_by_time(tmp_path):
-    made = [cell("bvh", 0.01 * wobble(b), block=b, sampler=s, error=e * (1 + 0.01 * (-1) ** (b + i)))
-            for b in range(4) for i, (s, e) in enumerate((("random", 0.03), ("sobol", 0.01)))]  # fmt: skip
-    text = written(tmp_path, made, """# A
+    made = [
+        cell("bvh", 0.01 * wobble(b), block=b, sampler=s, error=e * (1 + 0.01 * (-1) ** (b + i)))
+        for b in range(4)
+        for i, (s, e) in enumerate((("random", 0.03), ("sobol", 0.01)))
+    ]
+    text = written(
+        tmp_path,
+        made,
+        """# A
 
 ## B
 
 Sobol has the smaller error{{claim less_error("hall", "sobol", "random") and not less_error("hall", "random", "sobol")}}, by
 {{error_ratio("hall", "sobol", "random")}} at {{spp("hall", "sobol")}} samples, is sooner{{claim sooner("hall", "sobol",
 "random")}} at {{target("hall", "sobol")}}, and costs the same{{claim same_speed("hall", "sobol", "random")}}.
-""")  # fmt: skip
+""",
+    )
     assert re.search(r"error, by 3\.00 \(2\.\d+ to 3\.\d+\) at 16 samples, is sooner at 0\.0500, and", text)
 
 
@@ -235,9 +242,7 @@ ODD = Chapter("50 % & <more>", [Section("A_b", [Paragraph(["x < y & z_1 is 5 %."
 def test_every_language_escapes_what_it_must():
     assert "x < y & z\\_1" in markdown(ODD).replace("\\<", "<") and "\\*one\\*" in markdown(ODD)
     text = latex(ODD)
-    assert (
-        r"\chapter{50 \% \& \textless{}more\textgreater{}}" in text and r"\# *one*" in text and r"z\_1 is 5 \%" in text
-    )
+    assert r"\chapter{50 \% \& \textless{}more\textgreater{}}" in text and r"\# *one*" in text and r"z\_1 is 5 \%" in text
     page = html(ODD)
     assert "<title>50 % &amp; &lt;more&gt;</title>" in page and "x &lt; y &amp; z_1" in page
 
@@ -295,7 +300,7 @@ def test_a_chapter_needs_results(tmp_path):
         results.chapter([], tmp_path / "out")
     with pytest.raises(ConfigError, match="a results folder is missing"):
         results.report([])
-    with pytest.raises(ConfigError, match="is the text of a chapter: --chapter DIR is wanted"):
+    with pytest.raises(ConfigError, match="is the text of a chapter: --chapter DIR is expected"):
         results.report([tmp_path], tmp_path / "prose.md")
     folder = folder_of(tmp_path / "results", accelerators(0.01, 0.02))
     (tmp_path / "file").touch()
@@ -305,12 +310,14 @@ def test_a_chapter_needs_results(tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_samplers_whose_curves_are_read_differently_are_not_separated_by_the_reading(tmp_path):
-    same = [cell("bvh", 0.01 * wobble(b) * (1 + 0.001 * (-1) ** b), block=b, sampler=sampler)
-            for b in range(4) for sampler in ("sobol", "random")]  # fmt: skip
+    same = [
+        cell("bvh", 0.01 * wobble(b) * (1 + 0.001 * (-1) ** b), block=b, sampler=sampler)
+        for b in range(4)
+        for sampler in ("sobol", "random")
+    ]
     claim = "# A\n\nThey{{claim not sooner('hall', 'random', 'sobol')}} take {{time_ratio('hall', 'random', 'sobol')}}."
     text = written(tmp_path, same, claim)
     assert re.search(r"They take 1\.2\d ", text), "random is read between checkpoints, sobol at the next one"
-
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -17,20 +17,7 @@ from tests.harness import sweeping
 from tests.harness.sweeping import raybench
 from tests.needs import needs
 
-VERBS = (
-    "run",
-    "plan",
-    "reference",
-    "render",
-    "report",
-    "rescore",
-    "merge",
-    "compare",
-    "status",
-    "export",
-    "list",
-    "schema",
-)
+VERBS = ("run", "plan", "reference", "render", "report", "rescore", "merge", "compare", "status", "export", "list", "schema")
 
 
 def ended(done, code):
@@ -105,11 +92,14 @@ def test_nothing_heavy_is_imported_for_help():
         (["render", "cornell_box", "--shader", "path_tracr"], "did you mean 'path_tracer'?"),
         (["render", "cornell_box", "--shader", "{name: path_tracer, max_dept: 3}"], "did you mean 'max_depth'?"),
         (["render", "cornell_box", "--shader", "{name: path_tracer, max_depth: 0}"], "must be an integer in [1,"),
-        (["render", "cornell_box", "--shader", "{max_depth: 3}"], "a name, or {name: ..., option: value}, is wanted"),
+        (["render", "cornell_box", "--shader", "{max_depth: 3}"], "a name, or {name: ..., option: value}, is expected"),
         (["render", "cornell_box", "--shader", "my:shader"], "run with --allow-imports if you trust it"),
         (["render", "cornell_box", "--engine", "my:engine"], "run with --allow-imports if you trust it"),
-        (["render", "cornell_box", "--size", "16"], "--size 16: width and height are wanted, as 256x192"),
-        (["plan", "quick", "--set", "resolution=16"], "resolution = 16: width and height are wanted, as 256x192 or [256, 192]"),
+        (["render", "cornell_box", "--size", "16"], "--size 16: width and height are expected, as 256x192"),
+        (
+            ["plan", "quick", "--set", "resolution=16"],
+            "resolution = 16: width and height are expected, as 256x192 or [256, 192]",
+        ),
         (["render", "cornell_box", "--spp", "1e3"], "'--spp': '1e3': must be an integer"),
         (["view", "--port", "70000"], "'--port': 70000: must be at most 65535"),
         (["render", "cornell_box", "--size", "100000x4"], "settings.width = 100000: must be an integer in [1, 65536]"),

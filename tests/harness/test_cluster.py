@@ -28,8 +28,9 @@ def machines():
     """A scheduler and two workers, each a process that declares itself a machine; both are on this host."""
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0", resources={"machine": 1},
-                      silence_logs=50) as cluster:  # fmt: skip
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", resources={"machine": 1}, silence_logs=50
+    ) as cluster:
         yield cluster
 
 
@@ -50,8 +51,9 @@ def same_images(one, other):
     """Every last image and the reference, bit for bit."""
     found = {event["cell_id"]: event["points"][-1]["image"] for event in cells(one) if event["points"]}
     for event in (event for event in cells(other) if event["points"]):
-        ours, theirs = (read_film_layers(f / image) for f, image in
-                        ((other, event["points"][-1]["image"]), (one, found[event["cell_id"]])))  # fmt: skip
+        ours, theirs = (
+            read_film_layers(f / image) for f, image in ((other, event["points"][-1]["image"]), (one, found[event["cell_id"]]))
+        )
         assert all((a == b).all() or np.isnan(a).all() for a, b in zip(ours, theirs, strict=True))
     (reference,) = {event["reference_id"] for event in cells(one)}
     ours, theirs = (store.reference_arrays(folder, reference) for folder in (one, other))
@@ -155,7 +157,7 @@ def test_a_cluster_that_is_not_there_is_one_message(tmp_path, monkeypatch):
     monkeypatch.setattr(dask, "CONNECT_SECONDS", 0.5)
     with pytest.raises(ConfigError, match=r"--cluster tcp://127.0.0.1:9: no scheduler answers there"):
         sweeping.run(sweeping.write(tmp_path), tmp_path / "out", cluster="tcp://127.0.0.1:9")
-    with pytest.raises(ConfigError, match=r"--cluster nowhere: the address of a scheduler is wanted, as tcp://host:8786"):
+    with pytest.raises(ConfigError, match=r"--cluster nowhere: the address of a scheduler is expected, as tcp://host:8786"):
         dask.connected("nowhere")
 
 
@@ -221,9 +223,11 @@ def test_a_cell_whose_machine_is_gone_is_not_measured_again():
     homes = {"0": "tcp://a:1", "1": "tcp://gone:1", "2": "tcp://b:1"}
     machines = {"tcp://a:1": {"host": "a"}, "tcp://a:9": {"host": "a"}, "tcp://b:1": {"host": "b"}}
     recorder = SimpleNamespace(
-        stopped=False, listener=SimpleNamespace(note=print), plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
+        stopped=False,
+        listener=SimpleNamespace(note=print),
+        plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
         latest={cell_id: {"worker": home} for cell_id, home in homes.items()},
-    )  # fmt: skip
+    )
     given = [SimpleNamespace(cell_id=cell_id, block=0) for cell_id in homes]
     blocks = Blocks(recorder, SimpleNamespace(present=lambda: machines), given, again=True)
     started = []
@@ -247,9 +251,10 @@ def test_a_host_gets_one_block_at_a_time_and_a_lost_machine_gives_its_block_back
     machines = {"tcp://a:1": {"host": "a"}, "tcp://a:9": {"host": "a"}, "tcp://b:1": {"host": "b"}}
     notes, failed = [], []
     recorder = SimpleNamespace(
-        stopped=False, listener=SimpleNamespace(note=notes.append),
+        stopped=False,
+        listener=SimpleNamespace(note=notes.append),
         plan=SimpleNamespace(experiment=SimpleNamespace(timing=True)),
-    )  # fmt: skip
+    )
     cluster = SimpleNamespace(present=lambda: dict(machines))
     blocks = Blocks(recorder, cluster, [cell for block in cells for cell in block])
     started = []

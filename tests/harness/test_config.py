@@ -74,8 +74,11 @@ def test_the_example_of_the_specification_is_read():
 def test_zip_advances_together_and_multiplies_the_matrix():
     text = HEAD + "matrix: {engine: [numpy, numba]}\nzip: [{threads: [1, 2], sampler: [random, sobol]}]\n"
     assert named(parsed(text), "engine", "threads", "sampler") == [
-        ("numpy", 1, "random"), ("numpy", 2, "sobol"), ("numba", 1, "random"), ("numba", 2, "sobol"),
-    ]  # fmt: skip
+        ("numpy", 1, "random"),
+        ("numpy", 2, "sobol"),
+        ("numba", 1, "random"),
+        ("numba", 2, "sobol"),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -158,38 +161,38 @@ MISTAKES = {
     "budget: {max_time: 20}": "a.yaml:4 budget.max_time = 20: must be a time with its unit: 500ms, 20s, 5m or 1h",
     "budget: {max_time: 0s}": "a.yaml:4 budget.max_time = '0s': must be a time above zero and below thirty days",
     "budget: {maxtime: 20s}": "a.yaml:4 budget.maxtime: unknown key: did you mean 'max_time'?",
-    "budget: 5s": "a.yaml:4 budget = '5s': a mapping is wanted",
+    "budget: 5s": "a.yaml:4 budget = '5s': a mapping is expected",
     "threads: 0": "a.yaml:4 threads = 0: must be an integer in [1, 1024]",
     "threads: yes": "a.yaml:4 threads = 'yes': must be an integer in [1, 1024]",
     "precision: double": "a.yaml:4 precision = 'double': must be one of float64, float32",
-    "resolution: [64]": "a.yaml:4 resolution: width and height are wanted, as 256x192 or [256, 192]",
+    "resolution: [64]": "a.yaml:4 resolution: width and height are expected, as 256x192 or [256, 192]",
     "resolution: [64, 0]": "a.yaml:4 resolution[1] = 0: must be an integer in [1, 65536]",
     "shader: path_tracr": "a.yaml:4 shader: unknown shader 'path_tracr': did you mean 'path_tracer'?",
     "shader: {name: whitted, depth: 2}": "a.yaml:4 shader: unknown option of shader 'whitted' 'depth': did you mean 'm",
-    "shader: {max_depth: 2}": "a.yaml:4 shader: the key 'name' is wanted",
-    "shader: true": "a.yaml:4 shader = True: a shader's name, or {name: ..., option: value}, is wanted",
+    "shader: {max_depth: 2}": "a.yaml:4 shader: the key 'name' is expected",
+    "shader: true": "a.yaml:4 shader = True: a shader's name, or {name: ..., option: value}, is expected",
     "sampler: sobel": "a.yaml:4 sampler: unknown sampler 'sobel': did you mean 'sobol'?",
     "matrix: {engine: [numba]}": "a.yaml:4 matrix.engine: stands elsewhere too",
     "matrix: {engin: [numba]}": "a.yaml:4 matrix.engin: unknown key: did you mean 'engine'?",
-    "matrix: {threads: 2}": "a.yaml:4 matrix.threads = 2: a list of at least 1 is wanted",
-    "matrix: {threads: []}": "a.yaml:4 matrix.threads: a list of at least 1 is wanted",
+    "matrix: {threads: 2}": "a.yaml:4 matrix.threads = 2: a list of at least 1 is expected",
+    "matrix: {threads: []}": "a.yaml:4 matrix.threads: a list of at least 1 is expected",
     "matrix:\n  threads: [1, two]": "a.yaml:5 matrix.threads[1] = 'two': must be an integer in [1, 1024]",
     "zip: [{threads: [1], sampler: [sobol, random]}]": "a.yaml:4 zip[0]: lists that advance together must be equ",
-    "exclude: [{}]": "a.yaml:4 exclude[0]: at least one condition is wanted",
-    "exclude: {engine: numba}": "a.yaml:4 exclude: a list is wanted",
+    "exclude: [{}]": "a.yaml:4 exclude[0]: at least one condition is expected",
+    "exclude: {engine: numba}": "a.yaml:4 exclude: a list is expected",
     "exclude: [{thread: 2}]": "a.yaml:4 exclude[0].thread: unknown key: did you mean 'threads'?",
     "exclude: [{threads: {gee: 2}}]": "a.yaml:4 exclude[0].threads.gee: unknown key: did you mean 'ge'?",
     "exclude: [{engine: {ge: 2}}]": "a.yaml:4 exclude[0].engine: bounds are for numbers",
     "exclude: [{threads: {ge: two}}]": "a.yaml:4 exclude[0].threads.ge = 'two': must be a number in",
-    "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0]: both 'where' and 'set' are wanted",
+    "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0]: both 'where' and 'set' are expected",
     "order: {policy: abab}": "a.yaml:4 order.policy = 'abab': must be one of blocks",
     "checkpoints: {ratio: 1}": "a.yaml:4 checkpoints.ratio = 1: must be a number in [1.01, 1024]",
     "checkpoints: {ratio: .inf}": "a.yaml:4 checkpoints.ratio = inf: must be a number in [1.01, 1024]",
     "quality: {metric: rmse}": "a.yaml:4 quality.metric = 'rmse': must be one of relmse, mse, mape, smape",
     "quality: {epsilon: 0}": "a.yaml:4 quality.epsilon = 0: must be a number in (0, 1e+06]",
     "quality: {targets: [0.1, -1]}": "a.yaml:4 quality.targets[1] = -1: must be a number in (0, 1e+30]",
-    "quality: {targets: automatic}": "a.yaml:4 quality.targets = 'automatic': a list of errors, or auto, is wanted",
-    "quality: {metric: psnr}": "a.yaml:4 quality: targets are wanted with psnr",
+    "quality: {targets: automatic}": "a.yaml:4 quality.targets = 'automatic': a list of errors, or auto, is expected",
+    "quality: {metric: psnr}": "a.yaml:4 quality: targets are expected with psnr",
     "quality: {metric: ssim, targets: [0.9, 1.5]}": "a.yaml:4 quality.targets: must be below 1",
     "reference: {engine: embre}": "a.yaml:4 reference.engine = 'embre': unknown engine: did you mean 'embree'?",
     "reference: {spp: 1}": "a.yaml:4 reference.spp = 1: must be an integer in [2, 2147483648]",
@@ -197,9 +200,9 @@ MISTAKES = {
     "images: every": "a.yaml:4 images = 'every': must be one of all, some, last, none",
     "aa_twin: 1": "a.yaml:4 aa_twin = 1: must be true or false",
     "pairs: [{contestant: {engine: numba}}]": "a.yaml:4 pairs[0].baseline: is missing",
-    "pairs: [{contestant: {}, baseline: {engine: numba}}]": "a.yaml:4 pairs[0].contestant: at least one setting is wanted",
+    "pairs: [{contestant: {}, baseline: {engine: numba}}]": "a.yaml:4 pairs[0].contestant: at least one setting is expected",
     "same_within: 0": "a.yaml:4 same_within = 0: must be a number in (0, 1]",
-    "name: [a]": "a.yaml:4 name: a line of text is wanted",
+    "name: [a]": "a.yaml:4 name: a line of text is expected",
 }
 
 
@@ -213,15 +216,15 @@ def test_a_mistake_is_told_with_file_line_key_and_what_is_wanted(mistake):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("name: x\n", "a.yaml:1: 'raybench_experiment: 1' is wanted: this is no experiment"),
+        ("name: x\n", "a.yaml:1: 'raybench_experiment: 1' is expected: this is no experiment"),
         ("raybench_experiment: 2\n", "a.yaml:1 raybench_experiment = 2: must be 1"),
         ("raybench_experiment: true\n", "a.yaml:1 raybench_experiment = True: must be 1"),
-        ("raybench_experiment: 1\n", "a.yaml:1: a matrix is wanted, or at least a scene and an engine"),
+        ("raybench_experiment: 1\n", "a.yaml:1: a matrix is expected, or at least a scene and an engine"),
         ("raybench_experiment: 1\nengine: numba\n", "a.yaml:1: no scene is given"),
         (HEAD + "engine: numbra\n", "a.yaml:3 engine = 'numbra': unknown engine: did you mean 'numba'?"),
         ("raybench_experiment: 1\nengine: numba\nscene: cornel_box\n", "a.yaml:3 scene: unknown scene 'cornel_box'"),
         ("raybench_experiment: 1\nengine: numba\nscene: a/b.yaml\n", "a.yaml:3 scene: scene 'a/b.yaml': there is no"),
-        ("- 1\n", "a.yaml:1: a mapping is wanted"),
+        ("- 1\n", "a.yaml:1: a mapping is expected"),
         ("", "a.yaml:1: empty"),
     ],
 )
@@ -239,7 +242,7 @@ def test_a_file_that_is_no_experiment_is_refused(text, message):
         ("repeets=2", "--set repeets: unknown key: did you mean 'repeats'?"),
         ("repeats=many", "--set repeats = 'many': must be an integer in [1, 1000]"),
         ("budget.max_time=5", "--set budget.max_time = 5: must be a time with its unit"),
-        ("repeats.x=5", "a.yaml:18 repeats = 5: a mapping is wanted"),
+        ("repeats.x=5", "a.yaml:18 repeats = 5: a mapping is expected"),
     ],
 )
 def test_a_wrong_override_is_told_as_one(override, message):
@@ -304,9 +307,18 @@ def test_the_schema_accepts_every_shipped_experiment(validator, name):
     assert list(validator.iter_errors(plain(paths.shipped("configs")[name].read_text()))) == []
 
 
-@pytest.mark.parametrize("wrong", [
-    "matrx: {engine: [numba]}", "engine: nmba", "threads: 0", "budget: {max_time: 20}", "images: yes",
-    "zip: [{enginee: [numba]}]", "quality: {targets: []}", "exclude: [{threads: {gee: 2}}]",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "matrx: {engine: [numba]}",
+        "engine: nmba",
+        "threads: 0",
+        "budget: {max_time: 20}",
+        "images: yes",
+        "zip: [{enginee: [numba]}]",
+        "quality: {targets: []}",
+        "exclude: [{threads: {gee: 2}}]",
+    ],
+)
 def test_an_editor_is_told_of_mistakes_by_the_schema(validator, wrong):
     assert list(validator.iter_errors(plain(f"{HEAD}{wrong}\n")))

@@ -64,10 +64,7 @@ def test_a_value_or_key_put_wrong_is_read_or_refused(path, wrong, rename, drop):
 
 
 @settings(max_examples=60)
-@given(
-    st.text(max_size=30),
-    st.sampled_from(["", "budget.", "matrix.engine", "=", "repeats=", "a.b.c=", "quality.targets="]),
-)
+@given(st.text(max_size=30), st.sampled_from(["", "budget.", "matrix.engine", "=", "repeats=", "a.b.c=", "quality.targets="]))
 def test_any_override_is_read_or_refused(text, head):
     reads_or_refuses(FULL, [head + text])
 

@@ -106,9 +106,12 @@ def test_blocks_that_lack_processor_time_which_others_had_are_contended(slow, ex
 def test_waits_of_threads_that_end_in_a_call_are_those_seen_in_it(monkeypatch):
     """Threads 1 and 2 end in the call from 10 to 20; 3 was alive after it and has ended since; 4 lives; 5 ended before it."""
     seen = [
-        (5.0, {1: 100, 3: 100, 4: 0, 5: 80}), (9.0, {1: 150, 3: 100, 4: 0, 5: 90}), (12.0, {1: 400, 2: 20, 3: 300, 4: 500}),
-        (19.0, {2: 70, 3: 300, 4: 700}), (21.0, {4: 900}),
-    ]  # fmt: skip
+        (5.0, {1: 100, 3: 100, 4: 0, 5: 80}),
+        (9.0, {1: 150, 3: 100, 4: 0, 5: 90}),
+        (12.0, {1: 400, 2: 20, 3: 300, 4: 500}),
+        (19.0, {2: 70, 3: 300, 4: 700}),
+        (21.0, {4: 900}),
+    ]
     threads, moments = EndedThreads(), iter(seen)
     found = {}
 
@@ -165,9 +168,13 @@ finally:
 def test_a_cell_beside_a_busy_process_on_its_processor_is_contended_even_where_its_threads_have_ended(tmp_path):
     sweeping.write(tmp_path)
     done = subprocess.run(
-        [sys.executable, "-c", CONTENDED, str(tmp_path / "ball.yaml"), str(tmp_path / "log")], capture_output=True,
-        text=True, env=sweeping.environment(), check=False, timeout=300,
-    )  # fmt: skip
+        [sys.executable, "-c", CONTENDED, str(tmp_path / "ball.yaml"), str(tmp_path / "log")],
+        capture_output=True,
+        text=True,
+        env=sweeping.environment(),
+        check=False,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["contended"] and found["contention_rule"] == RUN_QUEUE

@@ -6,15 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from harness.statistics import (
-    Bound,
-    common_samples,
-    convergence_slope,
-    crossing_seconds,
-    curve,
-    find_crossing,
-    time_to_quality,
-)
+from harness.statistics import Bound, common_samples, convergence_slope, crossing_seconds, curve, find_crossing, time_to_quality
 from harness.statistics.crossings import monotone_fit
 
 CHECKPOINTS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256])
@@ -219,10 +211,7 @@ def test_slopes_of_independent_samples():
     """Of 200 races of five seeds the intervals cover -1/2 in at least 90 % (nominal 95 %), and at most 4 % call it steeper or
     shallower without being within the margin. Four in five are monte carlo."""
     rng = np.random.default_rng(11)
-    slopes = [
-        convergence_slope(seeds_of([independent(rng, 800) for _ in range(5)]), CHECKPOINTS)
-        for _ in range(200)
-    ]
+    slopes = [convergence_slope(seeds_of([independent(rng, 800) for _ in range(5)]), CHECKPOINTS) for _ in range(200)]
     verdicts = [slope.verdict for slope in slopes]
     assert np.mean([slope.low <= -0.5 <= slope.high for slope in slopes]) > 0.9
     assert (verdicts.count("steeper") + verdicts.count("shallower")) / 200 < 0.04

@@ -40,12 +40,19 @@ def bad(cell):
 # In a config
 
 
-@pytest.mark.parametrize("more, found", [
-    ("", {"steady": "closed", "other": "closed"}), ("division: open\n", {"steady": "open", "other": "open"}),
-    (OPEN, {"steady": "closed", "other": "open"}),
-    ("zip: {division: [open], sampler: [random]}\n", {"steady": "open", "other": "open"}),
-    ("include: [{engine: 'fake_engines:Picky', division: open}]\n", {"steady": "closed", "other": "closed", "picky": "open"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "more, found",
+    [
+        ("", {"steady": "closed", "other": "closed"}),
+        ("division: open\n", {"steady": "open", "other": "open"}),
+        (OPEN, {"steady": "closed", "other": "open"}),
+        ("zip: {division: [open], sampler: [random]}\n", {"steady": "open", "other": "open"}),
+        (
+            "include: [{engine: 'fake_engines:Picky', division: open}]\n",
+            {"steady": "closed", "other": "closed", "picky": "open"},
+        ),
+    ],
+)
 def test_a_division_stands_wherever_a_setting_does_and_changes_no_id(tmp_path, more, found):
     made = planned(tmp_path, more)
     assert {cell.engine_name: cell.division for cell in made.cells} == found
@@ -85,12 +92,18 @@ def test_another_division_is_written_down_without_measuring_again(tmp_path):
 def test_divisions_are_ranked_apart_and_never_compared(tmp_path):
     """The open one is fastest of all; the closed ranking has its own winner, and is corrected for its own members."""
     found = results(
-        tmp_path, contestant(0.2, engine="numpy"), twins(), contestant(0.001, engine="embree", change=in_open),
+        tmp_path,
+        contestant(0.2, engine="numpy"),
+        twins(),
+        contestant(0.001, engine="embree", change=in_open),
         contestant(0.002, engine="other", change=in_open),
-    )  # fmt: skip
+    )
     rows = verdicts(found)
     assert dict(rows.division) == {
-        "numpy": "closed", "numba": "closed", "numba A/A": "closed", "embree open division": "open",
+        "numpy": "closed",
+        "numba": "closed",
+        "numba A/A": "closed",
+        "embree open division": "open",
         "other open division": "open",
     }
     assert set(rows.index[rows.possible_winner]) == {"numba", "embree open division"}
@@ -127,11 +140,12 @@ def lower_from_two_samples_on(cell):
         point["metrics"] = {name: value / 2 for name, value in point["metrics"].items()}
 
 
-@pytest.mark.parametrize(("independent", "change", "flagged"), [
-    (True, lower_from_two_samples_on, True), (False, lower_from_two_samples_on, False), (False, too_good, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("independent", "change", "flagged"),
+    [(True, lower_from_two_samples_on, True), (False, lower_from_two_samples_on, False), (False, too_good, True)],
+)
 def test_points_that_depend_on_each_other_are_judged_by_the_first(tmp_path, independent, change, flagged):
-    made = *twins(), *contestant(0.004, engine="embree", change=lambda cell: change(cell) or cell | {"division": "closed"})
+    made = (*twins(), *contestant(0.004, engine="embree", change=lambda cell: change(cell) or cell | {"division": "closed"}))
     for cell in made:
         cell["smooth_sampler"] = independent
     found = verdicts(results(tmp_path, made)).loc["embree"]
@@ -154,9 +168,14 @@ def test_samples_beyond_those_asked_for_count(tmp_path):
 
 
 def test_twins_that_differ_leave_the_scene_unresolved_in_both_divisions(tmp_path):
-    found = verdicts(results(
-        tmp_path, contestant(0.01), contestant(0.02, label="A/A"), contestant(0.2, engine="numpy", change=in_open),
-        contestant(0.01, engine="embree", change=in_open),
-    ))  # fmt: skip
+    found = verdicts(
+        results(
+            tmp_path,
+            contestant(0.01),
+            contestant(0.02, label="A/A"),
+            contestant(0.2, engine="numpy", change=in_open),
+            contestant(0.01, engine="embree", change=in_open),
+        )
+    )
     assert set(found.verdict) == {"unresolved", ""}
     assert found.possible_winner["numpy open division"] and found.possible_winner["embree open division"]

@@ -17,8 +17,10 @@ def analysis(tmp_path_factory):
 
 
 def test_every_pair_of_engines_is_compared_under_equal_settings_once(analysis):
-    seen = [(p.first.settings.scene, p.first.settings.sampler, *sorted((p.first.settings.engine, p.second.settings.engine)))
-            for p in analysis.pairs]  # fmt: skip
+    seen = [
+        (p.first.settings.scene, p.first.settings.sampler, *sorted((p.first.settings.engine, p.second.settings.engine)))
+        for p in analysis.pairs
+    ]
     assert len(seen) == len(set(seen)) == 2 * 2 * 3
     assert all(p.first.settings.sampler == p.second.settings.sampler for p in analysis.pairs)
     assert not any(p.first.settings.label or p.second.settings.label for p in analysis.pairs)

@@ -17,6 +17,6 @@ def test_only_an_engine_that_overshoots_may_have_more_samples_than_were_asked_fo
         if taken:
             call()
             continue
-        with pytest.raises(RendererFailed, match=f"film.counts are 3: {spp} is wanted"):
+        with pytest.raises(RendererFailed, match=f"film.counts are 3: {spp} is expected"):
             call()
         leave(film, file, 2, 1, 3)

@@ -137,8 +137,13 @@ def test_the_csv_files_hold_the_frames(opened, name, tmp_path):
 
 
 def test_a_frame_gives_back_the_rows_it_was_made_of():
-    columns = [Column("who", "x"), Column("n", "x", "count"), Column("s", "x", "estimate"), Column("v", "x", "number"),
-               Column("ok", "x", "flag")]  # fmt: skip
+    columns = [
+        Column("who", "x"),
+        Column("n", "x", "count"),
+        Column("s", "x", "estimate"),
+        Column("v", "x", "number"),
+        Column("ok", "x", "flag"),
+    ]
     rows = [
         {"who": "a", "n": 2**60 + 1, "s": Estimate(1.0, 0.5, math.inf, 0), "v": 1e-300, "ok": True},
         {"who": None, "n": None, "s": Estimate(math.inf, 2.0, math.inf, 0), "v": None, "ok": False},

@@ -52,9 +52,7 @@ def test_a_run_on_a_full_disk_ends_in_a_line_and_its_resume_in_the_rows_of_an_un
     assert set(outcome.states) == {"done"}
     sweeping.run(path, tmp_path / "undisturbed", ["repeats=3"])
     assert sweeping.rows(out) == sweeping.rows(tmp_path / "undisturbed")
-    assert store.latest_cells(store.read_events(out)).items() >= kept.items(), (
-        "what was measured was not measured again"
-    )
+    assert store.latest_cells(store.read_events(out)).items() >= kept.items(), "what was measured was not measured again"
 
 
 def test_an_append_that_fails_leaves_no_half_line(tmp_path):

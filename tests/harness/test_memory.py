@@ -119,5 +119,8 @@ def test_all_processes_below_one_are_found():
 
 def test_sizes_are_said_in_the_unit_that_suits():
     assert [memory.words(size) for size in (9.1 * 2**30, 512 << 20, 1000 << 20, 12)] == [
-        "9.1 GiB", "512 MiB", "1000 MiB", "12 B",
-    ]  # fmt: skip
+        "9.1 GiB",
+        "512 MiB",
+        "1000 MiB",
+        "12 B",
+    ]

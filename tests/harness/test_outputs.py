@@ -53,10 +53,14 @@ def test_a_file_without_a_suffix_is_refused(name, place):
     assert "must end in" in refusal(name, "file")
 
 
-@pytest.mark.parametrize(("output", "message"), [
-    ("taken", "taken: must end in .pbrt, or be a folder"), ("taken/a.pbrt", "taken/a.pbrt: cannot be written"),
-    ("a.xml", "a.xml: must end in .pbrt, or be a folder"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        ("taken", "taken: must end in .pbrt, or be a folder"),
+        ("taken/a.pbrt", "taken/a.pbrt: cannot be written"),
+        ("a.xml", "a.xml: must end in .pbrt, or be a folder"),
+    ],
+)
 def test_export_refuses_what_it_cannot_write(output, message, place):
     assert refusal("export cornell_box --to pbrt", output).startswith(message)
 

@@ -66,8 +66,7 @@ def test_ids_depend_on_what_is_asked_and_not_on_how_it_is_written(tmp_path, writ
 
 
 @pytest.mark.parametrize(
-    "change",
-    ["resolution=[13, 8]", "threads=2", "budget.max_spp=16", "seed=5", "sampler=random", "checkpoints.start=2"],
+    "change", ["resolution=[13, 8]", "threads=2", "budget.max_spp=16", "seed=5", "sampler=random", "checkpoints.start=2"]
 )
 def test_ids_change_with_what_is_asked(tmp_path, change):
     assert not ids(planned(tmp_path)) & ids(planned(tmp_path, overrides=[change]))
@@ -124,7 +123,7 @@ def test_every_scene_has_a_twin_of_its_baseline_s_first_configuration(tmp_path):
         "matrix: {engine: ['fake_engines:Steady', 'fake_engines:Other']}",
         "matrix: {scene: [ball.yaml, two.yaml], engine: ['fake_engines:Steady', 'fake_engines:Other'], "
         "sampler: [sobol, random]}\nexclude: [{scene: two, engine: '*Other'}]\nbaseline: other",
-    )  # fmt: skip
+    )
     (tmp_path / "two.yaml").write_text(sweeping.SCENE.replace("radius: 1", "radius: 2"))
     made = planned(tmp_path, text.replace("repeats: 2", "repeats: 3"))
     twins = [(c.scene.name, c.engine_name, c.settings["sampler"]["name"]) for c in made.cells if c.label == planner.AA_LABEL]
@@ -155,7 +154,7 @@ def test_samplers_with_patterns_have_whole_ones_as_checkpoints(tmp_path):
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        (lambda spp: 4, "returned 4: None is wanted, or a FullPattern of 1 samples or more"),
+        (lambda spp: 4, "returned 4: None is expected, or a FullPattern of 1 samples or more"),
         (lambda spp: FullPattern(1, {"name": "stratified"}), "a FullPattern of 2 samples or more"),
         (lambda spp: FullPattern(spp, {}), "with its sampler"),
         (lambda spp: 1 // 0, "full_pattern failed: ZeroDivisionError"),
@@ -184,8 +183,9 @@ def test_an_accelerator_of_one_engine_is_skipped_by_another(tmp_path):
 def test_precision_is_float64_unless_asked_for_or_there_is_only_float32(tmp_path):
     text = sweeping.EXPERIMENT.replace("fake_engines:Other", "fake_engines:Single")
     assert {(c.engine_name, c.settings["precision"]) for c in planned(tmp_path, text).cells} == {
-        ("steady", "float64"), ("single", "float32"),
-    }  # fmt: skip
+        ("steady", "float64"),
+        ("single", "float32"),
+    }
     cells = planned(tmp_path, text, ["precision=float64"]).cells
     assert {c.skip for c in cells if c.engine_name == "single"} == {"it has float32 alone"}
 
@@ -250,8 +250,10 @@ def test_without_a_reference_cells_are_skipped_with_the_reason(tmp_path):
         ("matrix.engine=['fake_engines:Stedy']", "fake_engines:Stedy: cannot be imported"),
         ("shader=nothing:here", "nothing:here: cannot be imported"),
         ("baseline=stedy", "baseline = 'stedy': no engine of this experiment: did you mean 'steady'?"),
-        ("pairs=[{contestant: {engine: steady}, baseline: {engine: steady, threads: 64}}]",
-         "pairs[0].baseline = {engine: \"steady\", threads: 64}: no contestant of this experiment has these settings"),
+        (
+            "pairs=[{contestant: {engine: steady}, baseline: {engine: steady, threads: 64}}]",
+            'pairs[0].baseline = {engine: "steady", threads: 64}: no contestant of this experiment has these settings',
+        ),
     ],
 )
 def test_names_that_nobody_knows_are_errors_before_anything_runs(tmp_path, override, message):
@@ -348,11 +350,14 @@ def test_a_mitsuba_file_is_read_with_parameters_and_outside_of_its_folder_where_
     assert outcome.states == {"done": 8}
 
 
-@pytest.mark.parametrize(("given", "words"), [
-    ("{file: ball.yaml, parameters: {side: [1]}}", "a number or a word is wanted"),
-    ("{file: ball.yaml, parameters: {side: 1}}", "parameters are for Mitsuba's XML files"),
-    ("{file: ball.yaml}", "parameters"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("{file: ball.yaml, parameters: {side: [1]}}", "a number or a word is expected"),
+        ("{file: ball.yaml, parameters: {side: 1}}", "parameters are for Mitsuba's XML files"),
+        ("{file: ball.yaml}", "parameters"),
+    ],
+)
 def test_parameters_that_make_no_sense_are_refused(tmp_path, given, words):
     path = sweeping.write(tmp_path, sweeping.EXPERIMENT.replace("ball.yaml", given))
     with pytest.raises(RaybenchError, match=words):

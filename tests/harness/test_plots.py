@@ -19,16 +19,7 @@ from harness.report.plots.drawing import _panel_sketches
 from harness.report.plots.panels import facets, panels
 from harness.report.plots.parallel import Beside
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives
-from harness.report.plots.style import (
-    ENGINE_COLOURS,
-    OTHER_COLOURS,
-    STYLE,
-    file_stem,
-    formats,
-    log_scales,
-    new_figure,
-    save,
-)
+from harness.report.plots.style import ENGINE_COLOURS, OTHER_COLOURS, STYLE, file_stem, formats, log_scales, new_figure, save
 from harness.store.results import load_results, results_of
 from tests.harness.synthetic import SMALL, done_cell
 
@@ -72,9 +63,7 @@ def test_every_plot_that_the_results_allow_is_drawn(plots, folder):
 
 
 def test_plots_are_the_same_at_every_run_and_older_ones_are_removed(plots, folder, reported):
-    ours, theirs = (
-        {path.name: path.read_bytes() for path in (place / "plots").glob("*.svg")} for place in (folder, reported)
-    )
+    ours, theirs = ({path.name: path.read_bytes() for path in (place / "plots").glob("*.svg")} for place in (folder, reported))
     assert ours == theirs
 
 
@@ -96,8 +85,7 @@ def test_a_plot_comes_as_svg_png_and_pdf_the_same_whoever_draws_it(plots, analys
 
 
 @pytest.mark.parametrize(
-    ("asked", "written"),
-    [("none", ["svg"]), ("svg", ["svg"]), ("pdf", ["pdf", "svg"]), ("png, svg", ["png", "svg"])],
+    ("asked", "written"), [("none", ["svg"]), ("svg", ["svg"]), ("pdf", ["pdf", "svg"]), ("png, svg", ["png", "svg"])]
 )
 def test_formats_that_nobody_wants_are_not_written(monkeypatch, tmp_path, asked, written):
     monkeypatch.setenv("RAYBENCH_PLOTS", asked)
@@ -123,8 +111,7 @@ def test_every_plot_says_what_it_shows(plots):
 
 def test_an_engine_has_one_colour_and_others_move_none(tmp_path):
     def palette(*engines):
-        cells = [{"event": "cell", "cell_id": engine, "state": "skipped", "scene": "s", "engine": engine}
-                 for engine in engines]  # fmt: skip
+        cells = [{"event": "cell", "cell_id": engine, "state": "skipped", "scene": "s", "engine": engine} for engine in engines]
         return Palette(results_of(tmp_path, {}, cells))
 
     few, more = palette("zeta", "numba"), palette("zeta", "numba", "alpha", "mitsuba")
@@ -134,8 +121,11 @@ def test_an_engine_has_one_colour_and_others_move_none(tmp_path):
 
 def test_looks_differ_by_more_than_colour(analysis):
     palette = Palette(analysis.results)
-    same_engine = {c.settings: palette.look(c) for c in analysis.results.of_scene("cornell_box")
-                   if c.settings.engine == "numba" and not c.settings.label}  # fmt: skip
+    same_engine = {
+        c.settings: palette.look(c)
+        for c in analysis.results.of_scene("cornell_box")
+        if c.settings.engine == "numba" and not c.settings.label
+    }
     assert len({(str(look.line), look.marker, look.width) for look in same_engine.values()}) == len(same_engine)
 
 

@@ -117,8 +117,11 @@ def test_options_of_plugins_in_a_config_are_part_of_a_cells_identity_and_name(fo
 
 
 def test_a_run_gives_options_to_workers_that_find_the_code_beside_the_config(folder, tmp_path):
-    plan = planned(folder, 'sampler: ["mine:fixed", {name: "mine:fixed", value: 0.75}]',
-                   'engine: numpy\nshader: {name: "mine:made", strength: 2}')  # fmt: skip
+    plan = planned(
+        folder,
+        'sampler: ["mine:fixed", {name: "mine:fixed", value: 0.75}]',
+        'engine: numpy\nshader: {name: "mine:made", strength: 2}',
+    )
     outcome, _ = sweeping.run_plan(plan, tmp_path / "out")
     assert outcome.states == {"done": 2}, outcome.failures
     events = [event for event in store.read_events(tmp_path / "out") if event.get("state") == "done"]
@@ -131,9 +134,14 @@ def test_options_reach_shader_and_sampler(folder, value, grey):
     place, name = folder
     sys.path.insert(0, str(place))
     plain = {
-        "shader": {"name": f"{name}:made", "strength": 2}, "sampler": {"name": f"{name}:fixed", "value": value},
-        "accelerator": {"name": "auto"}, "precision": None, "threads": 1, "width": None, "height": None,
-    }  # fmt: skip
+        "shader": {"name": f"{name}:made", "strength": 2},
+        "sampler": {"name": f"{name}:fixed", "value": value},
+        "accelerator": {"name": "auto"},
+        "precision": None,
+        "threads": 1,
+        "width": None,
+        "height": None,
+    }
     scene = engines.load_scene(place / "empty.yaml")
     film = engines.engine("numpy").prepare(scene, engine_settings(plain, 1, True)).render(1)
     assert np.allclose(film.mean(), grey)
@@ -157,14 +165,17 @@ def test_in_python_a_plugin_is_the_name_of_a_mapping(folder):
     assert np.allclose(engines.engine("numpy").prepare(scene, settings).render(1).mean(), 2.0)
 
 
-@pytest.mark.parametrize(("given", "error", "message"), [
-    ({"name": "mine:guided", "strenth": 1}, UnknownName, "option of shader 'guided' 'strenth': did you mean 'strength'?"),
-    ({"name": "mine:guided", "strength": "big"}, ConfigError, "shader guided.strength = 'big': must be a finite number"),
-    ({"name": "mine:made", "strenth": 1}, UnknownName, "did you mean 'strength'? known: depth, strength"),
-    ({"name": "mine:Grid"}, ConfigError, "mine:Grid': the option 'cells' is missing"),
-    ({"name": "mine:Renderer", "film": 1, "cells": 2, "more": 3}, UnknownName, "'more': known: cells, film"),
-    ({"name": "mine:shown", "context": 1}, ConfigError, "the option 'origins' is missing"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"name": "mine:guided", "strenth": 1}, UnknownName, "option of shader 'guided' 'strenth': did you mean 'strength'?"),
+        ({"name": "mine:guided", "strength": "big"}, ConfigError, "shader guided.strength = 'big': must be a finite number"),
+        ({"name": "mine:made", "strenth": 1}, UnknownName, "did you mean 'strength'? known: depth, strength"),
+        ({"name": "mine:Grid"}, ConfigError, "mine:Grid': the option 'cells' is missing"),
+        ({"name": "mine:Renderer", "film": 1, "cells": 2, "more": 3}, UnknownName, "'more': known: cells, film"),
+        ({"name": "mine:shown", "context": 1}, ConfigError, "the option 'origins' is missing"),
+    ],
+)
 def test_options_that_a_plugin_lacks_are_refused_with_those_that_it_has(folder, given, error, message):
     place, name = folder
     sys.path.insert(0, str(place))
@@ -196,14 +207,14 @@ def test_render_takes_options_of_a_plugin_of_the_working_directory(folder, monke
     assert read_provenance("x.exr")["settings"]["shader"] == {"name": f"{name}:guided", "strength": 3}
 
 
-CAMERA = '''
+CAMERA = """
 from engines.plugin import Camera
 
 def rays(x, y, width, height, options):
     raise AssertionError
 
 camera = Camera("{word}", numpy=rays)
-'''
+"""
 
 
 def scene_in(folder: Path, module: str) -> Path:

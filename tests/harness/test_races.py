@@ -21,8 +21,21 @@ SPP = [2**k for k in range(8)]
 TWIN = "A/A"
 
 
-def contestant(seconds, *, scene="hall", engine="numba", accelerator="bvh", sampler="random", threads=1, precision="float64",
-               label=None, blocks=5, noise=0.01, level=0.5, change=None):  # fmt: skip
+def contestant(
+    seconds,
+    *,
+    scene="hall",
+    engine="numba",
+    accelerator="bvh",
+    sampler="random",
+    threads=1,
+    precision="float64",
+    label=None,
+    blocks=5,
+    noise=0.01,
+    level=0.5,
+    change=None,
+):
     """Cells of `seconds` a sample; their error is level / spp, the same for all of a block."""
     rng = np.random.default_rng([len(engine), len(accelerator), threads, bool(label)])
     made = []
@@ -31,8 +44,10 @@ def contestant(seconds, *, scene="hall", engine="numba", accelerator="bvh", samp
         cell["cell_id"] += precision
         own = seconds * (1 + 0.1 * block) * math.exp(rng.normal(0, noise))
         errors = [metrics(level / n * (1 + 0.03 * block)) for n in SPP]
-        cell["points"] = [{"spp": n, "seconds": n * own, "rays": n, "metrics": found, "image": None}
-                          for n, found in zip(SPP, errors, strict=True)]  # fmt: skip
+        cell["points"] = [
+            {"spp": n, "seconds": n * own, "rays": n, "metrics": found, "image": None}
+            for n, found in zip(SPP, errors, strict=True)
+        ]
         cell["reference_id"] = None
         made.append(cell if change is None else change(cell) or cell)
     return made
@@ -58,10 +73,16 @@ def twins(seconds=0.01, **more):
 
 def test_a_ratio_is_formed_where_one_factor_differs(tmp_path):
     """numpy has one thread and float64 only: neither two threads nor float32 are compared with it."""
-    found = verdicts(results(
-        tmp_path, contestant(0.2, engine="numpy"), twins(), contestant(0.006, threads=2),
-        contestant(0.005, threads=2, precision="float32"), contestant(0.02, engine="embree", accelerator="embree"),
-    ))  # fmt: skip
+    found = verdicts(
+        results(
+            tmp_path,
+            contestant(0.2, engine="numpy"),
+            twins(),
+            contestant(0.006, threads=2),
+            contestant(0.005, threads=2, precision="float32"),
+            contestant(0.02, engine="embree", accelerator="embree"),
+        )
+    )
     compared = {name: (row.baseline, row.factor) for name, row in found.iterrows() if not np.any(row.isna()[["baseline"]])}
     assert compared == {
         "numba float64 1 thread": ("numpy float64 1 thread", "engine"),
@@ -106,9 +127,7 @@ def test_every_contestant_has_a_ratio_or_a_reason(tmp_path):
 
 
 def test_an_accelerator_that_both_engines_have_is_a_factor_of_its_own(tmp_path):
-    found = verdicts(results(
-        tmp_path, contestant(0.2, engine="numpy"), contestant(0.01), contestant(0.02, accelerator="grid"),
-    ))  # fmt: skip
+    found = verdicts(results(tmp_path, contestant(0.2, engine="numpy"), contestant(0.01), contestant(0.02, accelerator="grid")))
     assert found.loc["numba bvh"].baseline == "numpy" and found.loc["numba grid"].baseline == "numba bvh"
     assert found.loc["numba grid"].factor == "accelerator"
 
@@ -131,9 +150,12 @@ def test_auto_of_two_engines_is_one_setting_whatever_its_options(tmp_path):
 
 def test_the_floor_is_of_the_scene_and_never_zero(tmp_path):
     found = results(
-        tmp_path, contestant(0.2, engine="numpy"), twins(noise=0.05), contestant(0.2, engine="numpy", scene="yard"),
+        tmp_path,
+        contestant(0.2, engine="numpy"),
+        twins(noise=0.05),
+        contestant(0.2, engine="numpy", scene="yard"),
         contestant(0.01, scene="yard"),
-    )  # fmt: skip
+    )
     here, there = verdicts(found), verdicts(found, scene="yard")
     apart = here.loc["numba A/A"].ratio
     assert here.noise_floor.to_numpy() == pytest.approx(math.exp(abs(math.log(apart))) - 1)
@@ -180,10 +202,15 @@ def test_no_verdict_below_three_blocks(tmp_path, blocks, verdict):
     assert ("below 3 no verdict is given" in evidence(analyse(found))) == (blocks < 3)
 
 
-@pytest.mark.parametrize(("contended", "words"), [
-    ([], "Contention was not measured."), ([False, False], "No timing is contended."),
-    ([True, False], "1 of 2 timings is contended."), ([True, True, False], "2 of 3 timings are contended."),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("contended", "words"),
+    [
+        ([], "Contention was not measured."),
+        ([False, False], "No timing is contended."),
+        ([True, False], "1 of 2 timings is contended."),
+        ([True, True, False], "2 of 3 timings are contended."),
+    ],
+)
 def test_the_first_lines_say_how_many_timings_were_contended(tmp_path, contended, words):
     found = results(tmp_path, contestant(0.2, engine="numpy"), twins())
     cells = [cell for contestant in found.contestants for cell in contestant.done]
@@ -241,9 +268,11 @@ def bright(cell):
 
 @pytest.mark.parametrize("flagged", ["numba", "numpy"])
 def test_no_ranking_contains_a_flagged_contestant(tmp_path, flagged):
-    made = [contestant(0.2, engine="numpy", change=bright if flagged == "numpy" else None),
-            contestant(0.001, change=bright if flagged == "numba" else None),
-            twins(engine="embree")]  # fmt: skip
+    made = [
+        contestant(0.2, engine="numpy", change=bright if flagged == "numpy" else None),
+        contestant(0.001, change=bright if flagged == "numba" else None),
+        twins(engine="embree"),
+    ]
     found = results(tmp_path, *made)
     rows = verdicts(found)
     assert rows.loc[flagged, "flags"] == "bad_samples" and not rows.loc[flagged, "possible_winner"]

@@ -14,9 +14,15 @@ from harness.statistics.reference_noise import samples_needed
 
 SHAPE = (32, 32, 3)
 SPEC = {
-    "replicates": 8, "replicate_spp": 32, "width": 32, "height": 32, "shader": {"name": "path_tracer"},
-    "sampler": {"name": "random"}, "seed": 9000, "engine": "embree",
-}  # fmt: skip
+    "replicates": 8,
+    "replicate_spp": 32,
+    "width": 32,
+    "height": 32,
+    "shader": {"name": "path_tracer"},
+    "sampler": {"name": "random"},
+    "seed": 9000,
+    "engine": "embree",
+}
 
 
 @pytest.fixture

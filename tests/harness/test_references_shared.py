@@ -16,9 +16,7 @@ PROCESSES, ROUNDS = 8, 5
 
 def started(folder, number):
     command = [sys.executable, shared_references.__file__, str(folder), str(number), str(ROUNDS)]
-    return subprocess.Popen(
-        command, env=sweeping.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    return subprocess.Popen(command, env=sweeping.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def test_of_many_processes_none_dies_and_every_reference_is_usable(tmp_path):
@@ -105,10 +103,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one_and_no_rest(tmp_path):
     from harness.store import atomic
 
     atomic.write_text(tmp_path / "a", "old")
-    with (
-        pytest.raises(ConfigError, match="a: cannot be written: No space left"),
-        atomic.replacing(tmp_path / "a") as file,
-    ):
+    with pytest.raises(ConfigError, match="a: cannot be written: No space left"), atomic.replacing(tmp_path / "a") as file:
         file.write(b"new")
         raise OSError(28, "No space left on device")
     assert (tmp_path / "a").read_text() == "old" and [path.name for path in tmp_path.iterdir()] == ["a"]

@@ -44,15 +44,16 @@ def images_are_there(folder, found):
 
 def test_the_first_uncontended_measurement_counts(tmp_path, monkeypatch):
     """The second and third of four cells are contended; the second one also at its next attempt."""
-    Contention(monkeypatch, "0110" "10" "0")
+    Contention(monkeypatch, "0110100")
     path, out = sweeping.write(tmp_path, TEXT), tmp_path / "out"
     outcome, listener = sweeping.run(path, out)
     assert outcome.states == {"done": 4} and outcome.measured == 7
     assert Counter(listener.cells) == Counter(dict(zip((e["cell_id"] for e in of_cells(out)), (1, 3, 2, 1), strict=True)))
     assert [(e["attempt"], e["machine"]["contended"]) for e in of_cells(out)] == [(1, 0), (3, 0), (2, 0), (1, 0)]
     assert listener.notes[-2:] == [
-        "2 contended cells are measured again (round 1 of 2)", "1 contended cells are measured again (round 2 of 2)",
-    ]  # fmt: skip
+        "2 contended cells are measured again (round 1 of 2)",
+        "1 contended cells are measured again (round 2 of 2)",
+    ]
     (left,) = events(out, "attempt")
     assert left["attempt"] == 2 and left["machine"]["contended"]
     images_are_there(out, [*events(out, "cell"), left])  # nothing measured is lost
@@ -62,7 +63,7 @@ def test_the_first_uncontended_measurement_counts(tmp_path, monkeypatch):
 
 
 def test_a_cell_that_stays_contended_is_kept_and_flagged(tmp_path, monkeypatch):
-    Contention(monkeypatch, "1000" "1" "1" "0000")
+    Contention(monkeypatch, "1000110000")
     path, out = sweeping.write(tmp_path, TEXT), tmp_path / "out"
     outcome, listener = sweeping.run(path, out)
     assert outcome.states == {"done": 4} and outcome.measured == 6
@@ -82,7 +83,7 @@ def test_a_cell_that_stays_contended_is_kept_and_flagged(tmp_path, monkeypatch):
 def test_an_interrupted_run_ends_like_an_undisturbed_one(tmp_path, monkeypatch, stop_at):
     """Interrupted in each of the measurements, of which the fifth to seventh are repetitions."""
     path, out = sweeping.write(tmp_path, TEXT), tmp_path / "out"
-    script = "0110" "10" "0"
+    script = "0110100"
     found = Contention(monkeypatch, script[:stop_at] + "-" + script[stop_at:], stop_at)
     with pytest.raises(KeyboardInterrupt):
         sweeping.run(path, out)
@@ -101,7 +102,7 @@ def test_a_repetition_that_fails_leaves_the_measurement(tmp_path, monkeypatch):
     path, out = sweeping.write(tmp_path, text), tmp_path / "out"
     sweeping.run(path, out, ["remeasure=0"])
     (tmp_path / "mended").unlink()
-    found.script = "11" "00"
+    found.script = "1100"
     outcome, _ = sweeping.run(path, out, ["remeasure=1"], fail_fast=True)
     assert outcome.states == {"done": 2} and not outcome.failures
     assert sorted(e["machine"]["contended"] for e in of_cells(out)) == [False, True]

@@ -92,8 +92,10 @@ def test_pictures_and_plots_have_words_for_those_who_cannot_see_them(page):
 
 
 def test_verdicts_come_first_and_every_part_is_there(page):
-    places = [page.index(f'<section id="{name}"') for name in
-              ("verdicts", "quality", "plots", "images", "equivalence", "tables", "provenance", "glossary")]  # fmt: skip
+    places = [
+        page.index(f'<section id="{name}"')
+        for name in ("verdicts", "quality", "plots", "images", "equivalence", "tables", "provenance", "glossary")
+    ]
     assert places == sorted(places)
     assert "biased by" in page and "raybench render" in page and "0123abc" in page
 
@@ -201,8 +203,10 @@ def test_the_crop_shows_the_busiest_part():
 
 
 def test_a_plot_keeps_its_text_and_gets_its_own_ids():
-    text = '<?xml version="1.0"?><svg width="72pt" viewBox="0 0 9 9"><g id="a" fill="#222222" d="1.23456"/>' \
-           '<use xlink:href="#a"/><text>0.00123</text></svg>'  # fmt: skip
+    text = (
+        '<?xml version="1.0"?><svg width="72pt" viewBox="0 0 9 9"><g id="a" fill="#222222" d="1.23456"/>'
+        '<use xlink:href="#a"/><text>0.00123</text></svg>'
+    )
     svg = inline_svg(Plot("n", 'T "quoted"', "d", text), 3)
     assert 'id="p3-a"' in svg and "#p3-a" in svg and "0.00123" in svg and "1.23" in svg and "1.234" not in svg
     assert "var(--ink)" in svg and "&#34;quoted&#34;" in svg and svg.startswith("<svg")

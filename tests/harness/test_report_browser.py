@@ -42,8 +42,9 @@ def test_tables_that_matter_fit_a_1280_pixel_window(page, report, section):
     page.open(report, width=1280, dark=False)
     page.wait_for(READY)
     page.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
-    room, needed = (page.evaluate(f"document.querySelector('#{section} .scroller').{name}")
-                    for name in ("clientWidth", "scrollWidth"))  # fmt: skip
+    room, needed = (
+        page.evaluate(f"document.querySelector('#{section} .scroller').{name}") for name in ("clientWidth", "scrollWidth")
+    )
     assert needed <= room
 
 
@@ -143,8 +144,9 @@ def test_the_pixel_under_the_pointer_is_told(page):
 
 
 def test_another_scene_can_be_opened(page):
-    page.evaluate("(() => { const s = document.getElementById('viewer-group'); s.value = '1';"
-                  "s.dispatchEvent(new Event('change')); })()")  # fmt: skip
+    page.evaluate(
+        "(() => { const s = document.getElementById('viewer-group'); s.value = '1';s.dispatchEvent(new Event('change')); })()"
+    )
     page.wait_for(f"{READY} === document.getElementById('viewer-group').selectedOptions[0].textContent")
     assert page.evaluate(LABEL).startswith(page.evaluate(READY))
 
@@ -159,10 +161,13 @@ def test_tables_sort_by_number_both_ways(page):
 
 
 def test_search_shows_the_rows_that_hold_all_words(page):
-    page.evaluate("(() => { const i = document.querySelector('[data-filter=table-cells]'); i.value = 'numpy SOBOL';"
-                  "i.dispatchEvent(new Event('input')); })()")  # fmt: skip
-    shown = page.evaluate("Array.from(document.querySelectorAll('#table-cells tbody tr'))"
-                          ".filter(r => !r.hidden).map(r => r.cells[2].textContent)")  # fmt: skip
+    page.evaluate(
+        "(() => { const i = document.querySelector('[data-filter=table-cells]'); i.value = 'numpy SOBOL';"
+        "i.dispatchEvent(new Event('input')); })()"
+    )
+    shown = page.evaluate(
+        "Array.from(document.querySelectorAll('#table-cells tbody tr')).filter(r => !r.hidden).map(r => r.cells[2].textContent)"
+    )
     assert len(shown) == 6 and all("numpy" in name and "sobol" in name for name in shown)
     assert page.evaluate("document.querySelector('[data-count=table-cells]').textContent").startswith("6 of")
 

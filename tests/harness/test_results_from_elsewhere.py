@@ -158,10 +158,25 @@ def test_a_refused_merge_or_archive_leaves_nothing_behind(theirs, whole, tmp_pat
 
 @pytest.mark.parametrize(
     ("path", "fits"),
-    [("a", True), ("a/b.exr", True), ("a.b/..c", True), ("images/x/spp0004.exr", True), ("", False), (".", False),
-     ("..", False), ("a/..", False), ("../a", False), ("/a", False), ("a//b", False), ("a/", False), ("a\nb", False),
-     ("~", False), ("a\\b", False), ("x" * 1001, False)],
-)  # fmt: skip
+    [
+        ("a", True),
+        ("a/b.exr", True),
+        ("a.b/..c", True),
+        ("images/x/spp0004.exr", True),
+        ("", False),
+        (".", False),
+        ("..", False),
+        ("a/..", False),
+        ("../a", False),
+        ("/a", False),
+        ("a//b", False),
+        ("a/", False),
+        ("a\nb", False),
+        ("~", False),
+        ("a\\b", False),
+        ("x" * 1001, False),
+    ],
+)
 def test_a_path_is_relative_and_plain(path, fits):
     assert confined.is_relative(path) is fits
 
@@ -191,10 +206,14 @@ def _refusal(folder):
 
 @pytest.mark.parametrize(
     ("version", "words"),
-    [(1, "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"),
-     (3, "results of format 3, and this raybench reads 2: a newer raybench wrote it"),
-     (None, "'raybench_results: 2' is wanted"), ("2", "'raybench_results: 2' is wanted"), (True, "is wanted")],
-)  # fmt: skip
+    [
+        (1, "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"),
+        (3, "results of format 3, and this raybench reads 2: a newer raybench wrote it"),
+        (None, "'raybench_results: 2' is expected"),
+        ("2", "'raybench_results: 2' is expected"),
+        (True, "is expected"),
+    ],
+)
 def test_another_version_of_the_format_is_one_clear_line(theirs, whole, tmp_path, version, words):
     manifest = json.loads((theirs / store.MANIFEST).read_text()) | {"raybench_results": version}
     (theirs / store.MANIFEST).write_text(json.dumps(manifest))
@@ -264,14 +283,25 @@ def test_verdicts_of_p_values_in_an_older_archive_are_unresolved_and_say_so(whol
     shutil.rmtree(folder / "images")
     fresh = archived_verdicts.event(analyse(load_results(whole)))
     p_values = {
-        "pixel_p": 0.5, "pixel_threshold": 1e-6, "pixels_outside": 0, "tile_p": 0.5, "tile_threshold": 1e-4, "image_p": 0.5,
-        "ks_p": 0.5, "difference": 1e-4, "low": -1e-3, "high": 1e-3, "detectable": 1e-3, "verdict": "equivalent",
-    }  # fmt: skip
+        "pixel_p": 0.5,
+        "pixel_threshold": 1e-6,
+        "pixels_outside": 0,
+        "tile_p": 0.5,
+        "tile_threshold": 1e-4,
+        "image_p": 0.5,
+        "ks_p": 0.5,
+        "difference": 1e-4,
+        "low": -1e-3,
+        "high": 1e-3,
+        "detectable": 1e-3,
+        "verdict": "equivalent",
+    }
     old = {
-        "event": "archived_verdicts", "baseline": [{"of": row["of"], **p_values} for row in fresh["baseline"]],
+        "event": "archived_verdicts",
+        "baseline": [{"of": row["of"], **p_values} for row in fresh["baseline"]],
         "bias": [{"of": row["of"], "squared": 1e-6, "se": 1e-6, "pairs": 1} for row in fresh["bias"]],
         "pairs": [{**row, "found": p_values} for row in fresh["pairs"]],
-    }  # fmt: skip
+    }
     with (folder / store.EVENTS).open("a") as file:
         file.write(json.dumps(old) + "\n")
     analysis = analyse(load_results(folder))

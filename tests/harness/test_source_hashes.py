@@ -138,9 +138,14 @@ def test_the_files_that_a_description_names_are_found(tmp_path):
 def package(folder: Path, name: str = "lantern") -> Path:
     """A package with an inner one, a native library, and things that are no code."""
     for path, text in {
-        "__init__.py": "from lantern.inner import deep", "inner/__init__.py": "", "inner/deep.py": "import beside\n",
-        "core.so": "machine code", "inner/__pycache__/deep.pyc": "compiled", ".git/hook.py": "", "notes.txt": "words",
-    }.items():  # fmt: skip
+        "__init__.py": "from lantern.inner import deep",
+        "inner/__init__.py": "",
+        "inner/deep.py": "import beside\n",
+        "core.so": "machine code",
+        "inner/__pycache__/deep.pyc": "compiled",
+        ".git/hook.py": "",
+        "notes.txt": "words",
+    }.items():
         (folder / name / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / name / path).write_text(text)
     (folder / "beside.py").write_text("import beside_it, os\nfrom beside_them.part import thing\n")
@@ -200,11 +205,16 @@ def test_the_code_of_an_own_engine_is_its_part_of_the_package_and_what_that_impo
     before = {name: code(name) for name in names}
     assert before["numba"] == source_hashes.engine_code(engines.engine("numba"), "numba")
     for file, changed in {
-        "kernels/layout.py": {"numba", "embree"}, "film.py": set(names), "scene/shapes.py": set(names),
-        "isolated/child.py": set(names), "adapters/geometry.py": {"luxcore", "cycles"},
+        "kernels/layout.py": {"numba", "embree"},
+        "film.py": set(names),
+        "scene/shapes.py": set(names),
+        "isolated/child.py": set(names),
+        "adapters/geometry.py": {"luxcore", "cycles"},
         "sobol_numbers.py": {"numpy", "numba", "embree"},
-        "numpy_reference/bsdf/__init__.py": {"numpy"}, "peers/cycles/geometry.py": {"cycles"}, "mitsuba/ply.py": {"mitsuba"},
-    }.items():  # fmt: skip
+        "numpy_reference/bsdf/__init__.py": {"numpy"},
+        "peers/cycles/geometry.py": {"cycles"},
+        "mitsuba/ply.py": {"mitsuba"},
+    }.items():
         text = (copy / file).read_text()
         (copy / file).write_text(text + "# edited\n")
         assert {name for name in names if code(name) != before[name]} == changed, file

@@ -108,8 +108,9 @@ def noisy_reference(rng, sigma=0.02):
 def test_an_unbiased_engine_is_not_flagged():
     """One-sided 3 se: 0.2 % of 150 trials; more than 3 flags has p < 1e-3. The estimate is centred on 0."""
     rng = np.random.default_rng(9)
-    estimates = [bias_estimate([1 + rng.normal(0, 0.3, SHAPE) for _ in range(4)], noisy_reference(rng), 0.01)
-                 for _ in range(150)]  # fmt: skip
+    estimates = [
+        bias_estimate([1 + rng.normal(0, 0.3, SHAPE) for _ in range(4)], noisy_reference(rng), 0.01) for _ in range(150)
+    ]
     assert sum(estimate.biased for estimate in estimates) <= 3
     assert abs(np.mean([e.squared for e in estimates])) < 4 * np.mean([e.se for e in estimates]) / math.sqrt(150)
 
@@ -124,8 +125,12 @@ def test_a_five_percent_bias_under_thirty_percent_noise_is_found():
 def test_bias_agrees_with_a_loop_over_pairs():
     rng = np.random.default_rng(12)
     images, reference = [1 + rng.normal(0, 0.3, SHAPE) for _ in range(3)], noisy_reference(rng)
-    pairs = [((images[i] - reference.half_1) * (images[j] - reference.half_2) / (reference.mean**2 + 0.01)).mean()
-             for i in range(3) for j in range(3) if i != j]  # fmt: skip
+    pairs = [
+        ((images[i] - reference.half_1) * (images[j] - reference.half_2) / (reference.mean**2 + 0.01)).mean()
+        for i in range(3)
+        for j in range(3)
+        if i != j
+    ]
     assert bias_estimate(images, reference, 0.01).squared == pytest.approx(np.mean(pairs))
     assert math.isnan(bias_estimate(images[:1], reference, 0.01).squared)
 

@@ -33,8 +33,9 @@ def renders(rng, truth, variance, count, spp=SPP):
 
 def reference_of(rng, truth, variance, spp=16_384):
     found = np.stack(renders(rng, truth, variance, REPLICATES, spp // REPLICATES))
-    return Reference(found.mean(axis=0), found[::2].mean(axis=0), found[1::2].mean(axis=0),
-                     found.var(axis=0, ddof=1) / REPLICATES, spp)  # fmt: skip
+    return Reference(
+        found.mean(axis=0), found[::2].mean(axis=0), found[1::2].mean(axis=0), found.var(axis=0, ddof=1) / REPLICATES, spp
+    )
 
 
 def estimate(rng, box, wrong, count=5, spp=SPP):

@@ -71,8 +71,10 @@ def test_bounds_cover_the_true_differences(blocks):
 def test_equal_images_are_called_different_in_at_most_one_percent(skewed):
     """Margins of nothing, where any difference counts. More than 9 of 300 has p < 0.002."""
     rng, nothing, small = np.random.default_rng(4), Margins(1e-9, 1e-9), TRUTH[:48, :48]
-    alarms = sum(equivalence(images(rng, small, 3, 0.3, skewed), images(rng, small, 3, 0.3, skewed), nothing).verdict
-                 == "different" for _ in range(300))  # fmt: skip
+    alarms = sum(
+        equivalence(images(rng, small, 3, 0.3, skewed), images(rng, small, 3, 0.3, skewed), nothing).verdict == "different"
+        for _ in range(300)
+    )
     assert alarms <= 9
 
 
@@ -170,8 +172,13 @@ def test_shapes_and_counts_are_checked():
 
 def test_bounds_are_rounded_up_and_nothing_is_nothing():
     assert [bound(x) for x in (0.0, 7.91e-4, 0.0801, 0.18999, 1.9e-7, 1.0)] == [
-        "0 %", "0.08 %", "8.1 %", "19 %", "1.9e-05 %", "100 %",
-    ]  # fmt: skip
+        "0 %",
+        "0.08 %",
+        "8.1 %",
+        "19 %",
+        "1.9e-05 %",
+        "100 %",
+    ]
     assert bounds(8e-4, 0.019) == "image means differ by at most 0.08 %, no tile by more than 1.9 %"
     assert percent(0.0) == "0 %" and percent(-0.0123) == "-1.2 %"
 

@@ -11,14 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from harness.statistics import (
-    bounded_interval,
-    geometric_interval,
-    mean_interval,
-    noise_floor,
-    race,
-    twin_distance,
-)
+from harness.statistics import bounded_interval, geometric_interval, mean_interval, noise_floor, race, twin_distance
 from harness.statistics.ratios import LEAST_ERROR, holm
 from tests.chance import at_least, at_most
 
@@ -83,9 +76,18 @@ def test_intervals_of_geometric_means_cover(n, slowed):
 
 @pytest.mark.parametrize(
     ("effect", "noise", "n", "power"),
-    [(0.2, 0.03, 3, 1.0), (0.2, 0.03, 5, 1.0), (0.2, 0.03, 7, 1.0), (0.1, 0.03, 3, 0.48), (0.1, 0.03, 5, 0.88),
-     (0.1, 0.03, 7, 0.99), (0.2, 0.1, 3, 0.06), (0.2, 0.1, 5, 0.19), (0.2, 0.1, 7, 0.41)],
-)  # fmt: skip
+    [
+        (0.2, 0.03, 3, 1.0),
+        (0.2, 0.03, 5, 1.0),
+        (0.2, 0.03, 7, 1.0),
+        (0.1, 0.03, 3, 0.48),
+        (0.1, 0.03, 5, 0.88),
+        (0.1, 0.03, 7, 0.99),
+        (0.2, 0.1, 3, 0.06),
+        (0.2, 0.1, 5, 0.19),
+        (0.2, 0.1, 7, 0.41),
+    ],
+)
 def test_a_winner_is_isolated_as_often_as_stated(effect, noise, n, power):
     """Of 300 races of six. [The power is known to 0.015; none of 10,000 lost the first one.]"""
     single, lost, _, _ = simulated(6, n, noise, 300, effect=effect)

@@ -33,10 +33,16 @@ def test_blocks_of_one_session_take_drift_for_a_change_so_that_nothing_is_conclu
     assert {verdict for change in found[:50] for verdict in judge_changes([change])} == {"unresolved"}
 
 
-@pytest.mark.parametrize("before, after, drifts, rate", [
-    (3, 3, (DRIFT, DRIFT), 0.05), (5, 5, (DRIFT, DRIFT), 0.05), (3, 8, (DRIFT, DRIFT), 0.06), (3, 8, (0.10, 0.02), 0.07),
-    (5, 5, (0.10, 0.02), 0.06),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "before, after, drifts, rate",
+    [
+        (3, 3, (DRIFT, DRIFT), 0.05),
+        (5, 5, (DRIFT, DRIFT), 0.05),
+        (3, 8, (DRIFT, DRIFT), 0.06),
+        (3, 8, (0.10, 0.02), 0.07),
+        (5, 5, (0.10, 0.02), 0.06),
+    ],
+)
 def test_sessions_as_replicates_keep_their_level(before, after, drifts, rate):
     """About 5 %: Welch's test is approximate [4.1, 4.6, 5.6, 6.5 and 5.3 % of 10,000 others]. A draw fails in 1 of 100,000."""
     alarms, covered, _ = share(before, after, drifts)

@@ -13,11 +13,26 @@ from harness import store
 from tests.harness import sweeping
 
 FIRST = {
-    "event": "cell", "cell_id": "a", "state": "done", "block": 0, "seed": 1, "scene": "ball", "scene_hash": "b",
-    "engine": "numpy", "shader": {"name": "albedo"}, "sampler": {"name": "random"}, "accelerator": {"name": "auto"},
-    "threads": 1, "width": 8, "height": 6, "reference_id": None, "phases": {}, "points": [], "counters": {},
+    "event": "cell",
+    "cell_id": "a",
+    "state": "done",
+    "block": 0,
+    "seed": 1,
+    "scene": "ball",
+    "scene_hash": "b",
+    "engine": "numpy",
+    "shader": {"name": "albedo"},
+    "sampler": {"name": "random"},
+    "accelerator": {"name": "auto"},
+    "threads": 1,
+    "width": 8,
+    "height": 6,
+    "reference_id": None,
+    "phases": {},
+    "points": [],
+    "counters": {},
     "machine": {},
-}  # fmt: skip
+}
 SECOND = {"event": "start", "cell_id": "a"}
 
 

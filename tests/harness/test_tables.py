@@ -96,9 +96,7 @@ def test_slopes_are_named(tables):
 def test_slopes_are_of_mean_squares_whatever_the_quality_metric(folder):
     results = load_results(folder)
     results.metric = "mape"
-    slopes = {
-        v.contestant.name: v.slope for v in analyse(results).verdicts if v.contestant.settings.scene == "cornell_box"
-    }
+    slopes = {v.contestant.name: v.slope for v in analyse(results).verdicts if v.contestant.settings.scene == "cornell_box"}
     assert slopes["numba random 1 thread"].verdict == "monte carlo"
     assert slopes["numba sobol 1 thread"].value == pytest.approx(-0.7, abs=0.02)
 
@@ -165,9 +163,21 @@ def test_latex_and_markdown_escape_what_would_break_them():
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0123456, "0.0123"), (0.1, "0.100"), (12345.6, "12.3k"), (4.56e6, "4.56M"), (1.2e-5, "1.20e-05"), (0.0, "0"),
-     (256.0, "256"), (math.inf, "∞"), (math.nan, "–"), (-0.5, "-0.500"), (999.99, "1000"), (0.09997, "0.100")],
-)  # fmt: skip
+    [
+        (0.0123456, "0.0123"),
+        (0.1, "0.100"),
+        (12345.6, "12.3k"),
+        (4.56e6, "4.56M"),
+        (1.2e-5, "1.20e-05"),
+        (0.0, "0"),
+        (256.0, "256"),
+        (math.inf, "∞"),
+        (math.nan, "–"),
+        (-0.5, "-0.500"),
+        (999.99, "1000"),
+        (0.09997, "0.100"),
+    ],
+)
 def test_numbers_have_three_digits(value, text):
     assert number_text(value) == text
 

@@ -114,8 +114,9 @@ def test_the_machines_of_a_merged_folder_are_compared_one_by_one(before, tmp_pat
 
     found = verdicts(changes([merged("old", 1.0)], [merged("new", 2.0)]), "seconds per sample")
     assert {(name.split()[-1], verdict) for (_, name), verdict in found.items()} == {
-        ("env0", "unresolved"), ("other", "slower or drift"),
-    }  # fmt: skip
+        ("env0", "unresolved"),
+        ("other", "slower or drift"),
+    }
 
 
 def test_a_session_counts_once(before, tmp_path):
@@ -240,10 +241,15 @@ def test_the_command_takes_several_sessions_a_side(before, tmp_path):
     assert rows and all("numpy" in row for row in rows)
 
 
-@pytest.mark.parametrize("words, complaint", [
-    (["a"], "two results folders are wanted"), (["--before", "a", "b"], "--before and --after with one or more each"),
-    (["a", "b", "--after", "c"], "two results folders are wanted"), (["a", "b", "--threshold", "tenth"], "10% or 0.1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, complaint",
+    [
+        (["a"], "two results folders are expected"),
+        (["--before", "a", "b"], "--before and --after with one or more each"),
+        (["a", "b", "--after", "c"], "two results folders are expected"),
+        (["a", "b", "--threshold", "tenth"], "10% or 0.1"),
+    ],
+)
 def test_other_arguments_are_refused(words, complaint):
     done = raybench("compare", *words)
     assert done.returncode == 2 and complaint in done.stderr and "Traceback" not in done.stderr

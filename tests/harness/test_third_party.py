@@ -32,9 +32,7 @@ def site(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("site")
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index"]
     install += ["--no-deps", "--no-build-isolation", "--no-cache-dir", "--target", str(folder)]
-    done = subprocess.run(
-        [*install, PACKAGES / "cutout", PACKAGES / "broken"], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([*install, PACKAGES / "cutout", PACKAGES / "broken"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder
 
@@ -47,9 +45,7 @@ def installed(site, monkeypatch):
 
 
 def python(*words, folder):
-    return subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, check=False, timeout=300
-    )
+    return subprocess.run([sys.executable, *words], cwd=folder, capture_output=True, text=True, check=False, timeout=300)
 
 
 def test_an_engine_of_another_package_is_found_and_conforms(installed):
@@ -62,9 +58,7 @@ def test_an_engine_of_another_package_is_found_and_conforms(installed):
 
 
 def test_it_races_under_the_same_clock(installed, tmp_path):
-    text = sweeping.EXPERIMENT.replace(
-        "['fake_engines:Steady', 'fake_engines:Other']", "[cutout, 'fake_engines:Steady']"
-    )
+    text = sweeping.EXPERIMENT.replace("['fake_engines:Steady', 'fake_engines:Other']", "[cutout, 'fake_engines:Steady']")
     scene = sweeping.SCENE.replace(
         "sphere: {center: [0, 1, 0], radius: 1}", "triangle: {a: [-1, 0, 0], b: [1, 0, 0], c: [0, 2, 0]}"
     )

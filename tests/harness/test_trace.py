@@ -22,8 +22,15 @@ from tests.harness.sweeping import raybench
 
 COUNT, HARD = 400, 100
 GRAZING = 0.03
-SMALL = {"scene": "cornell_box", "rays": ["camera", "shadow"], "count": COUNT, "checked": COUNT, "hard": HARD, "repeats": 1,
-         "max_time": "1ms"}  # fmt: skip
+SMALL = {
+    "scene": "cornell_box",
+    "rays": ["camera", "shadow"],
+    "count": COUNT,
+    "checked": COUNT,
+    "hard": HARD,
+    "repeats": 1,
+    "max_time": "1ms",
+}
 
 
 def options(**given):
@@ -72,11 +79,7 @@ def test_hits_of_another_primitive_are_wrong_and_darkness_where_nothing_is_is_a_
     assert (answers.wrong, answers.missed, answers.false_hits) == (exact["camera"][::EVERY].sum(), 0, 0)
     assert answers.wrong > 10
     answers = entry(measured, "misnames", "shadow").answers
-    assert (answers.wrong, answers.missed, answers.false_hits) == (
-        0,
-        0,
-        (~exact["shadow"] & exact["steep"])[::EVERY].sum(),
-    )
+    assert (answers.wrong, answers.missed, answers.false_hits) == (0, 0, (~exact["shadow"] & exact["steep"])[::EVERY].sum())
     assert answers.false_hits > 10
 
 
@@ -101,16 +104,18 @@ def test_rates_are_rays_over_seconds_and_ratios_those_of_the_baseline(measured):
 
 
 def test_the_command_writes_results_that_report_reads_again(tmp_path, with_plots):
-    words = ["cornell_box", *options(engine="numpy", rays="incoherent", count=300, checked=300, hard=50, repeats=3,
-                                     max_time="1ms", out=tmp_path / "out")]  # fmt: skip
+    words = [
+        "cornell_box",
+        *options(
+            engine="numpy", rays="incoherent", count=300, checked=300, hard=50, repeats=3, max_time="1ms", out=tmp_path / "out"
+        ),
+    ]
     done = raybench("trace", *words, "--json")
     assert done.returncode == 0, done.stderr
     printed, written = json.loads(done.stdout), read_trace(tmp_path / "out" / "trace.json")
     assert printed == written.model_dump(mode="json")
     assert [each.twin for each in written.entries] == [False, True]
-    assert [len(each.timings) for each in written.entries] == [3, 3] and not any(
-        each.unstable for each in written.entries
-    )
+    assert [len(each.timings) for each in written.entries] == [3, 3] and not any(each.unstable for each in written.entries)
     shutil.rmtree(tmp_path / "out" / "plots")
     (tmp_path / "out" / "report.html").unlink()
     done = raybench("report", tmp_path / "out")
@@ -127,19 +132,13 @@ def test_the_command_writes_results_that_report_reads_again(tmp_path, with_plots
         (["cornell_box", "--rays", "diffuse"], "rays[0] = 'diffuse': must be one of camera, shadow, incoherent"),
         (["cornell_box", "--engine", "numbe"], "unknown engine: did you mean 'numba'?"),
         (["cornell_box", "--engine", "my:engine"], "run with --allow-imports if you trust it"),
-        (
-            ["cornell_box", "--engine", "numpy", "--accelerator", "octree"],
-            "accelerator 'octree': none of the engines has it",
-        ),
+        (["cornell_box", "--engine", "numpy", "--accelerator", "octree"], "accelerator 'octree': none of the engines has it"),
         (["cornell_box", "--count", "3"], "count = 3: must be an integer in [16,"),
         (["cornell_box", "--repeats", "0"], "repeats = 0: must be an integer in [1,"),
         (["cornell_box", "--max-time", "2"], "max_time = '2': must be a time with its unit"),
         (["cornell_box", "--precision", "half"], "precision[0] = 'half': must be one of float64, float32"),
         (["cornell_box", "--baseline", "embreee"], "baseline = 'embreee': must be one of the engines"),
-        (
-            ["furnace", "--engine", "numpy", "--rays", "shadow", "--out", "{file}"],
-            "name a folder that can be written to",
-        ),
+        (["furnace", "--engine", "numpy", "--rays", "shadow", "--out", "{file}"], "name a folder that can be written to"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, message):
@@ -153,7 +152,7 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path, arguments, message):
 def test_a_file_is_refused_where_it_is_wrong(tmp_path):
     for text, message in (
         ("rayz: camera", "unknown key: did you mean 'rays'?"),
-        ("scene: []", "a list of at least 1 is wanted"),
+        ("scene: []", "a list of at least 1 is expected"),
         ("batch: 0", "must be an integer in [1,"),
     ):
         path = tmp_path / "wrong.yaml"
@@ -169,9 +168,7 @@ def test_a_file_is_refused_where_it_is_wrong(tmp_path):
 
 def test_run_takes_a_file_of_a_comparison_by_rays(tmp_path):
     path = tmp_path / "small.yaml"
-    path.write_text(
-        "raybench_trace: 1\nscene: cornell_box\nrays: camera\nengine: numpy\ncount: 100\nhard: 0\nrepeats: 1\n"
-    )
+    path.write_text("raybench_trace: 1\nscene: cornell_box\nrays: camera\nengine: numpy\ncount: 100\nhard: 0\nrepeats: 1\n")
     done = raybench("run", path, "--out", tmp_path / "out", "--set", "max_time=1ms")
     assert done.returncode == 0, done.stderr
     assert "cornell_box, 36 primitives: camera rays, 1 thread; 100 rays checked, 0 hard rays" in done.stdout
@@ -191,9 +188,11 @@ def test_the_shipped_file_says_its_question_and_the_schema_takes_it():
 
 def test_files_outside_of_the_scenes_folder_are_read_only_if_allowed(tmp_path):
     scene = {
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
-        "materials": {"m": {"kd": 0.5}}, "shapes": [{"mesh": {"file": "../m.obj"}, "material": "m"}],
-    }  # fmt: skip
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
+        "materials": {"m": {"kd": 0.5}},
+        "shapes": [{"mesh": {"file": "../m.obj"}, "material": "m"}],
+    }
     (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "inner").mkdir()
     (tmp_path / "inner" / "s.yaml").write_text(json.dumps(scene))

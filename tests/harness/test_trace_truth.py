@@ -14,14 +14,7 @@ from harness.trace.rays import KINDS, Rays, hard_rays, make_rays
 from harness.trace.truth import Truth, triangle_distance
 from harness.view.projection import Projection
 
-CAMERA = {
-    "type": "perspective",
-    "eye": [0, 0, 6],
-    "target": [0, 0, 0],
-    "up": [0, 1, 0],
-    "fov": 50,
-    "resolution": [8, 6],
-}
+CAMERA = {"type": "perspective", "eye": [0, 0, 6], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 50, "resolution": [8, 6]}
 SHAPES = [
     {"sphere": {"center": [-1, 0.5, 0], "radius": 0.8}},
     {"spheres": {"centers": [[1, 1, 0], [1.3, 0, 0.5], [0, -1, 1]], "radii": [0.3, 0.5, 0.2]}},
@@ -34,10 +27,15 @@ SHAPES = [
 
 
 def made(shapes, lights=(), camera=CAMERA):
-    return scene_from({
-        "raybench_scene": 1, "camera": camera, "materials": {"grey": {"kd": 0.5}, "lamp": {"emission": 1}},
-        "shapes": [{"material": "grey", **shape} for shape in shapes], "lights": list(lights),
-    })  # fmt: skip
+    return scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": camera,
+            "materials": {"grey": {"kd": 0.5}, "lamp": {"emission": 1}},
+            "shapes": [{"material": "grey", **shape} for shape in shapes],
+            "lights": list(lights),
+        }
+    )
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Cases of the accuracy suite in an experiment: run in worker processes, stored as events, run once."""
 
-
 import pytest
 
 from engines.errors import ConfigError

@@ -28,8 +28,10 @@ def planned(path):
 
 
 def identities(path):
-    return {cell.engine_name: {each.cell_id for each in planned(path).cells if each.engine_name == cell.engine_name}
-            for cell in planned(path).cells}  # fmt: skip
+    return {
+        cell.engine_name: {each.cell_id for each in planned(path).cells if each.engine_name == cell.engine_name}
+        for cell in planned(path).cells
+    }
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +51,15 @@ def test_two_versions_race_under_their_names_and_the_slower_and_darker_one_is_se
     assert outcome.failures == []
     events = [json.loads(line) for line in (tmp_path / "out" / "events.jsonl").read_text().splitlines()]
     cells = [event for event in events if event["event"] == "cell" and event["label"] is None]
-    assert {(cell["engine"], cell["engine_version"]) for cell in cells} == {
-        ("lantern 1.0", "4+1.0"), ("lantern 2.0", "4+2.0"),
-    }  # fmt: skip
+    assert {(cell["engine"], cell["engine_version"]) for cell in cells} == {("lantern 1.0", "4+1.0"), ("lantern 2.0", "4+2.0")}
     assert {cell["spec"]["environment"]["lantern"] for cell in cells} == {"1.0", "2.0"}
     found = analyse(load_results(tmp_path / "out")).verdicts
     verdicts = {v.contestant.settings.engine: v for v in found if not v.contestant.settings.label}
     assert verdicts["lantern 2.0"].samples_per_second.value < verdicts["lantern 1.0"].samples_per_second.value
     assert {name: "biased_image" in verdict.flags for name, verdict in verdicts.items()} == {
-        "lantern 1.0": False, "lantern 2.0": True,
-    }  # fmt: skip
+        "lantern 1.0": False,
+        "lantern 2.0": True,
+    }
 
 
 def test_what_is_installed_is_part_of_a_cell_and_where_it_lies_is_not(two, tmp_path):

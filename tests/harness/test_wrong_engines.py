@@ -53,7 +53,7 @@ def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swep
     assert {events(out)[name]["state"] for name in ("unsure", "talkative")} == {"done"}
     said = " ".join(done.stderr.split())
     assert "unsure: why_not failed: ZeroDivisionError: no tree" in said
-    assert "talkative: why_not answered True: None or a sentence is wanted" in said
+    assert "talkative: why_not answered True: None or a sentence is expected" in said
 
 
 def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
@@ -100,10 +100,12 @@ def test_checkpoints_before_the_failure_are_kept(swept):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("NotANumber", "seed 9000: 1 pixels of the image are NaN or infinite: finite radiance is wanted"),
-     ("OtherSize", "(8, 12, 3) is wanted"),
-     ("Babbler", "where messages are sent")],
-)  # fmt: skip
+    [
+        ("NotANumber", "seed 9000: 1 pixels of the image are NaN or infinite: finite radiance is expected"),
+        ("OtherSize", "(8, 12, 3) is expected"),
+        ("Babbler", "where messages are sent"),
+    ],
+)
 def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name, words):
     path = sweeping.write(tmp_path)
     outcome, listener = sweeping.run(path, tmp_path / "out", [f"reference.engine=wrong_engines:{name}", "repeats=1"])
@@ -114,13 +116,26 @@ def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name,
 @pytest.mark.parametrize(
     "line",
     [
-        b"", b"hello", b"[]", b"{}", b'{"did": 3}', b'{"did": ["end"]}', b'{"did": "dance"}', b"\xff\xfe", b"[" * 5000,
-        b'{"did": "point", "spp": 1}', b'{"did": "point", "spp": true, "seconds": 1}',
-        b'{"did": "point", "spp": 1, "seconds": Infinity}', b'{"did": "point", "spp": 1, "seconds": -1}',
-        b'{"did": "point", "spp": 1, "seconds": 1, "rays": "many"}', b'{"did": "prepared", "load_seconds": 1}',
-        b'{"did": "end", "counters": {"rays": NaN}}', b'{"did": "end", "machine": 3}', b'{"did": "failed", "message": 3}',
+        b"",
+        b"hello",
+        b"[]",
+        b"{}",
+        b'{"did": 3}',
+        b'{"did": ["end"]}',
+        b'{"did": "dance"}',
+        b"\xff\xfe",
+        b"[" * 5000,
+        b'{"did": "point", "spp": 1}',
+        b'{"did": "point", "spp": true, "seconds": 1}',
+        b'{"did": "point", "spp": 1, "seconds": Infinity}',
+        b'{"did": "point", "spp": 1, "seconds": -1}',
+        b'{"did": "point", "spp": 1, "seconds": 1, "rays": "many"}',
+        b'{"did": "prepared", "load_seconds": 1}',
+        b'{"did": "end", "counters": {"rays": NaN}}',
+        b'{"did": "end", "machine": 3}',
+        b'{"did": "failed", "message": 3}',
     ],
-)  # fmt: skip
+)
 def test_what_is_no_message_is_refused(line):
     with pytest.raises(protocol.BadMessage):
         protocol.parsed(line)
@@ -132,9 +147,7 @@ def test_text_of_a_message_can_always_be_written():
 
 
 def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
-    request = {
-        "scene_path": "nowhere", "scene_hash": "", "spp": 1, "settings": {"width": 4, "height": 4},
-    }  # fmt: skip
+    request = {"scene_path": "nowhere", "scene_hash": "", "spp": 1, "settings": {"width": 4, "height": 4}}
     with pool.Pool(True, tmp_path / "log") as workers:
         worker = workers.worker("fake_engines:Steady")
         worker.ask({"do": "reference", **request, "seeds": [1], "allow_imports": True, "scratch": ""})
@@ -143,7 +156,7 @@ def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
 
 def test_numbers_too_large_for_arithmetic_are_no_message():
     for line in (b'{"did": "point", "spp": 1, "seconds": 1%s}', b'{"did": "end", "counters": {"rays": 1%s}}'):
-        with pytest.raises(protocol.BadMessage, match="is wanted") as refused:
+        with pytest.raises(protocol.BadMessage, match="is expected") as refused:
             protocol.parsed(line % (b"0" * 400))
         assert len(str(refused.value)) < 400
 

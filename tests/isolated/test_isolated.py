@@ -26,11 +26,15 @@ ROOT = Path(__file__).resolve().parents[2]
 APART = "tests.isolated.renderers:Apart"
 LANTERN = "tests.isolated.renderers:Lantern"
 CLAIMS = (
-    rendering.stop_in_a_callback_ends_the_render, rendering.stop_from_a_thread_ends_the_render,
-    rendering.stop_at_rest_does_nothing, rendering.update_of_the_shapes_starts_anew,
-    rendering.film_has_the_size_asked_for, concurrency.a_render_is_not_disturbed,
-    concurrency.rays_beside_a_render_are_answered_as_alone, concurrency.update_takes_the_size_of_the_camera,
-)  # fmt: skip
+    rendering.stop_in_a_callback_ends_the_render,
+    rendering.stop_from_a_thread_ends_the_render,
+    rendering.stop_at_rest_does_nothing,
+    rendering.update_of_the_shapes_starts_anew,
+    rendering.film_has_the_size_asked_for,
+    concurrency.a_render_is_not_disturbed,
+    concurrency.rays_beside_a_render_are_answered_as_alone,
+    concurrency.update_takes_the_size_of_the_camera,
+)
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +71,9 @@ def test_an_engine_that_only_traces_does_so_there(scene):
     refused = alone.why_not_tracer(replace(scene, shapes=()), settings())
     assert refused and not refused.endswith(str(os.getpid()))
     rays = np.zeros((3, 3)), np.array([[0, 0, -1.0], [0, 1, 0], [1, 1, 1]])
-    ours, theirs = (made.trace(*rays) for made in (engines.engine("numpy").prepare(scene, settings()),
-                                                   alone.tracer(scene, settings())))  # fmt: skip
+    ours, theirs = (
+        made.trace(*rays) for made in (engines.engine("numpy").prepare(scene, settings()), alone.tracer(scene, settings()))
+    )
     assert np.array_equal(ours.t, theirs.t) and np.array_equal(ours.shape, theirs.shape)
 
 
@@ -175,9 +180,9 @@ def test_an_engine_runs_with_the_python_of_another_environment(tmp_path, scene):
 @pytest.mark.parametrize(
     ("python", "wanted"),
     [
-        ("{}/none", "none: does not exist: the folder of a virtual environment, or a Python, is wanted"),
-        ("{}", "there is no bin/python in it: the folder of a virtual environment is wanted"),
-        ("{}/text", "text: is no program: the folder of a virtual environment, or a Python, is wanted"),
+        ("{}/none", "none: does not exist: the folder of a virtual environment, or a Python, is expected"),
+        ("{}", "there is no bin/python in it: the folder of a virtual environment is expected"),
+        ("{}/text", "text: is no program: the folder of a virtual environment, or a Python, is expected"),
         ("{}/program", "program: cannot run the engine numpy: numpy: its process ended with status 3: no Python"),
         ("{}/empty", "cannot run the engine numpy: numpy: its process ended with status 1: ModuleNotFoundError: No module"),
     ],

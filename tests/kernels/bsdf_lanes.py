@@ -41,8 +41,10 @@ def _compiled(kind, features, real):
             scale = s.weight.scale if s.valid else zero
             found[0, i], found[1, i], found[2, i] = s.wi.x, s.wi.y, s.wi.z
             weight[0, i], weight[1, i], weight[2, i] = (
-                s.weight.color.x * scale, s.weight.color.y * scale, s.weight.color.z * scale,
-            )  # fmt: skip
+                s.weight.color.x * scale,
+                s.weight.color.y * scale,
+                s.weight.color.z * scale,
+            )
             found_pdf[i], through[i] = s.pdf if s.valid else zero, s.transmitted
 
     return kernel(run)

@@ -10,10 +10,15 @@ CAMERA = {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0], "up": [0
 
 
 def _scene(*shapes):
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "set", "camera": CAMERA, "materials": {"m": {"kd": 0.5}},
-        "shapes": [{**shape, "material": "m"} for shape in shapes],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "set",
+            "camera": CAMERA,
+            "materials": {"m": {"kd": 0.5}},
+            "shapes": [{**shape, "material": "m"} for shape in shapes],
+        }
+    )
 
 
 def _mesh(vertices, faces):
@@ -41,20 +46,27 @@ SETS = {
         _mesh([[0, 0.5, 0], [1e-3, 0.5, 0], [0, 0.501, 0]], [[0, 1, 2]]),
     ],
     "centroids that coincide": [
-        _mesh(np.concatenate([k * np.array([[1, 0, 0.1], [-0.5, 0.9, 0], [-0.5, -0.9, -0.1]]) for k in range(1, 60)]),
-              np.arange(177).reshape(-1, 3))
+        _mesh(
+            np.concatenate([k * np.array([[1, 0, 0.1], [-0.5, 0.9, 0], [-0.5, -0.9, -0.1]]) for k in range(1, 60)]),
+            np.arange(177).reshape(-1, 3),
+        )
     ],
     "a flat scene": [_mesh(np.random.default_rng(3).uniform(-1, 1, (300, 3)) * [1, 0, 1], np.arange(300).reshape(-1, 3))],
     "duplicates": [_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]] * 2000)],
     "powers of one half": [
-        _mesh(np.concatenate([np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.5]]) * 2.0**-k + [2.0**-k, 0, 0] for k in range(40)]),
-              np.arange(120).reshape(-1, 3))
+        _mesh(
+            np.concatenate([np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.5]]) * 2.0**-k + [2.0**-k, 0, 0] for k in range(40)]),
+            np.arange(120).reshape(-1, 3),
+        )
     ],
     "triangles, spheres and planes": [
-        _soup(100, 0.2), *_spheres(30), {"plane": {"point": [0, -1, 0], "normal": [0, 1, 0]}}, _soup(50, 0.3, seed=4)
+        _soup(100, 0.2),
+        *_spheres(30),
+        {"plane": {"point": [0, -1, 0], "normal": [0, 1, 0]}},
+        _soup(50, 0.3, seed=4),
     ],
     "spheres alone": _spheres(200),
-}  # fmt: skip
+}
 
 
 def _rays(n=3000, seed=5):
@@ -98,9 +110,7 @@ def test_float64_hits_equal_the_references(name):
     theirs = engines.engine("numpy").prepare(scene, Settings(8, 8, shader="albedo")).trace(origins, directions)
     assert np.array_equal(np.isfinite(ours.t), np.isfinite(theirs.t))
     hit = np.isfinite(ours.t)
-    assert np.allclose(
-        ours.t[hit], theirs.t[hit], rtol=1e-9
-    )  # which of two coplanar faces wins is a matter of the last bit
+    assert np.allclose(ours.t[hit], theirs.t[hit], rtol=1e-9)  # which of two coplanar faces wins is a matter of the last bit
 
 
 def test_ties_go_to_the_lower_shape_then_the_lower_primitive():
@@ -116,16 +126,12 @@ def test_ties_go_to_the_lower_shape_then_the_lower_primitive():
 def test_a_sphere_mesh_far_from_the_origin_has_no_hole():
     """Two hundred rings at (148376, 1234, -223423), seen from within (Woop's own test)."""
     rings, sectors, center = 200, 64, np.array([148376.0, 1234.0, -223423.0])
-    theta, phi = np.meshgrid(
-        np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, sectors + 1)[:-1], indexing="ij"
-    )
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, sectors + 1)[:-1], indexing="ij")
     points = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1).reshape(-1, 3)
     points = center + 2 * points
     row, column = np.meshgrid(np.arange(rings), np.arange(sectors), indexing="ij")
     a, b = row * sectors + column, row * sectors + (column + 1) % sectors
-    faces = np.concatenate([np.stack([a, b, a + sectors], -1), np.stack([b, b + sectors, a + sectors], -1)]).reshape(
-        -1, 3
-    )
+    faces = np.concatenate([np.stack([a, b, a + sectors], -1), np.stack([b, b + sectors, a + sectors], -1)]).reshape(-1, 3)
     scene = _scene({"mesh": {"vertices": points, "faces": faces}})
     rng = np.random.default_rng(6)
     origins = center + rng.uniform(-0.5, 0.5, (4000, 3))

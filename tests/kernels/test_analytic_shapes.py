@@ -66,10 +66,7 @@ def flat_shapes(kind, n, seed):
     normals = random.normal(size=(n, 3))
     normals[::3] = np.eye(3)[np.arange(len(normals[::3])) % 3]
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return [
-        kind(triple(random.uniform(-1, 1, 3)), triple(normal), float(random.uniform(0.05, 0.4)), 0)
-        for normal in normals
-    ]
+    return [kind(triple(random.uniform(-1, 1, 3)), triple(normal), float(random.uniform(0.05, 0.4)), 0) for normal in normals]
 
 
 def tubes(n, seed):
@@ -96,8 +93,11 @@ def answers(scene, accelerator, precision, engine="numba"):
     renderer = engines.engine(engine).prepare(scene, settings)
     origins, directions = random.uniform(-1.5, 1.5, (1500, 3)), random.normal(size=(1500, 3))
     eye = np.tile([0.0, 0.0, 4.0], (1500, 1)), 0.2 * directions - [0, 0, 1]
-    found = [getattr(hits, field) for hits in (renderer.trace(origins, directions), renderer.trace(*eye))
-             for field in ("t", "shape", "primitive", "normal")]  # fmt: skip
+    found = [
+        getattr(hits, field)
+        for hits in (renderer.trace(origins, directions), renderer.trace(*eye))
+        for field in ("t", "shape", "primitive", "normal")
+    ]
     return [*found, renderer.occluded(origins, directions, 0.8), renderer.render(1).sums]
 
 
@@ -147,9 +147,12 @@ def test_a_disk_and_a_ring_are_where_they_are_said_to_be(rings):
 
 
 FAR_AWAY = [
-    Ring((50.0, 0, 0), (0, 0, 1.0), 1.0, 0), Cylinder((50.0, 0, 0), (50.0, 1.0, 0), 1.0, 0), Sphere((50.0, 0, 0), 1.0, 0),
-    Plane((50.0, 0, 0), (1.0, 0, 0), 0), Mesh(np.eye(3) + 50.0, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)),
-]  # fmt: skip
+    Ring((50.0, 0, 0), (0, 0, 1.0), 1.0, 0),
+    Cylinder((50.0, 0, 0), (50.0, 1.0, 0), 1.0, 0),
+    Sphere((50.0, 0, 0), 1.0, 0),
+    Plane((50.0, 0, 0), (1.0, 0, 0), 0),
+    Mesh(np.eye(3) + 50.0, np.array([[0, 1, 2]], np.int32), np.zeros(1, np.int32)),
+]
 """All kinds of shapes that stand among others: what is compiled for them is compiled once."""
 
 

@@ -17,11 +17,16 @@ CAMERA = {"eye": EYE.tolist(), "target": [0, 0.1, 0], "up": [0.1, 1, 0], "resolu
 
 
 def scene_of(shapes, camera_type="perspective", **more):
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "set", "camera": {"type": camera_type, **CAMERA, **more},
-        "materials": {"m": {"kd": 0.4, "ks": 0.5}}, "lights": [{"environment": {"radiance": 1}}],
-        "shapes": [{**shape, "material": "m"} for shape in shapes],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "set",
+            "camera": {"type": camera_type, **CAMERA, **more},
+            "materials": {"m": {"kd": 0.4, "ks": 0.5}},
+            "lights": [{"environment": {"radiance": 1}}],
+            "shapes": [{**shape, "material": "m"} for shape in shapes],
+        }
+    )
 
 
 def soup(n, size, seed, middle=(0, 0, 0)):
@@ -43,12 +48,7 @@ PLANE = {"plane": {"point": [0, -2, 0], "normal": [0, 1, 0]}}
 SETS = {
     "ahead": [soup(60, 0.2, 1), sphere((0.4, 0.5, 0), 0.6), sphere((-0.5, 0, 1), 0.3), PLANE],
     "around the eye": [soup(40, 3.0, 2, EYE), sphere(near(0.1, 0, 0), 0.5), sphere(near(0, 0, 2), 1.9), PLANE],
-    "behind and beside": [
-        soup(30, 0.3, 3, near(0, 0, 3)),
-        sphere(near(2, 0, 0), 1.0),
-        sphere(near(0, 3, -3), 1),
-        PLANE,
-    ],
+    "behind and beside": [soup(30, 0.3, 3, near(0, 0, 3)), sphere(near(2, 0, 0), 1.0), sphere(near(0, 3, -3), 1), PLANE],
     "tiny and far": [soup(30, 1e-3, 4), sphere((0, 0, -1000), 1.0), sphere((0.1, 0.1, 0), 1e-4), PLANE],
 }
 
@@ -89,9 +89,7 @@ def test_rays_from_the_eye_and_others_find_the_lists_hits_bit_for_bit(name, prec
             assert np.array_equal(mine, plain), f"{kind}: {field}"
 
 
-@pytest.mark.parametrize(
-    "camera", [{}, {"camera_type": "perspective_arctan"}, {"camera_type": "orthographic", "height": 4}]
-)
+@pytest.mark.parametrize("camera", [{}, {"camera_type": "perspective_arctan"}, {"camera_type": "orthographic", "height": 4}])
 def test_images_are_the_lists_whatever_the_camera_and_after_it_moved(camera):
     scene = scene_of(SETS["ahead"], **camera)
     images = []

@@ -82,9 +82,16 @@ def _reflectance(cos, eta):
 
 @pytest.mark.parametrize(
     ("degrees", "expected"),
-    [(0, 0.04), (30, 0.04152262597582152), (45, 0.05023991101223595), (60, 0.08918671280221274), (75, 0.2530605629903197),
-     (80, 0.3877043546914725), (89, 0.9041849497801886)],
-)  # fmt: skip
+    [
+        (0, 0.04),
+        (30, 0.04152262597582152),
+        (45, 0.05023991101223595),
+        (60, 0.08918671280221274),
+        (75, 0.2530605629903197),
+        (80, 0.3877043546914725),
+        (89, 0.9041849497801886),
+    ],
+)
 def test_fresnel_reflectance_from_outside_glass(degrees, expected):
     assert _reflectance(np.cos(np.radians(degrees)), 1.5) == pytest.approx(expected, rel=1e-12)
 

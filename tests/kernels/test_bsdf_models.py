@@ -51,9 +51,7 @@ def transmits(leaf):
 
 
 SIDES = [(name, front) for name, leaf in ROUGH.items() for front in (True, False) if front or transmits(leaf)]
-each_side = pytest.mark.parametrize(
-    ("name", "front"), SIDES, ids=[f"{n}{'' if f else ' from inside'}" for n, f in SIDES]
-)
+each_side = pytest.mark.parametrize(("name", "front"), SIDES, ids=[f"{n}{'' if f else ' from inside'}" for n, f in SIDES])
 
 
 def cosines(wi):
@@ -70,13 +68,13 @@ def test_lanes_say_what_numpy_says(model):
             lanes, numpy, at = Lanes(leaf, front), Materials([Material("m", bsdf=leaf)]), points(wo, front=front)
             found = numpy.sample(at, *draws)
             some = np.where((np.arange(n) % 2 == 0) & (found.weight > 0).any(axis=0), found.wi, wi)
-            assert np.allclose(
-                lanes.evaluate(wo, some), numpy.evaluate(at, some) * cosines(some), rtol=1e-8, atol=1e-12
-            ), leaf
+            assert np.allclose(lanes.evaluate(wo, some), numpy.evaluate(at, some) * cosines(some), rtol=1e-8, atol=1e-12), leaf
             assert np.allclose(lanes.pdf(wo, some), numpy.pdf(at, some), rtol=1e-8, atol=1e-12), leaf
             for name, lobes in (
-                ("all", Lobes.ALL), ("reflection", Lobes.SPECULAR_REFLECTION), ("transmission", Lobes.SPECULAR_TRANSMISSION)
-            ):  # fmt: skip
+                ("all", Lobes.ALL),
+                ("reflection", Lobes.SPECULAR_REFLECTION),
+                ("transmission", Lobes.SPECULAR_TRANSMISSION),
+            ):
                 expected = numpy.sample(at, *draws, lobes)
                 there = (expected.weight > 0).any(axis=0)
                 got, weight, pdf, through = lanes.sample(wo, draws, name)

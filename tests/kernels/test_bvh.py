@@ -27,12 +27,9 @@ def flat_scene(subdivisions, spheres=0, real=np.float32):
         {"sphere": {"center": row[:3].tolist(), "radius": float(abs(row[3])) / 50 + 0.01}, "material": "m"}
         for row in rng.normal(size=(spheres, 4))
     ]
-    scene = engines.scene_from({
-        "raybench_scene": 1,
-        "camera": CAMERA,
-        "materials": {"m": {"kd": 0.5}},
-        "shapes": [mesh, *more],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {"raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}}, "shapes": [mesh, *more]}
+    )
     return flatten(scene, real, real)
 
 
@@ -81,20 +78,25 @@ def test_every_primitive_is_in_one_leaf_and_every_box_holds_what_is_below(real):
 
 
 @pytest.mark.parametrize(
-    "sizes", [np.ones(20_000), 2.0 ** -np.arange(120.0), 2.0 ** np.linspace(0, -100, 5000)],
+    "sizes",
+    [np.ones(20_000), 2.0 ** -np.arange(120.0), 2.0 ** np.linspace(0, -100, 5000)],
     ids=["one triangle again and again", "each half as far as the last", "many at every scale"],
-)  # fmt: skip
+)
 def test_no_scene_makes_the_tree_deep(sizes):
     corners = sizes[:, None, None] * np.array([[1.0, 0, 0], [1.0, 0.5, 0], [1.0, 0, 0.5]])
     scene = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}}, "shapes": []})
-    mesh = Mesh(corners.reshape(-1, 3), np.arange(3 * len(sizes), dtype=np.int32).reshape(-1, 3),
-                np.zeros(len(sizes), np.int32))  # fmt: skip
+    mesh = Mesh(
+        corners.reshape(-1, 3), np.arange(3 * len(sizes), dtype=np.int32).reshape(-1, 3), np.zeros(len(sizes), np.int32)
+    )
     nodes, _ = built(flatten(replace(scene, shapes=(mesh,)), np.float64, np.float64))
     depth, level = 0, [0]
     while level:
         depth += 1
-        level = [int(child) for child in nodes.view(np.int32)[level, CHILDREN : CHILDREN + 8].ravel()
-                 if child >= 0 and child != NOTHING]  # fmt: skip
+        level = [
+            int(child)
+            for child in nodes.view(np.int32)[level, CHILDREN : CHILDREN + 8].ravel()
+            if child >= 0 and child != NOTHING
+        ]
     assert depth <= DEEPEST + np.log2(len(sizes)) + 1
 
 
@@ -133,10 +135,14 @@ def test_a_scene_of_a_septillion_metres_is_met_along_the_axes():
     vertices = 1e24 * (rng.uniform(-1, 1, (200, 1, 3)) + 0.2 * rng.normal(size=(200, 3, 3))).reshape(-1, 3)
     origins = 1e24 * rng.uniform(-2, 2, (300, 3))
     directions = np.eye(3)[np.arange(300) % 3] * np.where(np.arange(300) % 2, 1.0, -1.0)[:, None]
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}},
-        "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(600).reshape(-1, 3)}, "material": "m"}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": CAMERA,
+            "materials": {"m": {"kd": 0.5}},
+            "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(600).reshape(-1, 3)}, "material": "m"}],
+        }
+    )
     hits = [
         engines.engine("numba")
         .prepare(scene, engines.Settings(8, 8, shader="albedo", accelerator=name))
@@ -149,9 +155,13 @@ def test_a_scene_of_a_septillion_metres_is_met_along_the_axes():
 
 def test_a_scene_too_large_for_boxes_in_float32_is_refused():
     vertices = 1e200 * np.random.default_rng(9).uniform(-1, 1, (600, 3))
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}},
-        "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(600).reshape(-1, 3)}, "material": "m"}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": CAMERA,
+            "materials": {"m": {"kd": 0.5}},
+            "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(600).reshape(-1, 3)}, "material": "m"}],
+        }
+    )
     with pytest.raises(Unsupported, match="of at most 1e"):
         engines.engine("numba").prepare(scene, engines.Settings(8, 8, shader="albedo", accelerator="bvh"))

@@ -39,17 +39,19 @@ def test_code_of_another_key_is_not_believed(tmp_path):
     assert files.load(KEY) == b"4"
 
 
-@pytest.mark.parametrize(
-    "damage", ["empty", "truncated", "a bit", "another format", "a folder", "nothing but a pickle"]
-)
+@pytest.mark.parametrize("damage", ["empty", "truncated", "a bit", "another format", "a folder", "nothing but a pickle"])
 def test_a_damaged_file_is_a_miss(tmp_path, damage):
     files = KeyedFiles(tmp_path, "stage")
     files.save(KEY, b"machine code" * 100)
     path, content = files.path(KEY), files.path(KEY).read_bytes()
     changed = {
-        "empty": b"", "truncated": content[:-1], "a bit": content[:-40] + bytes([content[-40] ^ 1]) + content[-39:],
-        "another format": b"x" + content[1:], "a folder": None, "nothing but a pickle": content[56:],
-    }[damage]  # fmt: skip
+        "empty": b"",
+        "truncated": content[:-1],
+        "a bit": content[:-40] + bytes([content[-40] ^ 1]) + content[-39:],
+        "another format": b"x" + content[1:],
+        "a folder": None,
+        "nothing but a pickle": content[56:],
+    }[damage]
     path.unlink()
     path.mkdir() if changed is None else path.write_bytes(changed)
     assert files.load(KEY) is None

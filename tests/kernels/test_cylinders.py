@@ -25,7 +25,7 @@ def _found(origins, directions, p):
     result = np.empty((len(origins), 10))
     parameters = (p[0], p[1], p[2], p[3], p[4], p[5], p[6])
     for i in range(len(origins)):
-        o, d = Vec3(origins[i, 0], origins[i, 1], origins[i, 2]), Vec3(directions[i, 0], directions[i, 1], directions[i, 2])
+        o, d = (Vec3(origins[i, 0], origins[i, 1], origins[i, 2]), Vec3(directions[i, 0], directions[i, 1], directions[i, 2]))
         hit = cylinder.intersection(o, d, parameters, np.float64)
         result[i, 0] = hit.t
         for k, v in enumerate((hit.point, hit.normal, hit.tangent)):
@@ -148,21 +148,25 @@ def test_a_lane_samples_a_cylinder_as_the_reference_does():
 
 def _tubes(two_sided=False):
     """Cylinders that emit, mirror, refract and scatter, one seen from inside, among other shapes."""
-    held = engines.scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 1.2, 5], "target": [0, 0.9, 0], "fov": 50, "resolution": [24, 24]},
-        "materials": {
-            "white": {"kd": 0.7}, "lamp": {"emission": [5, 4, 3], "two_sided": two_sided, "kd": 0.1}, "mirror": {"ks": 0.9},
-            "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
-            "brushed": {"conductor": {"metal": "Au", "alpha": [0.1, 0.4]}},
-        },
-        "shapes": [
-            {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
-            {"sphere": {"center": [1.6, 0.5, 0.4], "radius": 0.5}, "material": "white"},
-            {"triangle": {"a": [-3, 0, -2], "b": [3, 0, -2], "c": [0, 4, -2]}, "material": "white"},
-        ],
-        "lights": [{"environment": {"radiance": [0.1, 0.15, 0.2]}}],
-    })  # fmt: skip
+    held = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 1.2, 5], "target": [0, 0.9, 0], "fov": 50, "resolution": [24, 24]},
+            "materials": {
+                "white": {"kd": 0.7},
+                "lamp": {"emission": [5, 4, 3], "two_sided": two_sided, "kd": 0.1},
+                "mirror": {"ks": 0.9},
+                "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
+                "brushed": {"conductor": {"metal": "Au", "alpha": [0.1, 0.4]}},
+            },
+            "shapes": [
+                {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
+                {"sphere": {"center": [1.6, 0.5, 0.4], "radius": 0.5}, "material": "white"},
+                {"triangle": {"a": [-3, 0, -2], "b": [3, 0, -2], "c": [0, 4, -2]}, "material": "white"},
+            ],
+            "lights": [{"environment": {"radiance": [0.1, 0.15, 0.2]}}],
+        }
+    )
     index = {material.name: k for k, material in enumerate(held.materials)}
     tubes = (
         Cylinder((-1.5, 2.2, 0.0), (1.2, 2.5, 0.3), 0.15, index["lamp"]),

@@ -74,9 +74,14 @@ WATERTIGHT = {"name": "embree", "watertight": True}
 
 @pytest.mark.parametrize(
     ("name", "precision", "accelerator", "n"),
-    [("numpy", "float64", "bvh", 2000), ("numba", "float32", "bvh", 20_000), ("numba", "float64", "bvh", 20_000),
-     ("embree", "float32", WATERTIGHT, 20_000), ("embree", "float64", WATERTIGHT, 20_000)],
-)  # fmt: skip
+    [
+        ("numpy", "float64", "bvh", 2000),
+        ("numba", "float32", "bvh", 20_000),
+        ("numba", "float64", "bvh", 20_000),
+        ("embree", "float32", WATERTIGHT, 20_000),
+        ("embree", "float64", WATERTIGHT, 20_000),
+    ],
+)
 def test_nothing_leaves_a_closed_sphere_at_its_vertices_and_edges(name, precision, accelerator, n):
     """Embree's own triangles let 20 of 20,000 rays at vertices pass."""
     vertices, faces = closed_sphere()
@@ -96,24 +101,29 @@ def test_shadows_are_seen_at_every_scale(scale):
     renderer = engine("embree").prepare(scene([wall]), Settings(precision="float64"))
     origins = scale * np.array([[0.0, 0, 1], [3.0, 0, 1]])
     reach = [[1.001 * scale] * 2, [0.999 * scale] * 2]
-    assert [renderer.occluded(origins, [[0, 0, -1]] * 2, far).tolist() for far in reach] == [
-        [True, False],
-        [False, False],
-    ]
+    assert [renderer.occluded(origins, [[0, 0, -1]] * 2, far).tolist() for far in reach] == [[True, False], [False, False]]
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_rays_one_by_one_see_what_packets_see(precision):
     """Trees large and small take different ways; a path that leaves a face must not meet it again on either."""
     faces = {"procedural": {"name": "tessellated_sphere", "subdivisions": 3}, "material": "white"}
-    scene = scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40,
-                   "resolution": [24, 24]},
-        "materials": {"white": {"kd": 0.5}},
-        "shapes": [faces, {"sphere": {"center": [0, 0, 2], "radius": 0.3}, "material": "white"}],
-        "lights": [{"point": {"position": [2, 3, 4], "intensity": 20}}],
-    })  # fmt: skip
+    scene = scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {
+                "type": "perspective",
+                "eye": [0, 0, 4],
+                "target": [0, 0, 0],
+                "up": [0, 1, 0],
+                "fov": 40,
+                "resolution": [24, 24],
+            },
+            "materials": {"white": {"kd": 0.5}},
+            "shapes": [faces, {"sphere": {"center": [0, 0, 2], "radius": 0.3}, "material": "white"}],
+            "lights": [{"point": {"position": [2, 3, 4], "intensity": 20}}],
+        }
+    )
     rng = np.random.default_rng(3)
     origins = rng.normal(size=(1000, 3))
     ways = rng.uniform(-1, 1, (1000, 3)) - origins

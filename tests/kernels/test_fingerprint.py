@@ -62,10 +62,7 @@ EDITS = {
     "a number": ("FACTOR = 2.0", "FACTOR = 3.0"),
     "an array": ("[1.0, 2.0]", "[1.0, 3.0]"),
     "the order of a row": ("    low = vector()\n    size = real()", "    size = real()\n    low = vector()"),
-    "the order of a table": (
-        "    n = scalar()\n    boxes = rows(BoxRow)",
-        "    boxes = rows(BoxRow)\n    n = scalar()",
-    ),
+    "the order of a table": ("    n = scalar()\n    boxes = rows(BoxRow)", "    boxes = rows(BoxRow)\n    n = scalar()"),
     "the type of an array": ("array(REAL)", "array(np.int32)"),
     "the stage": ("own.numbers[1]", "own.numbers[2]"),
 }
@@ -81,11 +78,15 @@ def test_two_processes_give_one_name():
     program = f"import tests.kernels.test_fingerprint as t; print(t.fingerprint_of({SOURCE!r}))"
     found = {
         subprocess.run(
-            [sys.executable, "-c", program], env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, text=True,
-            check=True, cwd=ROOT,
+            [sys.executable, "-c", program],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=ROOT,
         ).stdout.strip()
         for seed in ("1", "2")
-    }  # fmt: skip
+    }
     assert found == {fingerprint_of(SOURCE)}
 
 

@@ -58,10 +58,13 @@ def _inside_a_sphere(*more):
     camera = {"type": "perspective", "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0], "fov": 40}
     return engines.scene_from(
         {
-            "raybench_scene": 1, "name": "inside", "camera": camera, "materials": {"black": {"kd": 0.5}, **dict(more)},
+            "raybench_scene": 1,
+            "name": "inside",
+            "camera": camera,
+            "materials": {"black": {"kd": 0.5}, **dict(more)},
             "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 2}, "material": name} for name in ("black", *dict(more))],
         }
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("more", [(), (("mirror", {"ks": 0.9}), ("glass", {"ks": 1, "kt": 1, "fresnel": True}))])
@@ -79,16 +82,7 @@ def _comb(si, light, bsdf, draws, path, options):
     first = path.throughput.x > const(0.5, si.t)
     goes_on = first & (path.depth < options[0])
     return ScatterResult(
-        ones,
-        none,
-        goes_on,
-        si.normal,
-        False,
-        ones,
-        const(np.inf, si.t),
-        goes_on,
-        si.normal,
-        ones * const(0.25, si.t),
+        ones, none, goes_on, si.normal, False, ones, const(np.inf, si.t), goes_on, si.normal, ones * const(0.25, si.t)
     )
 
 
@@ -152,11 +146,15 @@ def _lit_by_an_image(camera):
     lights = [{"environment": {"radiance": 1}}, {"point": {"position": [0, 3, 0], "intensity": 1}}]
     scene = engines.scene_from(
         {
-            "raybench_scene": 1, "name": "image", "camera": camera, "materials": {"white": {"kd": 0.5}},
-            "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"}], "lights": lights,
+            "raybench_scene": 1,
+            "name": "image",
+            "camera": camera,
+            "materials": {"white": {"kd": 0.5}},
+            "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "white"}],
+            "lights": lights,
         },
         allow_imports=True,
-    )  # fmt: skip
+    )
     from dataclasses import replace
 
     return replace(scene, lights=(replace(scene.lights[0], image=image), *scene.lights[1:]))

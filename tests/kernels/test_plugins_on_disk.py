@@ -103,16 +103,13 @@ def stages(tmp_path_factory):
     def run(source, *others):
         (folder / "own.py").write_text(source)
         environment = {
-            **os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONPATH": f"{ROOT}:{folder}",
+            **os.environ,
+            "NUMBA_CACHE_DIR": str(folder / "cache"),
+            "PYTHONPATH": f"{ROOT}:{folder}",
             "PYTHONDONTWRITEBYTECODE": "1",
-        }  # fmt: skip
+        }
         done = subprocess.run(
-            [sys.executable, "-c", PROGRAM, *others],
-            cwd=folder,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
+            [sys.executable, "-c", PROGRAM, *others], cwd=folder, env=environment, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stderr
         return [(name, bool(hits)) for name, hits in json.loads(done.stdout)]

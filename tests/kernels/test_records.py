@@ -96,11 +96,7 @@ def load_all(address, kind, found):
         found[lane, 0], found[lane, 1], found[lane, 2], found[lane, 3] = record.t[lane], p.x, p.y, p.z
         found[lane, 4], found[lane, 5] = record.primitive[lane], 1.0 if record.hit[lane] else 0.0
         found[lane, 6], found[lane, 7] = record.draw[0, lane], record.draw_bits[1, lane]
-        found[lane, 8], found[lane, 9], found[lane, 10] = (
-            record.exact[0, lane],
-            record.exact[1, lane],
-            record.after[lane],
-        )
+        found[lane, 8], found[lane, 9], found[lane, 10] = (record.exact[0, lane], record.exact[1, lane], record.after[lane])
 
 
 @PRECISIONS
@@ -108,9 +104,7 @@ def test_every_kind_of_field_is_stored_and_loaded(kind):
     (address, numbers), found, lane = memory(kind), np.zeros((LANES, 11)), np.arange(LANES)
     store_all(address, kind)
     load_all(address, kind, found)
-    expected = [
-        lane + 0.5, lane, 2 * lane, 3 * lane, lane - 3, lane % 3 == 0, 0.25, 1000 + lane, 1 / 3, lane / 7, -lane,
-    ]  # fmt: skip
+    expected = [lane + 0.5, lane, 2 * lane, 3 * lane, lane - 3, lane % 3 == 0, 0.25, 1000 + lane, 1 / 3, lane / 7, -lane]
     assert found.tolist() == np.column_stack([np.broadcast_to(x, LANES) for x in expected]).tolist()
     assert numbers[0, 0].tolist() == (lane + 0.5).tolist(), "a field is sixteen numbers in a row"
     assert numbers[0, 1:4].tolist() == [lane.tolist(), (2 * lane).tolist(), (3 * lane).tolist()]
@@ -121,8 +115,15 @@ def test_every_kind_of_field_is_stored_and_loaded(kind):
 
 def test_a_layout_has_no_gaps_and_an_overlay_takes_no_room():
     assert {name: field.first for name, field in Sample.fields.items()} == {
-        "t": 0, "point": 1, "primitive": 4, "hit": 5, "draw": 6, "draw_bits": 6, "exact": 8, "after": 12,
-    }  # fmt: skip
+        "t": 0,
+        "point": 1,
+        "primitive": 4,
+        "hit": 5,
+        "draw": 6,
+        "draw_bits": 6,
+        "exact": 8,
+        "after": 12,
+    }
     assert Sample.size == 13
     assert Sample.bytes(np.float32) == 13 * LANES * 4
 
@@ -153,9 +154,12 @@ def load_table(address, kind, found):
 @PRECISIONS
 def test_a_table_leads_to_numbers_vectors_and_rows(kind):
     arrays = [
-        np.arange(9, dtype=kind), np.array([7, 8, -9], np.int32), np.arange(6.0).reshape(2, 3),
-        np.arange(18, dtype=kind).reshape(3, 6), np.array([[1, 2], [3, -4]], np.int32),
-    ]  # fmt: skip
+        np.arange(9, dtype=kind),
+        np.array([7, 8, -9], np.int32),
+        np.arange(6.0).reshape(2, 3),
+        np.arange(18, dtype=kind).reshape(3, 6),
+        np.array([[1, 2], [3, -4]], np.int32),
+    ]
     slots, found = np.zeros(Things.slots, np.int64), np.zeros(11)
     slots[Things.fields["n"].first] = 41
     for name, values in zip(("numbers", "ids", "points", "boxes", "faces"), arrays, strict=True):

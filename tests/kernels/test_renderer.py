@@ -62,10 +62,12 @@ def _window(x, y, width, height, options):
 
 def test_a_camera_of_ones_own_sees_what_it_is_told():
     scene = {
-        "raybench_scene": 1, "name": "window", "camera": {"type": Camera("window", jitted=_window), "scale": 1.0},
+        "raybench_scene": 1,
+        "name": "window",
+        "camera": {"type": Camera("window", jitted=_window), "scale": 1.0},
         "materials": {"red": {"kd": [0.5, 0, 0]}},
         "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 0.5}, "material": "red"}],
-    }  # fmt: skip
+    }
     scene = engines.scene_from(scene, allow_imports=True)
     settings = Settings(64, 64, shader="albedo", sampler="constant")
     image = engines.engine("numba").prepare(scene, settings).render(1).mean()[..., 0]
@@ -176,12 +178,7 @@ def test_samples_that_are_not_finite_are_black_and_counted():
 def test_a_scene_without_shapes_or_lights_is_black():
     camera = {"type": "perspective", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0]}
     empty = engines.scene_from({"raybench_scene": 1, "name": "empty", "camera": camera, "shapes": []})
-    for engine, shader in (
-        ("numba", "path_tracer"),
-        ("numba", "whitted"),
-        ("numba", "depth_map"),
-        ("embree", "path_tracer"),
-    ):
+    for engine, shader in (("numba", "path_tracer"), ("numba", "whitted"), ("numba", "depth_map"), ("embree", "path_tracer")):
         renderer = engines.engine(engine).prepare(empty, Settings(8, 8, shader=shader, precision="float64"))
         assert not renderer.render(2).mean().any()
         assert np.isinf(renderer.trace([[0, 0, 1.0]], [[0, 0, -1.0]]).t).all()

@@ -74,9 +74,11 @@ def _albedos(parameters, si):
 
 
 VARNISH = BSDF(
-    "varnish", LaneBSDF(_evaluate, _pdf, _sample, _albedos), options={"kd": (0, 0, 0), "ks": (0, 0, 0)},
+    "varnish",
+    LaneBSDF(_evaluate, _pdf, _sample, _albedos),
+    options={"kd": (0, 0, 0), "ks": (0, 0, 0)},
     specular_reflection=True,
-)  # fmt: skip
+)
 
 
 def _image(scene, **settings):
@@ -85,15 +87,18 @@ def _image(scene, **settings):
 
 
 def _scene(material, light, x=0.0):
-    return engines.scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [x, 1, 5], "target": [x, 0, 0]},
-        "materials": {"varnish": material},
-        "shapes": [
-            {"sphere": {"center": [x, 0, 0], "radius": 1}, "material": "varnish"},
-            {"sphere": {"center": [x + 1.5, -0.5, 1], "radius": 0.5}, "material": "varnish"},
-        ],
-        "lights": [light, {"environment": {"radiance": 0.2}}],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [x, 1, 5], "target": [x, 0, 0]},
+            "materials": {"varnish": material},
+            "shapes": [
+                {"sphere": {"center": [x, 0, 0], "radius": 1}, "material": "varnish"},
+                {"sphere": {"center": [x + 1.5, -0.5, 1], "radius": 0.5}, "material": "varnish"},
+            ],
+            "lights": [light, {"environment": {"radiance": 0.2}}],
+        }
+    )
 
 
 def _point(plugin, x=0.0):
@@ -200,16 +205,15 @@ class Paper:
     def sample(self, options, at, uc, u0, u1, lobes):
         above = cosine_hemisphere(at.normal, u0, u1)
         wi = np.where(uc < 0.5, -above, above)
-        return wi, np.repeat(2 * np.where(uc < 0.5, options["t"], options["r"])[None], 3, axis=0), self.pdf(options, at, wi)
+        return (wi, np.repeat(2 * np.where(uc < 0.5, options["t"], options["r"])[None], 3, axis=0), self.pdf(options, at, wi))
 
     def albedos(self, options):
         return (options["r"],) * 3, (options["r"],) * 3
 
 
 PAPER = BSDF(
-    "paper", LaneBSDF(_paper_value, _paper_pdf, _paper_sample, _paper_albedos), Paper(), {"r": 0.3, "t": 0.6},
-    transmission=True,
-)  # fmt: skip
+    "paper", LaneBSDF(_paper_value, _paper_pdf, _paper_sample, _paper_albedos), Paper(), {"r": 0.3, "t": 0.6}, transmission=True
+)
 
 
 def _lampshade(plugin):

@@ -7,10 +7,7 @@ from engines.kernels.compile.vec3 import Vec3
 from engines.kernels.lane.shapes import disk, plane, sphere
 
 CENTER, NORMAL = np.array([1.0, -2.0, 0.5]), np.array([0.36, 0.48, 0.8])
-T1, T2 = (
-    np.array([1 - 0.36**2 / 1.8, -0.36 * 0.48 / 1.8, -0.36]),
-    np.array([-0.36 * 0.48 / 1.8, 1 - 0.48**2 / 1.8, -0.48]),
-)
+T1, T2 = (np.array([1 - 0.36**2 / 1.8, -0.36 * 0.48 / 1.8, -0.36]), np.array([-0.36 * 0.48 / 1.8, 1 - 0.48**2 / 1.8, -0.48]))
 
 
 def on_sphere(p):

@@ -6,19 +6,7 @@ import pytest
 
 from engines.kernels.compile.jit import OPTIONS
 from engines.kernels.compile.memory import array_at
-from engines.kernels.compile.simd import (
-    bits,
-    convert,
-    descending,
-    iota,
-    lane,
-    lesser,
-    load8,
-    lowest,
-    splat,
-    store8,
-    swapped,
-)
+from engines.kernels.compile.simd import bits, convert, descending, iota, lane, lesser, load8, lowest, splat, store8, swapped
 from engines.kernels.compile.values import select
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import triangle_distance
@@ -85,9 +73,7 @@ def sphere_hits(spheres, result):
     store8(out, 0, convert(t, np.float32))
     store8(out, 8, convert(splat(2.75), np.float32))
     for k in range(8):
-        out[16 + k] = np.float32(
-            sphere_distance(o, d, Vec3(spheres[0, k], spheres[1, k], spheres[2, k]), spheres[3, k])
-        )
+        out[16 + k] = np.float32(sphere_distance(o, d, Vec3(spheres[0, k], spheres[1, k], spheres[2, k]), spheres[3, k]))
 
 
 def test_a_sphere_of_eight_is_as_far_as_one_alone_bit_for_bit():

@@ -22,9 +22,11 @@ MANY = {"lattice", "many_lights", "rings", "sphereflake", "tree"}
 LONG = {"bathroom", "cabinet", "cafe", "desk_lamp", "lantern", "living_room", "still_life"}
 """Furnished scenes, each with kernels of its own that take half a minute to compile; `workshop` is one in the slow tier."""
 WITHOUT_COUNTERPART = {
-    "cornell_spheres": "refraction without Fresnel's equations", "mobilert_cornell": "camera PerspectiveArctan",
-    "mobilert_cornell2": "camera PerspectiveArctan", "mobilert_spheres2": "camera PerspectiveArctan",
-}  # fmt: skip
+    "cornell_spheres": "refraction without Fresnel's equations",
+    "mobilert_cornell": "camera PerspectiveArctan",
+    "mobilert_cornell2": "camera PerspectiveArctan",
+    "mobilert_spheres2": "camera PerspectiveArctan",
+}
 FURTHER = {"dahlquist", "gears", "metals", "study", "workshop"}
 """Scenes with kernels of their own that take several seconds; what they are made of is compared one by one below."""
 COMPARED = [
@@ -37,9 +39,7 @@ NUMBA = engines.engine("numba")
 
 def _replicates(engine, scene, shader, seed, spp=SPP):
     """(REPLICATES, SIDE, SIDE, 3) independent images."""
-    settings = Settings(
-        SIDE, SIDE, shader=shader, sampler="random", precision=engine_precision(engine), seed=seed, threads=2
-    )
+    settings = Settings(SIDE, SIDE, shader=shader, sampler="random", precision=engine_precision(engine), seed=seed, threads=2)
     renderer = engine.prepare(scene, settings)
     sums = [np.zeros((SIDE, SIDE, 3))]
     sums += [renderer.render(spp).sums.copy() for _ in range(REPLICATES)]
@@ -96,13 +96,17 @@ def _panes(material="tinted", **more):
     faces = {"faces": [[0, 1, 2], [0, 2, 3]], "uvs": [[0, 0], [1, 0], [1, 1], [0, 1]]}
     corners = np.array([[-0.6, -0.6, 0], [0.6, -0.6, 0], [0.6, 0.6, 0], [-0.6, 0.6, 0]])
     return {
-        "raybench_scene": 1, "name": "panes",
+        "raybench_scene": 1,
+        "name": "panes",
         "camera": {"type": "perspective", "eye": [0, -4, 2.2], "target": [0, 0, 0.6], "up": [0, 0, 1], "fov": 45},
         "textures": {"height": {"image": pattern}, "holes": {"image": pattern}},
         "materials": {
-            "floor": {"kd": 0.6}, "cut": {"mask": {"opacity": "holes", "of": {"kd": [0.2, 0.5, 0.1]}}},
-            "tinted": {"thin_dielectric": {"specular_transmittance": [0.9, 0.7, 0.5]}}, "nothing": {"null": {}},
-            "lamp": {"emission": [6, 5, 4]}, **more,
+            "floor": {"kd": 0.6},
+            "cut": {"mask": {"opacity": "holes", "of": {"kd": [0.2, 0.5, 0.1]}}},
+            "tinted": {"thin_dielectric": {"specular_transmittance": [0.9, 0.7, 0.5]}},
+            "nothing": {"null": {}},
+            "lamp": {"emission": [6, 5, 4]},
+            **more,
         },
         "shapes": [
             {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 3}, "material": "floor"},
@@ -113,7 +117,7 @@ def _panes(material="tinted", **more):
             {"disk": {"center": [0, 0, 1.4], "normal": [0, 0, -1], "radius": 0.5}, "material": "lamp"},
         ],
         "lights": [{"point": {"position": [-1, -0.5, 3], "intensity": 3}}, {"environment": {"radiance": [0.2, 0.2, 0.3]}}],
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("options", [{"transparent_shadows": True}, {"transparent_shadows": True, "hide_emitters": True}])
@@ -153,27 +157,31 @@ def _squares(colours):
     """A pixel of each colour, side by side; those above 1 emit, and the last shows its back."""
     faces = [[0, 1, 2], [0, 2, 3]]
     shapes = [
-        {"vertices": [[x - 0.5, -1, 0], [x + 0.5, -1, 0], [x + 0.5, 1, 0], [x - 0.5, 1, 0]], "faces": faces}
-        for x in (-1, 0, 1)
+        {"vertices": [[x - 0.5, -1, 0], [x + 0.5, -1, 0], [x + 0.5, 1, 0], [x - 0.5, 1, 0]], "faces": faces} for x in (-1, 0, 1)
     ]
     shapes[2]["faces"] = [face[::-1] for face in faces]
     return {
-        "raybench_scene": 1, "name": "three",
+        "raybench_scene": 1,
+        "name": "three",
         "camera": {"type": "orthographic", "eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
         "materials": {f"m{k}": {"emission" if max(c) > 1 else "kd": list(c)} for k, c in enumerate(colours)},
         "shapes": [{"mesh": shape, "material": f"m{k}"} for k, shape in enumerate(shapes)],
-    }  # fmt: skip
+    }
 
 
 def _everything(**changes):
     """All that Mitsuba has a counterpart for, in one scene."""
     return {
-        "raybench_scene": 1, "name": "everything",
+        "raybench_scene": 1,
+        "name": "everything",
         "camera": {"type": "orthographic", "eye": [0, 2, 8], "target": [0, 1, 0], "up": [0, 1, 0], "height": 4},
         "materials": {
-            "floor": {"kd": [0.6, 0.5, 0.4]}, "coat": {"kd": [0.3, 0.2, 0.1], "ks": [0.5, 0.6, 0.4]}, "mirror": {"ks": 0.9},
+            "floor": {"kd": [0.6, 0.5, 0.4]},
+            "coat": {"kd": [0.3, 0.2, 0.1], "ks": [0.5, 0.6, 0.4]},
+            "mirror": {"ks": 0.9},
             "glass": {"ks": 1, "kt": 1, "ior": 1.5, "fresnel": True},
-            "lamp": {"emission": [6, 5, 4]}, "glow": {"emission": [1, 2, 3], "two_sided": True, "kd": 0.2},
+            "lamp": {"emission": [6, 5, 4]},
+            "glow": {"emission": [1, 2, 3], "two_sided": True, "kd": 0.2},
         },
         "shapes": [
             {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "floor"},
@@ -183,15 +191,18 @@ def _everything(**changes):
             {"sphere": {"center": [-0.8, 2.4, 0], "radius": 0.2}, "material": "glow"},
             {"procedural": {"name": "sphereflake", "level": 1}, "material": "coat"},
             {"triangle": {"a": [-2, 3.5, -1], "b": [-1, 3.5, 1], "c": [0, 3.5, -1]}, "material": "glow"},
-            {"procedural": {"name": "box", "half_size": [0.2, 0.2, 0.2], "center": [1.9, 1.9, 0], "rotate_y": 20},
-             "material": "lamp"},
+            {
+                "procedural": {"name": "box", "half_size": [0.2, 0.2, 0.2], "center": [1.9, 1.9, 0], "rotate_y": 20},
+                "material": "lamp",
+            },
         ],
         "lights": [
             {"point": {"position": [0, 3, 3], "intensity": [3, 2, 1]}},
-            {"directional": {"direction": [1, -2, -1], "irradiance": 0.4}}, {"environment": {"radiance": [0.2, 0.3, 0.4]}},
+            {"directional": {"direction": [1, -2, -1], "irradiance": 0.4}},
+            {"environment": {"radiance": [0.2, 0.3, 0.4]}},
         ],
         **changes,
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("shader", ["path_tracer", "whitted"])

@@ -70,11 +70,14 @@ def test_mitsubas_own_blend_does_not(mitsuba):
 @pytest.mark.parametrize(
     ("bsdf", "replaced"),
     [
-        (BRASS, True), (Blend(0.3, Diffuse(), Blend(0.5, Null(), METAL)), True), (Blend(0.3, Diffuse(), Null()), True),
-        (Blend(0.3, Diffuse(), ROUGH), False), (Blend(0.3, Dielectric(), METAL), False),
+        (BRASS, True),
+        (Blend(0.3, Diffuse(), Blend(0.5, Null(), METAL)), True),
+        (Blend(0.3, Diffuse(), Null()), True),
+        (Blend(0.3, Diffuse(), ROUGH), False),
+        (Blend(0.3, Dielectric(), METAL), False),
         (Mixture(KD), False),
     ],
-)  # fmt: skip
+)
 def test_blends_of_one_kind_of_lobes_stay_mitsubas(bsdf, replaced):
     node = bsdf_node(bsdf, NOTHING)
     assert (blends.exact(node) != node) is replaced
@@ -83,13 +86,16 @@ def test_blends_of_one_kind_of_lobes_stay_mitsubas(bsdf, replaced):
 @needs("mitsuba-llvm")
 def test_a_coloured_plane_under_an_even_sky_has_the_sum_of_its_lobes():
     """With Mitsuba's own blend blue is 1.4 % too dark."""
-    scene = engines.scene_from({
-        "raybench_scene": 1, "name": "plane",
-        "camera": {"type": "orthographic", "eye": [2, 2, 3], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
-        "materials": {"brass": {"kd": list(KD), "ks": list(KS)}},
-        "shapes": [{"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "brass"}],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "plane",
+            "camera": {"type": "orthographic", "eye": [2, 2, 3], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
+            "materials": {"brass": {"kd": list(KD), "ks": list(KS)}},
+            "shapes": [{"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "brass"}],
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
     settings = Settings(32, 32, shader={"name": "path_tracer", "max_depth": 2}, sampler="random")
     found = engines.engine("mitsuba").prepare(scene, settings).render(1024).mean().mean((0, 1))
     assert np.allclose(found, np.add(KD, KS), rtol=3e-3)

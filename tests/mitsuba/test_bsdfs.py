@@ -10,15 +10,7 @@ from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.scene import Conductor, Dielectric, Diffuse, Material, Plastic, Principled, ThinDielectric
 from engines.scene.metals import METALS
-from tests.bsdf_parameter_sets import (
-    AMBER,
-    CONDUCTORS,
-    DIELECTRICS,
-    PRINCIPLED,
-    ROUGH_PLASTICS,
-    SMOOTH_PLASTICS,
-    TEAL,
-)
+from tests.bsdf_parameter_sets import AMBER, CONDUCTORS, DIELECTRICS, PRINCIPLED, ROUGH_PLASTICS, SMOOTH_PLASTICS, TEAL
 from tests.mitsuba.peer import mi
 from tests.needs import needs
 
@@ -48,18 +40,25 @@ def described(leaf):
             return {**rough("conductor"), "eta": rgb(leaf.eta), "k": rgb(leaf.k), **scale}
         case Dielectric() | ThinDielectric():
             kind = {"type": "thindielectric"} if isinstance(leaf, ThinDielectric) else rough("dielectric")
-            scales = {
-                "specular_reflectance": rgb(leaf.reflectance), "specular_transmittance": rgb(leaf.transmittance)
-            }  # fmt: skip
+            scales = {"specular_reflectance": rgb(leaf.reflectance), "specular_transmittance": rgb(leaf.transmittance)}
             return {**kind, "int_ior": leaf.ior, "ext_ior": 1.0, **scales}
         case Plastic():
             scales = {"specular_reflectance": rgb(leaf.reflectance), "diffuse_reflectance": rgb(leaf.diffuse)}
             return {**rough("plastic"), "int_ior": leaf.ior, "ext_ior": 1.0, "nonlinear": leaf.nonlinear, **scales}
         case Principled():
             names = (
-                "roughness", "anisotropic", "metallic", "eta", "spec_tint", "sheen", "sheen_tint", "clearcoat",
-                "clearcoat_gloss", "flatness", "spec_trans",
-            )  # fmt: skip
+                "roughness",
+                "anisotropic",
+                "metallic",
+                "eta",
+                "spec_tint",
+                "sheen",
+                "sheen_tint",
+                "clearcoat",
+                "clearcoat_gloss",
+                "flatness",
+                "spec_trans",
+            )
             numbers = {name: getattr(leaf, name) for name in names}
             return {"type": "principled", "base_color": rgb(leaf.base_color), **numbers}
         case _:

@@ -49,15 +49,30 @@ GREY = ImageTexture(RNG.uniform(0.1, 0.9, (3, 1, 1)).astype(np.float32), wrap="c
 CHECKS = Checkerboard((0.1, 0.2, 0.3), (0.6, 0.5, 0.4))
 METAL = Conductor((0.2, 0.4, 1.4), (3.9, 2.4, 1.6), (0.3, GREY), distribution="beckmann")
 MODELS = [
-    Mixture(kd=IMAGE, ks=(0.3, 0.2, 0.1)), Mixture(ks=IMAGE, kt=CHECKS, ior=1.5, fresnel=True), Diffuse(CHECKS), METAL,
-    replace(METAL, alpha=(0.0, 0.0), reflectance=IMAGE), Dielectric(1.3, (0.2, 0.2), CHECKS, IMAGE, "beckmann"),
-    Dielectric(0.7), ThinDielectric(1.5, IMAGE), Plastic(IMAGE, nonlinear=True), Plastic(CHECKS, 1.9, 0.2, reflectance=IMAGE),
-    Principled(IMAGE, GREY, 0.5, metallic=GREY, clearcoat=0.5), Principled(spec_trans=0.5), Null(), Mask(GREY, METAL),
-    Blend(IMAGE, METAL, Mask(0.5, Diffuse())), Bump(IMAGE, 0.1, Mask(0.5, Blend(0.2, METAL, Diffuse()))),
-    NormalMap(GREY, METAL), Bump(IMAGE, 0.1, Blend(0.3, METAL, Principled(spec_trans=0.5))), Sides(METAL, None),
-    Sides(None, Diffuse()), Bump(IMAGE, 0.1, Sides(METAL, Diffuse())),
-    Mask(0.3, Sides(Diffuse(), None)), Blend(0.5, Dielectric(1.5), Diffuse()),
-]  # fmt: skip
+    Mixture(kd=IMAGE, ks=(0.3, 0.2, 0.1)),
+    Mixture(ks=IMAGE, kt=CHECKS, ior=1.5, fresnel=True),
+    Diffuse(CHECKS),
+    METAL,
+    replace(METAL, alpha=(0.0, 0.0), reflectance=IMAGE),
+    Dielectric(1.3, (0.2, 0.2), CHECKS, IMAGE, "beckmann"),
+    Dielectric(0.7),
+    ThinDielectric(1.5, IMAGE),
+    Plastic(IMAGE, nonlinear=True),
+    Plastic(CHECKS, 1.9, 0.2, reflectance=IMAGE),
+    Principled(IMAGE, GREY, 0.5, metallic=GREY, clearcoat=0.5),
+    Principled(spec_trans=0.5),
+    Null(),
+    Mask(GREY, METAL),
+    Blend(IMAGE, METAL, Mask(0.5, Diffuse())),
+    Bump(IMAGE, 0.1, Mask(0.5, Blend(0.2, METAL, Diffuse()))),
+    NormalMap(GREY, METAL),
+    Bump(IMAGE, 0.1, Blend(0.3, METAL, Principled(spec_trans=0.5))),
+    Sides(METAL, None),
+    Sides(None, Diffuse()),
+    Bump(IMAGE, 0.1, Sides(METAL, Diffuse())),
+    Mask(0.3, Sides(Diffuse(), None)),
+    Blend(0.5, Dielectric(1.5), Diffuse()),
+]
 
 
 @pytest.fixture(autouse=True)
@@ -185,7 +200,7 @@ def test_cameras_send_the_rays_of_transport_md():
         width, height = camera.resolution
         lens = mi.load_dict(_with_transforms(mi, sensor(camera, width, height, {"type": "independent"}, 1e-3)))
         for place in RNG.random((6, 2)):
-            x, y = 2.0 * (place[0] - camera.principal_point[0]) - 1.0, 1.0 - 2.0 * (place[1] - camera.principal_point[1])
+            x, y = (2.0 * (place[0] - camera.principal_point[0]) - 1.0, 1.0 - 2.0 * (place[1] - camera.principal_point[1]))
             half = camera.height / 2.0 if isinstance(camera, Orthographic) else np.tan(np.radians(camera.fov / 2.0))
             hx, hy = (half, half * height / width) if getattr(camera, "fov_axis", "y") == "x" else (half * width / height, half)
             across = x * hx * (-right if camera.mirror else right) + y * hy * up
@@ -219,7 +234,10 @@ def test_a_cylinder_has_the_texture_coordinates_of_transport_md():
     length = np.linalg.norm(axis)
     x, y, z = axis / length
     assert z > -0.7  # the chart of the frame below
-    first, second = np.array([1 - x * x / (1 + z), -x * y / (1 + z), -x]), np.array([-x * y / (1 + z), 1 - y * y / (1 + z), -y])
+    first, second = (
+        np.array([1 - x * x / (1 + z), -x * y / (1 + z), -x]),
+        np.array([-x * y / (1 + z), 1 - y * y / (1 + z), -y]),
+    )
     for u, v in RNG.uniform(0.05, 0.95, (8, 2)):
         out = np.cos(2 * np.pi * u) * first + np.sin(2 * np.pi * u) * second
         point = shape.p0 + v * axis + 0.4 * out
@@ -246,9 +264,7 @@ def test_an_environment_is_looked_up_with_its_rotation_and_rows(rows):
         u, v = (np.arctan2(x, -z) / (2 * np.pi)) % 1.0, np.arccos(y) / np.pi
         across, down = u * 8 - 0.5, v * 5 - 0.5 if rows == "cells" else v * 4
         i, j, fx, fy = int(np.floor(across)), int(np.floor(down)), across - np.floor(across), down - np.floor(down)
-        row = [
-            (1 - fx) * image[min(max(k, 0), 4), i % 8] + fx * image[min(max(k, 0), 4), (i + 1) % 8] for k in (j, j + 1)
-        ]
+        row = [(1 - fx) * image[min(max(k, 0), 4), i % 8] + fx * image[min(max(k, 0), 4), (i + 1) % 8] for k in (j, j + 1)]
         si = mi.SurfaceInteraction3f()
         si.wi = -direction
         assert np.allclose(np.ravel(found.eval(si)), light.radiance * ((1 - fy) * row[0] + fy * row[1]), rtol=2e-3, atol=1e-3)

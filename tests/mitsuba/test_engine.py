@@ -20,9 +20,7 @@ compiled = needs("mitsuba-llvm")
 
 
 def test_nothing_of_mitsuba_is_imported_before_it_is_used():
-    script = (
-        "import engines, sys; engines.engine('mitsuba').accelerators(); print({'mitsuba', 'drjit'} & set(sys.modules))"
-    )
+    script = "import engines, sys; engines.engine('mitsuba').accelerators(); print({'mitsuba', 'drjit'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 

@@ -24,9 +24,7 @@ SENSORS = {
     "thinlens": '<float name="aperture_radius" value="0.5"/><float name="focus_distance" value="3"/>',
     "orthographic": "",
 }
-MIRRORED = (
-    '<transform name="to_world"><scale x="-1"/><lookat origin="1,2,3" target="0,0.5,0" up="0.1,1,0"/></transform>'
-)
+MIRRORED = '<transform name="to_world"><scale x="-1"/><lookat origin="1,2,3" target="0,0.5,0" up="0.1,1,0"/></transform>'
 
 
 @pytest.fixture(autouse=True)
@@ -71,9 +69,7 @@ OBJ = "v -1 -1 0\nv 1 -1 0\nv 1 1 .5\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 .5\
     "kind", ["rectangle", "cube", "disk", "sphere", "cylinder", "obj", "obj with normals", "obj with faces"]
 )
 def test_hits_have_the_same_front_and_texture_coordinates(tmp_path, kind, transform):
-    (tmp_path / "m.obj").write_text(
-        OBJ.format(*(("/1", "vn 0 0 -1\n") if "normals" in kind else ("", ""))), encoding="ascii"
-    )
+    (tmp_path / "m.obj").write_text(OBJ.format(*(("/1", "vn 0 0 -1\n") if "normals" in kind else ("", ""))), encoding="ascii")
     more = f'<string name="filename" value="{tmp_path / "m.obj"}"/>' if kind.startswith("obj") else ""
     more += '<boolean name="face_normals" value="true"/>' if "faces" in kind else ""
     random = np.random.default_rng(1)
@@ -134,8 +130,13 @@ def test_a_baked_sky_has_the_light_of_mitsubas(tmp_path):
     theta = np.pi * np.arange(height) / (height - 1)
     weights = np.sin(theta)[:, None, None] * 2.0 * np.pi / width * np.pi / (height - 1)
     total = (sky.image * weights).sum(axis=(0, 1))
-    native = mi.load_dict({"type": "scene", "sky": mi.load_string(xml.replace("<emitter", '<emitter version="3.0.0"')),
-                           "ball": {"type": "sphere"}}).environment()  # fmt: skip
+    native = mi.load_dict(
+        {
+            "type": "scene",
+            "sky": mi.load_string(xml.replace("<emitter", '<emitter version="3.0.0"')),
+            "ball": {"type": "sphere"},
+        }
+    ).environment()
     at, random = mi.SurfaceInteraction3f(), np.random.default_rng(2)
     drawn = [native.sample_direction(at, mi.Point2f(*random.random(2)))[1] for _ in range(20_000)]
     assert total == pytest.approx(np.mean(drawn, axis=0), rel=0.01)

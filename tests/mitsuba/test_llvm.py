@@ -43,10 +43,15 @@ def machine(tmp_path, monkeypatch):
     llvm._system.cache_clear()
 
 
-@pytest.mark.parametrize(("cached", "taken"), [
-    ([], "/env/lib/libLLVM.so.23.1"), (["libLLVM-15.so.1", "libLLVM-14.so"], "/env/lib/libLLVM.so.23.1"),
-    (["libLLVM-15.so.1", "libLLVM-17.so.1"], "libLLVM-17.so.1"), (["libLLVM.so.19.1", "libLLVM-9.so"], "libLLVM.so.19.1"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("cached", "taken"),
+    [
+        ([], "/env/lib/libLLVM.so.23.1"),
+        (["libLLVM-15.so.1", "libLLVM-14.so"], "/env/lib/libLLVM.so.23.1"),
+        (["libLLVM-15.so.1", "libLLVM-17.so.1"], "libLLVM-17.so.1"),
+        (["libLLVM.so.19.1", "libLLVM-9.so"], "libLLVM.so.19.1"),
+    ],
+)
 def test_a_system_one_of_17_or_later_comes_before_the_wheel_and_an_older_one_does_not(machine, cached, taken):
     machine(cached)
     assert Path(llvm.find()).name == Path(taken).name
@@ -68,9 +73,7 @@ def test_the_users_own_comes_first_whatever_it_is_and_there_is_no_other_where_it
     machine(["libLLVM.so.19.1"], named="libLLVM-18.so.1")
     assert llvm.find() == "libLLVM-18.so.1", "a name is for the loader to find"
     machine(["libLLVM.so.19.1"], named="/nowhere/libLLVM.so")
-    with pytest.raises(
-        Unsupported, match=r"^[^\n]*/nowhere/libLLVM\.so does not exist: unset DRJIT_LIBLLVM_PATH, [^\n]*$"
-    ):
+    with pytest.raises(Unsupported, match=r"^[^\n]*/nowhere/libLLVM\.so does not exist: unset DRJIT_LIBLLVM_PATH, [^\n]*$"):
         llvm.find()
 
 

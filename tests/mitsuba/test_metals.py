@@ -21,11 +21,15 @@ ENGINES = [pytest.param(name, marks=marks_of(name)) for name in ("mitsuba", "mit
 
 
 def scene(material, shapes=(), lights=()):
-    return engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA,
-        "materials": {"floor": material, "lamp": {"emission": [3, 2, 1]}, "both": {"emission": 1, "two_sided": True}},
-        "shapes": [FLOOR, *shapes], "lights": [*lights],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": CAMERA,
+            "materials": {"floor": material, "lamp": {"emission": [3, 2, 1]}, "both": {"emission": 1, "two_sided": True}},
+            "shapes": [FLOOR, *shapes],
+            "lights": [*lights],
+        }
+    )
 
 
 def mean(engine, scene, spp=16, shader="path_tracer"):
@@ -75,8 +79,15 @@ def test_the_first_roughness_is_along_the_first_tangent(axis):
     light = {"directional": {"direction": [-0.5 if axis == 0 else 0, -0.5 if axis == 1 else 0, -1], "irradiance": 1}}
     values = []
     for alpha in ([0.5, 0.05], [0.05, 0.5]):
-        held = engines.scene_from({"raybench_scene": 1, "camera": CAMERA, "shapes": [triangle], "lights": [light],
-                                   "materials": {"floor": {"conductor": {"reflectance": 1, "alpha": alpha}}}})  # fmt: skip
+        held = engines.scene_from(
+            {
+                "raybench_scene": 1,
+                "camera": CAMERA,
+                "shapes": [triangle],
+                "lights": [light],
+                "materials": {"floor": {"conductor": {"reflectance": 1, "alpha": alpha}}},
+            }
+        )
         values.append(mean("mitsuba", held)[0])
     assert (values[0] > 10 * values[1]) == (axis == 0), values
 
@@ -95,7 +106,7 @@ def test_a_spot_light_falls_off_linearly_in_the_angle(degrees, share):
 def test_a_disk_lights_what_it_faces(engine):
     """Irradiance on the axis of a disk of radiance L: pi L r^2 / (r^2 + h^2)."""
     above = {"disk": {"center": [0, 0, 6], "normal": [0, 0, -2], "radius": 3}, "material": "lamp"}
-    lit, away = mean(engine, scene({"kd": 0.5}, [above]), 256), {**above, "disk": {**above["disk"], "normal": [0, 0, 1]}}
+    lit, away = (mean(engine, scene({"kd": 0.5}, [above]), 256), {**above, "disk": {**above["disk"], "normal": [0, 0, 1]}})
     assert np.allclose(lit, 0.5 * np.array([3, 2, 1]) * 9 / (9 + 36), rtol=0.02)
     assert np.all(mean(engine, scene({"kd": 0.5}, [away])) == 0)
     both = {**away, "material": "both"}
@@ -136,11 +147,15 @@ def test_a_transform_that_faces_a_normal_is_a_rotation(normal):
 def test_a_tilted_plane_does_not_shadow_itself(engine, normal):
     """Every pixel of a diffuse plane under a point light, in closed form."""
     light, side = np.array([1.0, 1.0, 4.0]), 16
-    held = engines.scene_from({
-        "raybench_scene": 1, "camera": {**CAMERA, "height": 1}, "materials": {"floor": {"kd": 0.5}},
-        "shapes": [{"plane": {"point": [0, 0, 0], "normal": normal}, "material": "floor"}],
-        "lights": [{"point": {"position": light.tolist(), "intensity": math.pi}}],
-    })  # fmt: skip
+    held = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {**CAMERA, "height": 1},
+            "materials": {"floor": {"kd": 0.5}},
+            "shapes": [{"plane": {"point": [0, 0, 0], "normal": normal}, "material": "floor"}],
+            "lights": [{"point": {"position": light.tolist(), "intensity": math.pi}}],
+        }
+    )
     settings = Settings(side, side, sampler="random", precision="float32", threads=2)
     found = engines.engine(engine).prepare(held, settings).render(4).mean()[:, :, 0]
     x = (np.arange(side) + 0.5) / side - 0.5

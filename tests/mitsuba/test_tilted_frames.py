@@ -77,9 +77,7 @@ def points(uv, wo):
     n, front = wo.shape[1], wo[2, 0] > 0.0
     up, du, dv = (np.repeat(np.reshape(v, (3, 1)), n, axis=1) for v in ((0.0, 0.0, 1.0 if front else -1.0), DP_DU, DP_DV))
     none = np.zeros(n, np.int64)
-    return SurfaceInteraction(
-        np.zeros((3, n)), wo, up, up, du, np.full(n, front), none, none, np.zeros(n), uv, dv
-    )  # fmt: skip
+    return SurfaceInteraction(np.zeros((3, n)), wo, up, up, du, np.full(n, front), none, none, np.zeros(n), uv, dv)
 
 
 def hemisphere(rng, n):

@@ -9,17 +9,7 @@ import numpy as np
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.materials import Materials
 from engines.numpy_reference.vectors import cosine_hemisphere, dot
-from engines.scene import (
-    Conductor,
-    CustomBSDF,
-    Dielectric,
-    Diffuse,
-    Material,
-    Null,
-    Plastic,
-    Principled,
-    ThinDielectric,
-)
+from engines.scene import Conductor, CustomBSDF, Dielectric, Diffuse, Material, Null, Plastic, Principled, ThinDielectric
 from tests.numpy_reference.small_scenes import material
 
 UP = np.array([[0.0], [0.0], [1.0]])
@@ -81,9 +71,18 @@ def of(leaf):
 
 
 PAINT = Principled(
-    (0.7, 0.3, 0.2), 0.5, anisotropic=0.6, metallic=0.3, eta=1.6, spec_tint=0.4, sheen=0.5, sheen_tint=0.6, clearcoat=0.8,
-    clearcoat_gloss=0.2, flatness=0.4,
-)  # fmt: skip
+    (0.7, 0.3, 0.2),
+    0.5,
+    anisotropic=0.6,
+    metallic=0.3,
+    eta=1.6,
+    spec_tint=0.4,
+    sheen=0.5,
+    sheen_tint=0.6,
+    clearcoat=0.8,
+    clearcoat_gloss=0.2,
+    flatness=0.4,
+)
 JELLY = Principled((0.8, 0.9, 0.5), 0.6, metallic=0.1, eta=1.4, sheen=0.2, clearcoat=0.5, spec_trans=0.6)
 FROSTED = Dielectric(1.5, (0.2, 0.4), (0.9, 0.8, 0.7), (0.5, 0.9, 0.8))
 MODELS = {

@@ -95,10 +95,11 @@ def sphere_mesh(rings, center=(0.0, 0.0, 0.0), radius=1.0, smooth=False):
     top, bottom, k = len(out) - 2, len(out) - 1, np.arange(2 * rings)
     last = (rings - 2) * 2 * rings
     faces = [
-        np.stack([a, b, d], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3),
+        np.stack([a, b, d], -1).reshape(-1, 3),
+        np.stack([a, d, c], -1).reshape(-1, 3),
         np.stack([np.full_like(k, top), (k + 1) % (2 * rings), k], -1),
         np.stack([np.full_like(k, bottom), last + k, last + (k + 1) % (2 * rings)], -1),
-    ]  # fmt: skip
+    ]
     return mesh(np.asarray(center) + radius * out, np.concatenate(faces), normals=out if smooth else None)
 
 

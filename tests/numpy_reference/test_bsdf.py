@@ -153,9 +153,7 @@ def test_one_lobe_may_be_asked_for_alone():
     """As if there were no other: no share of the others in weight or pdf, and nothing where the lobe is missing."""
     wo, draws = polar(50.0), np.random.default_rng(10).random((3, 500))
     at, both = points(np.repeat(wo, 500, axis=1)), Materials([MODELS["kd ks kt"]])
-    weights = [
-        both.sample(at, *draws, lobe).weight for lobe in (Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION)
-    ]
+    weights = [both.sample(at, *draws, lobe).weight for lobe in (Lobes.SPECULAR_REFLECTION, Lobes.SPECULAR_TRANSMISSION)]
     reflectance = weights[0][0, 0] / 0.4
     assert np.allclose(weights[0], 0.4 * reflectance, rtol=1e-12)
     assert np.allclose(weights[1], 0.3 * (1.0 - reflectance) / 1.5**2, rtol=1e-12)
@@ -192,9 +190,7 @@ def test_many_materials_answer_as_each_does_alone():
 
 
 @pytest.mark.parametrize("front", [True, False], ids=["outside", "inside"])
-@pytest.mark.parametrize(
-    "rough", [Dielectric(1.5, (1e-4, 1e-4)), Dielectric(1.5, (1e-4, 1e-4), distribution="beckmann")]
-)
+@pytest.mark.parametrize("rough", [Dielectric(1.5, (1e-4, 1e-4)), Dielectric(1.5, (1e-4, 1e-4), distribution="beckmann")])
 def test_glass_that_is_hardly_rough_is_smooth_glass(rough, front):
     """With the same draws: the same lobe, nearly the same direction and weight, total reflection included."""
     wo, draws = even_directions(2000, 14), np.random.default_rng(15).random((3, 2000))
@@ -221,10 +217,7 @@ def test_principled_glass_and_metal_are_those_of_the_models_of_their_own():
     wo, wi = even_directions(2000, 16), even_directions(2000, 17, sphere=True)
     white = (1.0, 1.0, 1.0)
     for front in (True, False):
-        pair = (
-            of(Principled(white, 0.5, eta=1.4, spec_trans=1.0)),
-            of(Dielectric(1.4, (0.25, 0.25))),
-        )
+        pair = (of(Principled(white, 0.5, eta=1.4, spec_trans=1.0)), of(Dielectric(1.4, (0.25, 0.25))))
         for ask in (evaluated, density):
             assert np.allclose(*(ask(one, wo, wi, front=front) for one in pair), rtol=1e-9)
     metal = of(Principled(white, 0.5, metallic=1.0)), of(Conductor((0.0,) * 3, white, (0.25, 0.25)))
@@ -296,14 +289,20 @@ def test_a_textured_leaf_is_at_each_point_the_leaf_with_the_values_there():
     grey = [(level,) * 3 for level in (0.3, 0.8)]
     alphas = [(level, level) for level in (0.3, 0.8)]
     colours = {
-        Diffuse: ("reflectance",), Conductor: ("reflectance",), Dielectric: ("reflectance", "transmittance"),
-        Plastic: ("diffuse",), Mixture: ("kd",), Principled: ("base_color",),
-    }  # fmt: skip
+        Diffuse: ("reflectance",),
+        Conductor: ("reflectance",),
+        Dielectric: ("reflectance", "transmittance"),
+        Plastic: ("diffuse",),
+        Mixture: ("kd",),
+        Principled: ("base_color",),
+    }
     numbers = {Principled: tuple(name for name in Principled.__slots__ if name not in ("base_color", "eta"))}
     made = {
-        Conductor: Conductor(*GOLD, (0.2, 0.2)), Dielectric: Dielectric(1.5, (0.2, 0.2)), Principled: JELLY,
+        Conductor: Conductor(*GOLD, (0.2, 0.2)),
+        Dielectric: Dielectric(1.5, (0.2, 0.2)),
+        Principled: JELLY,
         Plastic: Plastic(alpha=0.2, reflectance=(0.0, 0.0, 0.0)),
-    }  # fmt: skip
+    }
     n = 400
     wo, wi = even_directions(n, 24), even_directions(n, 25, sphere=True)
     uv = np.where(np.arange(n) % 2 == 0, [[0.25], [0.25]], [[0.75], [0.25]])

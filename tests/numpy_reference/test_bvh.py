@@ -38,21 +38,33 @@ SCENES = {
         mesh(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]) * 1e-3, [[0, 1, 2]]),
         mesh(np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]]) * 1e6, [[0, 1, 2], [0, 2, 3]]),
     ],
-    "equal centres": [mesh(np.concatenate([k * np.array([[1, 0, -1], [-1, 1, 0], [0, -1, 1]]) for k in range(1, 60)]),
-                           np.arange(177).reshape(-1, 3))],
+    "equal centres": [
+        mesh(
+            np.concatenate([k * np.array([[1, 0, -1], [-1, 1, 0], [0, -1, 1]]) for k in range(1, 60)]),
+            np.arange(177).reshape(-1, 3),
+        )
+    ],
     "all on a line": [line_of_triangles(200, float)],
     "two thousand duplicates": [duplicates(2000)],
-    "flat": [mesh([[x - 5, y, 0] for x in range(12) for y in range(12)],
-                  [[12 * x + y, 12 * x + y + 12, 12 * x + y + 13] for x in range(11) for y in range(11)])],
+    "flat": [
+        mesh(
+            [[x - 5, y, 0] for x in range(12) for y in range(12)],
+            [[12 * x + y, 12 * x + y + 12, 12 * x + y + 13] for x in range(11) for y in range(11)],
+        )
+    ],
     "spheres, planes and meshes": [
-        random_spheres(50), Plane((0.0, -0.5, 0.0), (0.0, 1.0, 0.0), 0), sphere_mesh(12, (0.5, 0.5, 0.5), 0.4),
-        Sphere((0.2, 0.2, 0.2), 0.3, 0), Plane((0.0, 0.0, 3.0), (0.0, 0.0, -1.0), 0), random_spheres(50),
+        random_spheres(50),
+        Plane((0.0, -0.5, 0.0), (0.0, 1.0, 0.0), 0),
+        sphere_mesh(12, (0.5, 0.5, 0.5), 0.4),
+        Sphere((0.2, 0.2, 0.2), 0.3, 0),
+        Plane((0.0, 0.0, 3.0), (0.0, 0.0, -1.0), 0),
+        random_spheres(50),
     ],
     "a box": [box_mesh()],
     "coplanar boxes": [box_mesh(), box_mesh(), box_mesh((-2.0, -2.0, -1.0), (0.5, 0.5, 1.0))],
     "the trap of the surface-area heuristic": TRAP,
     "powers of one half": [line_of_triangles(300, lambda k: 2.0**-k)],
-}  # fmt: skip
+}
 
 
 def rays(shapes):

@@ -139,9 +139,7 @@ def test_the_first_coordinate_of_every_shape_runs_where_the_specification_says(s
 def test_a_smooth_conductor_is_a_mirror_of_fresnels_reflectance_on_both_sides(shader, side):
     eye = (float(side * np.sin(np.radians(60.0))), 0.0, float(side * 0.5))
     floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0)
-    held = scene(
-        [floor], [conductor(0.0, GOLD, (0.5, 0.6, 0.7))], [SKY], point_view(eye, (0.0, 0.0, 0.0), up=(0, 1, 0))
-    )
+    held = scene([floor], [conductor(0.0, GOLD, (0.5, 0.6, 0.7))], [SKY], point_view(eye, (0.0, 0.0, 0.0), up=(0, 1, 0)))
     seen = exact(held, shader)
     expected = fresnel_conductor(np.array([0.5]), *(np.array(part) for part in GOLD)) * [0.5, 0.6, 0.7]
     assert np.allclose(seen, expected, rtol=1e-12)

@@ -28,10 +28,38 @@ LAMP = material(emission=3.0)
 def test_rays_hit_the_side_of_a_cylinder_and_pass_through_its_open_ends(accelerator):
     """From outside the nearer side, from inside the farther one, the rims included; normals face the ray."""
     made = tracer(Cylinder((1.0, 0.0, 0.0), (1.0, 2.0, 0.0), 0.5, 0), accelerator=accelerator)
-    origins = np.array([[1, 1, 4], [1, 1, 0], [1, 1, 0], [1, 0, 4], [1, 2, 4], [1, 2.0000001, 4],
-                        [1.2, 5, 0.1], [1, 3, 0], [1, 1, 4], [1, 5, 0.0], [1.6, 1, 4]], float)  # fmt: skip
-    directions = np.array([[0, 0, -2], [0, 0, -1], [1, 0, 0], [0, 0, -1], [0, 0, -1], [0, 0, -1],
-                           [0, -1, 0], [0.5, -1.5, 0], [0, 0, 1], [0, -1, 0.1], [0, 0, -1]], float)  # fmt: skip
+    origins = np.array(
+        [
+            [1, 1, 4],
+            [1, 1, 0],
+            [1, 1, 0],
+            [1, 0, 4],
+            [1, 2, 4],
+            [1, 2.0000001, 4],
+            [1.2, 5, 0.1],
+            [1, 3, 0],
+            [1, 1, 4],
+            [1, 5, 0.0],
+            [1.6, 1, 4],
+        ],
+        float,
+    )
+    directions = np.array(
+        [
+            [0, 0, -2],
+            [0, 0, -1],
+            [1, 0, 0],
+            [0, 0, -1],
+            [0, 0, -1],
+            [0, 0, -1],
+            [0, -1, 0],
+            [0.5, -1.5, 0],
+            [0, 0, 1],
+            [0, -1, 0.1],
+            [0, 0, -1],
+        ],
+        float,
+    )
     hits = made.trace(origins, directions)
     assert np.allclose(hits.t, [1.75, 0.5, 0.5, 3.5, 3.5, np.inf, np.inf, 1.0, np.inf, 5.0, np.inf], rtol=1e-15)
     wanted = [[0, 0, 1], [0, 0, 1], [-1, 0, 0], [0, 0, 1], [0, 0, 1]]

@@ -36,8 +36,17 @@ def floor_view(side=32):
 def test_rays_hit_a_disk_up_to_its_edge(accelerator):
     """The edge itself belongs to it; rays in its plane miss; either side is hit, and normals face the ray."""
     made = tracer(Disk((1.0, 2.0, 3.0), (0.0, 0.0, 1.0), 0.5, 0), accelerator=accelerator)
-    origins = np.array([[1.0, 2.0, 7.0], [1.5, 2.0, 7.0], [1.0, 1.5, -1.0], [1.5 + 1e-15, 2.0, 7.0], [1.4, 2.4, 7.0],
-                        [0.0, 2.0, 3.0], [1.0, 2.0, 3.0]])  # fmt: skip
+    origins = np.array(
+        [
+            [1.0, 2.0, 7.0],
+            [1.5, 2.0, 7.0],
+            [1.0, 1.5, -1.0],
+            [1.5 + 1e-15, 2.0, 7.0],
+            [1.4, 2.4, 7.0],
+            [0.0, 2.0, 3.0],
+            [1.0, 2.0, 3.0],
+        ]
+    )
     directions = np.array([[0, 0, -2.0], [0, 0, -1], [0, 0, 1], [0, 0, -1], [0, 0, -1], [1, 0, 0], [0, 0, 1]])
     hits = made.trace(origins, directions)
     assert hits.shape.tolist() == [0, 0, 0, -1, -1, -1, -1] and hits.primitive.tolist() == [0, 0, 0, -1, -1, -1, -1]
@@ -49,11 +58,7 @@ def test_rays_hit_a_disk_up_to_its_edge(accelerator):
 def test_grazing_rays_hit_where_they_cross_the_plane():
     """Down to a slope of 1e-9; the crossing is computed here in extended precision."""
     rng = np.random.default_rng(2)
-    slope, angle, radius = (
-        10.0 ** -rng.uniform(1, 9, 400),
-        rng.uniform(0, 2 * np.pi, 400),
-        np.sqrt(rng.uniform(0, 2, 400)),
-    )
+    slope, angle, radius = (10.0 ** -rng.uniform(1, 9, 400), rng.uniform(0, 2 * np.pi, 400), np.sqrt(rng.uniform(0, 2, 400)))
     target = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(400)], -1)
     direction = np.stack([np.cos(3 * angle), np.sin(3 * angle), -slope], -1)
     origin = target - 2.0 * direction
@@ -136,16 +141,12 @@ def test_a_disk_emits_on_its_front_and_on_both_sides_if_it_is_said_to():
             else:
                 assert not seen.any()
         below = Perspective((0.0, 0.5, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 1.0), 1.0, "y", (2, 2))
-        assert np.array_equal(
-            image(scene([away], materials, (), below), path_tracer(1)), np.full((2, 2), 3.0 * two_sided)
-        )
+        assert np.array_equal(image(scene([away], materials, (), below), path_tracer(1)), np.full((2, 2), 3.0 * two_sided))
 
 
 def test_points_on_a_disk_are_uniform_and_where_the_specification_puts_them():
     """r sqrt(u0) (cos t1 + sin t2) in the local frame of the normal, here (x, y) of (0, 0, 1)."""
-    held = scene(
-        [Disk((1.0, 2.0, 3.0), (0.0, 0.0, 1.0), 0.5, 1)], [material(kd=0.5), material(emission=1.0, two_sided=True)]
-    )
+    held = scene([Disk((1.0, 2.0, 3.0), (0.0, 0.0, 1.0), 0.5, 1)], [material(kd=0.5), material(emission=1.0, two_sided=True)])
     lights = renderer(held)._context.lights
     u0, u1, _ = np.random.default_rng(5).random((3, 1000))
     point = np.zeros((3, 1000))

@@ -51,8 +51,9 @@ def test_a_closed_furnace_is_uniform(depth, shape):  # a
 
 def test_roulette_leaves_the_furnace_as_bright_as_it_is():
     """Mean E / (1 - rho) for any survival, here min(beta, 0.95) = beta = 0.5^k."""
-    furnace = scene([box_mesh()], [material(kd=0.5, emission=0.5, two_sided=True)], (),
-                    point_view((0.2, 0.1, 0.3), (0.9, -0.2, 0.1), 64))  # fmt: skip
+    furnace = scene(
+        [box_mesh()], [material(kd=0.5, emission=0.5, two_sided=True)], (), point_view((0.2, 0.1, 0.3), (0.9, -0.2, 0.1), 64)
+    )
     for rr_depth in (1, 2):
         seen = image(furnace, path_tracer(10_000, "bsdf", rr_depth), spp=32)
         assert abs(z_score(seen, 1.0)) < 4.5
@@ -61,8 +62,9 @@ def test_roulette_leaves_the_furnace_as_bright_as_it_is():
 @pytest.mark.parametrize("direct", STRATEGIES)
 def test_a_uniform_sky_makes_a_convex_surface_as_bright_as_its_albedo(direct):  # c
     for shape in (unit_sphere(), box_mesh(), sphere_mesh(8)):
-        seen = image(scene([shape], [material(kd=0.7)], [SKY], point_view((0.5, 3.0, 2.0), (0.0, 0.0, 0.0), 8)),
-                     path_tracer(2, direct))  # fmt: skip
+        seen = image(
+            scene([shape], [material(kd=0.7)], [SKY], point_view((0.5, 3.0, 2.0), (0.0, 0.0, 0.0), 8)), path_tracer(2, direct)
+        )
         assert np.abs(seen - 0.7).max() < 1e-12
 
 
@@ -72,8 +74,9 @@ def test_a_sky_that_brightens_upwards_lights_a_floor_by_its_cosine_mean(direct):
     cosine = np.cos(np.pi * (np.arange(512) + 0.5) / 512)
     rows = 0.5 + 1.5 * np.maximum(cosine, 0.0)
     sky = EnvironmentLight((1.0, 1.0, 1.0), np.repeat(rows, 3 * 8).reshape(512, 8, 3))
-    seen = image(scene([FLOOR], [material(kd=0.8)], [sky], floor_view()), path_tracer(2, direct),
-                 spp=300 if direct == "light" else 50)  # half of the light's samples go below the horizon
+    seen = image(
+        scene([FLOOR], [material(kd=0.8)], [sky], floor_view()), path_tracer(2, direct), spp=300 if direct == "light" else 50
+    )  # half of the light's samples go below the horizon
     assert abs(z_score(seen, 0.8 * (0.5 + 2 * 1.5 / 3))) < 4.5
 
 
@@ -88,8 +91,9 @@ def test_a_point_light_at_the_centre_of_a_sphere(reflections):  # d
 
 def test_a_point_light_off_the_centre_of_a_sphere():  # d
     light, eye, rho = np.array([0.0, 0.5, 0.0]), (0.3, 0.0, 0.1), 0.5
-    room = scene([unit_sphere()], [material(kd=rho)], [PointLight(tuple(light), (1.0, 1.0, 1.0))],
-                 point_view(eye, (0.3, 0.0, -1.0), 32))  # fmt: skip
+    room = scene(
+        [unit_sphere()], [material(kd=rho)], [PointLight(tuple(light), (1.0, 1.0, 1.0))], point_view(eye, (0.3, 0.0, -1.0), 32)
+    )
     point = np.array([0.3, 0.0, -np.sqrt(1 - 0.09)])
     to_light = light - point
     distance = np.linalg.norm(to_light)
@@ -137,8 +141,11 @@ def test_a_black_sphere_shades_the_sky_from_the_floor(direct):  # g
     assert abs(z_score(image(shaded, path_tracer(2, direct), spp=64), 0.6464466094067263)) < 4.5
 
 
-@pytest.mark.parametrize("shader", [whitted(), path_tracer(2, "light"), path_tracer(2, "bsdf"), path_tracer(2, "mis"),
-                                    {"name": "no_shadows", "ambient": 0.0}], ids=str)  # fmt: skip
+@pytest.mark.parametrize(
+    "shader",
+    [whitted(), path_tracer(2, "light"), path_tracer(2, "bsdf"), path_tracer(2, "mis"), {"name": "no_shadows", "ambient": 0.0}],
+    ids=str,
+)
 def test_lights_without_size_light_a_floor_exactly(shader):  # i
     """All pixels are one point but for the width of the view: 1e-4 of it moves the radiance by less than 1e-4."""
     h, x, rho = 1.5, 0.7, 0.5

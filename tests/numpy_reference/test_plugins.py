@@ -21,9 +21,10 @@ from tests.numpy_reference.small_scenes import (
 )
 
 LIT = scene(
-    [unit_sphere(), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0)], [material(kd=0.5)],
+    [unit_sphere(), Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0)],
+    [material(kd=0.5)],
     [PointLight((0.0, 4.0, 3.0), (9.0, 9.0, 9.0)), EnvironmentLight((0.3, 0.2, 0.1))],
-)  # fmt: skip
+)
 
 
 class NoShadowsAgain:

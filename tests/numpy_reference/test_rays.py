@@ -10,14 +10,18 @@ from engines.numpy_reference import Engine
 from engines.scene import Plane, Sphere
 from tests.numpy_reference.small_scenes import box_mesh, rays_around, scene, tracer
 
-SHAPES = (
-    Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0), 0), Sphere((0.0, 0.0, 0.0), 1.0, 0), box_mesh((2, -1, -1), (3, 1, 1))
-)  # fmt: skip
+SHAPES = (Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0), 0), Sphere((0.0, 0.0, 0.0), 1.0, 0), box_mesh((2, -1, -1), (3, 1, 1)))
 BAD = [
-    ((np.nan, 0, 5), (0, 0, -1), np.inf), ((0, np.inf, 5), (0, 0, -1), np.inf), ((0, 0, 5), (0, 0, 0), np.inf),
-    ((0, 0, 5), (0, np.nan, -1), np.inf), ((0, 0, 5), (0, 0, -np.inf), np.inf), ((0, 0, 5), (0, 0, -1), np.nan),
-    ((0, 0, 5), (0, 0, -1), -1.0), ((0, 0, 5), (0, 0, -1), 0.0), ((0, 0, 5), (0, 0, -1), -np.inf),
-]  # fmt: skip
+    ((np.nan, 0, 5), (0, 0, -1), np.inf),
+    ((0, np.inf, 5), (0, 0, -1), np.inf),
+    ((0, 0, 5), (0, 0, 0), np.inf),
+    ((0, 0, 5), (0, np.nan, -1), np.inf),
+    ((0, 0, 5), (0, 0, -np.inf), np.inf),
+    ((0, 0, 5), (0, 0, -1), np.nan),
+    ((0, 0, 5), (0, 0, -1), -1.0),
+    ((0, 0, 5), (0, 0, -1), 0.0),
+    ((0, 0, 5), (0, 0, -1), -np.inf),
+]
 
 
 @pytest.mark.parametrize("accelerator", ["none", "bvh"])

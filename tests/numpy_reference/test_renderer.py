@@ -16,16 +16,7 @@ from engines.numpy_reference import Engine
 from engines.numpy_reference import renderer as renderer_module
 from engines.numpy_reference.accelerators import bvh as bvh_module
 from engines.numpy_reference.accelerators import exhaustive, tracer
-from engines.scene import (
-    EnvironmentLight,
-    Orthographic,
-    Perspective,
-    PerspectiveArctan,
-    Plane,
-    PointLight,
-    Sphere,
-    SphereSet,
-)
+from engines.scene import EnvironmentLight, Orthographic, Perspective, PerspectiveArctan, Plane, PointLight, Sphere, SphereSet
 from tests.numpy_reference.small_scenes import (
     GLASS,
     box_mesh,
@@ -41,10 +32,16 @@ from tests.numpy_reference.small_scenes import (
 LIGHTS = [PointLight((0.0, 3.0, 2.0), (5.0, 5.0, 5.0)), EnvironmentLight((0.2, 0.3, 0.4))]
 MATERIALS = [material(kd=0.6), GLASS, material(emission=4.0), material(kd=0.2, ks=0.6)]
 MIXED = scene(
-    [Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0), Sphere((-0.6, 0.0, 0.0), 0.8, 1), Sphere((1.0, 1.6, 0.3), 0.3, 2),
-     box_mesh((0.4, -0.9, -0.5), (1.2, 0.2, 0.5)), Sphere((0.0, -0.4, 1.2), 0.4, 3)],
-    MATERIALS, LIGHTS,
-)  # fmt: skip
+    [
+        Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), 0),
+        Sphere((-0.6, 0.0, 0.0), 0.8, 1),
+        Sphere((1.0, 1.6, 0.3), 0.3, 2),
+        box_mesh((0.4, -0.9, -0.5), (1.2, 0.2, 0.5)),
+        Sphere((0.0, -0.4, 1.2), 0.4, 3),
+    ],
+    MATERIALS,
+    LIGHTS,
+)
 SHADERS = ["no_shadows", whitted(), path_tracer(6, rr_depth=2), path_tracer(4, "light"), "depth_map", "albedo"]
 SAMPLERS = ["constant", "stratified", "halton", "random", "sobol"]
 HUGE = {"width": 1024, "height": 1024, "shader": path_tracer(100_000)}
@@ -194,10 +191,11 @@ def test_the_engine_says_what_it_cannot_do():
     engine = Engine()
     for settings, error in (
         (Settings(shader="path_tracr"), UnknownName),
-        (Settings(accelerator="grid"), UnknownName), (Settings(sampler={"name": "sobol", "scrambel": 1}), UnknownName),
+        (Settings(accelerator="grid"), UnknownName),
+        (Settings(sampler={"name": "sobol", "scrambel": 1}), UnknownName),
         (Settings(accelerator={"name": "bvh", "leaf_size": 0}), ConfigError),
         (Settings(shader={"name": "path_tracer", "max_depth": 0}), ConfigError),
-    ):  # fmt: skip
+    ):
         for call in (engine.why_not, engine.prepare):
             with pytest.raises(error):
                 call(MIXED, settings)

@@ -128,9 +128,7 @@ def test_halton_starts_as_it_must():
 def test_sobol_puts_one_point_in_every_elementary_interval(text):
     m = 6
     for pixel in (0, 12, 345):
-        x, y = (
-            np.array([sampler(text).draw(np.array([pixel]), s, d)[0] for s in range(2**m)]) for d in (0, 1)
-        )  # fmt: skip
+        x, y = (np.array([sampler(text).draw(np.array([pixel]), s, d)[0] for s in range(2**m)]) for d in (0, 1))
         for k in range(m + 1):
             cells = np.floor(x * 2**k) * 2 ** (m - k) + np.floor(y * 2 ** (m - k))
             assert len(np.unique(cells)) == 2**m
@@ -141,9 +139,7 @@ def test_stratified_visits_every_cell_of_its_grid_once_a_tour(strata):
     side = int(strata**0.5)
     draw = sampler(f"stratified {strata}").draw
     for tour in (0, 3):
-        x, y = (
-            np.array([draw(np.array([5]), tour * strata + s, d)[0] for s in range(strata)]) for d in (4, 5)
-        )  # fmt: skip
+        x, y = (np.array([draw(np.array([5]), tour * strata + s, d)[0] for s in range(strata)]) for d in (4, 5))
         assert len(np.unique(np.floor(x * side) * side + np.floor(y * side))) == strata
 
 

@@ -118,12 +118,8 @@ def test_a_ray_that_leaves_a_sphere_does_not_meet_it_again():  # S9
 
 
 def test_overlapping_spheres_met_almost_at_a_tangent_come_in_the_right_order():  # S10, Embree issue 676
-    spheres = (
-        Sphere((9.66870880, -16.3965702, 3.93995930), 9.0, 0), Sphere((10.0441875, -9.69345284, 3.94893074), 9.0, 0)
-    )  # fmt: skip
-    hits = tracer(*spheres).trace(
-        [(14.8001127, -9.01768494, 3.47012758)], [(-0.989340246, -0.0190101117, -0.144376263)]
-    )
+    spheres = (Sphere((9.66870880, -16.3965702, 3.93995930), 9.0, 0), Sphere((10.0441875, -9.69345284, 3.94893074), 9.0, 0))
+    hits = tracer(*spheres).trace([(14.8001127, -9.01768494, 3.47012758)], [(-0.989340246, -0.0190101117, -0.144376263)])
     assert hits.shape[0] == 0
     assert abs(hits.t[0] - 10.2983) < 1e-4
 

@@ -12,14 +12,11 @@ FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
 def tilted_spot(degrees, cutoff=30.0, beam_width=20.0):
     """Two metres above the origin, with the axis this far from straight down."""
     angle = np.radians(degrees)
-    return SpotLight(
-        (0.0, 2.0, 0.0), (float(np.sin(angle)), float(-np.cos(angle)), 0.0), (np.pi,) * 3, cutoff, beam_width
-    )
+    return SpotLight((0.0, 2.0, 0.0), (float(np.sin(angle)), float(-np.cos(angle)), 0.0), (np.pi,) * 3, cutoff, beam_width)
 
 
 @pytest.mark.parametrize(
-    ("degrees", "share"),
-    [(0, 1.0), (5, 1.0), (19.999, 1.0), (22.5, 0.75), (25, 0.5), (29, 0.1), (30.001, 0.0), (180, 0.0)],
+    ("degrees", "share"), [(0, 1.0), (5, 1.0), (19.999, 1.0), (22.5, 0.75), (25, 0.5), (29, 0.1), (30.001, 0.0), (180, 0.0)]
 )
 @pytest.mark.parametrize(
     "shader", [{"name": "no_shadows", "ambient": 0.0}, whitted(), path_tracer(2)], ids=lambda shader: shader["name"]
@@ -53,9 +50,7 @@ def test_what_stands_in_the_cone_casts_a_shadow():
     blocker = Disk((0.0, 1.0, 0.0), (0.0, 1.0, 0.0), 0.1, 0)
     view = point_view((0.0, 0.5, 2.0), (0.0, 0.0, 0.0))
     held = scene([FLOOR, blocker], [material(kd=0.5)], [tilted_spot(0.0)], view)
-    assert (
-        not image(held, whitted()).any() and not image(held, path_tracer(2)).any() and image(held, "no_shadows").all()
-    )
+    assert not image(held, whitted()).any() and not image(held, path_tracer(2)).any() and image(held, "no_shadows").all()
 
 
 def test_near_the_axis_the_angle_keeps_its_digits():
@@ -64,7 +59,5 @@ def test_near_the_axis_the_angle_keeps_its_digits():
     lights = renderer(scene([FLOOR], (), [light]))._context.lights
     angle = np.radians(1e-3) * np.array([0.25, 0.5, 0.75])
     none = np.zeros(3)
-    found = lights.sample(
-        np.zeros(3, int), np.stack([np.sin(angle), none, np.cos(angle)]), np.zeros((3, 3)), none, none, none
-    )
+    found = lights.sample(np.zeros(3, int), np.stack([np.sin(angle), none, np.cos(angle)]), np.zeros((3, 3)), none, none, none)
     assert np.allclose(found.weight[0], [0.75, 0.5, 0.25], rtol=1e-5)

@@ -22,8 +22,13 @@ from tests.numpy_reference.small_scenes import (
 RNG = np.random.default_rng(0)
 IMAGE = RNG.random((6, 12, 3)) ** 4
 FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
-MATERIALS = [material(kd=0.6), material(emission=3.0), material(emission=1.0, two_sided=True), material(kd=0.3, ks=0.4),
-             conductor((0.3, 0.6), GOLD)]  # fmt: skip
+MATERIALS = [
+    material(kd=0.6),
+    material(emission=3.0),
+    material(emission=1.0, two_sided=True),
+    material(kd=0.3, ks=0.4),
+    conductor((0.3, 0.6), GOLD),
+]
 TRIANGLE = Triangle((-1.0, 1.5, -1.0), (1.0, 1.5, -1.0), (0.0, 1.2, 1.0), 1)
 LIGHTS = {
     "triangle": ([TRIANGLE], []),
@@ -35,12 +40,19 @@ LIGHTS = {
     "constant sky": ([], [EnvironmentLight((0.5, 0.5, 0.5))]),
     "image sky": ([], [EnvironmentLight((1.0, 1.0, 1.0), IMAGE)]),
     "all": (
-        [TRIANGLE, Sphere((0.5, 2.3, 0.4), 0.2, 2), sphere_mesh(6, (-1.0, 1.0, 0.6), 0.3),
-         Plane((0.0, 9.0, 0.0), (0.0, -1.0, 0.0), 1)],
-        [PointLight((0.0, 1.0, 2.0), (1.0, 1.0, 1.0)), EnvironmentLight((0.2, 0.2, 0.2)),
-         EnvironmentLight((1.0, 1.0, 1.0), IMAGE)],
+        [
+            TRIANGLE,
+            Sphere((0.5, 2.3, 0.4), 0.2, 2),
+            sphere_mesh(6, (-1.0, 1.0, 0.6), 0.3),
+            Plane((0.0, 9.0, 0.0), (0.0, -1.0, 0.0), 1),
+        ],
+        [
+            PointLight((0.0, 1.0, 2.0), (1.0, 1.0, 1.0)),
+            EnvironmentLight((0.2, 0.2, 0.2)),
+            EnvironmentLight((1.0, 1.0, 1.0), IMAGE),
+        ],
     ),
-}  # fmt: skip
+}
 
 
 def lit_scene(name, floor=0, x=1.1):

@@ -28,8 +28,7 @@ def test_texels_are_met_at_their_centres_and_lines_run_between():
 
 
 @pytest.mark.parametrize(
-    ("wrap", "expected"),
-    [("repeat", [2.5, 4.0, 1.0, 2.5]), ("clamp", [1.0, 1.0, 4.0, 4.0]), ("mirror", [1.0, 1.0, 4.0, 4.0])],
+    ("wrap", "expected"), [("repeat", [2.5, 4.0, 1.0, 2.5]), ("clamp", [1.0, 1.0, 4.0, 4.0]), ("mirror", [1.0, 1.0, 4.0, 4.0])]
 )
 def test_outside_of_the_image_a_line_goes_on_as_the_wrap_says(wrap, expected):
     """At the left edge, a texel to the left of it, a texel to the right of the right edge, and at that edge."""

@@ -149,8 +149,7 @@ def test_a_cube_is_closed_at_every_scale(scale, accelerator):  # T15
 def test_each_step_of_the_stairs_is_found_at_its_depth(accelerator):  # T17
     n = 64
     quads = [
-        [(-1.0, k / n, k / n), (1.0, k / n, k / n), (1.0, (k + 1) / n, k / n), (-1.0, (k + 1) / n, k / n)]
-        for k in range(n)
+        [(-1.0, k / n, k / n), (1.0, k / n, k / n), (1.0, (k + 1) / n, k / n), (-1.0, (k + 1) / n, k / n)] for k in range(n)
     ]
     faces = [face for k in range(n) for face in ((4 * k, 4 * k + 1, 4 * k + 2), (4 * k, 4 * k + 2, 4 * k + 3))]
     stairs = tracer(mesh(np.array(quads).reshape(-1, 3), faces), accelerator=accelerator)

@@ -23,18 +23,9 @@ from engines.scene import (
     PointLight,
     Sides,
     Sphere,
-)  # fmt: skip
+)
 from tests.numpy_reference.bsdf_points import even_directions, points, polar
-from tests.numpy_reference.small_scenes import (
-    image,
-    material,
-    path_tracer,
-    point_view,
-    renderer,
-    scene,
-    whitted,
-    z_score,
-)  # fmt: skip
+from tests.numpy_reference.small_scenes import image, material, path_tracer, point_view, renderer, scene, whitted, z_score
 
 RED, GREEN, BLUE = (Mixture(kd=tuple(0.5 * (i == j) for j in range(3))) for i in range(3))
 MIRROR = Conductor((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
@@ -59,8 +50,14 @@ def walked(bsdf, u, front=True):
     table, u = Materials([of(bsdf)]), np.atleast_1d(u).astype(np.float64)
     at = seen(np.repeat(polar(30.0), u.size, axis=1))._replace(front=np.full(u.size, front))
     at, rest = table.walk(at, u)
-    return np.pi * table.evaluate(at._replace(wrapped=at.wrapped._replace(opacity=np.ones(u.size))), polar(50.0, 40.0).repeat(
-        u.size, axis=1)), at.wrapped, rest  # fmt: skip
+    return (
+        np.pi
+        * table.evaluate(
+            at._replace(wrapped=at.wrapped._replace(opacity=np.ones(u.size))), polar(50.0, 40.0).repeat(u.size, axis=1)
+        ),
+        at.wrapped,
+        rest,
+    )
 
 
 def test_a_blend_takes_b_below_its_weight_and_keeps_the_rest_of_the_draw():
@@ -216,8 +213,14 @@ def test_bumps_add_up_where_they_are_nested():
     assert np.allclose(at.wrapped.innermost[:, 0], [-1e-3, 0.0, 1.0], atol=5e-6)
 
 
-@pytest.mark.parametrize("bump", [Bump(ramp(0.0, 0.0), 1.0, RED), Bump(ramp(1.0, 1.0), 0.0, RED),
-                                  NormalMap(Checkerboard((0.5, 0.5, 1.0), (0.5, 0.5, 0.5)), RED)])  # fmt: skip
+@pytest.mark.parametrize(
+    "bump",
+    [
+        Bump(ramp(0.0, 0.0), 1.0, RED),
+        Bump(ramp(1.0, 1.0), 0.0, RED),
+        NormalMap(Checkerboard((0.5, 0.5, 1.0), (0.5, 0.5, 0.5)), RED),
+    ],
+)
 def test_a_flat_map_changes_nothing(bump):
     wo, wi, draws = polar(35.0, 10.0), even_directions(200, 3), np.random.default_rng(3).random((3, 200))
     for uv in ((0.25, 0.25), (0.75, 0.25)):  # of the checkerboard also the vector 0
@@ -240,7 +243,10 @@ def test_a_normal_that_the_viewer_cannot_see_is_turned_around_the_one_before():
 
 def test_directions_between_the_two_horizons_are_none_and_the_rest_is_dimmed_towards_the_old_one():
     leaning = tuple(0.5 + 0.5 * polar(30.0)[:, 0])
-    table, angles = Materials([of(NormalMap(Checkerboard(leaning, leaning), RED))]), np.array([-89.0, -61.0, -59.0, 0.0, 89.0])
+    table, angles = (
+        Materials([of(NormalMap(Checkerboard(leaning, leaning), RED))]),
+        np.array([-89.0, -61.0, -59.0, 0.0, 89.0]),
+    )
     at, _ = table.walk(seen(np.repeat(polar(10.0), 5, axis=1)), np.zeros(5))
     wi = polar(angles)
     strength = np.tan(np.radians(30.0)) ** 2 / 8.0

@@ -24,13 +24,17 @@ installed = needs("cycles")
 
 
 def scene(shape=None, light=None, **material):
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "plain", "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "textures": {"wide": {"image": np.full((2, 2, 3), 1.5, np.float32)}, "half": {"checkerboard": {}}},
-        "materials": {"it": material or {"kd": 0.5}},
-        "shapes": [{**(shape or {"sphere": {"center": [0, 0, 0], "radius": 1}}), "material": "it"}],
-        "lights": [{"environment": light or {"radiance": 1}}],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "plain",
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "textures": {"wide": {"image": np.full((2, 2, 3), 1.5, np.float32)}, "half": {"checkerboard": {}}},
+            "materials": {"it": material or {"kd": 0.5}},
+            "shapes": [{**(shape or {"sphere": {"center": [0, 0, 0], "radius": 1}}), "material": "it"}],
+            "lights": [{"environment": light or {"radiance": 1}}],
+        }
+    )
 
 
 def normals(vertices, faces):
@@ -139,9 +143,7 @@ def test_cycles_conforms():
 
 def replicates(engine, held, count=6, spp=32):
     """(count, h, w, 3) images of other seeds."""
-    made = (
-        engine.prepare(held, Settings(32, 32, shader=PATH, sampler="sobol", threads=2, seed=k)) for k in range(count)
-    )
+    made = (engine.prepare(held, Settings(32, 32, shader=PATH, sampler="sobol", threads=2, seed=k)) for k in range(count))
     return [renderer.render(spp).mean() for renderer in made]
 
 
@@ -174,8 +176,7 @@ def test_the_light_tree_finds_small_bright_lights_and_leaves_the_mean():
 @installed
 def test_calls_continue_the_sequence_and_seeds_matter():
     whole, split, other = (
-        engines.engine(NAME).prepare(scene(), Settings(32, 32, shader=PATH, sampler="sobol", seed=seed))
-        for seed in (3, 3, 4)
+        engines.engine(NAME).prepare(scene(), Settings(32, 32, shader=PATH, sampler="sobol", seed=seed)) for seed in (3, 3, 4)
     )
     split.render(3)
     image = whole.render(8).mean()
@@ -186,12 +187,16 @@ def test_calls_continue_the_sequence_and_seeds_matter():
 @installed
 def test_a_constant_environment_is_one_of_the_lights_and_pixels_share_no_samples():
     """A plane in the sun: where Cycles does not sample the environment, every sample has the same radiance."""
-    held = engines.scene_from({
-        "raybench_scene": 1, "name": "plain",
-        "camera": {"type": "orthographic", "eye": [0, 3, 2], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
-        "materials": {"it": {"kd": 0.5}}, "shapes": [{"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "it"}],
-        "lights": [{"environment": {"radiance": 1}}, {"directional": {"direction": [0, -1, 0], "irradiance": 1}}],
-    })  # fmt: skip
+    held = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "plain",
+            "camera": {"type": "orthographic", "eye": [0, 3, 2], "target": [0, 0, 0], "up": [0, 1, 0], "height": 1},
+            "materials": {"it": {"kd": 0.5}},
+            "shapes": [{"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "it"}],
+            "lights": [{"environment": {"radiance": 1}}, {"directional": {"direction": [0, -1, 0], "irradiance": 1}}],
+        }
+    )
     settings = Settings(64, 64, shader={"name": "path_tracer", "max_depth": 2}, sampler="sobol", precision="float32", seed=3)
     image = engines.engine(NAME).prepare(held, settings).render(1).mean()[..., 0]
     exact = replace(settings, precision="float64")

@@ -75,12 +75,17 @@ def test_what_has_no_exact_counterpart_is_declined(material, shader, words):
 
 def test_textures_that_are_looked_up_otherwise_are_declined():
     image = {"image": np.full((2, 2, 3), 0.5, np.float32)}
-    held = engines.scene_from({
-        "raybench_scene": 1, "name": "image", "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0]},
-        "textures": {"it": {**image, "filter": "nearest"}}, "materials": {"it": {"kd": "it"}},
-        "shapes": [{"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "it"}],
-        "lights": [{"environment": {"radiance": 1}}],
-    })  # fmt: skip
+    held = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "image",
+            "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0]},
+            "textures": {"it": {**image, "filter": "nearest"}},
+            "materials": {"it": {"kd": "it"}},
+            "shapes": [{"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "it"}],
+            "lights": [{"environment": {"radiance": 1}}],
+        }
+    )
     assert "bilinear, repeated" in str(Engine().why_not(held, SETTINGS))
 
 
@@ -127,15 +132,18 @@ def test_calls_do_not_repeat_their_samples_and_seeds_matter(luxcore):
 def test_images_on_diffuse_surfaces_lie_where_numpy_has_them(luxcore):
     """Steep texels, repeated, under texture coordinates that are turned and moved."""
     pixels = np.random.default_rng(1).random((3, 4, 3)).astype(np.float32)
-    corners, uvs = [[-4, -4, 0], [4, -4, 0], [4, 4, 0], [-4, 4, 0]], [[-0.2, 1.3], [1.2, 1.3], [1.2, -0.2], [-0.2, -0.2]]
-    held = engines.scene_from({
-        "raybench_scene": 1, "name": "image",
-        "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40},
-        "textures": {"it": {"image": pixels, "filter": "bilinear", "to_uv": [[0.8, 0.3, 0.1], [-0.2, 0.9, 0.3]]}},
-        "materials": {"it": {"kd": "it"}},
-        "shapes": [{"mesh": {"vertices": corners, "faces": [[0, 1, 2], [0, 2, 3]], "uvs": uvs}, "material": "it"}],
-        "lights": [{"directional": {"direction": [0, 0, -1], "irradiance": 3}}],
-    })  # fmt: skip
+    corners, uvs = ([[-4, -4, 0], [4, -4, 0], [4, 4, 0], [-4, 4, 0]], [[-0.2, 1.3], [1.2, 1.3], [1.2, -0.2], [-0.2, -0.2]])
+    held = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "image",
+            "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40},
+            "textures": {"it": {"image": pixels, "filter": "bilinear", "to_uv": [[0.8, 0.3, 0.1], [-0.2, 0.9, 0.3]]}},
+            "materials": {"it": {"kd": "it"}},
+            "shapes": [{"mesh": {"vertices": corners, "faces": [[0, 1, 2], [0, 2, 3]], "uvs": uvs}, "material": "it"}],
+            "lights": [{"directional": {"direction": [0, 0, -1], "irradiance": 3}}],
+        }
+    )
     there = luxcore.prepare(held, SETTINGS).render(64).mean()
     ours = engines.engine("numpy").prepare(held, replace(SETTINGS, precision="float64")).render(64).mean()
     np.testing.assert_allclose(there, ours, atol=0.03 * ours.max())
@@ -146,12 +154,16 @@ def test_triangles_of_area_lights_share_the_probability_of_their_shape():
     """Two shapes of one material, of 3 triangles together; a triangle that emits on both sides is two."""
     corners = {"a": [0, 0, 1], "b": [1, 0, 1], "c": [0, 1, 1]}
     quad = {"name": "rectangle", "corner": [0, 0, 0], "edge1": [1, 0, 0], "edge2": [0, 1, 0]}
-    held = engines.scene_from({
-        "raybench_scene": 1, "name": "lamps", "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0]},
-        "materials": {"dull": {"kd": 0.5}, "one": {"emission": 1}, "both": {"emission": 1, "two_sided": True}},
-        "shapes": [
-            {"procedural": quad, "material": "one"},
-            *({"triangle": corners, "material": name} for name in ("one", "both", "dull")),
-        ],
-    })  # fmt: skip
+    held = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "lamps",
+            "camera": {"type": "perspective", "eye": [0, 0, 8], "target": [0, 0, 0]},
+            "materials": {"dull": {"kd": 0.5}, "one": {"emission": 1}, "both": {"emission": 1, "two_sided": True}},
+            "shapes": [
+                {"procedural": quad, "material": "one"},
+                *({"triangle": corners, "material": name} for name in ("one", "both", "dull")),
+            ],
+        }
+    )
     assert importances(held).tolist() == [1.0, 2 / 3, 1 / 2]

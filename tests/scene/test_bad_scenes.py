@@ -1,6 +1,4 @@
-"""Every wrong input gives one message: file, line, key path, value, what is wanted; only SceneError comes out."""
-
-# ruff: noqa: E501  (a table, one case a line)
+"""Every wrong input gives one message: file, line, key path, value, what is expected; only SceneError comes out."""
 
 from __future__ import annotations
 
@@ -64,7 +62,11 @@ CASES = [
     # materials
     ("kd: [0.5, 0.1, 0.1]", "kd: [0.5, 1.4, 0.1]", ":9 materials.red.kd[1] = 1.4: must lie in [0, 1]"),
     ("kd: [0.5, 0.1, 0.1]", "kd: [1, 2]", ":9 materials.red.kd: must be a number or [r, g, b]"),
-    ("kd: [0.5, 0.1, 0.1]", "kdd: 1", ":9 materials.red.kdd: unknown key: did you mean 'kd'? known: blend, bump, by_side, conductor,"),
+    (
+        "kd: [0.5, 0.1, 0.1]",
+        "kdd: 1",
+        ":9 materials.red.kdd: unknown key: did you mean 'kd'? known: blend, bump, by_side, conductor,",
+    ),
     ("kd: [0.5, 0.1, 0.1]", "kd: 0.5, ks: [0.1, 0.6, 0]", ":9 materials.red: kd + ks + kt = 1.1 in green: must not exceed 1"),
     ("ks: 1, kt: 1", "ks: 1, kt: 1, kd: 0.1", ":10 materials.glass: kd + max(ks, kt) = 1.1 in red: must not exceed 1"),
     # shapes
@@ -83,11 +85,19 @@ CASES = [
     ("faces: [[0, 1, 2]]", "faces: [[0, 1, 2]], file: a.obj", "shapes[3].mesh.vertices: either file, or vertices and faces"),
     ("[1, 0, 0], [0, 1, 0]]", "[1e308, 0, 0], [0, 1, 0]], scale: 1e10", "vertices must be finite"),
     ("material: glass", "material: [lamp]", "shapes[3].material: unknown material"),
-    ("name: sphereflake", "name: sphereflak", ":18 shapes[4].procedural.name = 'sphereflak': unknown procedural shape: did you"),
+    (
+        "name: sphereflake",
+        "name: sphereflak",
+        ":18 shapes[4].procedural.name = 'sphereflak': unknown procedural shape: did you",
+    ),
     ("level: 1", "level: 15", ":18 shapes[4].procedural: procedural shape 'sphereflake' of this size would need"),
     ("level: 1", "level: 1, radius: 1e308, center: [1e308, 1e308, 1e308]", "coordinates must be finite"),
     ("name: sphereflake, level: 1", "name: box, half_size: [1, 0, 1]", "shapes[4].procedural.half_size: [1.0, 0.0, 1.0]: must"),
-    ("name: sphereflake, level: 1", "name: quad, points: [[0, 0, 0]]", "shapes[4].procedural.points: 1 points: four are wanted"),
+    (
+        "name: sphereflake, level: 1",
+        "name: quad, points: [[0, 0, 0]]",
+        "shapes[4].procedural.points: 1 points: four are expected",
+    ),
     ("name: sphereflake, level: 1", "name: quad", "shapes[4].procedural.points: is missing"),
     # lights
     ("- {point:", "- {pont:", ":21 lights[0].pont: unknown light: did you mean 'point'?"),
@@ -98,24 +108,44 @@ CASES = [
     # disks, conductors, spot lights
     ("metal: Au", "metal: Av", ":12 materials.gold.conductor.metal = 'Av': unknown metal: known: Ag, Al, "),
     ("metal: Au, ", "", ":12 materials.gold.conductor: needs metal, eta and k, or reflectance"),
-    ("metal: Au", "metal: Au, reflectance: 1", ":12 materials.gold.conductor.reflectance: either metal, eta and k, or reflectance"),
+    (
+        "metal: Au",
+        "metal: Au, reflectance: 1",
+        ":12 materials.gold.conductor.reflectance: either metal, eta and k, or reflectance",
+    ),
     ("metal: Au", "eta: 1", ":12 materials.gold.conductor.k: is missing"),
     ("metal: Au", "eta: 1, k: [1, -2, 3]", ":12 materials.gold.conductor.k[1] = -2: must not be negative"),
-    ("metal: Au", "eta: 0, k: 0", ":12 materials.gold.conductor: the larger of eta and k is 0 in red: must lie in [1e-06, 1e+06]"),
-    ("metal: Au", "eta: [1, 0, 0], k: [0, 1, 1e-7]", ":12 materials.gold.conductor: the larger of eta and k is 1e-07 in blue: "),
+    (
+        "metal: Au",
+        "eta: 0, k: 0",
+        ":12 materials.gold.conductor: the larger of eta and k is 0 in red: must lie in [1e-06, 1e+06]",
+    ),
+    (
+        "metal: Au",
+        "eta: [1, 0, 0], k: [0, 1, 1e-7]",
+        ":12 materials.gold.conductor: the larger of eta and k is 1e-07 in blue: ",
+    ),
     ("metal: Au", "eta: 1e7, k: 1", ":12 materials.gold.conductor: the larger of eta and k is 1e+07 in red: must lie in "),
     ("metal: Au", "reflectance: 1.5", ":12 materials.gold.conductor.reflectance = 1.5: must lie in [0, 1]"),
-    ("metal: Au", "reflectance: 1, specular_reflectance: 1", ":12 materials.gold.conductor.specular_reflectance: a factor of metal"),
+    (
+        "metal: Au",
+        "reflectance: 1, specular_reflectance: 1",
+        ":12 materials.gold.conductor.specular_reflectance: a factor of metal",
+    ),
     ("alpha: [0.1, 0.2]", "alpha: [0.1, 0]", ":12 materials.gold.conductor.alpha[1] = 0: must lie in [0.0001, 1], or be 0"),
     ("alpha: [0.1, 0.2]", "alpha: 1e-5", ":12 materials.gold.conductor.alpha = 1e-05: must lie in [0.0001, 1], or be 0"),
     ("alpha: [0.1, 0.2]", "alpha: [0.1, 0.2, 3]", ":12 materials.gold.conductor.alpha: must be a number, or two"),
     ("{conductor:", "{kd: 0.5, conductor:", ":12 materials.gold.kd: either conductor, or kd, ks, kt, ior, fresnel"),
     ("target: [0, 1, 0], i", "target: [0, 3, 0], i", ":24 lights[3].spot.target: must differ from position"),
     ("target: [0, 1, 0], i", "i", ":24 lights[3].spot: needs target, or direction"),
-    ("target: [0, 1, 0], i", "target: [0, 1, 0], direction: [0, 1, 0], i", ":24 lights[3].spot.direction: either target, or direction"),
+    (
+        "target: [0, 1, 0], i",
+        "target: [0, 1, 0], direction: [0, 1, 0], i",
+        ":24 lights[3].spot.direction: either target, or direction",
+    ),
     ("target: [0, 1, 0], i", "direction: [0, 0, 0], i", ":24 lights[3].spot.direction: must not be the zero vector"),
     ("beam_width: 20", "beam_width: 31", ":24 lights[3].spot.beam_width = 31: must not exceed cutoff, which is 30"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("old", "new", "message"), CASES)
@@ -136,9 +166,7 @@ def test_the_scene_they_are_made_from_is_good(tmp_path):
     assert len(scene.shapes) == 6 and len(scene.lights) == 4 and scene.warnings == ()
 
 
-@pytest.mark.parametrize(
-    "data", [None, 3, [], "text", {}, {"raybench_scene": 1}, {"raybench_scene": True, "camera": {}}]
-)
+@pytest.mark.parametrize("data", [None, 3, [], "text", {}, {"raybench_scene": 1}, {"raybench_scene": True, "camera": {}}])
 def test_wrong_mappings_are_refused_by_key_path_alone(data):
     with pytest.raises(SceneError) as caught:
         engines.scene_from(data)
@@ -173,7 +201,7 @@ def test_a_number_that_is_not_finite_is_refused_where_it_stands(tmp_path, number
 @pytest.mark.parametrize("text", ["", " \n", "\n\n# nothing\n", "\ufeff", "---\n"])
 def test_an_empty_scene_is_refused_with_file_and_line(tmp_path, text):
     (tmp_path / "box.yaml").write_text(text)
-    with pytest.raises(SceneError, match=r"box\.yaml:[12][: ].*(a mapping is wanted|must be a mapping)"):
+    with pytest.raises(SceneError, match=r"box\.yaml:[12][: ].*(a mapping is expected|must be a mapping)"):
         engines.load_scene(tmp_path / "box.yaml")
 
 
@@ -186,9 +214,12 @@ def test_a_name_is_looked_up_without_a_walk_through_all_names():
 
 
 def test_messages_are_short_whatever_they_quote_and_list():
-    scene = {"raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
-             "materials": {f"m{index}": {} for index in range(1000)},
-             "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "m" + "x" * 10_000}]}  # fmt: skip
+    scene = {
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]},
+        "materials": {f"m{index}": {} for index in range(1000)},
+        "shapes": [{"sphere": {"center": [0, 0, 0], "radius": 1}, "material": "m" + "x" * 10_000}],
+    }
     with pytest.raises(SceneError, match=r"shapes\[0\].material = .*unknown material: known: .* and 900 more$") as caught:
         engines.scene_from(scene)
     assert len(str(caught.value)) < 2000

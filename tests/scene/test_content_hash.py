@@ -64,19 +64,18 @@ SAME = {
     "resolution": lambda d: d["camera"].update(resolution=[16, 9]),
     "material renamed and moved": _rename,
     "unused material": lambda d: d["materials"].update(unused={"ks": 1}),
-    "default written out": lambda d: (d["materials"]["a"].update(ks=0, ior=1.0),
-                                      d["camera"].update(up=[0, 1, 0], fov=40)),
+    "default written out": lambda d: (d["materials"]["a"].update(ks=0, ior=1.0), d["camera"].update(up=[0, 1, 0], fov=40)),
     "number as colour": lambda d: d["materials"]["a"].update(kd=[0.5, 0.5, 0.5]),
     "minus zero": lambda d: d["shapes"][0]["sphere"].update(center=[-0.0, 0, 0]),
     "order of keys": lambda d: d.update(camera=d.pop("camera"), materials=dict(reversed(d["materials"].items()))),
     "array instead of list": lambda d: d["shapes"][1]["mesh"].update(vertices=np.eye(3)),
-    "same material by another name": lambda d: (d["materials"].update(c=d["materials"]["b"]),
-                                                d["shapes"][1].update(material="c")),
-}  # fmt: skip
-OTHER = {
-    "disk": lambda d: d["shapes"].append(
-        {"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}
+    "same material by another name": lambda d: (
+        d["materials"].update(c=d["materials"]["b"]),
+        d["shapes"][1].update(material="c"),
     ),
+}
+OTHER = {
+    "disk": lambda d: d["shapes"].append({"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "a"}),
     "spot": lambda d: d["lights"].append({"spot": SPOT}),
     "spot cutoff": lambda d: d["lights"].append({"spot": {**SPOT, "cutoff": 30, "beam_width": 15}}),
     "spot beam": lambda d: d["lights"].append({"spot": {**SPOT, "beam_width": 10}}),
@@ -89,9 +88,7 @@ OTHER = {
     "eye": lambda d: d["camera"].update(eye=[0, 0, 3.0000001]),
     "fov": lambda d: d["camera"].update(fov=41),
     "fov axis": lambda d: d["camera"].update(fov_axis="x"),
-    "camera kind": lambda d: d.update(
-        camera={"type": "orthographic", "eye": [0, 0, 3], "target": [0, 0, 0], "height": 2}
-    ),
+    "camera kind": lambda d: d.update(camera={"type": "orthographic", "eye": [0, 0, 3], "target": [0, 0, 0], "height": 2}),
     "kd": lambda d: d["materials"]["a"].update(kd=0.25),
     "two sided": lambda d: d["materials"]["lamp"].update(two_sided=True),
     "material swapped": lambda d: d["shapes"][0].update(material="b"),
@@ -159,9 +156,7 @@ one, other = Own("one"), Own("other")
 PLACES = {
     "camera": lambda plugin, **options: {"camera": {"type": plugin, **options}},
     "light": lambda plugin, **options: {"lights": [{"plugin": {"type": plugin, **options}}]},
-    "BSDF": lambda plugin, **options: {
-        "materials": {**SCENE["materials"], "a": {"plugin": {"type": plugin, **options}}}
-    },
+    "BSDF": lambda plugin, **options: {"materials": {**SCENE["materials"], "a": {"plugin": {"type": plugin, **options}}}},
 }
 
 
@@ -184,8 +179,12 @@ def test_a_plugin_counts_by_its_name_its_options_and_its_source(place, tmp_path,
 
 
 def test_a_plugin_counts_with_the_modules_beside_it_that_it_imports(tmp_path, monkeypatch):
-    files = {"with_helper.py": "import its_helper\n" + PLUGIN, "its_helper.py": "from its_table import TABLE\n",
-             "its_table.py": "TABLE = 1\n", "stranger.py": ""}  # fmt: skip
+    files = {
+        "with_helper.py": "import its_helper\n" + PLUGIN,
+        "its_helper.py": "from its_table import TABLE\n",
+        "its_table.py": "TABLE = 1\n",
+        "stranger.py": "",
+    }
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
@@ -216,18 +215,31 @@ def test_textures_count_by_value_wherever_they_stand():
     pixels = np.linspace(0, 1, 12, dtype=np.float32).reshape(2, 2, 3)
     image = ImageTexture(pixels)
     others = [
-        ImageTexture(pixels[:1]), ImageTexture(pixels * 2), ImageTexture(pixels, filter="nearest"),
-        ImageTexture(pixels, wrap="clamp"), ImageTexture(pixels, to_uv=(2, 0, 0, 0, 1, 0)), Checkerboard(),
+        ImageTexture(pixels[:1]),
+        ImageTexture(pixels * 2),
+        ImageTexture(pixels, filter="nearest"),
+        ImageTexture(pixels, wrap="clamp"),
+        ImageTexture(pixels, to_uv=(2, 0, 0, 0, 1, 0)),
+        Checkerboard(),
         Checkerboard(a=(0.1, 0.1, 0.1)),
-    ]  # fmt: skip
+    ]
 
     def everywhere(texture):
         inner = Diffuse(texture)
         return [
-            inner, Mask(0.5, inner), Mask(0.4, inner), Blend(0.5, inner, Null()), Blend(0.5, Null(), inner),
-            Bump(texture, 1.0, Diffuse()), NormalMap(texture, Diffuse()), Sides(inner, None), Sides(None, inner),
-            Conductor((1.0,) * 3, (2.0,) * 3, (texture, 0.1)), Plastic(texture), Principled(roughness=texture),
-        ]  # fmt: skip
+            inner,
+            Mask(0.5, inner),
+            Mask(0.4, inner),
+            Blend(0.5, inner, Null()),
+            Blend(0.5, Null(), inner),
+            Bump(texture, 1.0, Diffuse()),
+            NormalMap(texture, Diffuse()),
+            Sides(inner, None),
+            Sides(None, inner),
+            Conductor((1.0,) * 3, (2.0,) * 3, (texture, 0.1)),
+            Plastic(texture),
+            Principled(roughness=texture),
+        ]
 
     hashes = {_hash(bsdf) for texture in (image, *others) for bsdf in everywhere(texture)}
     assert len(hashes) == 12 * 8

@@ -71,17 +71,13 @@ def test_a_ball_of_rings_joins_the_middles_of_the_edges_of_a_dodecahedron_once_e
     assert isinstance(joints, SphereSet) and np.allclose(np.linalg.norm(joints.centers, axis=1), 2)
     distances = np.linalg.norm(joints.centers[:, None] - joints.centers, axis=2) + 9 * np.eye(30)
     golden = (1 + 5**0.5) / 2
-    assert (
-        np.allclose(distances.min(axis=1), 2 / golden) and ((np.isclose(distances, 2 / golden)).sum(axis=1) == 4).all()
-    )
+    assert np.allclose(distances.min(axis=1), 2 / golden) and ((np.isclose(distances, 2 / golden)).sum(axis=1) == 4).all()
     pentagons = joints.centers.reshape(6, 5, 3)
     edges = np.linalg.norm(pentagons - np.roll(pentagons, 1, axis=1), axis=2)
     assert np.allclose(edges, 4 * np.sin(np.pi / 5)), "five corners on a great circle"
 
 
-@pytest.mark.parametrize(
-    ("name", "options"), [("rings", {"level": 2}), ("lattice", {"level": 2}), ("tree", {"level": 4})]
-)
+@pytest.mark.parametrize(("name", "options"), [("rings", {"level": 2}), ("lattice", {"level": 2}), ("tree", {"level": 4})])
 def test_every_rod_ends_in_a_joint_that_covers_it(name, options):
     joints, rods = (shape(name=name, part=part, sides=5, **options) for part in ("joints", "rods"))
     ends = rods.vertices.reshape(-1, 2, 5, 3)

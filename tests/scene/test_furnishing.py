@@ -28,9 +28,11 @@ NAMES = {"closed tube": "tube", "upholstery": "rounded_box"}
 
 def made(name, **options):
     scene = {
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]}, **TEXTURED,
+        "raybench_scene": 1,
+        "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+        **TEXTURED,
         "shapes": [{"procedural": {"name": name, **options}, "material": "grey"}],
-    }  # fmt: skip
+    }
     return engines.scene_from(scene).shapes[0]
 
 
@@ -117,7 +119,7 @@ def test_books_stand_on_their_feet_and_hold_their_pages():
     ("options", "message"),
     [
         ({"name": "lathe", "profile": [[-1, 0], [1, 1]]}, "radii must not be less than 0"),
-        ({"name": "lathe", "profile": [[1, 0]]}, "at least 2 are wanted"),
+        ({"name": "lathe", "profile": [[1, 0]]}, "at least 2 are expected"),
         ({"name": "lathe", "profile": [[1, 0], [1, 0]]}, "must have two points in succession that differ"),
         ({"name": "tube", "points": [[0, 0, 0], [0, 0, 0]]}, "two points in succession must differ"),
         ({"name": "cushion", "segments": 16384}, r"would need .* GiB"),

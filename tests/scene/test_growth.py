@@ -74,12 +74,15 @@ XML = {
     "includes": each('<include filename="i.xml"/>'),
     "steps": lambda n: '<shape type="sphere"><transform name="to_world">' + '<translate x="1"/>' * n + "</transform></shape>",
     "merged shapes": lambda n: f'<shape type="merge">{XML["materials"](n)}</shape>',
-    "members": lambda n: f'<shape type="shapegroup" id="g">{XML["materials"](n)}</shape>'
-    '<shape type="instance"><ref id="g"/></shape>',
-    "instances": lambda n: '<shape type="shapegroup" id="g"><shape type="obj"><string name="filename" value="m.obj"/></shape>'
-    "</shape>" + each('<shape type="instance"><ref id="g"/></shape>')(n),
+    "members": lambda n: (
+        f'<shape type="shapegroup" id="g">{XML["materials"](n)}</shape><shape type="instance"><ref id="g"/></shape>'
+    ),
+    "instances": lambda n: (
+        '<shape type="shapegroup" id="g"><shape type="obj"><string name="filename" value="m.obj"/></shape>'
+        "</shape>" + each('<shape type="instance"><ref id="g"/></shape>')(n)
+    ),
     "what is not read": each('<shape type="sphere"><float name="odd" value="@"/></shape>\n'),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("what", XML)
@@ -112,7 +115,8 @@ YAML = {
     "meshes": lambda n: {"materials": _named(n, lambda i: {"kd": i / 1000}), "shapes": _shapes(n, {"mesh": MESH})},
     "textures": lambda n: {
         "textures": {f"t{100 + i}": {"checkerboard": {"a": i / 1000}} for i in range(n)},
-        "materials": _named(n, lambda i: {"diffuse": {"reflectance": f"t{i}"}}), "shapes": _shapes(n, {"mesh": MESH}),
+        "materials": _named(n, lambda i: {"diffuse": {"reflectance": f"t{i}"}}),
+        "shapes": _shapes(n, {"mesh": MESH}),
     },
     "wrappers": lambda n: {
         "materials": {"a": {"kd": 0.5}, **_named(n, lambda i: {"mask": {"opacity": i / 1000, "of": "a"}})},
@@ -123,7 +127,7 @@ YAML = {
         "materials": {"a": {"kd": 0.5}},
         "shapes": [{"spheres": {"centers": [[100 + i, 0, 0] for i in range(n)], "radii": [1] * n}, "material": "a"}],
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("what", YAML)

@@ -98,11 +98,19 @@ def test_lobes_without_textures_stay_lobes_and_sides_wraps_what_is_opaque():
     assert front.bsdf == Sides(Mixture((0.5,) * 3), None) and lamp.bsdf is None
 
 
-@pytest.mark.parametrize("keys", [
-    {"dielectric": {}}, {"thin_dielectric": {}}, {"null": {}}, {"kt": 0.5}, {"kt": "tiles"},
-    {"principled": {"spec_trans": 0.1}}, {"mask": {"opacity": 1, "of": {}}},
-    {"blend": {"weight": 0.5, "a": {}, "b": {"dielectric": {}}}},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {"dielectric": {}},
+        {"thin_dielectric": {}},
+        {"null": {}},
+        {"kt": 0.5},
+        {"kt": "tiles"},
+        {"principled": {"spec_trans": 0.1}},
+        {"mask": {"opacity": 1, "of": {}}},
+        {"blend": {"weight": 0.5, "a": {}, "b": {"dielectric": {}}}},
+    ],
+)
 def test_sides_is_refused_where_light_passes(keys):
     assert "m.sides = 'front': light passes this material" in refusal(m={**keys, "sides": "front"})
 
@@ -158,8 +166,10 @@ def test_null_is_a_key_of_a_file(tmp_path):
 
 
 def test_textures_whose_sum_passes_one_are_warned_about():
-    assert any("'m': where the textures of kd, ks and kt are brightest" in text for text in loaded(
-        m={"kd": "tiles", "ks": 0.3}).warnings)  # fmt: skip
+    assert any(
+        "'m': where the textures of kd, ks and kt are brightest" in text
+        for text in loaded(m={"kd": "tiles", "ks": 0.3}).warnings
+    )
     assert not any("brightest" in text for text in loaded(m={"kd": "tiles", "ks": 0.2}).warnings)
 
 

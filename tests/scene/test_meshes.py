@@ -67,10 +67,10 @@ def test_crlf_tabs_comments_colours_weights_and_continuations_are_read(tmp_path)
         (CORNERS + "vn 0 0 1\nf 1//1 2//x 3//1\n", r"m\.obj:7: .*not a list of corners"),
         (CORNERS + "f 1 2 /3\n", r"m\.obj:6: '1 2 /3': not a list of corners"),
         (CORNERS + "f 1 2 99999999999999999999999\n", r"m\.obj:6: .*not a list of corners"),
-        ("v 0 0\nf 1 1 1\n", r"m\.obj:1: '0 0': three numbers are wanted"),
-        ("v 0 0 zero\nf 1 1 1\n", r"m\.obj:1: '0 0 zero': three numbers are wanted"),
-        ("v 0 nan 0\nf 1 1 1\n", r"m\.obj:1: '0 nan 0': finite numbers are wanted"),
-        ("v 0 0 0\nv 0 0 1e999\nf 1 1 1\n", r"m\.obj:2: '0 0 1e999': finite numbers are wanted"),
+        ("v 0 0\nf 1 1 1\n", r"m\.obj:1: '0 0': three numbers are expected"),
+        ("v 0 0 zero\nf 1 1 1\n", r"m\.obj:1: '0 0 zero': three numbers are expected"),
+        ("v 0 nan 0\nf 1 1 1\n", r"m\.obj:1: '0 nan 0': finite numbers are expected"),
+        ("v 0 0 0\nv 0 0 1e999\nf 1 1 1\n", r"m\.obj:2: '0 0 1e999': finite numbers are expected"),
         (CORNERS, "not an OBJ file with faces"),
         ("hello world\n", "not an OBJ file with faces"),
         ("", "is empty"),
@@ -197,7 +197,7 @@ def test_a_named_material_replaces_those_of_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mtl": "newmtl a\nKd 1 x 1\n", "names": ["a"]}, r"m\.mtl:2: kd 1 x 1: numbers are wanted"),
+        ({"mtl": "newmtl a\nKd 1 x 1\n", "names": ["a"]}, r"m\.mtl:2: kd 1 x 1: numbers are expected"),
         ({"mtl": "newmtl a\nKd 1 1\n", "names": ["a"]}, r"m\.mtl:2: kd 1 1: one or three numbers"),
         ({"mtl": "newmtl a\nKd -1 1 1\n", "names": ["a"]}, r"m\.mtl:2: .* at least 0"),
         ({"mtl": "newmtl a\nKe nan 1 1\n", "names": ["a"]}, r"m\.mtl:2: .*finite"),
@@ -276,16 +276,25 @@ def test_binary_ply_files_of_mixed_polygons_are_refused_not_misread(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content"),
     [
-        ("m.ply", b""), ("m.ply", b"ply\n"), ("m.ply", b"garbage" * 100), ("m.ply", bytes(range(256)) * 4),
-        ("m.ply", PLY_HEAD.encode()), ("m.ply", (PLY_HEAD + "3 0 1 9\n3 0 1 2\n").encode()),
+        ("m.ply", b""),
+        ("m.ply", b"ply\n"),
+        ("m.ply", b"garbage" * 100),
+        ("m.ply", bytes(range(256)) * 4),
+        ("m.ply", PLY_HEAD.encode()),
+        ("m.ply", (PLY_HEAD + "3 0 1 9\n3 0 1 2\n").encode()),
         ("m.ply", (PLY_HEAD + "3 0 1 -1\n3 0 1 2\n").encode()),
         ("m.ply", (PLY_HEAD.replace("1 1 0", "1 nan 0") + "3 0 1 2\n3 0 1 2\n").encode()),
         ("m.ply", PLY_HEAD.replace("vertex 5", "vertex 5000000000").encode()),
-        ("m.stl", b"solid x\nendsolid x\n"), ("m.stl", b"\0" * 84), ("m.stl", b"\xff" * 134),
-        ("m.stl", b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 zero\nvertex 1 0 0\nvertex 0 1 0\n"
-                  b"endloop\nendfacet\nendsolid x\n"),
+        ("m.stl", b"solid x\nendsolid x\n"),
+        ("m.stl", b"\0" * 84),
+        ("m.stl", b"\xff" * 134),
+        (
+            "m.stl",
+            b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 zero\nvertex 1 0 0\nvertex 0 1 0\n"
+            b"endloop\nendfacet\nendsolid x\n",
+        ),
     ],
-)  # fmt: skip
+)
 def test_wrong_ply_and_stl_files_are_refused_by_name(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(SceneError, match=rf"shapes\[0\].mesh.file = '{name}'"):

@@ -29,10 +29,14 @@ def test_the_integrator_suggests_a_shader(tmp_path):
         ('<bsdf type="diffuse"/>', False, False),
         ('<bsdf type="null"/>', True, False),
         ('<bsdf type="mask"><float name="opacity" value="0.5"/><bsdf type="diffuse"/></bsdf>', True, False),
-        ('<bsdf type="bumpmap"><texture type="bitmap"><string name="filename" value="h.png"/></texture>'
-         '<bsdf type="thindielectric"/></bsdf>', True, True),
+        (
+            '<bsdf type="bumpmap"><texture type="bitmap"><string name="filename" value="h.png"/></texture>'
+            '<bsdf type="thindielectric"/></bsdf>',
+            True,
+            True,
+        ),
     ],
-)  # fmt: skip
+)
 def test_volpath_suggests_transparent_shadows_where_there_are_null_lobes(tmp_path, bsdf, transparent, noted):
     """Its roulette begins one vertex later than that of `path`."""
     write_image(tmp_path / "h.png", np.full((2, 2, 3), 0.5), {})
@@ -51,18 +55,14 @@ def test_parameters_have_defaults_and_the_callers_win(tmp_path):
 
 
 def test_included_files_stand_in_their_place(tmp_path):
-    (tmp_path / "more.xml").write_text(
-        '<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8"
-    )
+    (tmp_path / "more.xml").write_text('<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8")
     found = scene(tmp_path, f'<include filename="more.xml"/><shape type="sphere"><ref id="m"/></shape>{LAMP}')
     assert found.materials[0].name == "m"
 
 
 def test_an_alias_is_another_id_and_files_are_looked_for_in_paths_first(tmp_path):
     (tmp_path / "more").mkdir()
-    (tmp_path / "more" / "m.xml").write_text(
-        '<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8"
-    )
+    (tmp_path / "more" / "m.xml").write_text('<scene version="3.0.0"><bsdf type="conductor" id="m"/></scene>', encoding="utf-8")
     body = '<path value="more"/><include filename="m.xml"/><alias id="m" as="n"/><shape type="sphere"><ref id="n"/></shape>'
     assert scene(tmp_path, body).materials[0].name == "m"
     assert "before this line" in refusal(tmp_path, '<alias id="m" as="n"/>')
@@ -116,8 +116,10 @@ def test_the_first_default_of_a_name_wins_with_includes_in_their_place(tmp_path)
     """As in Mitsuba 3.9.1; `default` elements count from where they stand."""
     (tmp_path / "i.xml").write_text('<scene version="3.0.0"><default name="r" value="0.7"/></scene>', encoding="ascii")
     first, second, include = (
-        '<default name="r" value="0.1"/>', '<default name="r" value="0.2"/>', '<include filename="i.xml"/>',
-    )  # fmt: skip
+        '<default name="r" value="0.1"/>',
+        '<default name="r" value="0.2"/>',
+        '<include filename="i.xml"/>',
+    )
     assert reflectance(tmp_path, first + second) == 0.1
     assert reflectance(tmp_path, first + include) == 0.1
     assert reflectance(tmp_path, include + first) == 0.7
@@ -149,9 +151,7 @@ def radii(folder, body):
 
 
 def test_an_include_is_looked_for_beside_the_file_then_in_its_paths_then_beside_the_main_file(tmp_path):
-    include = nested(
-        tmp_path, '<include filename="leaf.xml"/>', **{"sub/leaf.xml": LEAF.format(2), "leaf.xml": LEAF.format(3)}
-    )
+    include = nested(tmp_path, '<include filename="leaf.xml"/>', **{"sub/leaf.xml": LEAF.format(2), "leaf.xml": LEAF.format(3)})
     assert radii(tmp_path, include) == [2.0]
     (tmp_path / "sub/leaf.xml").unlink()
     assert radii(tmp_path, include) == [3.0]
@@ -179,8 +179,7 @@ def test_other_files_are_looked_for_from_the_main_file_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("version", "corner"),
-    [("3.0.0", (0.25 + 0.75 / 2, 0.5, 0.5 * math.sqrt(0.75))), ("0.6.0", (1.0, 0.5, math.sqrt(0.75)))],
+    ("version", "corner"), [("3.0.0", (0.25 + 0.75 / 2, 0.5, 0.5 * math.sqrt(0.75))), ("0.6.0", (1.0, 0.5, math.sqrt(0.75)))]
 )
 def test_an_axis_of_another_length_than_1_is_what_it_is_in_that_version(version, corner, tmp_path):
     """cos + (1 - cos) a a^T + sin [a]x for the axis a = (1/2, 0, 0) and 60 degrees, in Mitsuba 3; 0.x made it unit."""

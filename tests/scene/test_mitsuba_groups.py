@@ -24,9 +24,7 @@ def test_the_shapes_of_a_merge_stand_in_its_place(tmp_path):
 
 def test_a_group_is_seen_through_its_instances_alone_after_its_own_transforms(tmp_path):
     inner = '<shape type="sphere"><transform name="to_world"><translate x="1"/></transform></shape>'
-    group = GROUP.format(
-        f'<shape type="merge">{inner}</shape><transform name="to_world"><scale value="9"/></transform>'
-    )
+    group = GROUP.format(f'<shape type="merge">{inner}</shape><transform name="to_world"><scale value="9"/></transform>')
     body = group + COPY.format('<scale value="2"/>') + COPY.format('<translate y="1"/>')
     found = scene(tmp_path, body + LAMP)
     assert [(shape.center, shape.radius) for shape in found.shapes] == [((2.0, 0.0, 0.0), 2.0), ((1.0, 1.0, 0.0), 1.0)]
@@ -38,22 +36,17 @@ def test_a_mirrored_instance_keeps_the_front_and_a_mirrored_shape_does_not(tmp_p
     """A face of a mesh without normals, one-sided, under light from above: n is M^-T n of an instance."""
     (tmp_path / "m.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n", encoding="ascii")
     for flat in ("true", "false"):
-        shape = (
-            f'<shape type="obj"><string name="filename" value="m.obj"/><boolean name="face_normals" value="{flat}"/>'
-        )
+        shape = f'<shape type="obj"><string name="filename" value="m.obj"/><boolean name="face_normals" value="{flat}"/>'
         shape += '<transform name="to_world"><scale x="{}"/></transform></shape>'
         mirror = COPY.format('<scale x="-1"/>')
         assert radiance(tmp_path, GROUP.format(shape.format(1)) + mirror + SUN) == pytest.approx([0.5] * 3)
         assert radiance(tmp_path, shape.format(-1) + SUN) == pytest.approx([0.0] * 3)
         assert radiance(tmp_path, GROUP.format(shape.format(-1)) + mirror + SUN) == pytest.approx([0.0] * 3)
     ball = scene(
-        tmp_path,
-        GROUP.format('<shape type="sphere"><bsdf type="conductor"/></shape>') + COPY.format('<scale x="-1"/>') + LAMP,
+        tmp_path, GROUP.format('<shape type="sphere"><bsdf type="conductor"/></shape>') + COPY.format('<scale x="-1"/>') + LAMP
     )
     assert (
-        isinstance(ball.shapes[0], Sphere)
-        and ball.materials[0].bsdf.back is None
-        and isinstance(ball.materials[0].bsdf, Sides)
+        isinstance(ball.shapes[0], Sphere) and ball.materials[0].bsdf.back is None and isinstance(ball.materials[0].bsdf, Sides)
     )
 
 
@@ -72,8 +65,10 @@ LIT = '<shape type="sphere"><emitter type="area"/></shape>'
     ("body", "said"),
     [
         (GROUP.format(GROUP.replace('id="g"', "").format(BALL)) + COPY.format(""), "no groups and no instances"),
-        (GROUP.format(BALL) + GROUP.replace('"g"', '"h"').format(COPY.format("")) + COPY.format("").replace('"g"', '"h"'),
-         "no groups and no instances"),
+        (
+            GROUP.format(BALL) + GROUP.replace('"g"', '"h"').format(COPY.format("")) + COPY.format("").replace('"g"', '"h"'),
+            "no groups and no instances",
+        ),
         (GROUP.format(LIT) + COPY.format(""), "no emitter"),
         (GROUP.format(f'{BALL}<bsdf type="diffuse"/>') + COPY.format(""), "a shapegroup has no BSDF"),
         (GROUP.format(BALL) + COPY.format("").replace("<ref", '<bsdf type="diffuse"/><ref'), "an instance has no BSDF"),
@@ -81,7 +76,7 @@ LIT = '<shape type="sphere"><emitter type="area"/></shape>'
         ('<shape type="sphere" id="g"/>' + COPY.format(""), "one shape, a shapegroup"),
         ('<shape type="merge" id="m"><ref id="m"/></shape>', "refers to itself"),
     ],
-)  # fmt: skip
+)
 def test_what_mitsuba_does_not_allow_is_refused(body, said, tmp_path):
     assert said in refusal(tmp_path, body)
 

@@ -83,7 +83,7 @@ MODELS = {
         '<float name="main_specular_sampling_rate" value="2"/></bsdf>',
         Principled((1.0, 0.5, 0.0), 0.2, metallic=0.9, eta=1.4, clearcoat=1.0),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -170,9 +170,7 @@ def test_old_names_are_the_same_properties(tmp_path):
     old += '<float name="alphaU" value="0.2"/><float name="alphaV" value="0.3"/>'
     old += '<rgb name="specularReflectance" value="0.5"/></bsdf>'
     assert bsdf(tmp_path, old, "0.5.0") == Dielectric(1.5, (0.2, 0.3), GREY, WHITE, "beckmann")
-    diffuse = (
-        '<bsdf type="twosided"><bsdf type="diffuse"><srgb name="diffuseReflectance" value="#ff0000"/></bsdf></bsdf>'
-    )
+    diffuse = '<bsdf type="twosided"><bsdf type="diffuse"><srgb name="diffuseReflectance" value="#ff0000"/></bsdf></bsdf>'
     assert bsdf(tmp_path, diffuse, "0.4.0") == Diffuse((1.0, 0.0, 0.0))
     copper = '<bsdf type="twosided"><bsdf type="conductor"/></bsdf>'
     assert bsdf(tmp_path, copper, "0.6.0") == Conductor(*METALS["Cu"])
@@ -216,15 +214,23 @@ VALUES = '<string name="values" value="1, 2, 3, 1"/>'
     ("xml", "wanted"),
     [
         ('<blackbody name="intensity" temperature="3000K" scale="0.5"/>', (366.9, 175.0, 56.41)),
-        ('<spectrum type="blackbody" name="intensity"><float name="temperature" value="3000"/></spectrum>',
-         (733.9, 349.9, 112.8)),
-        (f'<spectrum type="irregular" name="intensity"><string name="wavelengths" value="400 500 600 700"/>{VALUES}</spectrum>',
-         (3.2767, 2.3733, 1.2540)),
-        (f'<spectrum type="regular" name="intensity"><float name="wavelength_min" value="400"/>{VALUES}'
-         '<float name="wavelength_max" value="700"/></spectrum>', (3.2767, 2.3733, 1.2540)),
+        (
+            '<spectrum type="blackbody" name="intensity"><float name="temperature" value="3000"/></spectrum>',
+            (733.9, 349.9, 112.8),
+        ),
+        (
+            f'<spectrum type="irregular" name="intensity"><string name="wavelengths" value="400 500 600 700"/>'
+            f"{VALUES}</spectrum>",
+            (3.2767, 2.3733, 1.2540),
+        ),
+        (
+            f'<spectrum type="regular" name="intensity"><float name="wavelength_min" value="400"/>{VALUES}'
+            '<float name="wavelength_max" value="700"/></spectrum>',
+            (3.2767, 2.3733, 1.2540),
+        ),
         ('<spectrum type="d65" name="intensity"><float name="scale" value="2"/></spectrum>', (2.0, 2.0, 2.0)),
     ],
-)  # fmt: skip
+)
 def test_spectra_of_light_have_the_colour_that_mitsubas_spectral_variant_renders(tmp_path, xml, wanted):
     assert light(tmp_path, f'<emitter type="point">{xml}</emitter>').intensity == pytest.approx(wanted, rel=2e-3)
 
@@ -249,9 +255,7 @@ def test_bitmaps(tmp_path, image):
 
 
 def test_a_scale_texture_multiplies(tmp_path, image):
-    inner = (
-        f'<texture type="bitmap"><string name="filename" value="{image}"/><boolean name="raw" value="true"/></texture>'
-    )
+    inner = f'<texture type="bitmap"><string name="filename" value="{image}"/><boolean name="raw" value="true"/></texture>'
     scaled = f'<texture type="scale" name="reflectance"><float name="scale" value="0.5"/>{inner}</texture>'
     xml = f'<bsdf type="diffuse">{scaled}</bsdf>'
     assert bsdf(tmp_path, xml, "0.6.0").front.reflectance.pixels[1, 1, 0] == 0.5
@@ -260,8 +264,7 @@ def test_a_scale_texture_multiplies(tmp_path, image):
 def test_checkerboards_exchange_their_colours_where_a_number_is_wanted(tmp_path):
     board = '<texture type="checkerboard" name="{}"><rgb name="color0" value="0.1"/><rgb name="color1" value="0.9"/></texture>'
     found = bsdf(
-        tmp_path,
-        f'<bsdf type="mask">{board.format("opacity")}<bsdf type="diffuse">{board.format("reflectance")}</bsdf></bsdf>',
+        tmp_path, f'<bsdf type="mask">{board.format("opacity")}<bsdf type="diffuse">{board.format("reflectance")}</bsdf></bsdf>'
     )
     assert found.opacity == Checkerboard(grey(0.9), grey(0.1))
     assert found.of.front.reflectance == Checkerboard(grey(0.1), grey(0.9))
@@ -272,16 +275,14 @@ def test_checkerboards_exchange_their_colours_where_a_number_is_wanted(tmp_path)
 
 def test_lights(tmp_path):
     move = '<transform name="to_world"><lookat origin="1,2,3" target="1,2,5" up="0,1,0"/></transform>'
-    assert light(
-        tmp_path, f'<emitter type="point">{move}<rgb name="intensity" value="1,2,3"/></emitter>'
-    ) == PointLight((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
+    assert light(tmp_path, f'<emitter type="point">{move}<rgb name="intensity" value="1,2,3"/></emitter>') == PointLight(
+        (1.0, 2.0, 3.0), (1.0, 2.0, 3.0)
+    )
     assert light(tmp_path, f'<emitter type="spot">{move}</emitter>') == SpotLight(
         (1.0, 2.0, 3.0), (0.0, 0.0, 1.0), WHITE, 20.0, 15.0
     )
     towards = '<vector name="direction" x="0" y="-2" z="0"/><rgb name="irradiance" value="4"/>'
-    assert light(tmp_path, f'<emitter type="directional">{towards}</emitter>') == DirectionalLight(
-        (0.0, -1.0, 0.0), grey(4.0)
-    )
+    assert light(tmp_path, f'<emitter type="directional">{towards}</emitter>') == DirectionalLight((0.0, -1.0, 0.0), grey(4.0))
     found = light(tmp_path, '<emitter type="constant"><rgb name="radiance" value="0.5"/></emitter>')
     assert isinstance(found, EnvironmentLight) and found.radiance == GREY and found.image is None
 
@@ -312,14 +313,8 @@ def test_perspective_sensors(tmp_path):
     assert (found.eye, found.fov, found.fov_axis, found.mirror) == ((1.0, 2.0, 3.0), 30.0, "x", False)
     assert np.subtract(found.target, found.eye)[:2].tolist() == [0.0, 0.0] and found.target[2] > 3.0
     half = math.tan(math.radians(15))
-    for axis, wanted in (
-        ("smaller", ("y", half)),
-        ("larger", ("x", half)),
-        ("diagonal", ("x", half * 2 / math.sqrt(5))),
-    ):
-        found = camera(
-            tmp_path, "perspective", f'<float name="fov" value="30"/><string name="fov_axis" value="{axis}"/>'
-        )
+    for axis, wanted in (("smaller", ("y", half)), ("larger", ("x", half)), ("diagonal", ("x", half * 2 / math.sqrt(5)))):
+        found = camera(tmp_path, "perspective", f'<float name="fov" value="30"/><string name="fov_axis" value="{axis}"/>')
         assert found.fov_axis == wanted[0] and math.tan(math.radians(found.fov / 2)) == pytest.approx(wanted[1])
     found = camera(tmp_path, "perspective", '<string name="focal_length" value="35mm"/>')
     assert found.fov == pytest.approx(57.8712, rel=1e-5)  # what Mitsuba 3.9.1 says of this film

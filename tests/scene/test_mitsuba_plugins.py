@@ -41,11 +41,7 @@ def test_integrators_of_the_table_suggest_a_shader(tmp_path, name):
 @pytest.mark.parametrize(("kind", "name"), [key for key, said in TABLE.items() if said == "drops"])
 def test_what_the_table_drops_is_dropped_with_a_note(tmp_path, kind, name):
     dropped = f'<{kind} type="{name}"/>'
-    sensor = (
-        SENSOR.replace("</film>", f"{dropped}</film>")
-        if kind == "rfilter"
-        else SENSOR.replace("<film", f"{dropped}<film")
-    )
+    sensor = SENSOR.replace("</film>", f"{dropped}</film>") if kind == "rfilter" else SENSOR.replace("<film", f"{dropped}<film")
     assert any("dropped" in warning and name in warning for warning in scene(tmp_path, LAMP, sensor=sensor).warnings)
 
 
@@ -58,9 +54,7 @@ def test_media_of_the_table_are_refused(tmp_path, name):
 def test_every_plugin_of_mitsuba_is_in_the_table():
     folder = Path(metadata.distribution("mitsuba").locate_file("mitsuba/plugins"))
     named = {
-        file.name.removeprefix("lib").split(".")[0]
-        for file in folder.iterdir()
-        if file.suffix in (".so", ".dll", ".dylib")
+        file.name.removeprefix("lib").split(".")[0] for file in folder.iterdir() if file.suffix in (".so", ".dll", ".dylib")
     }
     assert len(named) > 50
     assert named - {name for _, name in TABLE} == set()

@@ -53,12 +53,14 @@ def test_the_scale_along_z_moves_the_near_plane_alone(tmp_path):
 @pytest.mark.parametrize("engine", ["numpy", "numba"])
 def test_an_orthographic_window_may_be_wider_than_its_pixels_are_square(engine):
     """Of a window of 8 x 2 the disk of radius 1 fills a quarter of the width, whatever the shape of the image."""
-    found = engines.scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "orthographic", "eye": [0, 0, 5], "target": [0, 0, 0], "height": 2, "width": 8},
-        "materials": {"lamp": {"kd": 0, "emission": 1}},
-        "shapes": [{"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "lamp"}],
-    })  # fmt: skip
+    found = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "orthographic", "eye": [0, 0, 5], "target": [0, 0, 0], "height": 2, "width": 8},
+            "materials": {"lamp": {"kd": 0, "emission": 1}},
+            "shapes": [{"disk": {"center": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}, "material": "lamp"}],
+        }
+    )
     settings = engines.Settings(64, 16, shader={"name": "path_tracer", "max_depth": 1}, sampler="sobol")
     image = engines.engine(engine).prepare(found, settings).render(4).sums[..., 0] / 4
     assert image[:, :23].max() == image[:, 41:].max() == 0.0 and image[8, 25:39].min() == 1.0
@@ -73,7 +75,7 @@ XYZ = 'x="0.1" y="0.2" z="0.3"'
 @pytest.mark.parametrize(
     ("kind", "value", "truth"),
     [("float", 'value="0.25"', [0.25] * 3), ("vector", 'value="0.1, 0.2 0.3"', THREE), ("point", XYZ, THREE)],
-)  # fmt: skip
+)
 def test_a_raw_constant_is_a_number_or_three(kind, value, truth, tmp_path):
     body = PANE.format(f'<bsdf type="diffuse">{RAW.format("reflectance", kind, value)}</bsdf>')
     assert radiance(tmp_path, body + SUN) == pytest.approx(truth)
@@ -96,7 +98,7 @@ def test_a_raw_constant_is_a_normal_map_everywhere(tmp_path):
         ('<bsdf type="diffuse">' + RAW.format("reflectance", "vector", 'value="0.1 1.2 0"') + "</bsdf>", "must lie in [0, 1]"),
         ('<bsdf type="diffuse">' + RAW.format("reflectance", "rgb", 'value="0.1"') + "</bsdf>", "a <float> or a <vector>"),
     ],
-)  # fmt: skip
+)
 def test_raw_constants_that_have_no_meaning_are_refused(body, said, tmp_path):
     assert said in refusal(tmp_path, PANE.format(body))
 
@@ -105,19 +107,13 @@ def test_negative_texels_of_an_environment_are_black_and_noted(tmp_path):
     image = np.full((4, 8, 3), 0.5, np.float32)
     image[2, 3] = -0.002, 0.5, 0.5
     write_image(tmp_path / "sky.exr", image)
-    found = scene(
-        tmp_path, '<shape type="sphere"/><emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>'
-    )
+    found = scene(tmp_path, '<shape type="sphere"/><emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>')
     assert found.lights[0].image.min() == 0.0 and found.lights[0].image[2, 3].tolist() == [0.0, 0.5, 0.5]
-    assert any(
-        "1 texels with negative radiance, down to -0.002, are taken as 0" in warning for warning in found.warnings
-    )
+    assert any("1 texels with negative radiance, down to -0.002, are taken as 0" in warning for warning in found.warnings)
 
 
 def test_a_binary_ply_file_of_mixed_polygons_says_what_to_do(tmp_path):
-    head = (
-        "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
-    )
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "<f4").tobytes()
     faces = b"\3" + np.array([0, 1, 2], "<i4").tobytes() + b"\4" + np.array([0, 1, 2, 3], "<i4").tobytes()

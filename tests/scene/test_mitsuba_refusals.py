@@ -1,4 +1,4 @@
-"""Mitsuba files that are refused: in one line that says where, what was found and what is wanted, and quickly."""
+"""Mitsuba files that are refused: in one line that says where, what was found and what is expected, and quickly."""
 
 import pytest
 
@@ -19,54 +19,66 @@ WRONG = {
     "nested phong": (shape_with('<bsdf type="twosided">\n<bsdf type="phong"/></bsdf>'), ["s.xml:3", "phong"]),
     "glass inside twosided": (shape_with('<bsdf type="twosided"><bsdf type="dielectric"/></bsdf>'), ["twosided", "leave"]),
     "mask inside twosided": (
-        shape_with('<bsdf type="twosided"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>'), ["twosided"]
+        shape_with('<bsdf type="twosided"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></bsdf>'),
+        ["twosided"],
     ),
     "two bsdfs": (shape_with('<bsdf type="diffuse"/><bsdf type="diffuse"/>'), ["sphere", "BSDF"]),
     "unknown metal": (
-        shape_with('<bsdf type="conductor"><string name="material" value="Na"/></bsdf>'), ["material", "Au", "eta and k"]
+        shape_with('<bsdf type="conductor"><string name="material" value="Na"/></bsdf>'),
+        ["material", "Au", "eta and k"],
     ),
     "metal twice": (
-        shape_with('<bsdf type="conductor"><string name="material" value="Au"/><rgb name="eta" value="1"/></bsdf>'), ["either"]
+        shape_with('<bsdf type="conductor"><string name="material" value="Au"/><rgb name="eta" value="1"/></bsdf>'),
+        ["either"],
     ),
     "bright reflectance": (
-        shape_with('<bsdf type="diffuse"><rgb name="reflectance" value="1.5"/></bsdf>'), ["reflectance", "[0, 1]"]
+        shape_with('<bsdf type="diffuse"><rgb name="reflectance" value="1.5"/></bsdf>'),
+        ["reflectance", "[0, 1]"],
     ),
     "negative colour": (shape_with('<bsdf type="diffuse"><rgb name="reflectance" value="-1"/></bsdf>'), ["negative"]),
     "not a colour": (shape_with('<bsdf type="diffuse"><rgb name="reflectance" value="red"/></bsdf>'), ["red", "numbers"]),
     "not finite": (shape_with('<bsdf type="diffuse"><float name="reflectance" value="nan"/></bsdf>'), ["nan", "finite"]),
     "blackbody": (shape_with('<bsdf type="diffuse"><blackbody name="reflectance" temperature="1"/></bsdf>'), ["colour"]),
     "no weight": (
-        shape_with('<bsdf type="blendbsdf"><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>'), ["weight", "missing"]
+        shape_with('<bsdf type="blendbsdf"><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>'),
+        ["weight", "missing"],
     ),
     "one child of a blend": (
-        shape_with('<bsdf type="blendbsdf"><float name="weight" value="0.5"/><bsdf type="diffuse"/></bsdf>'), ["2 nested"]
+        shape_with('<bsdf type="blendbsdf"><float name="weight" value="0.5"/><bsdf type="diffuse"/></bsdf>'),
+        ["2 nested"],
     ),
     "distribution": (
-        shape_with('<bsdf type="roughconductor"><string name="distribution" value="phong"/></bsdf>'), ["beckmann or ggx"]
+        shape_with('<bsdf type="roughconductor"><string name="distribution" value="phong"/></bsdf>'),
+        ["beckmann or ggx"],
     ),
     "unknown texture": (
-        shape_with('<bsdf type="diffuse"><texture type="noise" name="reflectance"/></bsdf>'), ["noise", "bitmap"]
+        shape_with('<bsdf type="diffuse"><texture type="noise" name="reflectance"/></bsdf>'),
+        ["noise", "bitmap"],
     ),
     "mesh attribute": (
-        shape_with('<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"/></bsdf>'), ["attributes"]
+        shape_with('<bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"/></bsdf>'),
+        ["attributes"],
     ),
     "checkerboard as height": (
-        shape_with('<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>'), ["image"]
+        shape_with('<bsdf type="bumpmap"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>'),
+        ["image"],
     ),
     "wraps": (
-        shape_with('<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="no.png"/>'
-                   '</texture></bsdf>'), ["no.png", "no such file"]
+        shape_with(
+            '<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" value="no.png"/>'
+            "</texture></bsdf>"
+        ),
+        ["no.png", "no such file"],
     ),
     "medium": (shape_with('<medium name="interior" type="homogeneous"/>'), ["media"]),
-    "medium by reference": (
-        '<medium id="fog" type="homogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'), ["media"]
-    ),
+    "medium by reference": ('<medium id="fog" type="homogeneous"/>' + shape_with('<ref name="interior" id="fog"/>'), ["media"]),
     "subsurface": (shape_with('<subsurface type="dipole"/>'), ["below the surface"]),
     "instance": ('<shape type="instance"/>', ["a shapegroup"]),
     "two environments": (LAMP + '<emitter type="constant"/>\n<emitter type="constant"/>', ["s.xml:3", "second environment"]),
     "unknown emitter": ('<emitter type="glow"/>', ["glow", "envmap"]),
     "environment that is stretched": (
-        '<emitter type="sunsky"><transform name="to_world"><scale x="2"/></transform></emitter>', ["rotation"]
+        '<emitter type="sunsky"><transform name="to_world"><scale x="2"/></transform></emitter>',
+        ["rotation"],
     ),
     "unknown id": (shape_with('<ref id="none"/>'), ["none", "no such id"]),
     "id twice": ('<bsdf id="a" type="diffuse"/>\n<bsdf id="a" type="diffuse"/>', ["s.xml:3", "s.xml:2"]),
@@ -98,7 +110,7 @@ WRONG = {
     "no value": (shape_with('<float name="radius"/>'), ["'value' is missing"]),
     "no parameter": (shape_with('<float name="radius" value="$r"/>'), ["$r", "no value"]),
     "useless child": (shape_with('<bsdf type="diffuse"><bsdf type="diffuse"/></bsdf>'), ["no use for bsdf"]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -112,24 +124,21 @@ def test_what_has_no_counterpart_or_is_wrong_is_refused_with_its_line(tmp_path, 
 SENSORS = {
     "none": ("", "no sensor"),
     "unknown": ('<sensor type="fisheye"/>', "perspective"),
-    "crop": (
-        SENSOR.replace('value="8"/>', 'value="8"/><integer name="crop_width" value="4"/>'), "crop"
-    ),
+    "crop": (SENSOR.replace('value="8"/>', 'value="8"/><integer name="crop_width" value="4"/>'), "crop"),
     "scaled": (
-        '<sensor type="perspective"><transform name="to_world"><scale value="2"/></transform></sensor>', "must not scale"
+        '<sensor type="perspective"><transform name="to_world"><scale value="2"/></transform></sensor>',
+        "must not scale",
     ),
     "sheared": (
         '<sensor type="orthographic"><transform name="to_world"><matrix value="1 1 0 0 1 0 0 0 1"/></transform></sensor>',
         "shear",
     ),
-    "flat": (
-        '<sensor type="orthographic"><transform name="to_world"><scale x="0"/></transform></sensor>', "flatten"
-    ),
+    "flat": ('<sensor type="orthographic"><transform name="to_world"><scale x="0"/></transform></sensor>', "flatten"),
     "huge film": (SENSOR.replace('value="8"', 'value="10000000"'), "65536"),
     "fov": (SENSOR.replace('value="40"', 'value="190"'), "(0, 180)"),
     "thinlens": ('<sensor type="thinlens"/>', "aperture_radius"),
     "clip": (SENSOR.replace("<film", '<float name="near_clip" value="9"/><float name="far_clip" value="8"/><film'), "less"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", SENSORS)

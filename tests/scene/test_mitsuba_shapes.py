@@ -34,16 +34,12 @@ def test_cubes_face_outwards_unless_they_are_flipped(tmp_path, more):
     found = shape(tmp_path, f'<shape type="cube">{more}</shape>')
     assert len(found.faces) == 12 and found.normals is None
     corners = found.vertices[found.faces]
-    outwards = np.einsum(
-        "ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]
-    )
+    outwards = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0])
     assert (outwards < 0).all() if FLIP in more else (outwards > 0).all()
 
 
 def test_spheres(tmp_path):
-    place = (
-        '<transform name="to_world"><rotate value="0 0 1" angle="30"/><scale value="2"/><translate x="1"/></transform>'
-    )
+    place = '<transform name="to_world"><rotate value="0 0 1" angle="30"/><scale value="2"/><translate x="1"/></transform>'
     xml = f'<shape type="sphere"><float name="radius" value="0.5"/><point name="center" value="1 0 0"/>{place}</shape>'
     found = shape(tmp_path, xml)
     assert isinstance(found, Sphere) and found.radius == pytest.approx(1.0)

@@ -16,10 +16,15 @@ VIEW = {"eye": [0, 0, 3], "target": [0, 0, 0]}
 
 def scene(camera=None, shape=None, light=None):
     shapes = [] if shape is None else [{**shape, "material": "m"}]
-    return engines.scene_from({
-        "raybench_scene": 1, "camera": camera or {"type": "perspective", **VIEW}, "materials": {"m": {"kd": 0.5}},
-        "shapes": shapes, "lights": [] if light is None else [{"environment": light}],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": camera or {"type": "perspective", **VIEW},
+            "materials": {"m": {"kd": 0.5}},
+            "shapes": shapes,
+            "lights": [] if light is None else [{"environment": light}],
+        }
+    )
 
 
 def test_cameras_shift_mirror_clip_and_focus():
@@ -67,10 +72,14 @@ LIGHTS = [
 ]
 
 
-@pytest.mark.parametrize(("where", "keys", "message"), [
-    *(("camera", {"type": "perspective", **VIEW, **keys}, message) for keys, message in CAMERAS),
-    *(("shape", keys, message) for keys, message in SHAPES), *(("light", keys, message) for keys, message in LIGHTS),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("where", "keys", "message"),
+    [
+        *(("camera", {"type": "perspective", **VIEW, **keys}, message) for keys, message in CAMERAS),
+        *(("shape", keys, message) for keys, message in SHAPES),
+        *(("light", keys, message) for keys, message in LIGHTS),
+    ],
+)
 def test_what_is_wrong_is_refused_where_it_stands(where, keys, message):
     with pytest.raises(SceneError) as refused:
         scene(**{where: keys})

@@ -48,9 +48,7 @@ def test_a_tessellated_sphere_is_closed_and_lies_on_the_sphere(subdivisions):
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
 def test_a_sphereflake_touches_its_parents_and_never_overlaps_the_root(level):
     found = shape(name="sphereflake", level=level, center=[0, 1, 0], radius=0.5)
-    assert isinstance(found, SphereSet) and len(found.radii) == sphere_count(level) == sum(
-        9**k for k in range(level + 1)
-    )
+    assert isinstance(found, SphereSet) and len(found.radii) == sphere_count(level) == sum(9**k for k in range(level + 1))
     distance = np.linalg.norm(found.centers - [0, 1, 0], axis=1)
     assert (distance[1:] > 0.5 * (1 - 1e-12)).all() and found.radii[0] == 0.5
     for index in range(1, len(found.radii)):

@@ -30,7 +30,7 @@ from engines.scene import (
     SphereSet,
     SpotLight,
     Triangle,
-)  # fmt: skip
+)
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]}
 BASE = {"raybench_scene": 1, "camera": CAMERA, "materials": {"m": {"kd": 0.5}, "lamp": {"emission": 1}}}
@@ -89,10 +89,7 @@ def test_disks_and_spot_lights_are_read():
     ("written", "meant"),
     [
         ({"eta": [0.1, 0.2, 0.3], "k": 4}, Conductor((0.1, 0.2, 0.3), (4, 4, 4))),
-        (
-            {"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5},
-            Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3),
-        ),
+        ({"eta": 1, "k": 2, "alpha": 0.3, "specular_reflectance": 0.5}, Conductor((1,) * 3, (2,) * 3, (0.3, 0.3), (0.5,) * 3)),
         ({"reflectance": [1, 0.5, 0], "alpha": [0.1, 1e-4]}, Conductor((0,) * 3, (1,) * 3, (0.1, 1e-4), (1, 0.5, 0))),
         ({"reflectance": 1, "alpha": [0, 0], "distribution": "ggx"}, Conductor((0,) * 3, (1,) * 3)),
     ],
@@ -157,8 +154,9 @@ def test_orthographic_cameras_are_read():
 
 def test_what_is_legal_but_rarely_meant_gives_one_warning_each():
     assert scene().warnings == (
-        "the scene is empty: it has no shapes", "the scene has no light: images that need light will be black",
-    )  # fmt: skip
+        "the scene is empty: it has no shapes",
+        "the scene has no light: images that need light will be black",
+    )
     assert scene(shapes=None, lights=None).warnings == scene().warnings
     flat = {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [2, 0, 0]}, "material": "m"}
     mesh = {"mesh": {"vertices": np.eye(3), "faces": [[0, 1, 2], [0, 0, 1], [2, 2, 2]]}, "material": "lamp"}
@@ -183,10 +181,15 @@ def test_an_emitting_mesh_without_area_is_refused():
 @pytest.mark.parametrize(
     "material",
     [
-        {"kd": 0}, {"kd": 1}, {"kd": 0.6, "ks": 0.3, "kt": 0.1}, {"ks": 1, "kt": 1, "fresnel": True, "ior": 1},
-        {"kt": 1, "ior": 1e-3}, {"kd": 1, "emission": 1e30, "two_sided": True}, {},
+        {"kd": 0},
+        {"kd": 1},
+        {"kd": 0.6, "ks": 0.3, "kt": 0.1},
+        {"ks": 1, "kt": 1, "fresnel": True, "ior": 1},
+        {"kt": 1, "ior": 1e-3},
+        {"kd": 1, "emission": 1e30, "two_sided": True},
+        {},
     ],
-)  # fmt: skip
+)
 def test_extreme_materials_are_legal(material):
     scene(materials={"m": material})
 
@@ -271,10 +274,7 @@ class Own:
     options = {"color": (1, 1, 1), "position": (0, 0, 0), "width": 0.5}  # noqa: RUF012
 
 
-PLACES = {
-    "light": lambda body: {"lights": [{"plugin": body}]},
-    "BSDF": lambda body: {"materials": {"grey": {"plugin": body}}},
-}
+PLACES = {"light": lambda body: {"lights": [{"plugin": body}]}, "BSDF": lambda body: {"materials": {"grey": {"plugin": body}}}}
 
 
 def of_plugin(place, body, **leave):
@@ -292,10 +292,7 @@ def test_light_and_bsdf_plugins_have_their_options_in_order(place):
 @pytest.mark.parametrize(
     ("body", "said"),
     [
-        (
-            {"type": Own(), "widht": 1},
-            r"plugin.widht: unknown key: did you mean 'width'\? known: color, position, type, width",
-        ),
+        ({"type": Own(), "widht": 1}, r"plugin.widht: unknown key: did you mean 'width'\? known: color, position, type, width"),
         ({"type": Own(), "width": [1, 2, 3]}, r"plugin.width: must be a number"),
         ({"type": Own(), "width": float("inf")}, r"plugin.width = inf: must be finite"),
         ({"type": Own(), "position": [1, 2]}, r"plugin.position: must be three numbers"),

@@ -27,9 +27,17 @@ positive = st.floats(1e-6, 1e6)
 direction = triple.filter(any)
 
 
-lobes = st.fixed_dictionaries({}, optional={
-    "kd": color, "ks": color, "kt": color, "ior": st.floats(0.1, 4), "fresnel": st.booleans(), "two_sided": st.booleans(),
-})  # fmt: skip
+lobes = st.fixed_dictionaries(
+    {},
+    optional={
+        "kd": color,
+        "ks": color,
+        "kt": color,
+        "ior": st.floats(0.1, 4),
+        "fresnel": st.booleans(),
+        "two_sided": st.booleans(),
+    },
+)
 rough = {"alpha": st.one_of(st.just(0), st.floats(1e-4, 1), st.lists(st.floats(1e-4, 1), min_size=2, max_size=2))}
 index = st.lists(st.floats(0.01, 10), min_size=3, max_size=3)
 conductors = st.one_of(
@@ -49,16 +57,25 @@ shapes = st.one_of(
     shape("disk", {"center": triple, "normal": direction, "radius": positive}),
     shape("plane", {"point": triple, "normal": direction}),
     shape("triangle", {"a": triple, "b": triple, "c": triple}),
-    shape("mesh", {"vertices": st.lists(triple, min_size=3, max_size=5),
-                   "faces": st.lists(st.lists(st.integers(0, 2), min_size=3, max_size=3), min_size=1, max_size=4)}),
+    shape(
+        "mesh",
+        {
+            "vertices": st.lists(triple, min_size=3, max_size=5),
+            "faces": st.lists(st.lists(st.integers(0, 2), min_size=3, max_size=3), min_size=1, max_size=4),
+        },
+    ),
     shape("procedural", {"name": st.just("box"), "half_size": st.lists(positive, min_size=3, max_size=3)}),
     shape("procedural", {"name": st.just("sphereflake"), "level": st.integers(0, 2)}),
-)  # fmt: skip
+)
 lights = st.one_of(
     st.fixed_dictionaries({"point": st.fixed_dictionaries({"position": triple, "intensity": positive})}),
-    st.fixed_dictionaries({"spot": st.fixed_dictionaries(
-        {"position": triple, "direction": direction, "intensity": positive}, optional={"cutoff": st.floats(1, 179)},
-    )}),
+    st.fixed_dictionaries(
+        {
+            "spot": st.fixed_dictionaries(
+                {"position": triple, "direction": direction, "intensity": positive}, optional={"cutoff": st.floats(1, 179)}
+            )
+        }
+    ),
     st.fixed_dictionaries({"directional": st.fixed_dictionaries({"direction": direction, "irradiance": color})}),
     st.fixed_dictionaries({"environment": st.fixed_dictionaries({"radiance": color})}),
 )
@@ -68,12 +85,17 @@ lights = st.one_of(
 def scenes(draw):
     return {
         "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0], "fov": draw(st.floats(1, 179)),
-                   "resolution": draw(st.lists(st.integers(1, 64), min_size=2, max_size=2))},
+        "camera": {
+            "type": "perspective",
+            "eye": [0, 1, 5],
+            "target": [0, 1, 0],
+            "fov": draw(st.floats(1, 179)),
+            "resolution": draw(st.lists(st.integers(1, 64), min_size=2, max_size=2)),
+        },
         "materials": {"a": draw(materials), "b": draw(materials), "lamp": {"emission": draw(positive)}},
         "shapes": draw(st.lists(shapes, max_size=3)),
         "lights": draw(st.lists(lights, max_size=2)),
-    }  # fmt: skip
+    }
 
 
 @QUICK
@@ -154,12 +176,14 @@ finite_bits = st.integers(0, 2**64 - 1).filter(lambda bits: bits >> 52 & 0x7FF !
 def test_any_finite_bit_patterns_are_traced_and_never_crash(engine, bits):
     """Four triangles of any doubles, denormal to 1e308, in every accelerator: hits or misses, in order, never NaN."""
     vertices = np.frombuffer(struct.pack("<36Q", *bits), np.float64).reshape(12, 3)
-    scene = engines.scene_from({
-        "raybench_scene": 1,
-        "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0]},
-        "materials": {"m": {}},
-        "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(12).reshape(4, 3)}, "material": "m"}],
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 1, 5], "target": [0, 1, 0]},
+            "materials": {"m": {}},
+            "shapes": [{"mesh": {"vertices": vertices, "faces": np.arange(12).reshape(4, 3)}, "material": "m"}],
+        }
+    )
     centers = vertices.reshape(4, 3, 3).mean(axis=1, where=np.abs(vertices.reshape(4, 3, 3)) < 1e300)
     origins = np.concatenate([np.zeros((4, 3)), np.ones((4, 3))])
     directions = np.nan_to_num(np.concatenate([centers, centers - 1.0]))

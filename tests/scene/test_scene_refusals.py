@@ -34,8 +34,20 @@ SCENE = {
         "glass": {"dielectric": {"ior": 1.5, "alpha": 0.1, "distribution": "beckmann", "specular_transmittance": 0.5}},
         "pane": {"thin_dielectric": {"ior": 1.3, "specular_reflectance": 0.5}},
         "wax": {"plastic": {"diffuse": 0.5, "ior": 1.5, "alpha": 0.1, "nonlinear": True}},
-        "paint": {"principled": {"base_color": 0.5, "roughness": 0.3, "anisotropic": 0.1, "metallic": 0.2, "eta": 1.4,
-                                 "clearcoat": 0.1, "clearcoat_gloss": 0.2, "spec_trans": 0.3, "sheen": 0.1, "flatness": 0.2}},
+        "paint": {
+            "principled": {
+                "base_color": 0.5,
+                "roughness": 0.3,
+                "anisotropic": 0.1,
+                "metallic": 0.2,
+                "eta": 1.4,
+                "clearcoat": 0.1,
+                "clearcoat_gloss": 0.2,
+                "spec_trans": 0.3,
+                "sheen": 0.1,
+                "flatness": 0.2,
+            }
+        },
         "leaf": {"mask": {"opacity": 0.5, "of": "red"}},
         "worn": {"blend": {"weight": 0.5, "a": "red", "b": {"kd": 0.5}}},
     },
@@ -44,8 +56,10 @@ SCENE = {
         {"spheres": {"centers": [POINT], "radii": [1.0]}, "material": "red"},
         {"plane": {"point": POINT, "normal": UP}, "material": "red"},
         {"triangle": {"a": [0.0, 0.0, 0.0], "b": [1.0, 0.0, 0.0], "c": UP}, "material": "red"},
-        {"mesh": {"vertices": [POINT, UP, [1.0, 0.0, 0.0]], "faces": [[0, 1, 2]], "scale": 2.0, "smooth": True},
-         "material": "red"},
+        {
+            "mesh": {"vertices": [POINT, UP, [1.0, 0.0, 0.0]], "faces": [[0, 1, 2]], "scale": 2.0, "smooth": True},
+            "material": "red",
+        },
         {"procedural": {"name": "sphereflake", "level": 1}, "material": "red"},
         {"procedural": {"name": "box", "half_size": [1.0, 1.0, 1.0], "rotate_y": 10.0}, "material": "red"},
         {"disk": {"center": POINT, "normal": UP, "radius": 0.5}, "material": "gold"},
@@ -57,7 +71,7 @@ SCENE = {
         {"environment": {"radiance": 1.0}},
         {"spot": {"position": POINT, "target": UP, "intensity": 5.0, "cutoff": 30.0, "beam_width": 20.0}},
     ],
-}  # fmt: skip
+}
 SCHEMA = scene_schema()
 VALIDATOR = Draft202012Validator(SCHEMA)
 WRONG = ["wrong", -98765.5, 98765.5]

@@ -92,13 +92,22 @@ FORMS = {
     "target": {"lights": [{"spot": {"position": [0, 3, 0], "target": [0, 0, 0], "intensity": 1}}]},
     "direction": {"lights": [{"spot": {"position": [0, 3, 0], "direction": [0, 0, 1], "intensity": 1, "beam_width": 1}}]},
     "disk": {"shapes": [{"disk": {"center": [0, 0, 0], "normal": [0, 0, 3], "radius": 1}, "material": "grey"}]},
-    "scale": {"shapes": [{"mesh": {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]], "scale": [1, 2, 3]},
-                          "material": "grey"}]},
-    "quad": {"shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]},
-                         "material": "grey"}]},
-    "plugins": {"materials": {"m": {"plugin": {"type": "scene_plugin:own"}, "emission": 1}},
-                "lights": [{"plugin": {"type": "scene_plugin:own", "x": 2}}]},
-}  # fmt: skip
+    "scale": {
+        "shapes": [
+            {
+                "mesh": {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]], "scale": [1, 2, 3]},
+                "material": "grey",
+            }
+        ]
+    },
+    "quad": {
+        "shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]}, "material": "grey"}]
+    },
+    "plugins": {
+        "materials": {"m": {"plugin": {"type": "scene_plugin:own"}, "emission": 1}},
+        "lights": [{"plugin": {"type": "scene_plugin:own", "x": 2}}],
+    },
+}
 NOT = {
     "two metals": {"materials": {"m": {"conductor": {"metal": "Au", "reflectance": 1}}}},
     "no k": {"materials": {"m": {"conductor": {"eta": 1}}}},
@@ -106,10 +115,11 @@ NOT = {
     "no plugin": {"lights": [{"plugin": {"x": 1}}]},
     "no module": {"materials": {"m": {"plugin": {"type": "own"}}}},
     "neither": {"lights": [{"spot": {"position": [0, 3, 0], "intensity": 1}}]},
-    "three points": {"shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]},
-                                 "material": "grey"}]},
+    "three points": {
+        "shapes": [{"procedural": {"name": "quad", "points": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}, "material": "grey"}]
+    },
     "large level": {"shapes": [{"procedural": {"name": "tree", "level": 31}, "material": "grey"}]},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -138,9 +148,18 @@ def test_its_defaults_change_nothing():
     (box,) = (filled(body["properties"]) for body in procedural if body["properties"]["name"]["const"] == "box")
     lights = [{"environment": {"radiance": filled(kinds(SCHEMA, "lights")["environment"]["properties"])["radiance"]}}]
     short = engines.scene_from({**SCENE, "materials": {"grey": {}}, "shapes": shapes, "lights": lights})
-    long = engines.scene_from({
-        **SCENE, "camera": {**camera, **CAMERA}, "materials": {"grey": material}, "lights": lights,
-        "shapes": [{"procedural": {"name": "box", **{key: list(v) if isinstance(v, tuple) else v for key, v in box.items()}},
-                    "material": "grey"}],
-    })  # fmt: skip
+    long = engines.scene_from(
+        {
+            **SCENE,
+            "camera": {**camera, **CAMERA},
+            "materials": {"grey": material},
+            "lights": lights,
+            "shapes": [
+                {
+                    "procedural": {"name": "box", **{key: list(v) if isinstance(v, tuple) else v for key, v in box.items()}},
+                    "material": "grey",
+                }
+            ],
+        }
+    )
     assert (long.content_hash, long.camera) == (short.content_hash, short.camera)

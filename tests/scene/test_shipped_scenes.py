@@ -21,7 +21,7 @@ from engines.scene import (
     PointLight,
     Sphere,
     Triangle,
-)  # fmt: skip
+)
 from engines.scene.files import scene_names
 from engines.scene.geometry import face_normals
 
@@ -72,13 +72,22 @@ def test_the_cornell_box_is_exact():
     scene = engines.load_scene("cornell_box")
     assert scene.camera == Perspective((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077, "y", (256, 256))
     assert len(scene.shapes) == 8 and face_count(scene) == 36 and scene.lights == ()
-    white, green, red, light = ((0.885809, 0.698859, 0.666422), (0.105421, 0.37798, 0.076425),
-                                (0.570068, 0.0430135, 0.0443706), (18.387, 13.9873, 6.75357))  # fmt: skip
+    white, green, red, light = (
+        (0.885809, 0.698859, 0.666422),
+        (0.105421, 0.37798, 0.076425),
+        (0.570068, 0.0430135, 0.0443706),
+        (18.387, 13.9873, 6.75357),
+    )
     normals = [(0, 1, 0), (0, -1, 0), (0, 0, 1), (-1, 0, 0), (1, 0, 0), (0, -1, 0)]
     colors = [white, white, white, green, red, white]
-    boxes = [[(-1, 1), (-1, -1), (-1, 1)], [(-1, 1), (1, 1), (-1, 1)], [(-1, 1), (-1, 1), (-1, -1)],
-             [(1, 1), (-1, 1), (-1, 1)], [(-1, -1), (-1, 1), (-1, 1)],
-             [(-0.23, 0.23), (0.99, 0.99), (-0.18, 0.2)]]  # fmt: skip
+    boxes = [
+        [(-1, 1), (-1, -1), (-1, 1)],
+        [(-1, 1), (1, 1), (-1, 1)],
+        [(-1, 1), (-1, 1), (-1, -1)],
+        [(1, 1), (-1, 1), (-1, 1)],
+        [(-1, -1), (-1, 1), (-1, 1)],
+        [(-0.23, 0.23), (0.99, 0.99), (-0.18, 0.2)],
+    ]
     for shape, normal, color, box in zip(scene.shapes[:6], normals, colors, boxes, strict=True):
         found = face_normals(shape.vertices, shape.faces)
         assert np.array_equal(found / np.linalg.norm(found, axis=1, keepdims=True), [normal] * 2)
@@ -99,8 +108,10 @@ def test_the_boxes_of_the_cornell_box_are_turned_the_right_way(index, half, cent
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     corners = {
         tuple(np.round([x * cos + z * sin + center[0], y + center[1], z * cos - x * sin + center[2]], 12))
-        for x in (-half[0], half[0]) for y in (-half[1], half[1]) for z in (-half[2], half[2])
-    }  # fmt: skip
+        for x in (-half[0], half[0])
+        for y in (-half[1], half[1])
+        for z in (-half[2], half[2])
+    }
     assert {tuple(vertex) for vertex in np.round(shape.vertices, 12)} == corners
 
 

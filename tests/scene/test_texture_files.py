@@ -27,9 +27,10 @@ def decoded(x):
 
 def pixels(folder, name="a.png", **keys):
     """Of the texture that a scene in this folder has."""
-    found = engines.scene_from({
-        **SCENE, "textures": {"t": {"image": name, **keys}}, "materials": {"m": {"diffuse": {"reflectance": "t"}}},
-    }, folder=folder)  # fmt: skip
+    found = engines.scene_from(
+        {**SCENE, "textures": {"t": {"image": name, **keys}}, "materials": {"m": {"diffuse": {"reflectance": "t"}}}},
+        folder=folder,
+    )
     held = found.materials[0].bsdf.reflectance.pixels
     assert held.dtype == np.float32 and not held.flags.writeable
     return held
@@ -46,10 +47,21 @@ def png(values, interlace=0):
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
-@pytest.mark.parametrize(("mode", "suffix", "channels"), [
-    ("L", "png", 1), ("LA", "png", 1), ("RGB", "png", 3), ("RGBA", "png", 3), ("RGB", "bmp", 3), ("RGB", "tga", 3),
-    ("RGBA", "tga", 3), ("L", "tga", 1), ("RGB", "webp", 3), ("RGBA", "tif", 3),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("mode", "suffix", "channels"),
+    [
+        ("L", "png", 1),
+        ("LA", "png", 1),
+        ("RGB", "png", 3),
+        ("RGBA", "png", 3),
+        ("RGB", "bmp", 3),
+        ("RGB", "tga", 3),
+        ("RGBA", "tga", 3),
+        ("L", "tga", 1),
+        ("RGB", "webp", 3),
+        ("RGBA", "tif", 3),
+    ],
+)
 def test_eight_bits_are_decoded_from_srgb_once_and_alpha_only_where_it_is_asked_for(tmp_path, mode, suffix, channels):
     values = {"L": COLORS[:, :, 0], "LA": COLORS[:, :, [0, 3]], "RGB": COLORS[:, :, :3], "RGBA": COLORS}[mode]
     options = {"lossless": True} if suffix == "webp" else {}
@@ -138,10 +150,14 @@ def test_a_file_is_read_once_a_scene_and_decoded_once_each_way(tmp_path, monkeyp
     original = texture._bitmap
     monkeypatch.setattr(texture, "_bitmap", lambda file, formats: read.append(file) or original(file, formats))
     ways = [{}, {"scale": 2}, {"color_space": "raw"}, {"channel": "a"}, {"color_space": "srgb"}]
-    scene = engines.scene_from({
-        **SCENE, "textures": {f"t{i}": {"image": "a.png", **way} for i, way in enumerate(ways)},
-        "materials": {f"m{i}": {"kd": f"t{i}"} for i in range(len(ways))},
-    }, folder=tmp_path)  # fmt: skip
+    scene = engines.scene_from(
+        {
+            **SCENE,
+            "textures": {f"t{i}": {"image": "a.png", **way} for i, way in enumerate(ways)},
+            "materials": {f"m{i}": {"kd": f"t{i}"} for i in range(len(ways))},
+        },
+        folder=tmp_path,
+    )
     held = [material.bsdf.kd.pixels for material in scene.materials]
     assert len(read) == 1 and held[0] is held[1] is held[4] and held[2] is not held[0]
 
@@ -159,18 +175,21 @@ def bomb(width, height):
     return start + struct.pack(">I", 100) + b"IDAT" + zlib.compress(bytes(50))
 
 
-@pytest.mark.parametrize(("name", "content", "message"), [
-    ("a.png", bomb(60_000, 60_000), "a.png: "),
-    ("a.png", bomb(12_000, 12_000), "pixels: at most 33554432 are read from a file of its size"),
-    ("a.png", png(DEEP)[:-40], "a.png: is not a usable image: "),
-    ("a.hdr", hdr([], 500_000).replace(b"-Y 0", b"-Y 500000"), "pixels: at most 33554432 are read"),
-    ("a.hdr", b"#?RADIANCE\n\n+Y 3 +X 3\n", "'-Y height [+]X width'"),
-    ("a.hdr", b"P6 3 3 255\n", "the content of a Radiance HDR file is wanted"),
-    ("a.exr", b"v/1\x01" + bytes(40), "a.exr: is not a usable image"),
-    ("a.gif", b"GIF89a", "unknown image format '.gif'"),
-    ("a.tga", b"not one", "a.tga: is not a usable image"),
-    ("a.png", b"", "a.png: is empty"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.png", bomb(60_000, 60_000), "a.png: "),
+        ("a.png", bomb(12_000, 12_000), "pixels: at most 33554432 are read from a file of its size"),
+        ("a.png", png(DEEP)[:-40], "a.png: is not a usable image: "),
+        ("a.hdr", hdr([], 500_000).replace(b"-Y 0", b"-Y 500000"), "pixels: at most 33554432 are read"),
+        ("a.hdr", b"#?RADIANCE\n\n+Y 3 +X 3\n", "'-Y height [+]X width'"),
+        ("a.hdr", b"P6 3 3 255\n", "the content of a Radiance HDR file is expected"),
+        ("a.exr", b"v/1\x01" + bytes(40), "a.exr: is not a usable image"),
+        ("a.gif", b"GIF89a", "unknown image format '.gif'"),
+        ("a.tga", b"not one", "a.tga: is not a usable image"),
+        ("a.png", b"", "a.png: is empty"),
+    ],
+)
 def test_damaged_huge_and_foreign_files_are_refused_in_one_line(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(SceneError, match=message) as refused:
@@ -186,9 +205,11 @@ def test_arrays_are_textures_too():
     mine[0] = 1.0
     assert not held.any()
     for wrong, message in (
-        (np.zeros(3), r"array \(3,\): must have the shape"), (np.zeros((2, 2, 5)), "must have the shape"),
-        (np.zeros((2, 2), np.int32), "array of int32: must be uint8"), (np.full((2, 2), np.inf), "infinite"),
-    ):  # fmt: skip
+        (np.zeros(3), r"array \(3,\): must have the shape"),
+        (np.zeros((2, 2, 5)), "must have the shape"),
+        (np.zeros((2, 2), np.int32), "array of int32: must be uint8"),
+        (np.full((2, 2), np.inf), "infinite"),
+    ):
         with pytest.raises(SceneError, match=message):
             pixels(".", wrong)
 

@@ -15,17 +15,26 @@ from engines.scene import ImageTexture, Mask, Mixture, NormalMap, Principled
 from engines.scene.geometry import face_normals
 
 CAMERA = {"type": "perspective", "eye": [0, 0, 3], "target": [0, 0, 0]}
-MATERIALS = {"textured": {"diffuse": {"reflectance": "t"}}, "plain": {"kd": 0.5},
-             "brushed": {"conductor": {"metal": "Au", "alpha": [0.1, 0.2]}}}  # fmt: skip
+MATERIALS = {
+    "textured": {"diffuse": {"reflectance": "t"}},
+    "plain": {"kd": 0.5},
+    "brushed": {"conductor": {"metal": "Au", "alpha": [0.1, 0.2]}},
+}
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 
 def load(folder, mesh, material="textured", warnings=False):
     shape = {"mesh": mesh} | ({} if material is None else {"material": material})
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": CAMERA, "textures": {"t": {"checkerboard": {}}}, "materials": MATERIALS,
-        "shapes": [shape],
-    }, folder=folder)  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": CAMERA,
+            "textures": {"t": {"checkerboard": {}}},
+            "materials": MATERIALS,
+            "shapes": [shape],
+        },
+        folder=folder,
+    )
     return (scene.shapes[0], scene.warnings) if warnings else scene.shapes[0]
 
 
@@ -53,13 +62,19 @@ def test_smooth_normals_do_not_see_seams(tmp_path):
     roof = "v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nv 1 2 0\nv 0 2 0\n"
     faces = "f 1/1 2/1 3/{a}\nf 1/1 3/{a} 4/{a}\nf 4/{b} 3/{b} 5/1\nf 4/{b} 5/1 6/1\n"
     (tmp_path / "m.obj").write_text(roof + "vt 0 0\nvt 0 1\nvt 1 1\n" + faces.format(a=2, b=3))
-    seam, whole = load(tmp_path, {"file": "m.obj", "smooth": True}), load(tmp_path, {"file": "m.obj", "smooth": True}, "plain")
+    seam, whole = (
+        load(tmp_path, {"file": "m.obj", "smooth": True}),
+        load(tmp_path, {"file": "m.obj", "smooth": True}, "plain"),
+    )
     assert len(seam.vertices) == 8 and len(whole.vertices) == 6
     assert np.allclose(seam.normals[seam.faces], whole.normals[whole.faces], atol=1e-15)
     (tmp_path / "m.obj").write_text(roof + "vt 0 0\nvt 1 1\nvn 0 0 2\nvn 0 1 0\nf 1/1/1 2/2/1 3/1/2\nf 1/2/1 3/1/1 4/2/2\n")
     both = load(tmp_path, {"file": "m.obj", "smooth": True})
     assert both.normals[both.faces][:, :, 2].tolist() == [[1, 1, 0], [1, 1, 0]] and both.uvs[both.faces][1].tolist() == [
-        [1, 0], [0, 1], [1, 0]]  # fmt: skip
+        [1, 0],
+        [0, 1],
+        [1, 0],
+    ]
 
 
 def test_corners_without_texture_coordinates_have_zero_and_wrong_ones_are_refused(tmp_path):
@@ -67,7 +82,7 @@ def test_corners_without_texture_coordinates_have_zero_and_wrong_ones_are_refuse
     mesh = load(tmp_path, {"file": "m.obj"})
     assert corners(mesh)[1, :, 3:].tolist() == [[0, 0]] * 3 and corners(mesh)[0, :, 3:].tolist() == [[1, 1]] * 3
     for wrong, message in (
-        ("vt a b\nf 1/1 2/1 3/1", "m.obj:5: 'a b': numbers are wanted"),
+        ("vt a b\nf 1/1 2/1 3/1", "m.obj:5: 'a b': numbers are expected"),
         ("vt 0 0\nf 1/2 2/1 3/1", "m.obj:6: texture coordinate 2: there are 1, counted from 1"),
     ):
         (tmp_path / "m.obj").write_text(SQUARE + wrong + "\n")
@@ -168,9 +183,10 @@ def test_a_transform_takes_normals_by_its_inverse_transpose_and_keeps_the_front(
     moved = load(tmp_path, {"file": "m.obj", "transform": [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]}, "plain")
     assert np.array_equal(moved.vertices, np.eye(3) + np.array([1, 2, 3]))
     for wrong, message in (
-        (np.zeros((3, 3)), "must not be singular"), ([[1, 0], [0, 1]], "must be a matrix of 3 x 3, 3 x 4 or 4 x 4"),
+        (np.zeros((3, 3)), "must not be singular"),
+        ([[1, 0], [0, 1]], "must be a matrix of 3 x 3, 3 x 4 or 4 x 4"),
         ([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]], "must be affine"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(SceneError, match=message):
             load(tmp_path, {"file": "m.obj", "transform": wrong}, "plain")
     with pytest.raises(SceneError, match="scale: either transform, or scale and translate"):
@@ -229,25 +245,36 @@ def test_maps_of_an_mtl(tmp_path):
     assert isinstance(bumpy.bsdf, NormalMap) and np.allclose(bumpy.bsdf.map.pixels[0, 0], (1, 128 / 255, 0))
     assert gone.bsdf is None and gone.kd == (0.25,) * 3 and outside.bsdf is None
     for start in (
-        "m.mtl: map_Ks is not read: material 'wood'", "m.mtl: bump is not read: material 'bumpy'",
-        "m.mtl: map_kd of material 'gone' is left out: ", "m.mtl: map_kd of material 'outside' is left out: ",
-    ):  # fmt: skip
+        "m.mtl: map_Ks is not read: material 'wood'",
+        "m.mtl: bump is not read: material 'bumpy'",
+        "m.mtl: map_kd of material 'gone' is left out: ",
+        "m.mtl: map_kd of material 'outside' is left out: ",
+    ):
         assert sum(text.startswith(start) for text in scene.warnings) == 1
 
 
-
-
-@pytest.mark.parametrize("shape", [
-    {"name": "rectangle", "corner": [0, 0, 0], "edge1": [2, 0, 0], "edge2": [0, 3, 0]}, {"name": "box"},
-    {"name": "terrain", "cells": 4}, {"name": "mount", "level": 2}, {"name": "torus_knot", "segments": 40, "sides": 5},
-    {"name": "teapot", "segments": 2},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"name": "rectangle", "corner": [0, 0, 0], "edge1": [2, 0, 0], "edge2": [0, 3, 0]},
+        {"name": "box"},
+        {"name": "terrain", "cells": 4},
+        {"name": "mount", "level": 2},
+        {"name": "torus_knot", "segments": 40, "sides": 5},
+        {"name": "teapot", "segments": 2},
+    ],
+)
 def test_procedural_shapes_have_texture_coordinates_where_a_texture_asks(shape):
     def made(material):
-        return engines.scene_from({
-            "raybench_scene": 1, "camera": CAMERA, "textures": {"t": {"checkerboard": {}}}, "materials": MATERIALS,
-            "shapes": [{"procedural": shape, "material": material}],
-        }).shapes[0]  # fmt: skip
+        return engines.scene_from(
+            {
+                "raybench_scene": 1,
+                "camera": CAMERA,
+                "textures": {"t": {"checkerboard": {}}},
+                "materials": MATERIALS,
+                "shapes": [{"procedural": shape, "material": material}],
+            }
+        ).shapes[0]
 
     plain, textured = made("plain"), made("textured")
     assert plain.uvs is None and np.array_equal(plain.vertices[plain.faces], textured.vertices[textured.faces])

@@ -45,8 +45,9 @@ def test_normals_that_the_file_gives_are_kept_beside_faces_that_have_none(tmp_pa
     slope = 1.0 / math.sqrt(1.25)
     assert radiance(tmp_path, TWO_SIDED + SUN, (0.5, 0)) == pytest.approx([0.5 * slope] * 3)
     (said,) = notes(scene(tmp_path, TWO_SIDED + SUN))
-    assert said.endswith("3 corners of triangles have no vertex normal, or normals that cancel: the normal of the triangle is "
-                         "taken there")  # fmt: skip
+    assert said.endswith(
+        "3 corners of triangles have no vertex normal, or normals that cancel: the normal of the triangle is taken there"
+    )
 
 
 def test_a_sheet_whose_sides_share_their_vertices_is_flat(tmp_path):
@@ -78,9 +79,14 @@ SHEET = {"vertices": [[-1, -1, 0], [1, -1, 0], [0, 2, 0]], "faces": [[0, 1, 2], 
 @pytest.mark.parametrize(("mesh", "fronts"), [({"file": "m.obj"}, [1.0]), (SHEET, [1.0, -1.0])])
 def test_scenes_in_yaml_do_the_same(mesh, fronts, tmp_path):
     obj(tmp_path, f"{CORNERS}vn 0 0 0\nf 1//1 2//1 3//1\n")
-    found = engines.scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "materials": {"grey": {"kd": 0.5}}, "shapes": [{"mesh": {**mesh, "smooth": True, "scale": 2}, "material": "grey"}],
-    }, folder=tmp_path)  # fmt: skip
+    found = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "materials": {"grey": {"kd": 0.5}},
+            "shapes": [{"mesh": {**mesh, "smooth": True, "scale": 2}, "material": "grey"}],
+        },
+        folder=tmp_path,
+    )
     made = found.shapes[0]
     assert made.normals[made.faces][:, :, 2].tolist() == [[z] * 3 for z in fronts] and len(notes(found)) == 1

@@ -16,9 +16,18 @@ TILTED = [0.123, 0.456, -0.789]
 SCENE = {
     "raybench_scene": 1,
     "name": "all there is: ünïcode",
-    "camera": {"type": "thin_lens", "eye": [0.1, 1, 4], "target": [0, 1 / 3, 0], "fov": 41.7, "aperture_radius": 0.02,
-               "focus_distance": 3, "mirror": True, "principal_point": [0.1, -0.2], "clip": [0.1, float("inf")],
-               "resolution": [8, 6]},
+    "camera": {
+        "type": "thin_lens",
+        "eye": [0.1, 1, 4],
+        "target": [0, 1 / 3, 0],
+        "fov": 41.7,
+        "aperture_radius": 0.02,
+        "focus_distance": 3,
+        "mirror": True,
+        "principal_point": [0.1, -0.2],
+        "clip": [0.1, float("inf")],
+        "resolution": [8, 6],
+    },
     "textures": {
         "wood": {"image": RANDOM.integers(0, 256, (3, 4, 3), np.uint8), "scale": [4, 2], "offset": [0.5, 0], "wrap": "mirror"},
         "grey": {"image": RANDOM.random((2, 3)), "filter": "nearest", "to_uv": [[0, 1, 0.25], [1, 0, 0]]},
@@ -47,19 +56,34 @@ SCENE = {
         {"plane": {"point": [0, -1, 0], "normal": [0.1, 0.9, 0.2]}, "material": "null"},
         {"cylinder": {"p0": [0, 0, 0], "p1": [0, 1, 0.1], "radius": 0.1}, "material": "frosted"},
         {"triangle": {"a": [0, 0, 0], "b": [1, 0, 0], "c": [0, 1, 0]}, "material": "pane"},
-        {"mesh": {"vertices": RANDOM.random((4, 3)), "faces": [[0, 1, 2], [0, 2, 3]], "uvs": RANDOM.random((4, 2)),
-                  "smooth": True}, "material": "mapped"},
-        *({"mesh": {"vertices": np.eye(3), "faces": [[0, 1, 2]]}, "material": name}
-          for name in ("plain", "glass", "table", "varnish", "paint", "leaf", "worn", "relief")),
+        {
+            "mesh": {
+                "vertices": RANDOM.random((4, 3)),
+                "faces": [[0, 1, 2], [0, 2, 3]],
+                "uvs": RANDOM.random((4, 2)),
+                "smooth": True,
+            },
+            "material": "mapped",
+        },
+        *(
+            {"mesh": {"vertices": np.eye(3), "faces": [[0, 1, 2]]}, "material": name}
+            for name in ("plain", "glass", "table", "varnish", "paint", "leaf", "worn", "relief")
+        ),
     ],
     "lights": [
         {"point": {"position": [0, 3, 0], "intensity": 7, "falloff": "none"}},
         {"spot": {"position": [0, 3, 0], "direction": TILTED, "intensity": 7, "cutoff": 33, "beam_width": 11}},
         {"directional": {"direction": TILTED, "irradiance": [1, 2, 3]}},
-        {"environment": {"image": RANDOM.random((3, 4, 3)), "scale": 3, "rows": "poles",
-                         "rotation": [[0, 1, 0], [1, 0, 0], [0, 0, 1]]}},
+        {
+            "environment": {
+                "image": RANDOM.random((3, 4, 3)),
+                "scale": 3,
+                "rows": "poles",
+                "rotation": [[0, 1, 0], [1, 0, 0], [0, 0, 1]],
+            }
+        },
     ],
-}  # fmt: skip
+}
 
 
 def test_everything_that_can_be_written_comes_back(tmp_path):
@@ -82,12 +106,16 @@ def test_a_mesh_of_several_materials_keeps_them_and_its_normals_to_the_last_bit(
     scene = engines.scene_from(SCENE)
     normals = unit_rows(RANDOM.normal(size=(50, 3)))
     mesh = Mesh(
-        RANDOM.random((50, 3)), RANDOM.integers(0, 50, (30, 3)).astype(np.int32), np.arange(30, dtype=np.int32) % 3 + 2,
-        normals, "a/../mesh.obj", RANDOM.random((50, 2)),
-    )  # fmt: skip
+        RANDOM.random((50, 3)),
+        RANDOM.integers(0, 50, (30, 3)).astype(np.int32),
+        np.arange(30, dtype=np.int32) % 3 + 2,
+        normals,
+        "a/../mesh.obj",
+        RANDOM.random((50, 2)),
+    )
     held = engines.Scene(
         "one", scene.camera, scene.materials, (mesh,), (), content_hash(scene.camera, scene.materials, [mesh], [])
-    )  # fmt: skip
+    )
     again = engines.load_scene(engines.save_scene(held, tmp_path))
     assert np.array_equal(again.shapes[0].normals, normals) and np.array_equal(again.shapes[0].uvs, mesh.uvs)
     assert again.content_hash == held.content_hash

@@ -17,27 +17,37 @@ def area(given: Given, scale: float) -> float:
     return scale * given["width"] * given["height"]
 
 
-BOX = Record(
-    "A box.", {"width": Key(POSITIVE, "Its width.", unit="metres"), "height": Key(POSITIVE, "Its height.", 2)}, area
-)  # fmt: skip
+BOX = Record("A box.", {"width": Key(POSITIVE, "Its width.", unit="metres"), "height": Key(POSITIVE, "Its height.", 2)}, area)
 WAY = Record(
     "A way.",
     {"file": Key(TEXT, "A file.", None), "x": Key(NUMBER, "One end.", None), "y": Key(NUMBER, "The other.", None)},
     lambda given, context: given.values,
     either=(("file",), ("x", "y")),
 )
-PLAIN = Record("All kinds.", {
-    "count": Key(integer(1, 9), "How many.", 3), "switch": Key(BOOLEAN, "Whether.", False), "angle": Key(ANGLE, "Angle.", 45),
-    "color": Key(color(1), "Colour.", 0.5), "side": Key(one_of(("a", "b"), "side"), "Which.", "a"),
-    "share": Key(within(0, 1), "Share.", 0.25), "toward": Key(DIRECTION, "Where to.", (0, 0, 2)),
-}, lambda given, context: given)  # fmt: skip
-FILE = Record("A file.", {
-    "boxes": Key(list_of(BOX, "boxes"), "Boxes.", None),
-    "named": Key(by_name(BOX, "boxes"), "Boxes by name.", None),
-    "plan": Key(Tagged("plan", "type", {"box": BOX, "way": WAY}), "A plan.", None),
-    "part": Key(Variants("part", {"box": BOX, "way": WAY}, {"tag": Key(TEXT, "A tag.", None)}), "A part.", None),
-    "all": Key(PLAIN, "All kinds.", None),
-}, lambda given, context: given.values)  # fmt: skip
+PLAIN = Record(
+    "All kinds.",
+    {
+        "count": Key(integer(1, 9), "How many.", 3),
+        "switch": Key(BOOLEAN, "Whether.", False),
+        "angle": Key(ANGLE, "Angle.", 45),
+        "color": Key(color(1), "Colour.", 0.5),
+        "side": Key(one_of(("a", "b"), "side"), "Which.", "a"),
+        "share": Key(within(0, 1), "Share.", 0.25),
+        "toward": Key(DIRECTION, "Where to.", (0, 0, 2)),
+    },
+    lambda given, context: given,
+)
+FILE = Record(
+    "A file.",
+    {
+        "boxes": Key(list_of(BOX, "boxes"), "Boxes.", None),
+        "named": Key(by_name(BOX, "boxes"), "Boxes by name.", None),
+        "plan": Key(Tagged("plan", "type", {"box": BOX, "way": WAY}), "A plan.", None),
+        "part": Key(Variants("part", {"box": BOX, "way": WAY}, {"tag": Key(TEXT, "A tag.", None)}), "A part.", None),
+        "all": Key(PLAIN, "All kinds.", None),
+    },
+    lambda given, context: given.values,
+)
 VALIDATOR = Draft202012Validator(FILE.schema())
 
 
@@ -109,8 +119,14 @@ def test_what_is_wrong_is_refused_where_it_stands(text, message):
 def test_defaults_are_written_as_in_a_file_and_read_like_it():
     given = read("all: {count: 4}")["all"]
     assert given.values == {
-        "count": 4, "switch": False, "angle": 45.0, "color": (0.5, 0.5, 0.5), "side": "a", "share": 0.25, "toward": (0, 0, 1),
-    }  # fmt: skip
+        "count": 4,
+        "switch": False,
+        "angle": 45.0,
+        "color": (0.5, 0.5, 0.5),
+        "side": "a",
+        "share": 0.25,
+        "toward": (0, 0, 1),
+    }
     assert given.has("count") and not given.has("switch") and given.at("count").value == 4
     assert given.written == {"count": 4}
     properties = PLAIN.schema()["properties"]
@@ -131,9 +147,7 @@ def test_a_default_out_of_range_is_refused_when_the_record_is_made():
 def test_meanings_and_units_are_in_the_schema():
     schema = BOX.schema()
     assert schema["description"] == "A box." and schema["required"] == ["width"] and not schema["additionalProperties"]
-    assert schema["properties"]["width"] == {
-        "type": "number", "exclusiveMinimum": 0, "description": "Its width. Unit: metres.",
-    }  # fmt: skip
+    assert schema["properties"]["width"] == {"type": "number", "exclusiveMinimum": 0, "description": "Its width. Unit: metres."}
     assert schema["properties"]["height"]["default"] == 2 and schema["properties"]["height"]["description"] == "Its height."
 
 

@@ -15,12 +15,30 @@ from engines.schema.yaml_file import locate, parse_yaml, read_yaml
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-3", 1e-3), ("1E5", 1e5), (".5", 0.5), ("5.", 5.0), ("-7", -7), ("+7", 7), ("0x1F", 31), ("0o17", 15),
-        ("017", 17), ("true", True), ("False", False), ("yes", "yes"), ("on", "on"), ("~", None), ("null", None),
-        ("-.inf", -math.inf), ("2017-01-01", "2017-01-01"), ("1:30", "1:30"), ("1_000", "1_000"), ("'1'", "1"),
-        ("!!str 1", "1"), ("|\n  two\n  lines", "two\nlines"),
+        ("1e-3", 1e-3),
+        ("1E5", 1e5),
+        (".5", 0.5),
+        ("5.", 5.0),
+        ("-7", -7),
+        ("+7", 7),
+        ("0x1F", 31),
+        ("0o17", 15),
+        ("017", 17),
+        ("true", True),
+        ("False", False),
+        ("yes", "yes"),
+        ("on", "on"),
+        ("~", None),
+        ("null", None),
+        ("-.inf", -math.inf),
+        ("2017-01-01", "2017-01-01"),
+        ("1:30", "1:30"),
+        ("1_000", "1_000"),
+        ("'1'", "1"),
+        ("!!str 1", "1"),
+        ("|\n  two\n  lines", "two\nlines"),
     ],
-)  # fmt: skip
+)
 def test_plain_scalars_mean_what_yaml_1_2_says(text, value):
     found = parse_yaml(f"a: {text}").plain()["a"]
     assert found == value and type(found) is type(value)

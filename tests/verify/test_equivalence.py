@@ -13,24 +13,33 @@ from harness.statistics.equivalence import Margins, equivalence
 from tests.image_tests import image_tests
 from tests.verify.mutated import FAULTS, mutated
 
-SETTINGS = {"width": 32, "height": 32, "shader": {"name": "path_tracer", "max_depth": 3}, "sampler": "random", "seed": 1,
-            "spp": 64}  # fmt: skip
+SETTINGS = {
+    "width": 32,
+    "height": 32,
+    "shader": {"name": "path_tracer", "max_depth": 3},
+    "sampler": "random",
+    "seed": 1,
+    "spp": 64,
+}
 LOOSE = Margins(0.02, 0.2)
 
 
 def two_lamps():
     emitter = {"emission": 4, "two_sided": True}
-    return engines.scene_from({
-        "raybench_scene": 1, "name": "two emitters",
-        "camera": {"type": "perspective", "eye": [0, 2, 6], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40},
-        "materials": {"white": {"kd": 0.7}, "emitter": emitter},
-        "shapes": [
-            {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
-            {"sphere": {"center": [0, 0.7, 0], "radius": 0.7}, "material": "white"},
-            {"sphere": {"center": [-2, 3, 1], "radius": 0.5}, "material": "emitter"},
-            {"sphere": {"center": [2, 3, 1], "radius": 0.5}, "material": "emitter"},
-        ],
-    })  # fmt: skip
+    return engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "name": "two emitters",
+            "camera": {"type": "perspective", "eye": [0, 2, 6], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40},
+            "materials": {"white": {"kd": 0.7}, "emitter": emitter},
+            "shapes": [
+                {"plane": {"point": [0, 0, 0], "normal": [0, 1, 0]}, "material": "white"},
+                {"sphere": {"center": [0, 0.7, 0], "radius": 0.7}, "material": "white"},
+                {"sphere": {"center": [-2, 3, 1], "radius": 0.5}, "material": "emitter"},
+                {"sphere": {"center": [2, 3, 1], "radius": 0.5}, "material": "emitter"},
+            ],
+        }
+    )
 
 
 def replicate_images(engine, scene, settings, replicates, first):

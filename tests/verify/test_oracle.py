@@ -47,9 +47,16 @@ def test_errors_are_counted_in_units_of_the_last_place():
 
 @pytest.mark.parametrize(
     ("degrees", "expected"),
-    [(0, 0.04), (30, 0.04152262597582152), (45, 0.05023991101223595), (60, 0.08918671280221274),
-     (75, 0.2530605629903197), (80, 0.3877043546914725), (89, 0.9041849497801886)],
-)  # fmt: skip
+    [
+        (0, 0.04),
+        (30, 0.04152262597582152),
+        (45, 0.05023991101223595),
+        (60, 0.08918671280221274),
+        (75, 0.2530605629903197),
+        (80, 0.3877043546914725),
+        (89, 0.9041849497801886),
+    ],
+)
 def test_fresnel_has_its_printed_values(degrees, expected):
     assert abs(fresnel(math.sin(math.radians(degrees)), 1.5) - expected) < 1e-13
 

@@ -46,10 +46,14 @@ def test_closing_the_iterator_ends_the_processes():
 
 @pytest.mark.parametrize(
     ("arguments", "error", "said"),
-    [(["--case", "S2"], UnknownName, "unknown case or section 'S2'"), (["--engine", "nunba"], UnknownName, "'numba'"),
-     (["--out", "/proc/verify"], ConfigError, "--out /proc/verify"), (["--engine", "box.yaml"], ConfigError, "no single rays"),
-     (["--engine", "failing_engines:Misser"], ConfigError, "--allow-imports")],
-)  # fmt: skip
+    [
+        (["--case", "S2"], UnknownName, "unknown case or section 'S2'"),
+        (["--engine", "nunba"], UnknownName, "'numba'"),
+        (["--out", "/proc/verify"], ConfigError, "--out /proc/verify"),
+        (["--engine", "box.yaml"], ConfigError, "no single rays"),
+        (["--engine", "failing_engines:Misser"], ConfigError, "--allow-imports"),
+    ],
+)
 def test_wrong_options_are_refused_before_anything_runs(arguments, error, said):
     refused = CliRunner().invoke(app, ["verify", *arguments])
     assert isinstance(refused.exception, error) and said in str(refused.exception)

@@ -29,8 +29,10 @@ CHECKS = {(fault.jitted, fault.case, fault.accelerator): fault for fault in FAUL
 
 def _each(faults, name):
     """By default only the sphere faults of the jitted engine run: every changed copy of it is compiled anew, half a minute."""
-    return [pytest.param(fault, id=name(fault), marks=[pytest.mark.slow] if fault.jitted and fault.case != "S1" else [])
-            for fault in faults]  # fmt: skip
+    return [
+        pytest.param(fault, id=name(fault), marks=[pytest.mark.slow] if fault.jitted and fault.case != "S1" else [])
+        for fault in faults
+    ]
 
 
 @pytest.mark.parametrize("fault", _each(FAULTS, lambda fault: fault.name))
@@ -38,8 +40,6 @@ def test_a_planted_fault_is_caught(fault, tmp_path):
     assert FAIL in _outcomes(mutated(fault, tmp_path), fault)
 
 
-@pytest.mark.parametrize(
-    "fault", _each(CHECKS.values(), lambda fault: f"{fault.case} {fault.accelerator} {fault.jitted}")
-)
+@pytest.mark.parametrize("fault", _each(CHECKS.values(), lambda fault: f"{fault.case} {fault.accelerator} {fault.jitted}"))
 def test_the_case_passes_without_the_fault(fault):
     assert set(_outcomes(engines.engine("numba" if fault.jitted else "numpy"), fault)) == {PASS}

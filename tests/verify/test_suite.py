@@ -95,11 +95,14 @@ def test_the_results_file_is_read_back(tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [(lambda d: d.update(raybench_verify=1), "format 1, this raybench reads 2: run raybench verify again"),
-     (lambda d: d.pop("raybench_verify"), "the key 'raybench_verify' is missing"),
-     (lambda d: d["results"][0].update(error="kept"), "results.0.error = 'kept'"),
-     (lambda d: d["results"][0].pop("case"), "results.0.case"), (lambda d: d.update(results=3), "results = 3")],
-)  # fmt: skip
+    [
+        (lambda d: d.update(raybench_verify=1), "format 1, this raybench reads 2: run raybench verify again"),
+        (lambda d: d.pop("raybench_verify"), "the key 'raybench_verify' is missing"),
+        (lambda d: d["results"][0].update(error="kept"), "results.0.error = 'kept'"),
+        (lambda d: d["results"][0].pop("case"), "results.0.case"),
+        (lambda d: d.update(results=3), "results = 3"),
+    ],
+)
 def test_a_results_file_of_another_format_is_refused_in_one_line(tmp_path, change, message):
     case = next(case for case in CASES if case.id == "R4")
     data = document(list(run_suite([engines.engine("numpy")], quick=True, cases=[case])), quick=True)

@@ -100,8 +100,10 @@ def test_one_engine_of_several_that_was_not_checked_is_named_and_the_results_of_
 def test_a_library_that_crashes_at_the_end_of_its_process_changes_no_result(tmp_path):
     """The command's own process never loads it."""
     same = ("--engines", "failing_engines:LateToCrash,numpy", "--replicates", "4", "--spp", "2", "--size", "16x16")
-    for command in (("verify", "--quick", "--engine", "failing_engines:LateToCrash", "--case", "T6"),
-                  ("equivalence", "cornell_box", *same, "--margin", "0.5")):  # fmt: skip
+    for command in (
+        ("verify", "--quick", "--engine", "failing_engines:LateToCrash", "--case", "T6"),
+        ("equivalence", "cornell_box", *same, "--margin", "0.5"),
+    ):
         done = raybench(*command, cwd=tmp_path)
         lines = [line for line in done.stderr.splitlines() if not line.startswith("verify [")]
         assert (done.returncode, lines) == (0, []), done.stderr

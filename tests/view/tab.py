@@ -17,10 +17,16 @@ class Tab:
         headers = {"Origin": f"http://{host}", **headers}
         self.seq = 0
         self._stack = ExitStack()
-        self.socket = self._stack.enter_context(connect(
-            f"ws://{host}/{viewer.token}/socket/{page}", additional_headers=headers, max_size=None, compression=None,
-            close_timeout=2, open_timeout=300,
-        ))  # fmt: skip
+        self.socket = self._stack.enter_context(
+            connect(
+                f"ws://{host}/{viewer.token}/socket/{page}",
+                additional_headers=headers,
+                max_size=None,
+                compression=None,
+                close_timeout=2,
+                open_timeout=300,
+            )
+        )
 
     def __enter__(self):
         return self

@@ -23,8 +23,15 @@ def raced(browser, viewer):
         browser.set(f"{place} [name=engine]", "numpy")
         browser.set(f"{place} [name=sampler]", sampler)
         browser.set(f"{place} [name='shader.max_depth']", 2)
-    settings = {"width": 16, "height": 12, "targets": "0.5 1e-7", "reference-spp": 32, "max-seconds": 1, "slice": 0.2,
-                "reference-engine": "numpy"}  # fmt: skip
+    settings = {
+        "width": 16,
+        "height": 12,
+        "targets": "0.5 1e-7",
+        "reference-spp": 32,
+        "max-seconds": 1,
+        "slice": 0.2,
+        "reference-engine": "numpy",
+    }
     for name, value in settings.items():
         browser.set(f"#{name}", value)
     browser.click("#start")

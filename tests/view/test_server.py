@@ -14,8 +14,13 @@ from harness.view.render_slots import MAX_RENDERS, MAX_TABS, RenderSlots
 from tests.view.tab import Tab
 from tests.view.viewer_process import Viewer
 
-SETTINGS = {"engine": "numpy", "shader": {"name": "path_tracer", "max_depth": 4}, "sampler": {"name": "sobol"},
-        "accelerator": {"name": "auto"}, "threads": 1}  # fmt: skip
+SETTINGS = {
+    "engine": "numpy",
+    "shader": {"name": "path_tracer", "max_depth": 4},
+    "sampler": {"name": "sobol"},
+    "accelerator": {"name": "auto"},
+    "threads": 1,
+}
 ENDLESS = {"type": "open", "scene": "ball.yaml", "settings": SETTINGS, "spp": 1_000_000}
 
 
@@ -79,19 +84,35 @@ def test_another_token_is_refused(viewer, change):
     assert status == 403 and viewer.token.encode() not in body
 
 
-@pytest.mark.parametrize("path", [
-    "../view.html", "%2e%2e/%2e%2e/etc/passwd", "..%2f..%2fetc%2fpasswd", "page/../../server.py", "server.py", "/etc/passwd",
-    "reports/../report.html", "reports/..%2f..%2fetc/report.html", "reports/%2e%2e/report.html", "view.html%00",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../view.html",
+        "%2e%2e/%2e%2e/etc/passwd",
+        "..%2f..%2fetc%2fpasswd",
+        "page/../../server.py",
+        "server.py",
+        "/etc/passwd",
+        "reports/../report.html",
+        "reports/..%2f..%2fetc/report.html",
+        "reports/%2e%2e/report.html",
+        "view.html%00",
+    ],
+)
 def test_no_path_leads_out(viewer, path):
     status, body, _ = get(viewer, f"/{viewer.token}/{path}")
     assert status in (403, 404) and b"root:" not in body and b"import" not in body
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["nothing"], "unknown scene"), (["--folder", "nowhere"], "is not a folder"),
-    (["--engine", "nume"], "did you mean 'numpy'"), (["deep/other.yaml", "--folder", "results"], "--folder"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nothing"], "unknown scene"),
+        (["--folder", "nowhere"], "is not a folder"),
+        (["--engine", "nume"], "did you mean 'numpy'"),
+        (["deep/other.yaml", "--folder", "results"], "--folder"),
+    ],
+)
 def test_wrong_options_are_refused_before_anything_starts(folder, monkeypatch, capsys, arguments, words):
     (folder / "results").mkdir(exist_ok=True)
     monkeypatch.chdir(folder)
@@ -188,7 +209,7 @@ def test_of_many_tabs_some_wait_for_a_render_slot_and_too_many_are_refused(viewe
             tab.close()
 
 
-CRASHES = '''
+CRASHES = """
 import os, signal, time
 import numpy as np
 import engines
@@ -217,7 +238,7 @@ class Dies:
 
 class Deaf(Dies):
     how = "deaf"
-'''
+"""
 
 
 def test_a_render_that_crashes_or_does_not_stop_ends_only_its_worker(folder):
@@ -258,8 +279,16 @@ def test_render_slots_are_given_in_the_order_of_requests():
     asyncio.run(scene())
 
 
-RACE = {"type": "race", "scene": "ball.yaml", "contestants": [SETTINGS, {**SETTINGS, "sampler": {"name": "random"}}],
-        "width": 48, "height": 36, "targets": [1e-9], "reference_engine": "numpy", "max_seconds": 60}  # fmt: skip
+RACE = {
+    "type": "race",
+    "scene": "ball.yaml",
+    "contestants": [SETTINGS, {**SETTINGS, "sampler": {"name": "random"}}],
+    "width": 48,
+    "height": 36,
+    "targets": [1e-9],
+    "reference_engine": "numpy",
+    "max_seconds": 60,
+}
 
 
 def test_a_race_is_stopped_at_any_time_and_leaves_nothing_behind(viewer, folder):

@@ -36,20 +36,30 @@ CAMERAS = [
     Orthographic(**VIEW, height=3.0, resolution=(40, 30)),
     Orthographic(**VIEW, height=3.0, resolution=(40, 30), principal_point=(0.1, -0.05), mirror=True, clip=(1.0, 9.0)),
     ThinLens(
-        **VIEW, fov=50.0, fov_axis="y", resolution=(40, 30), aperture_radius=0.01, focus_distance=5.2,
-        principal_point=(-0.1, 0.05), mirror=True, clip=(2.0, 8.0),
+        **VIEW,
+        fov=50.0,
+        fov_axis="y",
+        resolution=(40, 30),
+        aperture_radius=0.01,
+        focus_distance=5.2,
+        principal_point=(-0.1, 0.05),
+        mirror=True,
+        clip=(2.0, 8.0),
     ),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: type(camera).__name__)
 def test_a_ray_goes_where_the_engine_sees_and_back_to_its_pixel(camera):
     projection = Projection(camera, 40, 30)
-    scene = engines.scene_from({
-        "raybench_scene": 1, "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
-        "shapes": [{"sphere": {"center": [0.4, 1.1, 0.3], "radius": 0.5}, "material": "lamp"}],
-        "materials": {"lamp": {"emission": 1}},
-    })  # fmt: skip
+    scene = engines.scene_from(
+        {
+            "raybench_scene": 1,
+            "camera": {"type": "perspective", "eye": [0, 0, 5], "target": [0, 0, 0]},
+            "shapes": [{"sphere": {"center": [0.4, 1.1, 0.3], "radius": 0.5}, "material": "lamp"}],
+            "materials": {"lamp": {"emission": 1}},
+        }
+    )
     from dataclasses import replace
 
     film = engines.engine("numpy").prepare(replace(scene, camera=camera), engines.Settings(40, 30, "path_tracer")).render(16)
@@ -158,12 +168,18 @@ def test_an_engine_that_renders_nothing_is_listed_with_the_reason(tmp_path):
         assert engine["problem"] or offered - {*engine["refusals"]["sampler"]}, engine["name"]
 
 
-@pytest.mark.parametrize(("request_", "words"), [
-    ({"type": "nothing"}, "unknown request"), ({"type": "open"}, "scene"), ({"type": "probe", "x": -1, "y": 0}, "x"),
-    ({"type": "camera", "eye": [0, 0, math.nan], "target": [0, 0, 0], "up": [0, 1, 0]}, "eye"),
-    ({"type": "save", "name": "../out"}, "name"), ({"type": "stop", "more": 1}, "more"),
-    ({"type": "race", "scene": "x", "contestants": [], "width": 8, "height": 8, "targets": [1]}, "contestants"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("request_", "words"),
+    [
+        ({"type": "nothing"}, "unknown request"),
+        ({"type": "open"}, "scene"),
+        ({"type": "probe", "x": -1, "y": 0}, "x"),
+        ({"type": "camera", "eye": [0, 0, math.nan], "target": [0, 0, 0], "up": [0, 1, 0]}, "eye"),
+        ({"type": "save", "name": "../out"}, "name"),
+        ({"type": "stop", "more": 1}, "more"),
+        ({"type": "race", "scene": "x", "contestants": [], "width": 8, "height": 8, "targets": [1]}, "contestants"),
+    ],
+)
 def test_a_request_that_is_wrong_is_refused_by_name(request_, words):
     with pytest.raises(ConfigError, match=words):
         checked(request_)
@@ -221,12 +237,24 @@ def test_the_canvas_shows_what_the_film_would_save(mapper):
 
 
 def test_values_of_a_mitsuba_files_parameters_reach_races(tmp_path):
-    contestant = {"engine": "numpy", "shader": {"name": "path_tracer"}, "sampler": {"name": "random"},
-                  "accelerator": {"name": "auto"}, "threads": 1}  # fmt: skip
-    request = checked({
-        "type": "race", "seq": 1, "scene": "lantern", "contestants": [contestant, {**contestant, "engine": "numba"}],
-        "width": 8, "height": 8, "targets": [0.1],
-    })  # fmt: skip
+    contestant = {
+        "engine": "numpy",
+        "shader": {"name": "path_tracer"},
+        "sampler": {"name": "random"},
+        "accelerator": {"name": "auto"},
+        "threads": 1,
+    }
+    request = checked(
+        {
+            "type": "race",
+            "seq": 1,
+            "scene": "lantern",
+            "contestants": [contestant, {**contestant, "engine": "numba"}],
+            "width": 8,
+            "height": 8,
+            "targets": [0.1],
+        }
+    )
     file = Library(tmp_path).find("lantern")
     experiment = config.parse(locate(_experiment(request, file, {"width": "16"}), "race", ConfigError), tmp_path, "race", "")
     scenes = {combination["scene"].parameters for combination in experiment.combinations}

@@ -166,8 +166,10 @@ def test_options_are_remembered_and_a_choice_that_an_engine_lacks_is_announced_a
     assert page.evaluate("raybench.settingsForm.value().shader.max_depth") == 3
     finished(page, 2)
     engines_ = "raybench.menu.engines.find(engine => engine.name === 'numba').refusals.sampler"
-    choose = "(() => {{ const form = raybench.settingsForm; form.engine.value = '{}'; form.offer(); return [" \
-        "form.value().sampler.name, form.notice.textContent]; }})()"  # fmt: skip
+    choose = (
+        "(() => {{ const form = raybench.settingsForm; form.engine.value = '{}'; form.offer(); return ["
+        "form.value().sampler.name, form.notice.textContent]; }})()"
+    )
     page.evaluate(f"{engines_} = {{sobol: 'not this one'}}")
     name, notice = page.evaluate(choose.format("numba"))
     assert name != "sobol" and notice == f"numba has no sampler sobol: {name} is used."
@@ -316,8 +318,17 @@ def test_images_are_saved_and_open_again(page, tmp_path):
 
 
 def test_the_address_holds_settings_and_camera(browser, viewer):
-    settings = {"scene": "deep/other.yaml", "engine": "numpy", "shader": "path_tracer", "shader.max_depth": 2, "width": 24,
-                "height": 20, "spp": 3, "exposure": 1, "camera": "1,1,5,0,1,0,0,1,0"}  # fmt: skip
+    settings = {
+        "scene": "deep/other.yaml",
+        "engine": "numpy",
+        "shader": "path_tracer",
+        "shader.max_depth": 2,
+        "width": 24,
+        "height": 20,
+        "spp": 3,
+        "exposure": 1,
+        "camera": "1,1,5,0,1,0,0,1,0",
+    }
     browser.open(f"{viewer.address}#{'&'.join(f'{key}={value}' for key, value in settings.items())}")
     browser.wait_for("window.raybench && raybench.settingsForm && raybench.opened")
     finished(browser, 3)

@@ -34,8 +34,9 @@ class Viewer:
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         command = [sys.executable, "-m", "harness", "view", *arguments, "--folder", str(folder), "--no-browser"]
-        self._process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True,
-                                         env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+        self._process = subprocess.Popen(
+            command, cwd=folder, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}
+        )
         line = self._process.stdout.readline()
         assert line.startswith("raybench view: http://127.0.0.1:"), line
         self.address = line.split()[2]

@@ -77,9 +77,14 @@ def _lane_item(kind: Any, index: Any) -> Any:
     if isinstance(index, types.BaseTuple) != several or (several and len(index) != 2):
         return None
     return {
-        "number": kind.real, "numbers": kind.real, "vector": vec3_of(kind.real), "integer": word_of(kind.real),
-        "integers": word_of(kind.real), "flag": types.boolean, "doubles": types.float64,
-    }[kind.field.kind]  # fmt: skip
+        "number": kind.real,
+        "numbers": kind.real,
+        "vector": vec3_of(kind.real),
+        "integer": word_of(kind.real),
+        "integers": word_of(kind.real),
+        "flag": types.boolean,
+        "doubles": types.float64,
+    }[kind.field.kind]
 
 
 def _lane_place(builder: Any, base: Any, number: Any, lane: Any) -> Any:

@@ -121,9 +121,7 @@ def _put_number(context: Any, builder: Any, kind: Any, array: Any, index: Any, v
     store(builder, context.cast(builder, value, of, kind.dtype), builder.gep(array, index))
 
 
-teach_items(
-    ArrayType, lambda kind, index: kind.dtype if isinstance(index, types.Integer) else None, _get_number, _put_number
-)
+teach_items(ArrayType, lambda kind, index: kind.dtype if isinstance(index, types.Integer) else None, _get_number, _put_number)
 
 
 @intrinsic

@@ -33,7 +33,28 @@ from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.tables import Row, Table, table_view
 
 __all__ = [
-    "LANES", "REAL", "Field", "LaneField", "LaneRecord", "Row", "Table", "address_of", "array", "array_at", "bits_of",
-    "doubles", "flag", "integer", "lane_numbers", "lane_view", "prefetch", "real", "reals", "rows", "scalar", "table_view",
-    "vector", "vectors",
-]  # fmt: skip
+    "LANES",
+    "REAL",
+    "Field",
+    "LaneField",
+    "LaneRecord",
+    "Row",
+    "Table",
+    "address_of",
+    "array",
+    "array_at",
+    "bits_of",
+    "doubles",
+    "flag",
+    "integer",
+    "lane_numbers",
+    "lane_view",
+    "prefetch",
+    "real",
+    "reals",
+    "rows",
+    "scalar",
+    "table_view",
+    "vector",
+    "vectors",
+]

@@ -93,17 +93,19 @@ def _mask_of_vectors(a: Any, b: Any) -> Any:
     return None if _kind(a, b) is None else Mask()
 
 
-for _function, _name in (
-    (operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv"),
-):  # fmt: skip
+for _function, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv")):
     _give(_function, _vector_of(types.Float), _instruction(_name), _WITH_VECTOR)
 for _function, _name in ((operator.and_, "and_"), (operator.or_, "or_")):
     _give(_function, _vector_of(types.Integer), _instruction(_name), _WITH_VECTOR)
     _give(_function, _both_masks, _instruction(_name), ((Mask, Mask),))
 for _function, _sign in (
-    (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "=="),
+    (operator.lt, "<"),
+    (operator.le, "<="),
+    (operator.gt, ">"),
+    (operator.ge, ">="),
+    (operator.eq, "=="),
     (operator.ne, "!="),
-):  # fmt: skip
+):
     _give(_function, _mask_of_vectors, _compare(_sign), _WITH_VECTOR)
 
 

@@ -157,9 +157,7 @@ def _nth_row(context: Any, builder: Any, kind: Any, base: Any, index: Any) -> An
 
 
 teach_items(Vectors, lambda kind, index: vec3_of(kind.dtype) if isinstance(index, types.Integer) else None, _get_vector)
-teach_items(
-    Rows, lambda kind, index: RowView(kind.row, kind.dtype) if isinstance(index, types.Integer) else None, _nth_row
-)
+teach_items(Rows, lambda kind, index: RowView(kind.row, kind.dtype) if isinstance(index, types.Integer) else None, _nth_row)
 
 
 def table_view(layout: type[Table]) -> Callable[..., Any]:

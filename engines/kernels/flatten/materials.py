@@ -34,9 +34,19 @@ from engines.scene import (
 from engines.scene.support import option_numbers
 
 (
-    MIXTURE, CONDUCTOR, BECKMANN_CONDUCTOR, SMOOTH_DIELECTRIC, GGX_DIELECTRIC, BECKMANN_DIELECTRIC, THIN_DIELECTRIC,
-    SMOOTH_PLASTIC, GGX_PLASTIC, BECKMANN_PLASTIC, PRINCIPLED, NULL,
-) = range(12)  # fmt: skip
+    MIXTURE,
+    CONDUCTOR,
+    BECKMANN_CONDUCTOR,
+    SMOOTH_DIELECTRIC,
+    GGX_DIELECTRIC,
+    BECKMANN_DIELECTRIC,
+    THIN_DIELECTRIC,
+    SMOOTH_PLASTIC,
+    GGX_PLASTIC,
+    BECKMANN_PLASTIC,
+    PRINCIPLED,
+    NULL,
+) = range(12)
 SMOOTHEST = 1e-4
 """The least roughness that a texture gives."""
 
@@ -99,9 +109,12 @@ def _mixture_features(leaf: Mixture | Diffuse) -> dict[str, bool]:
         leaf = Mixture(leaf.reflectance)
     ks, kt = not _is_constant(leaf.ks, 0), not _is_constant(leaf.kt, 0)
     return {
-        "diffuse": not _is_constant(leaf.kd, 0), "mirror": ks, "refraction": kt, "specular_reflection": ks,
+        "diffuse": not _is_constant(leaf.kd, 0),
+        "mirror": ks,
+        "refraction": kt,
+        "specular_reflection": ks,
         "specular_transmission": kt,
-    }  # fmt: skip
+    }
 
 
 # ---- metal and glass ---------------------------------------------------------------------------------------------------
@@ -162,17 +175,23 @@ def _principled_parameters(leaf: Principled) -> list[Parameter]:
     before = (leaf.roughness, leaf.anisotropic, leaf.metallic)
     after = (leaf.spec_tint, leaf.sheen, leaf.sheen_tint, leaf.clearcoat, leaf.clearcoat_gloss, leaf.flatness)
     return [
-        *_colors(leaf.base_color), *map(number_parameter, before), eta, *map(number_parameter, after),
+        *_colors(leaf.base_color),
+        *map(number_parameter, before),
+        eta,
+        *map(number_parameter, after),
         -1.0 if opaque else number_parameter(leaf.spec_trans),
-    ]  # fmt: skip
+    ]
 
 
 def _principled_features(leaf: Principled) -> dict[str, bool]:
     transmits = not _is_constant(leaf.spec_trans, 0)
     return {
-        "lobes": True, "transmission": transmits, "spec_trans": transmits, "clearcoat": not _is_constant(leaf.clearcoat, 0),
+        "lobes": True,
+        "transmission": transmits,
+        "spec_trans": transmits,
+        "clearcoat": not _is_constant(leaf.clearcoat, 0),
         "tangents": not _is_constant(leaf.anisotropic, 0),
-    }  # fmt: skip
+    }
 
 
 # ---- the registry ------------------------------------------------------------------------------------------------------
@@ -218,9 +237,12 @@ def _plugin_model(
 ) -> BSDFModel:
     columns = tuple(range(n))
     features = {
-        "specular_reflection": specular_reflection, "specular_transmission": specular_transmission,
-        "transmission": transmission, "tangents": tangents, "lobes": True,
-    }  # fmt: skip
+        "specular_reflection": specular_reflection,
+        "specular_transmission": specular_transmission,
+        "transmission": transmission,
+        "tangents": tangents,
+        "lobes": True,
+    }
 
     def parameters(leaf: CustomBSDF) -> list[Parameter]:
         return [*option_numbers(leaf.options)]

@@ -10,14 +10,7 @@ from typing import Any
 
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
-from engines.kernels.lane.bsdf.interface import (
-    ALL,
-    SPECULAR_REFLECTION,
-    SPECULAR_TRANSMISSION,
-    BSDFSample,
-    LaneBSDF,
-    Spectrum,
-)
+from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, SPECULAR_TRANSMISSION, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.lights.sample import LightSample
 from engines.kernels.lane.vector import dot
 

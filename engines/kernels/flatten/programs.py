@@ -16,19 +16,7 @@ from engines.kernels.flatten import palettes
 from engines.kernels.flatten.lookups import Lookup, Table
 from engines.kernels.flatten.materials import leaf_features, leaf_of, model_of, parameters_of, transmittance_of
 from engines.kernels.layout import LeafRow, LookupRow, MaterialRow, NodeRow, TextureRow
-from engines.scene import (
-    Blend,
-    Bump,
-    Checkerboard,
-    ImageTexture,
-    Mask,
-    Material,
-    Mixture,
-    NormalMap,
-    Sides,
-    Texture,
-    Triple,
-)
+from engines.scene import Blend, Bump, Checkerboard, ImageTexture, Mask, Material, Mixture, NormalMap, Sides, Texture, Triple
 from engines.scene.support import leaves, transmits
 
 LEAF, SIDES, MASK, BLEND, BUMP, NORMAL_MAP = range(6)
@@ -178,9 +166,15 @@ class Programs:
             pixels = self._pixels(texture)
             height, width, channels = texture.pixels.shape
             row = TextureRow.packed(
-                kind=IMAGE, width=width, height=height, channels=channels, nearest=texture.filter == "nearest",
-                wrap=WRAPS[texture.wrap], to_uv=texture.to_uv, indexed=pixels.dtype == np.uint8,
-            )  # fmt: skip
+                kind=IMAGE,
+                width=width,
+                height=height,
+                channels=channels,
+                nearest=texture.filter == "nearest",
+                wrap=WRAPS[texture.wrap],
+                to_uv=texture.to_uv,
+                indexed=pixels.dtype == np.uint8,
+            )
         self.textures.append(row)
         self.pixels.append(pixels)
         self._kept[id(texture)] = texture, len(self.textures) - 1
@@ -211,9 +205,11 @@ class Programs:
         for row, material in zip(rows, self.materials, strict=False):
             leaf = leaves_in(material)[0]
             row[:] = MaterialRow.packed(
-                bsdf=self._constants(leaf), emission=plain_emission(material), two_sided=material.two_sided,
+                bsdf=self._constants(leaf),
+                emission=plain_emission(material),
+                two_sided=material.two_sided,
                 model=model_of(leaf),
-            )  # fmt: skip
+            )
         return rows
 
     def images(self) -> NDArray[np.int32]:

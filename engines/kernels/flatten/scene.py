@@ -95,9 +95,11 @@ def _features(scene: Scene, geometry: Geometry, lights: LightList, programs: Pro
 def _bind_shapes(flat: FlatScene, geometry: Geometry) -> None:
     table, join, zeros = SceneTable, geometry.joined, np.zeros(3)
     for slot, name in (
-        (table.n_triangles, "triangles"), (table.n_spheres, "spheres"), (table.n_planes, "planes"),
+        (table.n_triangles, "triangles"),
+        (table.n_spheres, "spheres"),
+        (table.n_planes, "planes"),
         (table.n_analytic, "analytic"),
-    ):  # fmt: skip
+    ):
         flat.bind(slot, geometry.counts[name])
     flat.bind(table.vertices, (join(geometry.vertices) - flat.center).astype(flat.real))
     flat.bind(table.vertex_normals, join(geometry.normals).astype(flat.real))
@@ -108,9 +110,11 @@ def _bind_shapes(flat: FlatScene, geometry: Geometry) -> None:
     flat.bind(table.analytic, geometry.analytic_rows(flat.center))
     flat.bind(table.analytic_bounds, np.hstack(geometry.analytic_bounds(flat.center)))
     for slot, name in (
-        (table.triangle_primitives, "triangles"), (table.sphere_primitives, "spheres"),
-        (table.plane_primitives, "planes"), (table.analytic_primitives, "analytic"),
-    ):  # fmt: skip
+        (table.triangle_primitives, "triangles"),
+        (table.sphere_primitives, "spheres"),
+        (table.plane_primitives, "planes"),
+        (table.analytic_primitives, "analytic"),
+    ):
         flat.bind(slot, join(geometry.ids[name]))
 
 

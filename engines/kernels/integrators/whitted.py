@@ -36,11 +36,17 @@ def step(si, light, bsdf, draws, path, options):
     refracts = deeper & transmission.valid & (total(kt) > zero) & (select(through, -side, side) > zero)
     # the refraction goes on in the lane, the mirror ray waits: both where there are both
     return ScatterResult(
-        radiance, direct, reflects | refracts, select3(refracts, transmission.wi, reflection.wi), refracts & through,
-        select3(refracts, kt, ks), const(math.inf, si.t), reflects & refracts, reflection.wi, ks,
-    )  # fmt: skip
+        radiance,
+        direct,
+        reflects | refracts,
+        select3(refracts, transmission.wi, reflection.wi),
+        refracts & through,
+        select3(refracts, kt, ks),
+        const(math.inf, si.t),
+        reflects & refracts,
+        reflection.wi,
+        ks,
+    )
 
 
-INTEGRATOR = Integrator(
-    step, Uses(value=True, specular=True, albedos=True), every_light=True, branches_at_specular=True
-)
+INTEGRATOR = Integrator(step, Uses(value=True, specular=True, albedos=True), every_light=True, branches_at_specular=True)

@@ -185,9 +185,7 @@ def beckmann_visible_normal(wo, ax, ay, u0, u1):
 
 
 GGX = Distribution(ggx_density, ggx_masking, ggx_masking, ggx_visible_normal, exact=True)
-BECKMANN = Distribution(
-    beckmann_density, beckmann_masking, beckmann_visible_masking, beckmann_visible_normal, exact=False
-)
+BECKMANN = Distribution(beckmann_density, beckmann_masking, beckmann_visible_masking, beckmann_visible_normal, exact=False)
 
 
 @inline

@@ -72,9 +72,7 @@ def stratified_bits(pixel_key, key, sample, dimension, side_bits):
     m = np.uint32(side_bits)
     bits = np.uint32(m + m)
     even = np.uint32(dimension & np.uint32(0xFFFFFFFE))
-    order_key = mix(
-        np.uint32(dimension_key(pixel_key, even) + np.uint32(np.uint32(sample >> bits) * np.uint32(GOLDEN)))
-    )
+    order_key = mix(np.uint32(dimension_key(pixel_key, even) + np.uint32(np.uint32(sample >> bits) * np.uint32(GOLDEN))))
     one = np.uint32(1)
     cell = permute(np.uint32(sample & np.uint32(np.uint32(one << bits) - one)), bits, order_key)
     odd = np.uint32(dimension & one)

@@ -109,6 +109,17 @@ def sin_cos_turn(u):
 
 
 __all__ = [
-    "Vec3", "cross", "dot", "extent", "largest", "length", "select3", "sin_cos_turn", "tangents", "to_float64", "to_real",
-    "total", "unit",
-]  # fmt: skip
+    "Vec3",
+    "cross",
+    "dot",
+    "extent",
+    "largest",
+    "length",
+    "select3",
+    "sin_cos_turn",
+    "tangents",
+    "to_float64",
+    "to_real",
+    "total",
+    "unit",
+]

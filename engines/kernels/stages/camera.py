@@ -17,9 +17,11 @@ from engines.scene import CustomCamera, Orthographic, Perspective, PerspectiveAr
 from engines.scene.support import option_numbers
 
 RAYS: dict[type, Any] = {
-    Perspective: lane_camera.perspective, Orthographic: lane_camera.orthographic,
-    PerspectiveArctan: lane_camera.perspective_arctan, ThinLens: lane_camera.thin_lens,
-}  # fmt: skip
+    Perspective: lane_camera.perspective,
+    Orthographic: lane_camera.orthographic,
+    PerspectiveArctan: lane_camera.perspective_arctan,
+    ThinLens: lane_camera.thin_lens,
+}
 
 
 def clips(camera: Any) -> bool:
@@ -53,17 +55,25 @@ def parameters(camera: Any, width: int, height: int, center: NDArray[np.float64]
         view: dict[str, Any] = {"middle_x": 1.0, "middle_y": 1.0}
     else:
         view = {
-            "middle_x": 1.0 + 2.0 * camera.principal_point[0], "middle_y": 1.0 + 2.0 * camera.principal_point[1],
-            "near": camera.clip[0], "far": camera.clip[1],
-        }  # fmt: skip
+            "middle_x": 1.0 + 2.0 * camera.principal_point[0],
+            "middle_y": 1.0 + 2.0 * camera.principal_point[1],
+            "near": camera.clip[0],
+            "far": camera.clip[1],
+        }
         right = -right if camera.mirror else right
     if isinstance(camera, ThinLens):
         aperture = {"lens_right": camera.aperture_radius * right, "lens_up": camera.aperture_radius * up}
         view |= {**aperture, "focus_distance": camera.focus_distance}
     row = CameraRow.packed(
-        eye=np.subtract(camera.eye, center), forward=forward, right=half[0] * right, up=half[1] * up,
-        half_angle_x=angles[0], half_angle_y=angles[1], **size, **view,
-    )  # fmt: skip
+        eye=np.subtract(camera.eye, center),
+        forward=forward,
+        right=half[0] * right,
+        up=half[1] * up,
+        half_angle_x=angles[0],
+        half_angle_y=angles[1],
+        **size,
+        **view,
+    )
     return np.array([row])
 
 

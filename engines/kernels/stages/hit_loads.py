@@ -38,9 +38,7 @@ def lane_number(field: str) -> int:
 def _vector_loads(field: str) -> list[Any]:
     """Three functions (rays, address of vectors) that copy those of the corners into `field` with 0, 1 or 2 at its end."""
     firsts = [lane_number(f"{field}{k}") for k in range(3)]
-    return [
-        row_loads(lane_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)
-    ]
+    return [row_loads(lane_number(f"corner{k}"), 3, (0, 1, 2), (first, first + 1, first + 2)) for k, first in enumerate(firsts)]
 
 
 _vertex0, _vertex1, _vertex2 = _vector_loads("vertex")
@@ -132,9 +130,12 @@ def _make_find_kinds(features: SceneFeatures) -> Any:
         if not several:
             return Kinds(hits, hits, none, none, none)
         return Kinds(
-            hits, hits & _of_triangles(rays.shape) if triangles else none, hits & _of_spheres(rays.shape) if spheres else none,
-            hits & _of_planes(rays.shape) if planes else none, hits & _of_analytic(rays.shape),
-        )  # fmt: skip
+            hits,
+            hits & _of_triangles(rays.shape) if triangles else none,
+            hits & _of_spheres(rays.shape) if spheres else none,
+            hits & _of_planes(rays.shape) if planes else none,
+            hits & _of_analytic(rays.shape),
+        )
 
     return kinds
 

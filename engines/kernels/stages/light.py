@@ -131,9 +131,11 @@ def _make_load_lights(kinds: tuple[int, ...]) -> Any:
 _COLOR_AND_SIDES = (*(lane_number("light_color") + k for k in range(3)), lane_number("two_sided"))
 _on_meshes = lanes_where("==", MESH)
 _load_primitives = make_load_rows(
-    "kept_row", PrimitiveRow, (PrimitiveRow.fields["index"].first, PrimitiveRow.fields["material"].first),
+    "kept_row",
+    PrimitiveRow,
+    (PrimitiveRow.fields["index"].first, PrimitiveRow.fields["material"].first),
     (lane_number("corner0"), lane_number("material")),
-)  # fmt: skip
+)
 _load_emission = make_load_rows("material", MaterialRow, (0, 1, 2, 3), _COLOR_AND_SIDES)
 
 
@@ -172,9 +174,13 @@ def _make_sample_one(kinds: tuple[int, ...], selection: Selection, turned: bool,
             if weighted:
                 share = one / rays.light_choices[lane]
             light = Light(
-                lane_numbers(rays.light_parameters, lane), rays.light_color[lane], rays.two_sided[lane],
-                rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
-            )  # fmt: skip
+                lane_numbers(rays.light_parameters, lane),
+                rays.light_color[lane],
+                rays.two_sided[lane],
+                rays.vertex0[lane],
+                rays.vertex1[lane],
+                rays.vertex2[lane],
+            )
             sample = LightSample(Vec3(zero, zero, one), infinite, Vec3(zero, zero, zero), infinite)
             u0, u1 = rays.draw[0, lane], rays.draw[1, lane]
             sample = sample_light(rays.light_kind[lane], light, rays.point[lane], rays.normal[lane], u0, u1, sample)
@@ -198,9 +204,7 @@ def _make_colored(sample_one: Any, color_samples: Any) -> Any:
     return sample
 
 
-def _make(
-    kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any
-) -> Any:
+def _make(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any) -> Any:
     sample_one = _make_sample_one(kinds, selection, turned, real)
     if color_samples is not None:
         sample_one = _make_colored(sample_one, color_samples)
@@ -310,7 +314,5 @@ def stage(features: SceneFeatures, every: bool, resampled: bool, real: Any) -> A
 
 
 @cache
-def _stage(
-    kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any
-) -> Any:
+def _stage(kinds: tuple[int, ...], selection: Selection, turned: bool, resampled: bool, color_samples: Any, real: Any) -> Any:
     return compile_stage(_make(kinds, selection, turned, resampled, color_samples, real))

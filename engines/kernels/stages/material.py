@@ -28,9 +28,7 @@ from engines.kernels.lane.vector import Vec3, dot, to_float64
 from engines.kernels.layout import BSDF_PARAMETERS, LANES, ray_batch, scene_table
 from engines.kernels.stages.textures import color_at, gradient_at, luminance, prefetch_texels
 
-_FEATURES = (
-    "triangles", "spheres", "planes", "analytic", "tangents", "textures", "uvs", "choices", "masks", "tilts",
-)  # fmt: skip
+_FEATURES = ("triangles", "spheres", "planes", "analytic", "tangents", "textures", "uvs", "choices", "masks", "tilts")
 
 
 # ---- texture coordinates -----------------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ NEAR_TRIANGLES = 4096
 def make_prefetch(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, scene) that starts loading what the scene holds of the triangles hit. One thing leads to the
     next, and a lane alone would wait for each: here all sixteen wait at once."""
-    mixed, smooth, uvs = features.spheres or features.planes or len(features.analytic) > 0, features.smooth, features.uvs
+    mixed, smooth, uvs = (features.spheres or features.planes or len(features.analytic) > 0, features.smooth, features.uvs)
     vector = 3 * np.dtype(real).itemsize
 
     @inline

@@ -39,10 +39,19 @@ from engines.kernels.layout import LANES, ray_batch, scene_table
 @inline
 def load_interaction(rays, scene, lane):
     return SurfaceInteraction(
-        rays.miss[lane], rays.t[lane], rays.point[lane], rays.normal[lane], rays.geometric_normal[lane],
-        rays.direction[lane], rays.origin[lane], rays.front[lane], rays.tangent[lane], rays.emission[lane],
-        rays.light_pdf[lane], scene.bsdf_tables,
-    )  # fmt: skip
+        rays.miss[lane],
+        rays.t[lane],
+        rays.point[lane],
+        rays.normal[lane],
+        rays.geometric_normal[lane],
+        rays.direction[lane],
+        rays.origin[lane],
+        rays.front[lane],
+        rays.tangent[lane],
+        rays.emission[lane],
+        rays.light_pdf[lane],
+        scene.bsdf_tables,
+    )
 
 
 @inline
@@ -83,9 +92,7 @@ def _straight_on(si, share):
 def _select_sample(condition, yes, no):
     return BSDFSample(
         select3(condition, yes.wi, no.wi),
-        Spectrum(
-            select3(condition, yes.weight.color, no.weight.color), select(condition, yes.weight.scale, no.weight.scale)
-        ),
+        Spectrum(select3(condition, yes.weight.color, no.weight.color), select(condition, yes.weight.scale, no.weight.scale)),
         select(condition, yes.pdf, no.pdf),
         select(condition, yes.transmitted, no.transmitted),
         select(condition, yes.valid, no.valid),
@@ -213,15 +220,35 @@ def _make_load_scattering(light_through: bool, bends: bool) -> Any:
 def _load_scattering(rays, lane, si, through, eta_scale):
     zero = const(0.0, si.t)
     return Scattering(
-        Spectrum(rays.value_color[lane], rays.value_scale[lane]), rays.value_pdf[lane],
-        BSDFSample(rays.sample_wi[lane], Spectrum(rays.sample_color[lane], rays.sample_scale[lane]),
-                   rays.sample_pdf[lane], rays.sample_transmitted[lane], rays.sample_valid[lane]),
-        BSDFSample(rays.reflection_wi[lane], Spectrum(rays.reflection_color[lane], rays.reflection_scale[lane]),
-                   zero, False, rays.reflection_valid[lane]),
-        BSDFSample(rays.transmission_wi[lane], Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
-                   zero, rays.transmission_through[lane], rays.transmission_valid[lane]),
-        rays.diffuse_albedo[lane], rays.albedo[lane], through, rays.sample_null[lane], eta_scale,
-    )  # fmt: skip
+        Spectrum(rays.value_color[lane], rays.value_scale[lane]),
+        rays.value_pdf[lane],
+        BSDFSample(
+            rays.sample_wi[lane],
+            Spectrum(rays.sample_color[lane], rays.sample_scale[lane]),
+            rays.sample_pdf[lane],
+            rays.sample_transmitted[lane],
+            rays.sample_valid[lane],
+        ),
+        BSDFSample(
+            rays.reflection_wi[lane],
+            Spectrum(rays.reflection_color[lane], rays.reflection_scale[lane]),
+            zero,
+            False,
+            rays.reflection_valid[lane],
+        ),
+        BSDFSample(
+            rays.transmission_wi[lane],
+            Spectrum(rays.transmission_color[lane], rays.transmission_scale[lane]),
+            zero,
+            rays.transmission_through[lane],
+            rays.transmission_valid[lane],
+        ),
+        rays.diffuse_albedo[lane],
+        rays.albedo[lane],
+        through,
+        rays.sample_null[lane],
+        eta_scale,
+    )
 
 
 def refracts(features: SceneFeatures) -> bool:

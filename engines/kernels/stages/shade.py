@@ -35,9 +35,12 @@ from engines.kernels.stages.scattering import load_draws, load_interaction, make
 from engines.scene import support
 
 INTEGRATORS: Mapping[str, Integrator] = {
-    "path_tracer": path_tracer.INTEGRATOR, "whitted": whitted.INTEGRATOR, "no_shadows": no_shadows.INTEGRATOR,
-    "depth_map": depth_map.INTEGRATOR, "albedo": albedo.INTEGRATOR,
-}  # fmt: skip
+    "path_tracer": path_tracer.INTEGRATOR,
+    "whitted": whitted.INTEGRATOR,
+    "no_shadows": no_shadows.INTEGRATOR,
+    "depth_map": depth_map.INTEGRATOR,
+    "albedo": albedo.INTEGRATOR,
+}
 
 
 def integrator_of(shader: Choice) -> Integrator:
@@ -278,9 +281,15 @@ def _store(rays, lane, before, result, crosses, null, n_lights, shading, left, s
 def _eight_options(scene, real):
     numbers = scene.options
     return (
-        real(numbers[0]), real(numbers[1]), real(numbers[2]), real(numbers[3]),
-        real(numbers[4]), real(numbers[5]), real(numbers[6]), real(numbers[7]),
-    )  # fmt: skip
+        real(numbers[0]),
+        real(numbers[1]),
+        real(numbers[2]),
+        real(numbers[3]),
+        real(numbers[4]),
+        real(numbers[5]),
+        real(numbers[6]),
+        real(numbers[7]),
+    )
 
 
 def _make(step: Any, scattering: Any, shading: ShadeFeatures, real: Any) -> Any:
@@ -319,9 +328,16 @@ def shade_features(integrator: Integrator, features: SceneFeatures) -> ShadeFeat
     through = lit and features.transmission
     bends = integrator.roulette and refracts(features)
     return ShadeFeatures(
-        lit, lit and integrator.every_light, branches, integrator.shadows, through, curved_shapes(features),
-        features.transparent, features.hidden_emitters, bends,
-    )  # fmt: skip
+        lit,
+        lit and integrator.every_light,
+        branches,
+        integrator.shadows,
+        through,
+        curved_shapes(features),
+        features.transparent,
+        features.hidden_emitters,
+        bends,
+    )
 
 
 def uses(integrator: Integrator, shading: ShadeFeatures) -> Uses:

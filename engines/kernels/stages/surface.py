@@ -21,13 +21,7 @@ from engines.kernels.flatten.shapes import PLANE, SPHERE, TRIANGLE, analytic_sha
 from engines.kernels.lane.shapes import plane, sphere, triangle
 from engines.kernels.lane.shapes.intersection import ShapeIntersection, choose
 from engines.kernels.lane.vector import Vec3, dot, extent, largest, select3, sin_cos_turn, to_float64
-from engines.kernels.layout import (
-    CAMERA_DIMENSIONS,
-    LANES,
-    MarginRow,
-    ray_batch,
-    scene_table,
-)
+from engines.kernels.layout import CAMERA_DIMENSIONS, LANES, MarginRow, ray_batch, scene_table
 from engines.kernels.stages import environment
 from engines.kernels.stages.emission import make_hits
 from engines.kernels.stages.hit_loads import area_lights, make_load_hit
@@ -37,9 +31,23 @@ OFFSET_ULPS = 256.0
 
 _SHAPES = ("triangles", "spheres", "planes", "analytic")
 _FEATURES = (
-    *_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "emission", "lights",
-    "turned_environment", "uvs", "power_lights", "light_hierarchy", "transparent", "hidden_emitters", "textured_emission",
-)  # fmt: skip
+    *_SHAPES,
+    "smooth",
+    "bsdfs",
+    "diffuse",
+    "mirror",
+    "refraction",
+    "tangents",
+    "emission",
+    "lights",
+    "turned_environment",
+    "uvs",
+    "power_lights",
+    "light_hierarchy",
+    "transparent",
+    "hidden_emitters",
+    "textured_emission",
+)
 _MATERIALS = (*_SHAPES, "smooth", "bsdfs", "diffuse", "mirror", "refraction", "tangents", "uvs")
 
 
@@ -102,16 +110,23 @@ def _keep_found(rays, lane, own, found, smooth, tangents, none):
 @inline
 def _on_triangle(rays, lane, o, d, smooth):
     return triangle.intersection(
-        o, d, rays.vertex0[lane], rays.vertex1[lane], rays.vertex2[lane],
-        rays.vertex_normal0[lane], rays.vertex_normal1[lane], rays.vertex_normal2[lane], smooth,
-    )  # fmt: skip
+        o,
+        d,
+        rays.vertex0[lane],
+        rays.vertex1[lane],
+        rays.vertex2[lane],
+        rays.vertex_normal0[lane],
+        rays.vertex_normal1[lane],
+        rays.vertex_normal2[lane],
+        smooth,
+    )
 
 
 @cache
 def _make_meet(features: SceneFeatures, real: Any) -> Any:
     """The function (rays, kinds) that keeps where rays meet the primitives hit, kind by kind: most batches lack one."""
     triangles, smooth, spheres, planes = features.triangles, features.smooth, features.spheres, features.planes
-    has_analytic, analytic, tangents = len(features.analytic) > 0, _make_analytic(features.analytic, real), features.tangents
+    has_analytic, analytic, tangents = (len(features.analytic) > 0, _make_analytic(features.analytic, real), features.tangents)
     zero = real(0)
 
     @inline

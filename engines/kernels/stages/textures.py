@@ -54,13 +54,16 @@ class Corners(NamedTuple):
 @inline
 def _corners(row, x, y):
     """Around a point in texels, counted from the centre of the first one; both finite."""
-    width, height, wrap, channels = np.int64(row.width), np.int64(row.height), np.int64(row.wrap), np.int64(row.channels)
+    width, height, wrap, channels = (np.int64(row.width), np.int64(row.height), np.int64(row.wrap), np.int64(row.channels))
     left, top = np.floor(x), np.floor(y)
     return Corners(
-        _wrapped(left, width, wrap) * channels, _wrapped(left + 1.0, width, wrap) * channels,
-        _wrapped(top, height, wrap) * width * channels, _wrapped(top + 1.0, height, wrap) * width * channels,
-        x - left, y - top,
-    )  # fmt: skip
+        _wrapped(left, width, wrap) * channels,
+        _wrapped(left + 1.0, width, wrap) * channels,
+        _wrapped(top, height, wrap) * width * channels,
+        _wrapped(top + 1.0, height, wrap) * width * channels,
+        x - left,
+        y - top,
+    )
 
 
 @inline

@@ -28,8 +28,19 @@ from engines.kernels.stages.material import coordinates_at, look_up, make_locate
 from engines.kernels.stages.shade import curved_shapes, make_left
 
 _FEATURES = (
-    "triangles", "spheres", "planes", "analytic", "bsdfs", "programs", "textures", "uvs", "choices", "masks", "blends", "tilts",
-)  # fmt: skip
+    "triangles",
+    "spheres",
+    "planes",
+    "analytic",
+    "bsdfs",
+    "programs",
+    "textures",
+    "uvs",
+    "choices",
+    "masks",
+    "blends",
+    "tilts",
+)
 
 
 @cache

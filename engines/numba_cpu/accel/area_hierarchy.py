@@ -149,9 +149,7 @@ def _project(rays, lane, eye, real):
     origin, direction = rays.origin[lane], rays.direction[lane]
     position, right, up, forward = eye[0].position, eye[0].right, eye[0].up, eye[0].forward
     ahead = dot(direction, forward)
-    from_eye = (
-        (origin.x == position.x) & (origin.y == position.y) & (origin.z == position.z) & (ahead > real(1 / STEEPEST))
-    )
+    from_eye = (origin.x == position.x) & (origin.y == position.y) & (origin.z == position.z) & (ahead > real(1 / STEEPEST))
     alive = rays.t[lane] > real(0)
     inverse = real(1) / select(from_eye, ahead, real(1))
     return from_eye, alive, dot(direction, right) * inverse, dot(direction, up) * inverse

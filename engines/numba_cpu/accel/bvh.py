@@ -43,9 +43,7 @@ class Accelerator:
         if n > 0:
             extent = float(np.abs(flat.bounds - flat.center).max())
             if not extent < FARTHEST:
-                raise Unsupported(
-                    f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none"
-                )
+                raise Unsupported(f"bvh: the scene reaches {extent:.3g} m, of at most {FARTHEST:g}; take accelerator none")
             with ThreadPoolExecutor(threads) as pool:
                 nodes, leaves = _build(flat, 2.0 ** float(np.frexp(extent)[1]), threads, pool)  # no area overflows
             flat.bind(bvh_walk.BvhTable.nodes, nodes)
@@ -92,10 +90,13 @@ def _first_of_kinds(flat: FlatScene) -> tuple[int, int]:
 def _grown(flat: FlatScene, unit: float, threads: int, pool: Executor) -> Grown:
     n = sum(primitive_counts(flat))
     growth = Growth(
-        np.empty((2, n, 8), np.float32), np.empty((2, n), np.int32),
-        np.empty((2 * n, 8), np.float32), np.empty((2 * n, 3), np.int32),
-        *_first_of_kinds(flat), FEWEST if n <= SMALL else LEAF,
-    )  # fmt: skip
+        np.empty((2, n, 8), np.float32),
+        np.empty((2, n), np.int32),
+        np.empty((2 * n, 8), np.float32),
+        np.empty((2 * n, 3), np.int32),
+        *_first_of_kinds(flat),
+        FEWEST if n <= SMALL else LEAF,
+    )
     records, order = growth.records[0], growth.order[0]
     _share(pool, threads, n, lambda first, last: fill_records(flat, unit, first, last, records, order))
     filled, above = grow_tree(growth, pool)

@@ -15,30 +15,13 @@ import numpy as np
 from engines.kernels.compile.jit import compile_stage, inline
 from engines.kernels.compile.memory import address_of, array_at, prefetch
 from engines.kernels.compile.records import Table, array, table_view
-from engines.kernels.compile.simd import (
-    as_bits,
-    bits,
-    convert,
-    descending,
-    iota,
-    load8,
-    lowest,
-    splat,
-    store8,
-)
+from engines.kernels.compile.simd import as_bits, bits, convert, descending, iota, load8, lowest, splat, store8
 from engines.kernels.compile.values import bits_set, const, float_bits, fma, highest_bit, select
 from engines.kernels.lane.shapes.sphere import sphere_distance
 from engines.kernels.lane.shapes.triangle import ray_frame, triangle_distance
 from engines.kernels.lane.vector import Vec3, extent, to_float64
 from engines.kernels.layout import ACCELERATOR, LANES, RayBatch, ray_batch, scene_table
-from engines.kernels.stages.linear import (
-    analytic_distance,
-    block_shadow,
-    closest_planes,
-    keep_nearer,
-    nothing,
-    occluded_planes,
-)
+from engines.kernels.stages.linear import analytic_distance, block_shadow, closest_planes, keep_nearer, nothing, occluded_planes
 from engines.numba_cpu.accel.bvh_build import ANALYTIC, DEEPEST, TRIANGLES
 from engines.numba_cpu.accel.bvh_collapse import CHILDREN, NODE_WORDS, NOTHING, NOTHINGS
 from engines.numba_cpu.accel.bvh_leaves import stride
@@ -378,9 +361,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                     lane = np.uint64(queues.leaves[k])
                     ray, o, d = _ray(scratch, lane, real), origin[lane], direction[lane]
                     if has_analytic and (only_analytic or (((-1 - ray.words[CHILD]) >> 3) & 3) == ANALYTIC):
-                        child = _enter_analytic_leaf(
-                            rays, scene, lane, o, d, ray, tree, shadow, distance, real, bytes_each
-                        )
+                        child = _enter_analytic_leaf(rays, scene, lane, o, d, ray, tree, shadow, distance, real, bytes_each)
                     else:
                         child = _enter_leaf(rays, lane, o, d, ray, tree, rule, real, row_bytes, bytes_each)
                     waiting = _send(ray, child, lane, queues, waiting, tree, bytes_each)

@@ -82,9 +82,12 @@ class Accelerator:
         _list_members(box, bounds, size, starts, members)
         table = GridTable
         arrays = {
-            table.box: bounds, table.cells: starts, table.members: members, table.corners: corners(flat),
+            table.box: bounds,
+            table.cells: starts,
+            table.members: members,
+            table.corners: corners(flat),
             table.primitives: primitive_ids(flat),
-        }  # fmt: skip
+        }
         for field, values in arrays.items():
             flat.bind(field, values)
         for field, cells in zip((table.size_x, table.size_y, table.size_z), size, strict=True):
@@ -274,9 +277,18 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
         else:
             origin, direction, t_max = rays.origin, rays.direction, rays.t
         grid = Grid(
-            own.box, own.cells, own.members, own.corners, own.primitives, scene.spheres, scene.n_triangles,
-            scene.n_triangles + scene.n_spheres, own.size_x, own.size_y, own.size_z,
-        )  # fmt: skip
+            own.box,
+            own.cells,
+            own.members,
+            own.corners,
+            own.primitives,
+            scene.spheres,
+            scene.n_triangles,
+            scene.n_triangles + scene.n_spheres,
+            own.size_x,
+            own.size_y,
+            own.size_z,
+        )
         for lane in range(np.uint64(LANES)):
             t = t_max[lane]
             primitive = np.int64(-1)
@@ -284,18 +296,7 @@ def _make(triangles: bool, spheres: bool, planes: bool, analytic: tuple[int, ...
                 ray = make_ray(origin[lane], direction[lane], eps, real)
                 left = np.int64(rays.origin_primitive[lane])
                 t, primitive = _walk(
-                    ray,
-                    t,
-                    left,
-                    scene,
-                    grid,
-                    triangles,
-                    spheres,
-                    has_analytic,
-                    distance_to_analytic,
-                    shadow,
-                    widen,
-                    real,
+                    ray, t, left, scene, grid, triangles, spheres, has_analytic, distance_to_analytic, shadow, widen, real
                 )
             if shadow:
                 rays.occluded[lane] = primitive >= 0

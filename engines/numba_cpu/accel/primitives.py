@@ -154,11 +154,7 @@ def _fill_records(vertices, triangles, spheres, analytic, pad, rounding, unit, f
         records[i, 3] = records[i, 7] = 0
         for axis in range(3):
             if i < n:
-                x, y, z = (
-                    vertices[triangles[i, 0], axis],
-                    vertices[triangles[i, 1], axis],
-                    vertices[triangles[i, 2], axis],
-                )
+                x, y, z = (vertices[triangles[i, 0], axis], vertices[triangles[i, 1], axis], vertices[triangles[i, 2], axis])
                 low, high = np.float64(min(x, y, z)), np.float64(max(x, y, z))
             elif i < end:
                 center, radius = spheres[i - n, axis], spheres[i - n, 3]

@@ -97,9 +97,7 @@ def _bins(center: Array, node: Indices, nodes: int) -> Indices:
     return np.minimum(np.nan_to_num(share) * BINS, BINS - 1).astype(np.int64)
 
 
-def _best_planes(
-    low: Array, high: Array, bins: Indices, node: Indices, nodes: int
-) -> tuple[Indices, Indices, np.ndarray]:
+def _best_planes(low: Array, high: Array, bins: Indices, node: Indices, nodes: int) -> tuple[Indices, Indices, np.ndarray]:
     """The axis, the last bin on the left, and whether there is a split at all, (nodes,) each."""
     cost = np.empty((3, nodes, BINS - 1))
     for axis in range(3):

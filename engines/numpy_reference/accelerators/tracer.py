@@ -34,12 +34,7 @@ class Tracer:
         self.nbytes = sum(part.nbytes for part in self._parts)
 
     def closest(
-        self,
-        origin: Array,
-        direction: Array,
-        t_max: Array,
-        check: Callable[[], None],
-        origin_primitive: Indices | None = None,
+        self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None], origin_primitive: Indices | None = None
     ) -> Nearest:
         """Closest hits in (0, t_max) of rays (3, n) with unit directions. `check` is called every few milliseconds;
         `origin_primitive` (n,) are the ids of what the rays have left, -1 for none."""
@@ -51,12 +46,7 @@ class Tracer:
         return nearest
 
     def occluded(
-        self,
-        origin: Array,
-        direction: Array,
-        t_max: Array,
-        check: Callable[[], None],
-        origin_primitive: Indices | None = None,
+        self, origin: Array, direction: Array, t_max: Array, check: Callable[[], None], origin_primitive: Indices | None = None
     ) -> np.ndarray:
         """(n,) whether anything lies in (0, t_max) but what was left."""
         dark, before = np.zeros(t_max.size, bool), Nearest.before(t_max, origin_primitive)

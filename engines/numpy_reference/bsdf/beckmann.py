@@ -59,9 +59,7 @@ def sample_visible_normals(wo: Array, alpha: Array, u0: Array, u1: Array) -> Arr
     view = unit(np.stack([ax * wo[0], ay * wo[1], wo[2]]))
     sine = np.hypot(view[0], view[1])
     with np.errstate(divide="ignore", invalid="ignore"):
-        cos_phi, sin_phi = (
-            np.where(sine > 0.0, part / sine, start) for part, start in ((view[0], 1.0), (view[1], 0.0))
-        )
+        cos_phi, sin_phi = (np.where(sine > 0.0, part / sine, start) for part, start in ((view[0], 1.0), (view[1], 0.0)))
     u0, u1 = (np.clip(u, SMALLEST_DRAW, 1.0 - SMALLEST_DRAW) for u in (u0, u1))
     x, y = _visible_slope(view[2], sine, u0), erfinv(2.0 * u1 - 1.0)
     slope_x, slope_y = ax * (cos_phi * x - sin_phi * y), ay * (sin_phi * x + cos_phi * y)

@@ -24,8 +24,7 @@ class ConductorBSDF:
 
     def __init__(self, leaves: Sequence[Conductor]) -> None:
         self._eta, self._k = (
-            np.array([getattr(leaf, name) for leaf in leaves], np.float64).reshape(-1, 3).T.copy()
-            for name in ("eta", "k")
+            np.array([getattr(leaf, name) for leaf in leaves], np.float64).reshape(-1, 3).T.copy() for name in ("eta", "k")
         )
         self._reflectance = ColorParameter([leaf.reflectance for leaf in leaves])
         self._roughness = Roughness(leaves)

@@ -8,16 +8,7 @@ import numpy as np
 
 from engines.numpy_reference.bsdf.facets import Roughness
 from engines.numpy_reference.bsdf.fresnel import fresnel_dielectric
-from engines.numpy_reference.bsdf.interface import (
-    BSDFSample,
-    Lobes,
-    has,
-    index_ratio,
-    mirrored,
-    reflects,
-    refracted,
-    transmits,
-)  # fmt: skip
+from engines.numpy_reference.bsdf.interface import BSDFSample, Lobes, has, index_ratio, mirrored, reflects, refracted, transmits
 from engines.numpy_reference.interaction import SurfaceInteraction
 from engines.numpy_reference.textures import ColorParameter
 from engines.numpy_reference.vectors import Array, Indices, dot

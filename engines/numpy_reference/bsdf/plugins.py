@@ -33,9 +33,7 @@ class PluginBSDF:
             chosen = _lobes(model.plugin) & lobes
             if chosen:
                 here = at.take(lanes)
-                wi, weight, pdf = model.plugin.numpy.sample(
-                    model.options, here, uc[lanes], u0[lanes], u1[lanes], chosen
-                )
+                wi, weight, pdf = model.plugin.numpy.sample(model.options, here, uc[lanes], u0[lanes], u1[lanes], chosen)
                 kept = np.isinf(pdf) | _leaves(model, here, wi)
                 found.put(lanes, wi, np.where(kept, weight, 0.0), pdf)
         return found

@@ -18,9 +18,17 @@ from engines.scene import Principled
 
 LUMINANCE = np.array([[0.212671], [0.715160], [0.072169]])
 NUMBERS = (
-    "roughness", "anisotropic", "metallic", "spec_tint", "sheen", "sheen_tint", "clearcoat", "clearcoat_gloss", "flatness",
+    "roughness",
+    "anisotropic",
+    "metallic",
+    "spec_tint",
+    "sheen",
+    "sheen_tint",
+    "clearcoat",
+    "clearcoat_gloss",
+    "flatness",
     "spec_trans",
-)  # fmt: skip
+)
 COAT_ROUGHNESS = 0.25
 """In the masking of the clearcoat, whatever its gloss."""
 

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from engines.choices import Choice
 from engines.numpy_reference.light_samplers.hierarchy import HierarchicalLightSampler
-from engines.numpy_reference.light_samplers.plain import (
-    ChosenLight,
-    LightSampler,
-    PowerLightSampler,
-    UniformLightSampler,
-)
+from engines.numpy_reference.light_samplers.plain import ChosenLight, LightSampler, PowerLightSampler, UniformLightSampler
 from engines.scene import Scene
 from engines.scene.light_bounds import light_shares
 from engines.scene.light_hierarchy import light_hierarchy

@@ -64,4 +64,3 @@ class PowerLightSampler:
 
     def choices(self, light: Indices, point: Array, geometric: Array) -> Array:
         return self._choices[light]
-

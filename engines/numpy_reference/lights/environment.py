@@ -19,9 +19,7 @@ class EnvironmentLights:
     infinite = True
 
     def __init__(self, lights: Sequence[EnvironmentLight]) -> None:
-        self._lights = [
-            ConstantEnvironment(light) if light.image is None else ImageEnvironment(light) for light in lights
-        ]
+        self._lights = [ConstantEnvironment(light) if light.image is None else ImageEnvironment(light) for light in lights]
 
     def sample(self, light: Indices, point: Array, normal: Array, u0: Array, u1: Array, uc: Array) -> LightSample:
         found = LightSample.empty(light.size)

@@ -87,10 +87,7 @@ class Triangles:
         return np.where(norm(interpolated) > 0.0, unit(interpolated), flat)  # false for NaN: a flat mesh
 
     def bounds(self) -> tuple[Array, Array]:
-        return (
-            np.minimum(np.minimum(self.a, self.b), self.c),
-            np.maximum(np.maximum(self.a, self.b), self.c),
-        )
+        return (np.minimum(np.minimum(self.a, self.b), self.c), np.maximum(np.maximum(self.a, self.b), self.c))
 
     def corners(self) -> Array:
         return self._corners

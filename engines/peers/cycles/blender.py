@@ -80,9 +80,7 @@ class BlenderScene:
         made = self._kept(self.data.materials.new(given.name))
         with _nodes(made) as tree:
             Nodes(tree, placed(given)).surface(given, scatters=settings.shader.options["max_depth"] > 1)
-        sampled = given.emits and not any(
-            isinstance(shape, Plane) and shape.material == index for shape in scene.shapes
-        )
+        sampled = given.emits and not any(isinstance(shape, Plane) and shape.material == index for shape in scene.shapes)
         sides = "FRONT_BACK" if given.two_sided else "FRONT"
         made.cycles.emission_sampling = sides if sampled else "NONE"
         return made
@@ -121,16 +119,24 @@ class BlenderScene:
         tree = self._kept(self.data.node_groups.new("points", "GeometryNodeTree"))
         for direction in ("INPUT", "OUTPUT"):
             tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
-        begin, radius, points, painted, end = (tree.nodes.new(kind) for kind in (
-            "NodeGroupInput", "GeometryNodeInputNamedAttribute", "GeometryNodeMeshToPoints", "GeometryNodeSetMaterial",
-            "NodeGroupOutput",
-        ))  # fmt: skip
+        begin, radius, points, painted, end = (
+            tree.nodes.new(kind)
+            for kind in (
+                "NodeGroupInput",
+                "GeometryNodeInputNamedAttribute",
+                "GeometryNodeMeshToPoints",
+                "GeometryNodeSetMaterial",
+                "NodeGroupOutput",
+            )
+        )
         radius.inputs["Name"].default_value = "radius"
         painted.inputs["Material"].default_value = materials[group.material]
         for output, node, input in (
-            (begin.outputs[0], points, "Mesh"), (radius.outputs["Attribute"], points, "Radius"),
-            (points.outputs[0], painted, "Geometry"), (painted.outputs[0], end, 0),
-        ):  # fmt: skip
+            (begin.outputs[0], points, "Mesh"),
+            (radius.outputs["Attribute"], points, "Radius"),
+            (points.outputs[0], painted, "Geometry"),
+            (painted.outputs[0], end, 0),
+        ):
             tree.links.new(output, node.inputs[input])
         self._object("spheres", mesh).modifiers.new("points", "NODES").node_group = tree
 
@@ -198,13 +204,7 @@ class BlenderScene:
         cycles.use_light_tree = path["light_sampler"] == "bvh"
         for key in ("use_adaptive_sampling", "use_denoising", "use_guiding", "use_auto_tile"):
             setattr(cycles, key, False)
-        for key in (
-            "light_sampling_threshold",
-            "blur_glossy",
-            "sample_clamp_direct",
-            "sample_clamp_indirect",
-            "time_limit",
-        ):
+        for key in ("light_sampling_threshold", "blur_glossy", "sample_clamp_direct", "sample_clamp_indirect", "time_limit"):
             setattr(cycles, key, 0.0)
         cycles.caustics_reflective = cycles.caustics_refractive = True
         bounces = max(0, path["max_depth"] - 2)

@@ -72,10 +72,14 @@ class Engine(AdapterEngine):
     two_sided = True
     takes_shaders = {  # noqa: RUF012
         "path_tracer": {
-            "direct": ("mis",), "max_depth": range(1, 1026), "light_sampler": ("uniform", "bvh"), "light_candidates": (1,),
-            "transparent_shadows": (False,), "hide_emitters": (False,),
+            "direct": ("mis",),
+            "max_depth": range(1, 1026),
+            "light_sampler": ("uniform", "bvh"),
+            "light_candidates": (1,),
+            "transparent_shadows": (False,),
+            "hide_emitters": (False,),
         }
-    }  # fmt: skip
+    }
     takes_samplers = {"sobol": {"scramble": ("owen",)}}  # noqa: RUF012
     listed = {"sampler": ("sobol",)}  # noqa: RUF012
     not_promised = {  # noqa: RUF012

@@ -73,9 +73,7 @@ def spheres_of(scene: Scene) -> list[SphereGroup]:
             found.setdefault(shape.material, []).append((np.array([shape.center]), np.array([shape.radius])))
         elif isinstance(shape, SphereSet):
             found.setdefault(shape.material, []).append((shape.centers, shape.radii))
-    return [
-        SphereGroup(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(found.items())
-    ]
+    return [SphereGroup(material, *map(np.concatenate, zip(*parts, strict=True))) for material, parts in sorted(found.items())]
 
 
 def subdivisions(count: int) -> int:

@@ -69,9 +69,7 @@ class Nodes:
     def added(self, *parts: Any) -> Any:
         """The sum of BSDFs, of which None is black."""
         there = [part for part in parts if part is not None]
-        return (
-            self.out("AddShader", [there[0], self.added(*there[1:])]) if len(there) > 1 else there[0] if there else None
-        )
+        return self.out("AddShader", [there[0], self.added(*there[1:])]) if len(there) > 1 else there[0] if there else None
 
     def value(self, given: Color | Number) -> Any:
         """A colour, a number, or the output of a texture."""
@@ -80,9 +78,12 @@ class Nodes:
             smooth = isinstance(given, ImageTexture) and given.filter == "bilinear"
             uv = self.out("Attribute", output="Vector", attribute_name=f"uv{where}")
             return self.out(
-                "TexImage", {"Vector": uv}, image=image_of(texels(given)), interpolation="Linear" if smooth else "Closest",
+                "TexImage",
+                {"Vector": uv},
+                image=image_of(texels(given)),
+                interpolation="Linear" if smooth else "Closest",
                 extension=EXTENSIONS[given.wrap] if isinstance(given, ImageTexture) else "REPEAT",
-            )  # fmt: skip
+            )
         return (*given, 1.0) if isinstance(given, tuple) else given
 
     def bsdf(self, given: Bsdf | None) -> Any:
@@ -125,25 +126,23 @@ class Nodes:
         if (given.eta, given.k) == (BLACK, WHITE):  # Fresnel's equations give 1
             return self._glossy(given.reflectance, given.alpha[0], given.distribution)
         return self.out(
-            "BsdfMetallic", {"IOR": given.eta, "Extinction": given.k, "Roughness": _roughness(given.alpha[0])},
-            distribution=given.distribution.upper(), fresnel_type="PHYSICAL_CONDUCTOR",
-        )  # fmt: skip
+            "BsdfMetallic",
+            {"IOR": given.eta, "Extinction": given.k, "Roughness": _roughness(given.alpha[0])},
+            distribution=given.distribution.upper(),
+            fresnel_type="PHYSICAL_CONDUCTOR",
+        )
 
     def _glossy(self, color: Color, alpha: Number = 0.0, distribution: str = "ggx") -> Any:
         inputs = {"Color": self.value(color), "Roughness": _roughness(alpha)}
         return self.out("BsdfAnisotropic", inputs, distribution=distribution.upper())
 
-    def _glass(
-        self, ior: float, alpha: Number, reflectance: Color, transmittance: Color, distribution: str = "ggx"
-    ) -> Any:
+    def _glass(self, ior: float, alpha: Number, reflectance: Color, transmittance: Color, distribution: str = "ggx") -> Any:
         """One node where both tints are alike; else, of a smooth interface alone, a mixture by Fresnel's equations."""
         kind = {"distribution": distribution.upper()}
         if reflectance == transmittance:
             inputs = {"Color": self.value(reflectance), "Roughness": _roughness(alpha), "IOR": ior}
             return self.out("BsdfGlass", inputs, **kind)
-        refraction = self.out(
-            "BsdfRefraction", {"Color": self.value(transmittance), "Roughness": 0.0, "IOR": ior}, **kind
-        )
+        refraction = self.out("BsdfRefraction", {"Color": self.value(transmittance), "Roughness": 0.0, "IOR": ior}, **kind)
         return self.mixed(self._fresnel(ior), refraction, None if reflectance == BLACK else self._glossy(reflectance))
 
     def _pane(self, ior: float, reflectance: Color, transmittance: Color) -> Any:
@@ -178,15 +177,14 @@ class Nodes:
             where = self.out("NewGeometry", output="Incoming")
             rows = [self.out("VectorMath", [where, tuple(-row)], "Value", operation="DOT_PRODUCT") for row in matrix]
             local = self.out("CombineXYZ", rows)
-            color = self.out(
-                "TexEnvironment", [local], image=image_of(image[:, ::-1] if flipped else image, upright=True)
-            )
+            color = self.out("TexEnvironment", [local], image=image_of(image[:, ::-1] if flipped else image, upright=True))
         self.node("OutputWorld", [self.out("Background", [color, 1.0])])
 
     def spot(self, light: SpotLight) -> None:
         """Of a point light, as much as shines into the cone; Blender's own spot lights fade otherwise."""
-        towards = self.out("VectorMath", [self.out("NewGeometry", output="Incoming"), light.direction], "Value",
-                           operation="DOT_PRODUCT")  # fmt: skip
+        towards = self.out(
+            "VectorMath", [self.out("NewGeometry", output="Incoming"), light.direction], "Value", operation="DOT_PRODUCT"
+        )
         angle = self.out("Math", [towards], operation="ARCCOSINE")
         cutoff, beam = math.radians(light.cutoff), math.radians(light.beam_width)
         if light.cutoff == light.beam_width:

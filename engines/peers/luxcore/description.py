@@ -95,9 +95,9 @@ def _flat_or_round(shape: Plane | Disk | Cylinder, size: float) -> tuple[Array, 
         u, v = tangents(axis / np.linalg.norm(axis))
         around = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
         ring = shape.radius * around
-        faces = np.concatenate([
-            np.stack([first, second, second + SEGMENTS], 1), np.stack([first, second + SEGMENTS, first + SEGMENTS], 1),
-        ])  # fmt: skip
+        faces = np.concatenate(
+            [np.stack([first, second, second + SEGMENTS], 1), np.stack([first, second + SEGMENTS, first + SEGMENTS], 1)]
+        )
         return np.concatenate([shape.p0 + ring, shape.p1 + ring]), faces, np.concatenate([around, around])
     u, v = tangents(np.array(shape.normal))
     if isinstance(shape, Plane):
@@ -158,13 +158,19 @@ def _camera(scene: Scene, settings: Settings) -> Properties:
     size = extent(scene)
     lens = isinstance(camera, ThinLens)
     return {
-        "type": "perspective", "lookat.orig": frame.origin.tolist(), "lookat.target": (frame.origin + frame.forward).tolist(),
-        "up": frame.up.tolist(), "fieldofview": 90.0, "screenwindow": [left, right, bottom - row, top - row],
-        "cliphither": max(near, NEAR * size), "clipyon": FAR * size if math.isinf(far) else far,
+        "type": "perspective",
+        "lookat.orig": frame.origin.tolist(),
+        "lookat.target": (frame.origin + frame.forward).tolist(),
+        "up": frame.up.tolist(),
+        "fieldofview": 90.0,
+        "screenwindow": [left, right, bottom - row, top - row],
+        "cliphither": max(near, NEAR * size),
+        "clipyon": FAR * size if math.isinf(far) else far,
         "lensradius": float(camera.aperture_radius) if lens else 0.0,
         "focaldistance": float(camera.focus_distance) if lens else 1.0,
-        "autofocus.enable": False, "autovolume.enable": False,
-    }  # fmt: skip
+        "autofocus.enable": False,
+        "autovolume.enable": False,
+    }
 
 
 def _light(light: Light) -> Properties:

@@ -58,10 +58,14 @@ class Engine(AdapterEngine):
     two_sided = True
     takes_shaders = {  # noqa: RUF012
         "path_tracer": {
-            "direct": ("mis",), "max_depth": range(2, 1001), "light_sampler": ("uniform", "power"), "light_candidates": (1,),
-            "transparent_shadows": (False,), "hide_emitters": (False,),
+            "direct": ("mis",),
+            "max_depth": range(2, 1001),
+            "light_sampler": ("uniform", "power"),
+            "light_candidates": (1,),
+            "transparent_shadows": (False,),
+            "hide_emitters": (False,),
         }
-    }  # fmt: skip
+    }
     not_promised = {  # noqa: RUF012
         **MEANS_ALONE,
         "a_split_render_is_the_same": "every call begins another stream of random numbers",

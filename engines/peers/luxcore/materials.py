@@ -66,9 +66,11 @@ def material_properties(name: str, material: Material, importance: float) -> Pro
         whole = _model(bsdf)
     if material.emits:
         whole |= {
-            "emission": list(material.mean_emission), "emission.gain": [1.0] * 3, "emission.importance": importance,
+            "emission": list(material.mean_emission),
+            "emission.gain": [1.0] * 3,
+            "emission.importance": importance,
             "emission.directlightsampling.type": "ENABLED",  # left to itself it stops at many triangles
-        }  # fmt: skip
+        }
     return found | {f"{name}.{key}": value for key, value in whole.items()}
 
 

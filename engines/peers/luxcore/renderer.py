@@ -53,9 +53,7 @@ class Renderer(ImageRenderer):
         for shape in shapes(scene):
             if shape.vertices is not None:
                 normals, uvs = (None if each is None else _tuples(each) for each in (shape.normals, shape.uvs))
-                described.DefineMesh(
-                    shape.mesh, _tuples(shape.vertices), _tuples(shape.faces), normals, uvs, None, None
-                )
+                described.DefineMesh(shape.mesh, _tuples(shape.vertices), _tuples(shape.faces), normals, uvs, None, None)
             placed: Properties = {"shape": shape.mesh, "material": f"m{shape.material}"}
             if shape.transformation is not None:
                 placed["transformation"] = shape.transformation.T.reshape(-1).tolist()
@@ -68,17 +66,29 @@ class Renderer(ImageRenderer):
     def _settings(self) -> Properties:
         options, depth = self.settings.shader.options, self.settings.shader.options["max_depth"]
         return {
-            "renderengine.type": "PATHCPU", "renderengine.seed": self.seed, "native.threads.count": self.settings.threads,
-            "sampler.type": "RANDOM", "sampler.random.adaptive.strength": 0.0,
-            "path.pathdepth.total": depth, "path.pathdepth.diffuse": depth, "path.pathdepth.glossy": depth,
-            "path.pathdepth.specular": depth, "path.russianroulette.depth": options["rr_depth"],
-            "path.clamping.variance.maxvalue": 0.0, "path.hybridbackforward.enable": False,
+            "renderengine.type": "PATHCPU",
+            "renderengine.seed": self.seed,
+            "native.threads.count": self.settings.threads,
+            "sampler.type": "RANDOM",
+            "sampler.random.adaptive.strength": 0.0,
+            "path.pathdepth.total": depth,
+            "path.pathdepth.diffuse": depth,
+            "path.pathdepth.glossy": depth,
+            "path.pathdepth.specular": depth,
+            "path.russianroulette.depth": options["rr_depth"],
+            "path.clamping.variance.maxvalue": 0.0,
+            "path.hybridbackforward.enable": False,
             "lightstrategy.type": options["light_sampler"].upper(),
-            "film.width": self.film.width, "film.height": self.film.height, "film.filter.type": "NONE",
+            "film.width": self.film.width,
+            "film.height": self.film.height,
+            "film.filter.type": "NONE",
             "film.opencl.enable": False,
-            "film.outputs.0.type": "RADIANCE_GROUP", "film.outputs.0.id": 0, "film.outputs.0.filename": "radiance.exr",
-            "film.outputs.1.type": "SAMPLECOUNT", "film.outputs.1.filename": "samples.exr",
-        }  # fmt: skip
+            "film.outputs.0.type": "RADIANCE_GROUP",
+            "film.outputs.0.id": 0,
+            "film.outputs.0.filename": "radiance.exr",
+            "film.outputs.1.type": "SAMPLECOUNT",
+            "film.outputs.1.filename": "samples.exr",
+        }
 
     def image(self, spp: int, offset: int, seed: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
         """Renders until every pixel has `spp` samples, or `stop` is called; with the number of samples of each pixel."""

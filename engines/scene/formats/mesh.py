@@ -72,9 +72,7 @@ class MeshData:
     flat: bool = False
 
 
-def read_mesh(
-    node: Located, context: Any, smooth: bool, uvs: bool, with_materials: bool, shape_index: int = 0
-) -> MeshData:  # fmt: skip
+def read_mesh(node: Located, context: Any, smooth: bool, uvs: bool, with_materials: bool, shape_index: int = 0) -> MeshData:
     """The mesh of the file named at `node`; `context` is a `SceneReader`.
 
     `with_materials` takes them from the file, and refuses files that have none. Vertex normals are read only when
@@ -91,9 +89,7 @@ def read_mesh(
     materials, notes = _obj_materials(node, context, file, polygons)
     uvs = any(material.uses_uvs for material in materials)
     data = _obj_mesh(node, file, polygons, smooth, uvs, flip_v=True)
-    return replace(
-        data, face_materials=polygons.face_materials, materials=materials, warnings=[*notes, *data.warnings]
-    )  # fmt: skip
+    return replace(data, face_materials=polygons.face_materials, materials=materials, warnings=[*notes, *data.warnings])
 
 
 def mesh_suffix(at: At, file: Path) -> str:
@@ -177,10 +173,12 @@ def _split(data: MeshData, corners: NDArray[np.int32], count: int) -> tuple[Mesh
     unique, inverse = np.unique(pairs, return_inverse=True)
     vertex, thing = np.divmod(unique, count)
     return replace(
-        data, vertices=data.vertices[vertex], faces=inverse.reshape(-1, 3).astype(np.int32),
+        data,
+        vertices=data.vertices[vertex],
+        faces=inverse.reshape(-1, 3).astype(np.int32),
         uvs=None if data.uvs is None else data.uvs[vertex],
         origins=vertex if data.origins is None else data.origins[vertex],
-    ), thing  # fmt: skip
+    ), thing
 
 
 def _finite_uvs(name: str, uvs: NDArray[np.float64]) -> tuple[NDArray[np.float64], list[str]]:
@@ -204,9 +202,13 @@ def _read_serialized(at: At, data: bytes, normals: bool, uvs: bool, shape_index:
 
 
 def _mesh_data(
-    at: At, vertices: NDArray[np.float64], faces: NDArray[Any], normals: NDArray[np.float64] | None,
-    uvs: NDArray[np.float64] | None, flat: bool = False,
-) -> MeshData:  # fmt: skip
+    at: At,
+    vertices: NDArray[np.float64],
+    faces: NDArray[Any],
+    normals: NDArray[np.float64] | None,
+    uvs: NDArray[np.float64] | None,
+    flat: bool = False,
+) -> MeshData:
     """Checked. Raises what `at` refuses."""
     faces = _triangles(at, faces, len(vertices))
     _check_finite(at, vertices)
@@ -262,9 +264,9 @@ def _read_with_trimesh(at: At, suffix: str, data: bytes, with_normals: bool, wit
         raise at.refuse("has no faces")
     vertices = np.concatenate([part.vertices for part in parts])
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    faces = np.concatenate([
-        _triangles(at, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)
-    ])  # fmt: skip
+    faces = np.concatenate(
+        [_triangles(at, part.faces, len(part.vertices)) + start for part, start in zip(parts, starts[:-1], strict=True)]
+    )
     alone = parts[0] if len(parts) == 1 else None
     if alone is None:
         return _mesh_data(at, vertices, faces, None, None)

@@ -42,9 +42,20 @@ MAPS = ("map_kd", "map_d", "map_pr", "map_pm", "norm")
 OTHER_MAPS = ("map_", "bump", "disp", "decal", "refl")
 """How the keys of other maps begin."""
 OPTIONS = {
-    "-s": 3, "-o": 3, "-t": 3, "-mm": 2, "-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-bm": 1,
-    "-boost": 1, "-imfchan": 1, "-type": 1,
-}  # fmt: skip
+    "-s": 3,
+    "-o": 3,
+    "-t": 3,
+    "-mm": 2,
+    "-blendu": 1,
+    "-blendv": 1,
+    "-cc": 1,
+    "-clamp": 1,
+    "-texres": 1,
+    "-bm": 1,
+    "-boost": 1,
+    "-imfchan": 1,
+    "-type": 1,
+}
 """Options of maps, and how many words each has at most; those of three numbers may have fewer."""
 
 
@@ -106,20 +117,20 @@ def _value(node: Located, file: Path, line: int, key: str, parts: list[str]) -> 
     try:
         numbers = [float(part) for part in parts if part != "-halo"]
     except ValueError:
-        raise _wrong(node, file, line, f"{shown}: numbers are wanted") from None
+        raise _wrong(node, file, line, f"{shown}: numbers are expected") from None
     if not numbers or not all(map(math.isfinite, numbers)) or min(numbers) < 0.0:
-        raise _wrong(node, file, line, f"{shown}: finite numbers of at least 0 are wanted")
+        raise _wrong(node, file, line, f"{shown}: finite numbers of at least 0 are expected")
     if key in _NUMBERS:
         return numbers[0]
     if len(numbers) not in (1, 3):
-        raise _wrong(node, file, line, f"{shown}: one or three numbers are wanted")
+        raise _wrong(node, file, line, f"{shown}: one or three numbers are expected")
     r, g, b = numbers * 3 if len(numbers) == 1 else numbers
     return r, g, b
 
 
 def _image(
     node: Located, context: Any, file: Path, material: str, key: str, text: str, notes: list[str]
-) -> ImageTexture | None:  # fmt: skip
+) -> ImageTexture | None:
     """The texture of a map; None with a note where it cannot be read."""
     words, options = text.split(), {}
     while words and words[0] in OPTIONS:
@@ -182,10 +193,12 @@ def _material(
         tint = _scaled(tint, factor)
         passing = 1.0 - opacity
         bsdf = Principled(
-            tint if image is None else _tinted(image, tint), images.get("map_pr", min(value("pr", 0.5), 1.0)),
+            tint if image is None else _tinted(image, tint),
+            images.get("map_pr", min(value("pr", 0.5), 1.0)),
             metallic=images.get("map_pm", min(value("pm", 0.0), 1.0)),
-            eta=min(max(value("ni", 1.5), 1.001 if passing else 1.0), MOST_ETA), spec_trans=passing,
-        )  # fmt: skip
+            eta=min(max(value("ni", 1.5), 1.001 if passing else 1.0), MOST_ETA),
+            spec_trans=passing,
+        )
         notes = [_scaled_down(file, name, max(kd))] if factor < 1.0 else []
         return Material(name, emission=color("ke", BLACK), bsdf=_wrapped(bsdf, images)), notes
     material = Material(

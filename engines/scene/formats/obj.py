@@ -81,7 +81,7 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
     finite = np.isfinite(vertices).all(axis=1)
     if not finite.all():
         wrong = int(np.argmin(finite))
-        raise at_line(kinds["v"].lines[wrong], f"{_shown(kinds['v'].text[wrong])}: finite numbers are wanted")
+        raise at_line(kinds["v"].lines[wrong], f"{_shown(kinds['v'].text[wrong])}: finite numbers are expected")
     corners, corner_uvs, corner_normals, counts = _corners(kinds["f"], at_line)
     lines = np.repeat(np.array(kinds["f"].lines), counts)
     corners = _absolute(corners, lines, kinds["v"].lines, "vertex", at_line)
@@ -91,9 +91,7 @@ def parse_obj(text: str, at_line: AtLine) -> Polygons:
         face_normals = _where_given(corner_normals, lines, kinds["vn"].lines, "normal", at_line)[fan]
     materials, names = _materials(kinds["usemtl"], kinds["f"].lines)
     texture = None if corner_uvs is None else TextureCorners(kinds["vt"], corner_uvs, lines, fan)
-    return Polygons(
-        vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, list(libraries), texture
-    )  # fmt: skip
+    return Polygons(vertices, corners[fan], normals, face_normals, materials[face_of_triangle], names, list(libraries), texture)
 
 
 def _whole_lines(text: str) -> Iterator[tuple[int, str]]:
@@ -124,7 +122,7 @@ def _rows(statements: _Statements, at_line: AtLine, least: int = 3, most: int = 
         return np.array([list(map(float, row)) + [0.0] * (most - len(row)) for row in rows], np.float64).reshape(-1, most)
     except ValueError:
         wrong = next(i for i, line in enumerate(lines) if len(line.split()) < least or not _are_numbers(line.split()))
-        wanted = "three numbers are wanted" if most == 3 else "numbers are wanted"
+        wanted = "three numbers are expected" if most == 3 else "numbers are expected"
         raise at_line(statements.lines[wrong], f"{_shown(statements.text[wrong])}: {wanted}") from None
 
 

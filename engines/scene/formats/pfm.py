@@ -25,7 +25,7 @@ def read_pfm(file: Path, check: Callable[[int, int], None]) -> NDArray[np.float3
     with open_regular(file) as stream:
         header = _HEADER.match(stream.read(HEADER))
         if header is None:
-            raise SceneError(f"{file}: is not a usable image: the header of a PFM file is wanted: PF, width, height, scale")
+            raise SceneError(f"{file}: is not a usable image: the header of a PFM file is expected: PF, width, height, scale")
         width, height, channels = int(header[2]), int(header[3]), 3 if header[1] == b"F" else 1
         check(width, height)
         stream.seek(header.end())

@@ -10,9 +10,12 @@ UNIT_NORMALS = b"comment raybench: normals are of length 1"
 
 
 def ply_bytes(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], normals: NDArray[np.float64] | None,
-    uvs: NDArray[np.float64] | None, face_materials: NDArray[np.int32] | None,
-) -> bytes:  # fmt: skip
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    normals: NDArray[np.float64] | None,
+    uvs: NDArray[np.float64] | None,
+    face_materials: NDArray[np.int32] | None,
+) -> bytes:
     """A PLY file of triangles: float64 coordinates, normals and texture coordinates u, v; of each face its vertices and, where
     given, its material."""
     columns = [vertices, *([] if normals is None else [normals]), *([] if uvs is None else [uvs])]

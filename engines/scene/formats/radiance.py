@@ -26,11 +26,11 @@ def read_hdr(file: Path, check: Callable[[int, int], None]) -> NDArray[np.float3
         data = stream.read()
     lines = data[:HEADER].split(b"\n")
     if not lines[0].startswith(MAGIC):
-        raise SceneError(f"{file}: is not a usable image: the content of a Radiance HDR file is wanted")
+        raise SceneError(f"{file}: is not a usable image: the content of a Radiance HDR file is expected")
     blank = next((i for i, line in enumerate(lines) if not line.strip()), len(lines))
     size = _SIZE.fullmatch(lines[blank + 1].strip()) if blank + 1 < len(lines) else None
     if size is None or any(line.startswith(b"FORMAT=") and b"rgbe" not in line for line in lines[:blank]):
-        raise SceneError(f"{file}: is not a usable image: a header with '-Y height +X width' and RGBE values is wanted")
+        raise SceneError(f"{file}: is not a usable image: a header with '-Y height +X width' and RGBE values is expected")
     height, width = int(size[1]), int(size[2])
     check(width, height)
     rgbe = _pixels(data, sum(len(line) + 1 for line in lines[: blank + 2]), width, height)

@@ -62,7 +62,7 @@ def parse_serialized(data: bytes, shape_index: int, check: Callable[[float], Non
 
 def _version(data: bytes, at: int) -> int:
     if len(data) < at + 4 or struct.unpack_from("<H", data, at)[0] != MAGIC:
-        raise ValueError("a mesh does not begin where one is wanted")
+        raise ValueError("a mesh does not begin where one is expected")
     (version,) = struct.unpack_from("<H", data, at + 2)
     if version not in VERSIONS:
         raise ValueError(f"version {version}: known: {', '.join(map(str, VERSIONS))}")

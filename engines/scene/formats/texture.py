@@ -56,7 +56,7 @@ def _exr(file: Path) -> NDArray[np.float32]:
     names = "RGB" if all(name in channels for name in "RGB") else "Y"
     if names == "Y" and "Y" not in channels:
         if len(channels) != 1:
-            raise SceneError(f"{file}: channels R, G, B, or Y are wanted: it has {', '.join(sorted(channels))}"[:500])
+            raise SceneError(f"{file}: channels R, G, B, or Y are expected: it has {', '.join(sorted(channels))}"[:500])
         (names,) = ([name] for name in channels)
     wanted = [*names, *(["A"] if "A" in channels else [])]
     with decoding(file):

@@ -35,12 +35,30 @@ from engines.scene.triple import BLACK, WHITE, Triple
 GREY: Triple = (0.5, 0.5, 0.5)
 BK7, ACRYLIC, AIR = 1.5046, 1.49, 1.000277
 INDICES_BY_NAME = {
-    "vacuum": 1.0, "helium": 1.000036, "hydrogen": 1.000132, "air": AIR, "carbon dioxide": 1.00045, "water": 1.333,
-    "acetone": 1.36, "ethanol": 1.361, "carbon tetrachloride": 1.461, "glycerol": 1.4729, "benzene": 1.501,
-    "silicone oil": 1.52045, "bromine": 1.661, "water ice": 1.31, "fused quartz": 1.458, "pyrex": 1.47,
-    "acrylic glass": ACRYLIC, "polypropylene": 1.49, "bk7": BK7, "sodium chloride": 1.544, "amber": 1.55, "pet": 1.575,
+    "vacuum": 1.0,
+    "helium": 1.000036,
+    "hydrogen": 1.000132,
+    "air": AIR,
+    "carbon dioxide": 1.00045,
+    "water": 1.333,
+    "acetone": 1.36,
+    "ethanol": 1.361,
+    "carbon tetrachloride": 1.461,
+    "glycerol": 1.4729,
+    "benzene": 1.501,
+    "silicone oil": 1.52045,
+    "bromine": 1.661,
+    "water ice": 1.31,
+    "fused quartz": 1.458,
+    "pyrex": 1.47,
+    "acrylic glass": ACRYLIC,
+    "polypropylene": 1.49,
+    "bk7": BK7,
+    "sodium chloride": 1.544,
+    "amber": 1.55,
+    "pet": 1.575,
     "diamond": 2.419,
-}  # fmt: skip
+}
 """Indices of refraction that a file may name."""
 
 
@@ -130,10 +148,11 @@ def _alpha(importer: Importer, plugin: Plugin) -> tuple[Number, Number]:
     if plugin.has(*along) and plugin.has("alpha"):
         raise plugin.refuse("either alpha, or alpha_u and alpha_v")
     u, v = (
-        number_or_texture(importer, plugin, name, "alpha", default=0.1) if plugin.has(name) or not plugin.has("alpha")
+        number_or_texture(importer, plugin, name, "alpha", default=0.1)
+        if plugin.has(name) or not plugin.has("alpha")
         else number_or_texture(importer, plugin, "alpha", default=0.1)
         for name in along
-    )  # fmt: skip
+    )
     return _rough(u), _rough(v)
 
 
@@ -176,18 +195,16 @@ def _metal(plugin: Plugin) -> tuple[Triple, Triple]:
         return METALS[name]
     for wanted in ("eta", "k"):
         if plugin.find(wanted) is not None:
-            raise plugin.refuse(f"{wanted}: a colour is wanted, not a texture")
+            raise plugin.refuse(f"{wanted}: a colour is expected, not a texture")
     eta, k = plugin.spectrum("eta"), plugin.spectrum("k")
     if eta is None and k is None:
         return METALS["Cu"] if plugin.element.source.old else (BLACK, WHITE)
     if eta is None or k is None:
-        raise plugin.refuse("eta and k are wanted, or neither")
+        raise plugin.refuse("eta and k are expected, or neither")
     return color(eta, INDEX), color(k, INDEX)
 
 
-def _conductor_with(
-    importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number], kind: str
-) -> Built:
+def _conductor_with(importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number], kind: str) -> Built:
     eta, k = _metal(plugin)
     outside = _index(plugin, "ext_eta", 1.0)
     eta = (eta[0] / outside, eta[1] / outside, eta[2] / outside)
@@ -210,7 +227,7 @@ def _rough_conductor(importer: Importer, plugin: Plugin, two_sided: bool) -> Bui
 
 def _glass(
     importer: Importer, plugin: Plugin, two_sided: bool, alpha: tuple[Number, Number] = (0.0, 0.0), kind: str = "ggx"
-) -> Built:  # fmt: skip
+) -> Built:
     reflectance, transmittance = (_specular(importer, plugin, which) for which in ("reflectance", "transmittance"))
     ior = _ior(plugin, BK7)
     if alpha != (0.0, 0.0) and abs(ior - 1.0) < LEAST_CONTRAST:
@@ -247,9 +264,17 @@ def _rough_plastic(importer: Importer, plugin: Plugin, two_sided: bool) -> Built
 
 
 _SHARES = {
-    "roughness": 0.5, "anisotropic": 0.0, "metallic": 0.0, "spec_tint": 0.0, "sheen": 0.0, "sheen_tint": 0.0,
-    "clearcoat": 0.0, "clearcoat_gloss": 0.0, "flatness": 0.0, "spec_trans": 0.0,
-}  # fmt: skip
+    "roughness": 0.5,
+    "anisotropic": 0.0,
+    "metallic": 0.0,
+    "spec_tint": 0.0,
+    "sheen": 0.0,
+    "sheen_tint": 0.0,
+    "clearcoat": 0.0,
+    "clearcoat_gloss": 0.0,
+    "flatness": 0.0,
+    "spec_trans": 0.0,
+}
 _RATES = ("diffuse_reflectance", "main_specular", "clearcoat", "spec_trans")
 
 
@@ -261,7 +286,7 @@ def _principled(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
         raise plugin.refuse("either eta or specular")
     for name in ("eta", "specular"):
         if plugin.find(name) is not None:
-            raise plugin.refuse(f"{name}: a number is wanted, not a texture")
+            raise plugin.refuse(f"{name}: a number is expected, not a texture")
     if plugin.has("eta"):
         eta = plugin.positive("eta", default=1.5)
     else:
@@ -317,7 +342,7 @@ def _blend(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
 def _bump(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
     found = importer.taken(plugin, "texture")
     if len(found) != 1:
-        raise plugin.refuse(f"one nested texture is wanted, not {len(found)}")
+        raise plugin.refuse(f"one nested texture is expected, not {len(found)}")
     height = image_texture(importer, found[0])
     scale = plugin.number("scale", default=1.0)
     (inner,) = _inner(importer, plugin, (1,), two_sided)
@@ -327,10 +352,10 @@ def _bump(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
 def _normal_map(importer: Importer, plugin: Plugin, two_sided: bool) -> Built:
     found = importer.taken(plugin, "texture")
     if len(found) != 1:
-        raise plugin.refuse(f"one nested texture is wanted, not {len(found)}")
+        raise plugin.refuse(f"one nested texture is expected, not {len(found)}")
     normals = image_texture(importer, found[0])
     if normals.pixels.shape[2] != 3:
-        raise found[0].refuse("an image with three channels is wanted")
+        raise found[0].refuse("an image with three channels is expected")
     (inner,) = _inner(importer, plugin, (1,), two_sided)
     return Built(NormalMap(normals, inner.bsdf), 1 + inner.parts, inner.passes)
 

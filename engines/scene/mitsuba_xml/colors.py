@@ -46,7 +46,7 @@ def _values(element: Element, role: str) -> Triple:
     if tag == "blackbody" and role == EMISSION:
         return _black_body(element)
     if tag not in ("rgb", "srgb"):
-        raise element.refuse("a colour is wanted: <rgb>, <srgb>, <spectrum> or <float>")
+        raise element.refuse("a colour is expected: <rgb>, <srgb>, <spectrum> or <float>")
     if hexadecimal := _HEX.fullmatch(text):
         code = int(hexadecimal[1], 16)
         return _linear((code >> 16) / 255.0, (code >> 8 & 255) / 255.0, (code & 255) / 255.0)

@@ -6,14 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from engines.scene.lights import (
-    DirectionalLight,
-    EnvironmentLight,
-    Light,
-    PointLight,
-    SpotLight,
-    without_negative,
-)
+from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight, without_negative
 from engines.scene.mitsuba_xml.colors import EMISSION, color
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.properties import Plugin
@@ -41,7 +34,7 @@ def light(importer: Importer, plugin: Plugin) -> Light:
 def area_radiance(importer: Importer, plugin: Plugin) -> Color:
     """The radiance of an `area` emitter within a shape, or the texture that holds it. Raises `SceneError`."""
     if plugin.type != "area":
-        raise plugin.refuse(REFUSED.get(plugin.type, "an emitter of type area is wanted within a shape"))
+        raise plugin.refuse(REFUSED.get(plugin.type, "an emitter of type area is expected within a shape"))
     plugin.read.update(HARMLESS)
     found = color_or_texture(importer, plugin, "radiance", default=WHITE, role=EMISSION)
     importer.finish(plugin)
@@ -53,7 +46,7 @@ def _light_color(importer: Importer, plugin: Plugin, name: str) -> Triple:
     if nested is not None:
         found = texture(importer, nested, EMISSION)
         if not isinstance(found, tuple):
-            raise nested.refuse(f"{name} as a texture is not supported: a colour is wanted")
+            raise nested.refuse(f"{name} as a texture is not supported: a colour is expected")
         return found
     element = plugin.spectrum(name)
     return WHITE if element is None else color(element, EMISSION)

@@ -18,9 +18,21 @@ from engines.scene.mitsuba_xml.transforms import Matrix, matrix, number, numbers
 from engines.scene.triple import Triple
 
 PLUGIN_TAGS = (
-    "scene", "integrator", "sensor", "sampler", "film", "rfilter", "shape", "bsdf", "texture", "emitter", "medium", "phase",
-    "volume", "subsurface",
-)  # fmt: skip
+    "scene",
+    "integrator",
+    "sensor",
+    "sampler",
+    "film",
+    "rfilter",
+    "shape",
+    "bsdf",
+    "texture",
+    "emitter",
+    "medium",
+    "phase",
+    "volume",
+    "subsurface",
+)
 SPECTRA = ("rgb", "srgb", "spectrum", "blackbody")
 VALUE_TAGS = ("integer", "float", "boolean", "string", "point", "vector", "transform", "animation", *SPECTRA)
 DROPPED_TAGS = ("mode",)
@@ -151,8 +163,11 @@ class Plugin:
         if element is None:
             return np.eye(4)
         if element.tag != "transform":
-            raise element.refuse("a <transform> is wanted: motion is not supported" if element.tag == "animation" else
-                                 "a <transform> is wanted")  # fmt: skip
+            raise element.refuse(
+                "a <transform> is expected: motion is not supported"
+                if element.tag == "animation"
+                else "a <transform> is expected"
+            )
         return matrix(element)
 
     def spectrum(self, *names: str) -> Element | None:
@@ -197,9 +212,12 @@ def number_of(element: Element, low: float = -math.inf, high: float = math.inf) 
 def plugin_tree(element: Element, ids: dict[str, Plugin]) -> Plugin:
     """The plugin of an element with all below it; `ids` learns those that have one. Raises `SceneError`."""
     made = Plugin(
-        element, element.tag, "scene" if element.tag == "scene" else element.required("type"),
-        element.attributes.get("id", ""), snake_case(element.attributes.get("name", "")),
-    )  # fmt: skip
+        element,
+        element.tag,
+        "scene" if element.tag == "scene" else element.required("type"),
+        element.attributes.get("id", ""),
+        snake_case(element.attributes.get("name", "")),
+    )
     if made.id:
         if made.id in ids:
             raise element.refuse(f"this id is taken by {ids[made.id].element.where}")

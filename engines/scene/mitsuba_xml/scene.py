@@ -52,10 +52,16 @@ def import_scene(document: Document) -> Scene:
     seen = _unclipped(seen, found)
     materials = reader.table.materials
     return Scene(
-        name=name, camera=seen, materials=tuple(materials), shapes=tuple(found), lights=tuple(lights),
-        content_hash=content_hash(seen, materials, found, lights), source=str(file),
-        warnings=tuple(scene_warnings(reader, found, lights)), shader=suggested,
-    )  # fmt: skip
+        name=name,
+        camera=seen,
+        materials=tuple(materials),
+        shapes=tuple(found),
+        lights=tuple(lights),
+        content_hash=content_hash(seen, materials, found, lights),
+        source=str(file),
+        warnings=tuple(scene_warnings(reader, found, lights)),
+        shader=suggested,
+    )
 
 
 def _note_axes(importer: Importer, element: Element) -> None:

@@ -22,9 +22,24 @@ DIAGONAL = math.hypot(36.0, 24.0)
 AXES = ("x", "y", "smaller", "larger", "diagonal")
 HARMLESS_SENSOR = ("shutter_open", "shutter_close", "focus_distance", "srf", "apply_motion")
 HARMLESS_FILM = (
-    "filename", "file_format", "pixel_format", "component_format", "gamma", "banner", "high_quality_edges", "sample_border",
-    "exposure", "key", "burn", "tonemap_method", "label", "attach_log", "compensate", "digits", "variable",
-)  # fmt: skip
+    "filename",
+    "file_format",
+    "pixel_format",
+    "component_format",
+    "gamma",
+    "banner",
+    "high_quality_edges",
+    "sample_border",
+    "exposure",
+    "key",
+    "burn",
+    "tonemap_method",
+    "label",
+    "attach_log",
+    "compensate",
+    "digits",
+    "variable",
+)
 
 
 def camera(importer: Importer, plugin: Plugin) -> Camera:
@@ -52,8 +67,10 @@ def _film(importer: Importer, plugin: Plugin) -> tuple[int, int]:
         raise film.refuse("spectral films are not supported")
     sides = (("width", DEFAULT_SIZE[0]), ("height", DEFAULT_SIZE[1]))
     width, height = (film.integer(name, default=side, low=1, high=LARGEST_SIDE) for name, side in sides)
-    crop = [film.integer(f"crop_{name}", default=full, low=0, high=LARGEST_SIDE)
-            for name, full in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height))]  # fmt: skip
+    crop = [
+        film.integer(f"crop_{name}", default=full, low=0, high=LARGEST_SIDE)
+        for name, full in (("offset_x", 0), ("offset_y", 0), ("width", width), ("height", height))
+    ]
     if crop != [0, 0, width, height]:
         raise film.refuse("a crop of the film is not supported: leave crop_ out")
     for rfilter in importer.taken(film, "rfilter"):
@@ -170,9 +187,7 @@ def _orthographic(importer: Importer, plugin: Plugin, size: tuple[int, int]) -> 
         raise plugin.refuse("to_world of a sensor must not shear, or flatten")
     near, far = _clip(plugin)
     height = None if abs(x / y - 1.0) <= RIGID else 2.0 * y * size[1] / size[0]
-    return Orthographic(
-        **_frame(matrix), height=height, resolution=size, clip=(near * z, near * z + far - near), width=2.0 * x,
-    )  # fmt: skip
+    return Orthographic(**_frame(matrix), height=height, resolution=size, clip=(near * z, near * z + far - near), width=2.0 * x)
 
 
 SENSORS: dict[str, Callable[[Importer, Plugin, tuple[int, int]], Camera]] = {

@@ -143,13 +143,21 @@ def _swapped(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.i
 
 
 def finished(
-    importer: Importer, plugin: Plugin, look: Look, vertices: NDArray[np.float64], faces: NDArray[np.int32],
-    normals: NDArray[np.float64] | None, uvs: NDArray[np.float64] | None,
-) -> Mesh:  # fmt: skip
+    importer: Importer,
+    plugin: Plugin,
+    look: Look,
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    normals: NDArray[np.float64] | None,
+    uvs: NDArray[np.float64] | None,
+) -> Mesh:
     """The mesh of these arrays, read-only, with the material of `look`."""
     material = importer.material(look.bsdf, look.radiance, look.name)
-    arrays = [np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32),
-              np.full(len(faces), material, np.int32)]  # fmt: skip
+    arrays = [
+        np.ascontiguousarray(vertices, np.float64),
+        np.ascontiguousarray(faces, np.int32),
+        np.full(len(faces), material, np.int32),
+    ]
     more = [None if rows is None else np.ascontiguousarray(rows, np.float64) for rows in (normals, uvs)]
     for array in (*arrays, *more):
         if array is not None:
@@ -201,9 +209,7 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         shown = ", where Mitsuba 3 shows a sphere" if stretched else ""
         importer.notes.add(f"an ellipsoid is made of triangles{shown}", plugin.element)
     elif turned_round and (look.looks_at_uv or anisotropic(look.bsdf)):
-        importer.notes.add(
-            "a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element
-        )
+        importer.notes.add("a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element)
     elif inside_out and look.emits:
         importer.notes.add("a sphere that emits inwards is made of triangles", plugin.element)
     else:
@@ -213,9 +219,7 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
 
 def _cylinder(importer: Importer, plugin: Plugin, look: Look) -> Shape:
     matrix, radius = importer.to_world(plugin), plugin.positive("radius", default=1.0)
-    ends = [
-        np.array(plugin.point(name, default)) for name, default in (("p0", (0.0, 0.0, 0.0)), ("p1", (0.0, 0.0, 1.0)))
-    ]
+    ends = [np.array(plugin.point(name, default)) for name, default in (("p0", (0.0, 0.0, 0.0)), ("p1", (0.0, 0.0, 1.0)))]
     length = float(np.linalg.norm(ends[1] - ends[0]))
     if length == 0.0:
         raise plugin.refuse("p1 must differ from p0")

@@ -21,9 +21,15 @@ from engines.scene.mitsuba_xml.transforms import nearest_orthogonal, similarity
 
 SECONDS = 120.0
 NUMBERS = {
-    "turbidity": (1.0, 10.0), "latitude": (-90.0, 90.0), "longitude": (-180.0, 180.0), "timezone": (-14.0, 14.0),
-    "hour": (0.0, 24.0), "minute": (0.0, 60.0), "second": (0.0, 60.0), "sun_aperture": (0.01, 45.0),
-}  # fmt: skip
+    "turbidity": (1.0, 10.0),
+    "latitude": (-90.0, 90.0),
+    "longitude": (-180.0, 180.0),
+    "timezone": (-14.0, 14.0),
+    "hour": (0.0, 24.0),
+    "minute": (0.0, 60.0),
+    "second": (0.0, 60.0),
+    "sun_aperture": (0.01, 45.0),
+}
 WHOLE = {"year": (1, 9999), "month": (1, 12), "day": (1, 31)}
 HARMLESS = ("resolution", "extend", "stretch", "sun_radius_scale", "complex_sun")
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -37,16 +43,12 @@ def baked(importer: Importer, plugin: Plugin) -> NDArray[np.float32]:
         raise plugin.refuse(f"is baked to an image by Mitsuba, which is not installed: {install_extra('mitsuba')}")
     program = [sys.executable, str(Path(__file__).with_name("bake_sky.py"))]
     try:
-        done = subprocess.run(
-            program, input=json.dumps(request).encode(), capture_output=True, timeout=SECONDS, check=False
-        )
+        done = subprocess.run(program, input=json.dumps(request).encode(), capture_output=True, timeout=SECONDS, check=False)
         image = np.load(io.BytesIO(done.stdout), allow_pickle=False)
     except (OSError, ValueError, EOFError, subprocess.TimeoutExpired) as problem:
         raise plugin.refuse(f"Mitsuba could not bake it: {_reason(problem, locals().get('done'))}") from problem
     old = f", with the model of Mitsuba 3 for {plugin.type} of 0.x" if plugin.element.source.old else ""
-    importer.notes.add(
-        f"{plugin.type} is baked to an image of {image.shape[1]} x {image.shape[0]} texels{old}", plugin.element
-    )
+    importer.notes.add(f"{plugin.type} is baked to an image of {image.shape[1]} x {image.shape[0]} texels{old}", plugin.element)
     return image
 
 

@@ -8,15 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.mitsuba_xml.colors import (
-    EMISSION,
-    HOTTEST,
-    REFLECTANCE,
-    checked_color,
-    color,
-    of_black_body,
-    of_samples,
-)
+from engines.scene.mitsuba_xml.colors import EMISSION, HOTTEST, REFLECTANCE, checked_color, color, of_black_body, of_samples
 from engines.scene.mitsuba_xml.context import Importer
 from engines.scene.mitsuba_xml.document import Element
 from engines.scene.mitsuba_xml.properties import Plugin
@@ -29,9 +21,7 @@ WRAPS = ("repeat", "mirror", "clamp")
 HARMLESS = ("accel", "format", "cache", "max_anisotropy", "bitmap_cache")
 
 
-def color_or_texture(
-    importer: Importer, plugin: Plugin, *names: str, default: Triple, role: str = REFLECTANCE
-) -> Color:  # fmt: skip
+def color_or_texture(importer: Importer, plugin: Plugin, *names: str, default: Triple, role: str = REFLECTANCE) -> Color:
     """The colour of a property, or the texture that stands for it; several names are older names of the same property."""
     for name in names:
         if (found := importer.named(plugin, name)) is not None:
@@ -42,7 +32,7 @@ def color_or_texture(
 
 def number_or_texture(
     importer: Importer, plugin: Plugin, *names: str, default: float, low: float = 0.0, high: float = 1.0
-) -> Number:  # fmt: skip
+) -> Number:
     """The number of a property, or the texture that stands for it. A colour gives its mean."""
     for name in names:
         if (found := importer.named(plugin, name)) is not None:
@@ -74,7 +64,7 @@ def texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> Text
     key = (id(plugin), "texture", role)
     if key not in importer.built:
         if plugin.kind not in ("texture", "spectrum"):
-            raise plugin.refuse("a texture is wanted here")
+            raise plugin.refuse("a texture is expected here")
         make = TEXTURES.get(plugin.type)
         if make is None:
             raise plugin.refuse(REFUSED.get(plugin.type, f"unknown texture: known: {', '.join(TEXTURES)}"))
@@ -85,14 +75,14 @@ def texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> Text
 
 
 def image_texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -> ImageTexture:
-    """The image of a plugin whose gradient or texels are wanted. Raises `SceneError` for anything else."""
+    """The image of a plugin whose gradient or texels are expected. Raises `SceneError` for anything else."""
     found = texture(importer, plugin, role)
     if plugin.type == "rawconstant" and isinstance(found, tuple):
         pixels = np.array(found, np.float32).reshape(1, 1, 3)
         pixels.flags.writeable = False
         return ImageTexture(pixels, name=plugin.label)
     if not isinstance(found, ImageTexture):
-        raise plugin.refuse("an image is wanted here: a bitmap texture")
+        raise plugin.refuse("an image is expected here: a bitmap texture")
     return found
 
 
@@ -102,7 +92,7 @@ def image_texture(importer: Importer, plugin: Plugin, role: str = REFLECTANCE) -
 def _bitmap(importer: Importer, plugin: Plugin, role: str) -> ImageTexture:
     named = plugin.file("filename")
     if plugin.has("bitmap", "data"):
-        raise plugin.refuse("an image from a file is wanted")
+        raise plugin.refuse("an image from a file is expected")
     plugin.read.update(HARMLESS)
     raw, gamma = plugin.boolean("raw", default=False), plugin.number("gamma", default=-1.0)
     channel = plugin.text("channel", default="", known=("", "r", "g", "b", "a", "all")) or ""
@@ -158,7 +148,7 @@ def _checkerboard(importer: Importer, plugin: Plugin, role: str) -> Checkerboard
     for name, default in (("color0", Checkerboard().a), ("color1", Checkerboard().b)):
         found = color_or_texture(importer, plugin, name, default=default, role=role)
         if not isinstance(found, tuple):
-            raise plugin.refuse(f"{name}: a colour is wanted, not a texture")
+            raise plugin.refuse(f"{name}: a colour is expected, not a texture")
         colors.append(found)
     plugin.read.add("line_width")
     return Checkerboard(colors[0], colors[1], _to_uv(importer, plugin))
@@ -168,7 +158,7 @@ def _scaled(importer: Importer, plugin: Plugin, role: str) -> Texture | Triple:
     """A texture of Mitsuba 0.x: another one times a number or a colour."""
     inner = importer.taken(plugin, "texture", "spectrum")
     if len(inner) != 1:
-        raise plugin.refuse("one nested texture is wanted")
+        raise plugin.refuse("one nested texture is expected")
     found, element = texture(importer, inner[0], role), plugin.spectrum("scale", "value")
     factor = (1.0, 1.0, 1.0) if element is None else color(element, "factor")
     if isinstance(found, ImageTexture):
@@ -225,14 +215,22 @@ def _sampled(importer: Importer, plugin: Plugin, role: str) -> Triple:
         wavelengths = np.linspace(least, most, len(values)).tolist()
     growing = len(wavelengths) == len(values) >= 2 and (np.diff(wavelengths) > 0.0).all()
     if not growing or min(values) < 0.0:
-        raise plugin.refuse("two values at least are wanted, none below 0, of as many wavelengths that grow")
+        raise plugin.refuse("two values at least are expected, none below 0, of as many wavelengths that grow")
     return of_samples(np.array([wavelengths, values]), role)
 
 
 TEXTURES = {
-    "bitmap": _bitmap, "checkerboard": _checkerboard, "scale": _scaled, "srgb": _constant, "uniform": _constant,
-    "rawconstant": _raw_constant, "d65": _d65, "blackbody": _black_body, "regular": _sampled, "irregular": _sampled,
-}  # fmt: skip
+    "bitmap": _bitmap,
+    "checkerboard": _checkerboard,
+    "scale": _scaled,
+    "srgb": _constant,
+    "uniform": _constant,
+    "rawconstant": _raw_constant,
+    "d65": _d65,
+    "blackbody": _black_body,
+    "regular": _sampled,
+    "irregular": _sampled,
+}
 REFUSED = {
     "mesh_attribute": "attributes of a mesh are not read: bake them into a bitmap",
     "volume": "volumes are not supported",

@@ -85,9 +85,7 @@ def _rotate(element: Element) -> Matrix:
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     found = np.eye(4)
     if as_given:
-        found[:3, :3] = (
-            math.cos(angle) * np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * np.outer(axis, axis)
-        )
+        found[:3, :3] = math.cos(angle) * np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * np.outer(axis, axis)
     else:
         found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
     return found
@@ -127,8 +125,12 @@ def _look_at(element: Element) -> Matrix:
 
 
 _STEPS: dict[str, Callable[[Element], Matrix]] = {
-    "translate": _translate, "scale": _scale, "rotate": _rotate, "matrix": _matrix, "lookat": _look_at,
-}  # fmt: skip
+    "translate": _translate,
+    "scale": _scale,
+    "rotate": _rotate,
+    "matrix": _matrix,
+    "lookat": _look_at,
+}
 
 
 def similarity(linear: Matrix) -> float | None:

@@ -30,9 +30,17 @@ from engines.schema.keys import Record, Tagged
 __all__ = ["GENERATORS", "PROCEDURAL"]
 
 GENERATORS: dict[str, Record] = {
-    **sphereflake.GENERATORS, **solids.GENERATORS, **surfaces.GENERATORS, **tetra.GENERATORS, **rods.GENERATORS,
-    **gears.GENERATORS, **teapot.GENERATORS, **stadium.GENERATORS, **sweeps.GENERATORS, **furniture.GENERATORS,
+    **sphereflake.GENERATORS,
+    **solids.GENERATORS,
+    **surfaces.GENERATORS,
+    **tetra.GENERATORS,
+    **rods.GENERATORS,
+    **gears.GENERATORS,
+    **teapot.GENERATORS,
+    **stadium.GENERATORS,
+    **sweeps.GENERATORS,
+    **furniture.GENERATORS,
     **growth.GENERATORS,
-}  # fmt: skip
+}
 PROCEDURAL = Tagged("procedural shape", "name", GENERATORS)
 """Reads a mapping with a name and options into a `Mesh` or a `SphereSet` of the material `context.material`."""

@@ -66,9 +66,7 @@ def _metres(points: Array, axis: int, sign: int) -> Array:
     return np.stack([-sign * z if axis == 0 else sign * x, -y], axis=-1)
 
 
-def cushion(
-    size: Triple, pinch: float, segments: int, center: Triple, tilt: float, rotate_y: float
-) -> Faces:
+def cushion(size: Triple, pinch: float, segments: int, center: Triple, tilt: float, rotate_y: float) -> Faces:
     """A throw cushion that stands upright, its face towards +z: thick in the middle, with a seam around and pointed corners.
 
     Texture coordinates run from 0 to 1 over each face.
@@ -131,7 +129,7 @@ def _block(
         i, j = (axis + 1) % 3, (axis + 2) % 3
         corners = np.empty((4, 3))
         for place, (a, b) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
-            corners[place, axis], corners[place, i], corners[place, j] = ends[(sign + 1) // 2, axis], ends[a, i], ends[b, j]
+            corners[place, axis], corners[place, i], corners[place, j] = (ends[(sign + 1) // 2, axis], ends[a, i], ends[b, j])
         corners = corners if sign > 0 else corners[::-1]
         uvs = np.tile(plain or (0.5, 0.5), (4, 1))
         if shown is not None and (axis, sign) == (2, 1):

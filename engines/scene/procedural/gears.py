@@ -42,10 +42,7 @@ def _gear_faces() -> np.ndarray:
     back = np.arange(4 * TEETH, dtype=np.int32) + 2
     front, following = back + 4 * TEETH, np.roll(back, -1)
     ahead = following + 4 * TEETH
-    flat = [
-        np.stack([np.full_like(back, 0), following, back], axis=1),
-        np.stack([np.full_like(back, 1), front, ahead], axis=1),
-    ]
+    flat = [np.stack([np.full_like(back, 0), following, back], axis=1), np.stack([np.full_like(back, 1), front, ahead], axis=1)]
     return np.concatenate([*flat, quads(back, following, ahead, front)])
 
 
@@ -58,5 +55,5 @@ GENERATORS = {
             "radius": Key(POSITIVE, "Half the distance of two neighbours.", 0.5, unit="metres"),
         },
         lambda options: BYTES_PER_FACE * float(FACES_PER_GEAR) * options["level"] ** 3,
-    ),
+    )
 }

@@ -17,9 +17,20 @@ GOLDEN = np.pi * (3.0 - 5.0**0.5)
 
 
 def plant(
-    leaves: int, stem: float, length: float, width: float, spread: float, droop: float, crease: float, segments: int,
-    part: str, seed: int, center: Triple, tilt: float, rotate_y: float,
-) -> Faces:  # fmt: skip
+    leaves: int,
+    stem: float,
+    length: float,
+    width: float,
+    spread: float,
+    droop: float,
+    crease: float,
+    segments: int,
+    part: str,
+    seed: int,
+    center: Triple,
+    tilt: float,
+    rotate_y: float,
+) -> Faces:
     """Leaves on arching stems that rise from one foot, the first upright and the last outwards.
 
     Part `leaves` are blades, cut to a pointed oval: texture coordinate u goes across a blade and v from its tip to its stem.
@@ -97,5 +108,5 @@ GENERATORS = {
             **PLACED,
         },
         lambda options: 12.0 * BYTES_PER_FACE * options["leaves"] * options["segments"],
-    ),
+    )
 }

@@ -102,7 +102,7 @@ def points_of(width: int, least: int) -> Kind:
     def read(node: Located) -> Array:
         found = fields.rows(node, np.float64, width=width)
         if len(found) < least:
-            raise node.refuse(f"{len(found)} points: at least {least} are wanted")
+            raise node.refuse(f"{len(found)} points: at least {least} are expected")
         return found
 
     row = {"type": "array", "items": NUMBER.json, "minItems": width, "maxItems": width}

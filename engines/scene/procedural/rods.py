@@ -23,7 +23,7 @@ from engines.scene.procedural.generator import (
     Spheres,
     generator,
     quads,
-)  # fmt: skip
+)
 from engines.scene.triple import Triple
 from engines.schema.keys import Key
 from engines.schema.kinds import POINT, POSITIVE, integer, one_of, within
@@ -70,10 +70,13 @@ def rings(level: int, part: str, sides: int, radius: float, rod: float, center: 
     """
     corners = radius * _pentagons()
     spacing = 2.0 * radius * (1.0 + rod)
-    middles = np.array([
-        ((i - (k - 1) / 2) * spacing, (level - k) * spacing / 2**0.5, (j - (k - 1) / 2) * spacing)
-        for k in range(level, 0, -1) for i, j in product(range(k), repeat=2)
-    ])  # fmt: skip
+    middles = np.array(
+        [
+            ((i - (k - 1) / 2) * spacing, (level - k) * spacing / 2**0.5, (j - (k - 1) / 2) * spacing)
+            for k in range(level, 0, -1)
+            for i, j in product(range(k), repeat=2)
+        ]
+    )
     joints = (middles[:, None, None] + corners).reshape(-1, 3)
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
     rods = (middles[:, None, None, None] + ends).reshape(-1, 2, 3)
@@ -105,16 +108,11 @@ def _pentagons() -> NDArray[np.float64]:
 # ---- lattice ----------------------------------------------------------------------------------------------------------
 
 
-def lattice(
-    level: int, part: str, sides: int, cell: float, rod: float, joint: float, center: Triple
-) -> Faces | Spheres:
+def lattice(level: int, part: str, sides: int, cell: float, rod: float, joint: float, center: Triple) -> Faces | Spheres:
     """(level + 1)^3 joints, each joined to its neighbours; `rod` and `joint` are radii as shares of the side of a cell."""
     place = np.asarray((np.arange(level + 1) - level / 2) * cell, np.float64)
     joints = np.stack(np.meshgrid(place, place, place, indexing="ij"), axis=-1)
-    pairs = [
-        np.stack([np.delete(joints, -1, axis), np.delete(joints, 0, axis)], axis=3).reshape(-1, 2, 3)
-        for axis in range(3)
-    ]
+    pairs = [np.stack([np.delete(joints, -1, axis), np.delete(joints, 0, axis)], axis=3).reshape(-1, 2, 3) for axis in range(3)]
     ends, centers = np.concatenate(pairs), joints.reshape(-1, 3)
     structure = Structure(ends, np.full((len(ends), 2), rod * cell), centers, np.full(len(centers), joint * cell))
     return structure.part("lattice", part, sides, center)
@@ -157,8 +155,7 @@ def _bent(frames: NDArray[np.float64], away: float, about: float) -> NDArray[np.
     direction = np.cos(away) * along + np.sin(away) * towards
     leaning = np.cross(beside, direction)
     return np.stack(
-        [np.cos(TWIST) * leaning + np.sin(TWIST) * beside, np.cos(TWIST) * beside - np.sin(TWIST) * leaning, direction],
-        axis=1,
+        [np.cos(TWIST) * leaning + np.sin(TWIST) * beside, np.cos(TWIST) * beside - np.sin(TWIST) * leaning, direction], axis=1
     )
 
 
@@ -217,4 +214,4 @@ GENERATORS = {
         },
         _needs(lambda level: 2.0 ** (level + 1), lambda level: 2.0 ** (level + 1)),
     ),
-}  # fmt: skip
+}

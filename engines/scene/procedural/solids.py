@@ -44,23 +44,55 @@ def rectangle(corner: Triple, edge1: Triple, edge2: Triple) -> Faces:
 def tessellated_sphere(subdivisions: int, center: Triple, radius: float) -> Faces:
     """An icosahedron whose faces are cut into four, again and again, with all vertices on the sphere."""
     golden = (1 + 5**0.5) / 2
-    vertices = np.array([
-        [-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0], [0, -1, golden], [0, 1, golden],
-        [0, -1, -golden], [0, 1, -golden], [golden, 0, -1], [golden, 0, 1], [-golden, 0, -1], [-golden, 0, 1],
-    ]) / (1 + golden * golden) ** 0.5  # fmt: skip
-    faces = np.array([
-        [0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2], [10, 7, 6],
-        [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5], [2, 4, 11], [6, 2, 10],
-        [8, 6, 7], [9, 8, 1],
-    ])  # fmt: skip
+    vertices = (
+        np.array(
+            [
+                [-1, golden, 0],
+                [1, golden, 0],
+                [-1, -golden, 0],
+                [1, -golden, 0],
+                [0, -1, golden],
+                [0, 1, golden],
+                [0, -1, -golden],
+                [0, 1, -golden],
+                [golden, 0, -1],
+                [golden, 0, 1],
+                [-golden, 0, -1],
+                [-golden, 0, 1],
+            ]
+        )
+        / (1 + golden * golden) ** 0.5
+    )
+    faces = np.array(
+        [
+            [0, 11, 5],
+            [0, 5, 1],
+            [0, 1, 7],
+            [0, 7, 10],
+            [0, 10, 11],
+            [1, 5, 9],
+            [5, 11, 4],
+            [11, 10, 2],
+            [10, 7, 6],
+            [7, 1, 8],
+            [3, 9, 4],
+            [3, 4, 2],
+            [3, 2, 6],
+            [3, 6, 8],
+            [3, 8, 9],
+            [4, 9, 5],
+            [2, 4, 11],
+            [6, 2, 10],
+            [8, 6, 7],
+            [9, 8, 1],
+        ]
+    )
     for _ in range(subdivisions):
         vertices, faces = _subdivided(vertices, faces)
     return Faces(vertices * radius + np.array(center), faces.astype(np.int32), "tessellated_sphere")
 
 
-def _subdivided(
-    vertices: NDArray[np.float64], faces: NDArray[np.integer]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _subdivided(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Every face in four; each edge's midpoint, pushed out to the unit sphere, is one vertex."""
     count = len(vertices)
     edges = np.sort(np.stack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]], axis=1).reshape(-1, 2), axis=1)
@@ -83,7 +115,7 @@ def _positive_triple(node: Located) -> Triple:
 def _four_points(node: Located) -> NDArray[np.float64]:
     found = fields.rows(node, np.float64)
     if len(found) != 4:
-        raise node.refuse(f"{len(found)} points: four are wanted")
+        raise node.refuse(f"{len(found)} points: four are expected")
     return found
 
 

@@ -64,5 +64,5 @@ GENERATORS = {
             "radius": Key(POSITIVE, "Radius of the largest sphere.", 0.5, unit="metres"),
         },
         lambda options: BYTES_PER_SPHERE * sphere_count(options["level"]),
-    ),
+    )
 }

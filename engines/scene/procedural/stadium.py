@@ -39,5 +39,5 @@ GENERATORS = {
             "center": Key(POINT, "The middle of the field.", ORIGIN, unit="metres"),
         },
         lambda options: BYTES_PER_FACE * 4.0 * options["tiers"] * options["segments"],
-    ),
+    )
 }

@@ -110,11 +110,10 @@ def torus_knot(p: int, q: int, segments: int, sides: int, radius: float, tube: f
     slope = -q * np.sin(q * t)
     scale = radius / 2.0
     curve = scale * np.stack([r * np.cos(p * t), r * np.sin(p * t), -np.sin(q * t)], axis=1)
-    tangent = np.stack([
-        slope * np.cos(p * t) - p * r * np.sin(p * t),
-        slope * np.sin(p * t) + p * r * np.cos(p * t),
-        -q * np.cos(q * t),
-    ], axis=1)  # fmt: skip
+    tangent = np.stack(
+        [slope * np.cos(p * t) - p * r * np.sin(p * t), slope * np.sin(p * t) + p * r * np.cos(p * t), -q * np.cos(q * t)],
+        axis=1,
+    )
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     # across: the torus normal made orthogonal to the tangent; it never vanishes and closes without a twist
     across = np.stack([np.cos(q * t) * np.cos(p * t), np.cos(q * t) * np.sin(p * t), -np.sin(q * t)], axis=1)

@@ -67,9 +67,16 @@ def _profile(node: Located) -> Array:
 
 
 def tube(
-    points: Array, radius: float, end_radius: float | None, closed: bool, spans: int, sides: int, center: Triple, tilt: float,
+    points: Array,
+    radius: float,
+    end_radius: float | None,
+    closed: bool,
+    spans: int,
+    sides: int,
+    center: Triple,
+    tilt: float,
     rotate_y: float,
-) -> Faces:  # fmt: skip
+) -> Faces:
     """A round tube along a smooth curve through points, with flat ends.
 
     Its radius goes from `radius` to `end_radius`. Texture coordinate u goes along the tube, v around.
@@ -126,9 +133,18 @@ def _apart(node: Located) -> Array:
 
 
 def sheet(
-    points: Array, across: Triple, folds: float, depth: float, ripple: float, spans: int, columns: int, seed: int,
-    center: Triple, tilt: float, rotate_y: float,
-) -> Faces:  # fmt: skip
+    points: Array,
+    across: Triple,
+    folds: float,
+    depth: float,
+    ripple: float,
+    spans: int,
+    columns: int,
+    seed: int,
+    center: Triple,
+    tilt: float,
+    rotate_y: float,
+) -> Faces:
     """Cloth or paper: a smooth curve through points, swept along the vector `across` to both sides.
 
     It waves `folds` times from side to side, by `depth` to either side, unevenly by `ripple`. Texture coordinate u goes across,
@@ -159,7 +175,8 @@ GENERATORS = {
         lathe,
         {
             "profile": Key(
-                Kind(_profile, points_of(2, 2).json), "Points [radius, height] of the curve; one written twice is an edge.",
+                Kind(_profile, points_of(2, 2).json),
+                "Points [radius, height] of the curve; one written twice is an edge.",
                 unit="metres",
             ),
             "segments": Key(integer(3, 1 << 16), "Segments around the axis.", 48),

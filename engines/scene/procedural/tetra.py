@@ -32,5 +32,5 @@ GENERATORS = {
         tetra,
         {"level": Key(integer(1, 30), "Generations; 4^level faces.", 4), "center": CENTER, "radius": RADIUS},
         lambda options: BYTES_PER_FACE * 4.0 ** options["level"],
-    ),
+    )
 }

@@ -14,15 +14,7 @@ from harness.analysis import Analysis, seconds_per_sample
 from harness.report.chapter import figures, port_features, port_pictures
 from harness.report.chapter.document import Paragraph, Section, TablePart
 from harness.report.chapter.experiment import VERDICTS, each_block, limits, place
-from harness.report.chapter.families import (
-    Family,
-    accelerator_name,
-    compare,
-    estimate,
-    families,
-    ranking,
-    thousands,
-)
+from harness.report.chapter.families import Family, accelerator_name, compare, estimate, families, ranking, thousands
 from harness.report.chapter.words import listed
 from harness.report.tables import Column, Table
 from harness.report.tables.evidence import floors_text
@@ -105,7 +97,8 @@ def _frames(analysis: Analysis, rivals: Sequence[Rival], plots: Path) -> Section
 def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
     sizes = {rival.contestant.settings.size for rival in rivals}
     table = Table(
-        "frames", "Frame times and primary rays",
+        "frames",
+        "Frame times and primary rays",
         "Geometric means over blocks with 95 % intervals. Against the port: how many times as fast as its fastest "
         "configuration with the same number of threads; gain: over the fewest threads; both paired by block.",
         [
@@ -117,7 +110,7 @@ def _frame_table(analysis: Analysis, rivals: Sequence[Rival]) -> Table:
             Column("against", "Speed over that of the port's fastest.", "estimate", "against the port"),
             Column("gain", "Speed over that of the same with the fewest threads.", "estimate", "gain of threads"),
         ],
-    )  # fmt: skip
+    )
     gains = _gains(analysis)
     for name, contestant, speedup in rivals:
         row: dict[str, Any] = {"name": name, "size": contestant.settings.size, "threads": contestant.settings.threads}

@@ -188,10 +188,12 @@ def _html_table(table: Table) -> str:
         for kind, column in zip(kinds, table.columns, strict=True)
     )
     rows = [
-        "".join(f'<td class="{kind}">{escape(cell_text(column, row.get(column.name)))}</td>'
-                for kind, column in zip(kinds, table.columns, strict=True))
+        "".join(
+            f'<td class="{kind}">{escape(cell_text(column, row.get(column.name)))}</td>'
+            for kind, column in zip(kinds, table.columns, strict=True)
+        )
         for row in table.rows
-    ]  # fmt: skip
+    ]
     lines = "".join(f"<tr>{row}</tr>\n" for row in rows)
     caption = f"<figcaption><b>{escape(table.title)}.</b> {escape(table.note)}</figcaption>"
     body = f"<table><thead><tr>{head}</tr></thead>\n<tbody>{lines}</tbody></table>"

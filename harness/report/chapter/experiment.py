@@ -99,8 +99,11 @@ def limits(analysis: Analysis) -> Section:
     if missing:
         said.append(f"{plural(len(missing), 'cell')} of the experiment had not been begun.")
     contended = contended_cells(analysis)
-    said.append(f"{plural(contended, 'cell')} shared the machine with other work while being timed." if contended
-                else "No cell shared the machine with other work while being timed.")  # fmt: skip
+    said.append(
+        f"{plural(contended, 'cell')} shared the machine with other work while being timed."
+        if contended
+        else "No cell shared the machine with other work while being timed."
+    )
     reasons = _reasons(cells)
     return Section("What else to know", [Paragraph(said), *([Listing(reasons)] if reasons else [])])
 
@@ -132,18 +135,24 @@ def _accelerators(analysis: Analysis, plots: Path) -> Section | None:
         return None
     found, threads = _most_threads(every)
     speeds = Table(
-        "accelerators", "Samples per second by accelerator",
+        "accelerators",
+        "Samples per second by accelerator",
         f"Thousands of paths (samples of a pixel) per second with {threads}; geometric mean over blocks with a 95 % interval. "
         "Fastest: all that may be it.",
-        [*identity(found), _primitives(), *value_columns(found, "Thousands of paths per second of {}."),
-         Column("fastest", "The fastest, or all that may be it.")],
-    )  # fmt: skip
+        [
+            *identity(found),
+            _primitives(),
+            *value_columns(found, "Thousands of paths per second of {}."),
+            Column("fastest", "The fastest, or all that may be it."),
+        ],
+    )
     builds = Table(
-        "builds", "Time to build an accelerator",
+        "builds",
+        "Time to build an accelerator",
         "Milliseconds of a build in a process that has built, compiled and rendered the scene before; geometric mean over "
         "blocks with a 95 % interval.",
         [HEADINGS["scene"], _primitives(), *value_columns(found, "Milliseconds to build {}.")],
-    )  # fmt: skip
+    )
     for family in found:
         fastest = listed(best(analysis, family))
         speeds.rows.append(row_of(family, thousands, primitives=primitives(family.any), fastest=fastest))
@@ -172,10 +181,15 @@ def _threads(analysis: Analysis, plots: Path) -> Section | None:
         return None
     names = sorted(values(found), key=lambda value: int(value.split()[0]))
     table = Table(
-        "threads", f"Speed-up over {names[0]}", "Paired by block, with 95 % intervals; efficiency 1 is ideal.",
-        [*identity(found), *(Column(name, f"Speed-up of {name}.", "estimate", name) for name in names[1:]),
-         Column("efficiency", f"Speed-up of {names[-1]} over the share of threads.", "number")],
-    )  # fmt: skip
+        "threads",
+        f"Speed-up over {names[0]}",
+        "Paired by block, with 95 % intervals; efficiency 1 is ideal.",
+        [
+            *identity(found),
+            *(Column(name, f"Speed-up of {name}.", "estimate", name) for name in names[1:]),
+            Column("efficiency", f"Speed-up of {names[-1]} over the share of threads.", "number"),
+        ],
+    )
     table.rows += [_thread_row(analysis, family, names) for family in found]
     return Section("Threads", [TablePart(table), *figures.part(figures.thread_gains(analysis, found, names, plots))])
 
@@ -198,11 +212,12 @@ def _shaders(analysis: Analysis, plots: Path) -> Section | None:
     most, threads = _most_threads(found)
     shown = usual(most, "sampler")
     table = Table(
-        "shaders", "Cost of a sample by shader",
+        "shaders",
+        "Cost of a sample by shader",
         f"Nanoseconds per path (a sample of a pixel) with {threads}; geometric mean over blocks with a 95 % interval. Sampler: "
         f"{shown[0].held['sampler']}. The shaders make different images.",
         [*identity(shown), *value_columns(shown, "Nanoseconds per path of {}.")],
-    )  # fmt: skip
+    )
     table.rows += [row_of(family, nanoseconds) for family in shown]
     return Section("Shaders", [TablePart(table)])
 
@@ -219,19 +234,24 @@ def _samplers(analysis: Analysis, plots: Path) -> Section | None:
     if not found:
         return None
     errors = Table(
-        "samplers", "Error at the same number of samples",
+        "samplers",
+        "Error at the same number of samples",
         f"{error_name(analysis.results.metric)}; geometric mean over seeds with a 95 % interval. Errors that the reference's "
         "noise hides are left out. Least: all that may have it.",
-        [*identity(found), Column("spp", "Samples per pixel.", "count"),
-         *value_columns(found, "Error of {}."), Column("least", "The least error.")],
-    )  # fmt: skip
+        [
+            *identity(found),
+            Column("spp", "Samples per pixel.", "count"),
+            *value_columns(found, "Error of {}."),
+            Column("least", "The least error."),
+        ],
+    )
     times = Table(
-        "sampler_times", "Time to a quality by sampler",
+        "sampler_times",
+        "Time to a quality by sampler",
         f"Seconds of rendering until the hardest target that all reach, in {error_name(analysis.results.metric)}; geometric "
         "mean over seeds with a 95 % interval.",
-        [*identity(found), Column("target", "Quality to reach.", "exact"),
-         *value_columns(found, "Seconds of {}.", "{} [s]")],
-    )  # fmt: skip
+        [*identity(found), Column("target", "Quality to reach.", "exact"), *value_columns(found, "Seconds of {}.", "{} [s]")],
+    )
     for family in found:
         spp = measures.common_spp(list(family.members.values()))
         error = measures.errors_at(analysis, spp)
@@ -250,14 +270,19 @@ def _tails(analysis: Analysis, plots: Path) -> Section | None:
     """How few pixels hold the error: of one configuration a scene and shader, the first that most have."""
     shown = measures.one_a_scene_and_shader(analysis)
     table = Table(
-        "tails", "Error with and without the worst pixels",
+        "tails",
+        "Error with and without the worst pixels",
         "relMSE at a number of samples, not corrected for the reference's noise, and the same without the 0.1 % of pixels "
         "where it is largest; geometric means over seeds with 95 % intervals. Share: what these pixels hold of it.",
-        [HEADINGS["scene"], HEADINGS["shader"], Column("spp", "Samples per pixel.", "count"),
-         Column("whole", "relMSE.", "estimate", "relMSE"),
-         Column("trimmed", "relMSE without the worst 0.1 % of pixels.", "estimate", "without the worst"),
-         Column("share", "Share of relMSE in the worst 0.1 % of pixels.", "percent")],
-    )  # fmt: skip
+        [
+            HEADINGS["scene"],
+            HEADINGS["shader"],
+            Column("spp", "Samples per pixel.", "count"),
+            Column("whole", "relMSE.", "estimate", "relMSE"),
+            Column("trimmed", "relMSE without the worst 0.1 % of pixels.", "estimate", "without the worst"),
+            Column("share", "Share of relMSE in the worst 0.1 % of pixels.", "percent"),
+        ],
+    )
     spp = measures.common_spp([contestant for _, contestant in shown])
     for held, contestant in shown:
         whole, trimmed = measures.errors_untrimmed_and_trimmed(analysis, contestant, spp)

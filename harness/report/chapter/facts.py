@@ -13,17 +13,7 @@ from typing import Any, TypeVar
 from engines.errors import ConfigError
 from harness.analysis import Analysis, error_targets
 from harness.report.chapter import experiment, measures
-from harness.report.chapter.families import (
-    AXES,
-    SPEEDS,
-    Family,
-    Measure,
-    best,
-    compare,
-    families,
-    thousands,
-    words,
-)
+from harness.report.chapter.families import AXES, SPEEDS, Family, Measure, best, compare, families, thousands, words
 from harness.statistics import Estimate, Ratio
 from harness.store.results import Contestant
 
@@ -43,25 +33,36 @@ class Facts:
     def vocabulary(self) -> Mapping[str, Callable[..., Any]]:
         """The functions that prose may call."""
         compared = {
-            "faster": (_speeds, "faster"), "same_speed": (_speeds, "same"),
-            "less_error": (_errors, "faster"), "same_error": (_errors, "same"),
-            "sooner": (_times, "faster"), "same_time": (_times, "same"),
-        }  # fmt: skip
+            "faster": (_speeds, "faster"),
+            "same_speed": (_speeds, "same"),
+            "less_error": (_errors, "faster"),
+            "same_error": (_errors, "same"),
+            "sooner": (_times, "faster"),
+            "same_time": (_times, "same"),
+        }
         ratios = {"speedup": _speeds, "error_ratio": _errors, "time_ratio": _times}
         return {
             **{name: self._claim(*how) for name, how in compared.items()},
             **{name: self._ratios(how) for name, how in ratios.items()},
-            "fastest": self.fastest, "speed": self._of(lambda a, c: thousands(c)),
-            "cost": self._of(lambda a, c: experiment.nanoseconds(c)), "build": self._of(measures.build_milliseconds),
-            "error": self.error, "tail_share": self.tail_share, "target": self.target, "spp": self.spp,
-            "primitives": self._of(lambda a, c: experiment.primitives(c)), "cells": self._of(_cells),
-            "contended": self._of(lambda a, c: experiment.contended_cells(a)), "noise_floor": self._of(_floor),
-            "blocks": self._of(lambda a, c: len({cell["block"] for cell in c.done})), "place": self._of(_place),
+            "fastest": self.fastest,
+            "speed": self._of(lambda a, c: thousands(c)),
+            "cost": self._of(lambda a, c: experiment.nanoseconds(c)),
+            "build": self._of(measures.build_milliseconds),
+            "error": self.error,
+            "tail_share": self.tail_share,
+            "target": self.target,
+            "spp": self.spp,
+            "primitives": self._of(lambda a, c: experiment.primitives(c)),
+            "cells": self._of(_cells),
+            "contended": self._of(lambda a, c: experiment.contended_cells(a)),
+            "noise_floor": self._of(_floor),
+            "blocks": self._of(lambda a, c: len({cell["block"] for cell in c.done})),
+            "place": self._of(_place),
             "low": lambda found: min(one.low for one in _each(found)),
             "high": lambda found: max(one.high for one in _each(found)),
             "least": lambda found: min(one[0] for one in _each(found)),
             "most": lambda found: max(one[0] for one in _each(found)),
-        }  # fmt: skip
+        }
 
     # ---- one configuration -------------------------------------------------------------------------------------------
 
@@ -69,7 +70,7 @@ class Facts:
         found = [(analysis, one) for analysis, _, one in self._chosen(phrase, self._contestants, lambda each: each[1])]
         if len(found) == 1:
             return found[0]
-        raise ConfigError(f"{phrase!r} names {_number([one.name for _, one in found], 'configuration')}: one is wanted")
+        raise ConfigError(f"{phrase!r} names {_number([one.name for _, one in found], 'configuration')}: one is expected")
 
     def _chosen(self, phrase: str, every: Iterable[T], words_of: Callable[[T], set[str]]) -> list[T]:
         """Those that have all words of the phrase, narrowed by each of the usual words that some of them have."""
@@ -100,7 +101,7 @@ class Facts:
         if len(found) == 1:
             return found[0]
         held = [", ".join(family.held.values()) for _, family in found]
-        raise ConfigError(f"{phrase!r} with {' and '.join(members)} names {_number(held, 'comparison')}: one is wanted")
+        raise ConfigError(f"{phrase!r} with {' and '.join(members)} names {_number(held, 'comparison')}: one is expected")
 
     def _compared(self, phrase: str, one: str, other: str, measuring: Measuring) -> Ratio:
         analysis, family = self._family(phrase, one, other)

@@ -32,11 +32,15 @@ SPEEDS = Measure(seconds_per_sample, None)
 
 
 HEADINGS = {
-    "scene": Column("scene", "Scene that was rendered."), "shader": Column("shader", "Light-transport rule."),
-    "accelerator": Column("accelerator", "Engine and accelerator."), "sampler": Column("sampler", "Sampler."),
-    "threads": Column("threads", "Threads."), "size": Column("size", "Pixels."), "machine": Column("machine", "Machine."),
+    "scene": Column("scene", "Scene that was rendered."),
+    "shader": Column("shader", "Light-transport rule."),
+    "accelerator": Column("accelerator", "Engine and accelerator."),
+    "sampler": Column("sampler", "Sampler."),
+    "threads": Column("threads", "Threads."),
+    "size": Column("size", "Pixels."),
+    "machine": Column("machine", "Machine."),
     "precision": Column("precision", "Numbers it computes with."),
-}  # fmt: skip
+}
 """Columns in which families differ."""
 AXES = ("accelerator", "threads", "shader", "sampler")
 """What may vary within a family. A value of `accelerator` is an engine with its accelerator."""
@@ -124,9 +128,7 @@ def compare(analysis: Analysis, family: Family, one: str, other: str, measure: M
     return reciprocal(found[every.index((against, at))])
 
 
-def _race(
-    analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure
-) -> Race:  # fmt: skip
+def _race(analysis: Analysis, family: Family, names: Sequence[str], pairs: Sequence[tuple[int, int]], measure: Measure) -> Race:
     floor = analysis.floor(family.scene) if measure.floor is None else measure.floor
     members = [family.members[name] for name in names]
     own = [measure.values(member) for member in members]

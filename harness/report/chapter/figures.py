@@ -60,8 +60,16 @@ def finished(figure: Figure, plots: Path, name: str, title: str, description: st
 def _points(axis: Axes, placed: Sequence[tuple[float, Estimate]], index: int, colour: str, label: str) -> None:
     """Values with their intervals along x, each at its y."""
     whiskers = np.nan_to_num([[one.value - one.low, one.high - one.value] for _, one in placed]).T
-    axis.errorbar([one.value for _, one in placed], [y for y, _ in placed], xerr=np.abs(whiskers), elinewidth=1,
-                  fmt=MARKERS[index % len(MARKERS)], color=colour, markersize=4, label=label)  # fmt: skip
+    axis.errorbar(
+        [one.value for _, one in placed],
+        [y for y, _ in placed],
+        xerr=np.abs(whiskers),
+        elinewidth=1,
+        fmt=MARKERS[index % len(MARKERS)],
+        color=colour,
+        markersize=4,
+        label=label,
+    )
 
 
 def tails(table: Table, plots: Path) -> Plot:
@@ -76,8 +84,13 @@ def tails(table: Table, plots: Path) -> Plot:
     axis.set_xlabel(f"relMSE at {table.rows[0]['spp']} samples per pixel")
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return finished(figure, plots, "tails", "Error with and without the worst 0.1 % of the pixels",
-                    "One row per scene and shader: relMSE of all pixels and without the worst, with intervals.")  # fmt: skip
+    return finished(
+        figure,
+        plots,
+        "tails",
+        "Error with and without the worst 0.1 % of the pixels",
+        "One row per scene and shader: relMSE of all pixels and without the worst, with intervals.",
+    )
 
 
 def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
@@ -97,8 +110,13 @@ def speeds(found: Sequence[Family], plots: Path) -> Plot | None:
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(names), 5))
     shader = " and ".join(dict.fromkeys(family.shader for family in found))
-    return finished(figure, plots, "accelerators", f"Speed by accelerator and scene, {shader}",
-                    "One row per scene: paths per second by accelerator, with intervals, on a logarithmic axis.")  # fmt: skip
+    return finished(
+        figure,
+        plots,
+        "accelerators",
+        f"Speed by accelerator and scene, {shader}",
+        "One row per scene: paths per second by accelerator, with intervals, on a logarithmic axis.",
+    )
 
 
 def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | None:
@@ -111,16 +129,24 @@ def frame_times(named: Sequence[tuple[str, Contestant]], plots: Path) -> Plot | 
     axis = figure.subplots()
     for index, threads in enumerate(counts):
         shift = 0.16 * (index - (len(counts) - 1) / 2)
-        shown = [(rows.index(name) + shift, estimate(seconds_per_sample(c), 1e3)) for name, c in named
-                 if c.settings.threads == threads]  # fmt: skip
+        shown = [
+            (rows.index(name) + shift, estimate(seconds_per_sample(c), 1e3))
+            for name, c in named
+            if c.settings.threads == threads
+        ]
         _points(axis, shown, index, COLOURS[index % len(COLOURS)], plural(threads, "thread"))
     axis.set_yticks(range(len(rows)), rows)
     axis.set_ylim(len(rows) - 0.5, -0.5)
     axis.set_xlabel("milliseconds per frame")
     log_scales(axis)
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=min(len(counts), 5))
-    return finished(figure, plots, "frames", "Frame times",
-                    "One row per engine and accelerator: milliseconds per frame, on a logarithmic axis.")  # fmt: skip
+    return finished(
+        figure,
+        plots,
+        "frames",
+        "Frame times",
+        "One row per engine and accelerator: milliseconds per frame, on a logarithmic axis.",
+    )
 
 
 def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[str], plots: Path) -> Plot | None:
@@ -129,16 +155,24 @@ def thread_gains(analysis: Analysis, found: Sequence[Family], names: Sequence[st
     figure = new_figure(7.2, 1.3 + 0.24 * len(shown))
     axis = figure.subplots()
     for index, name in enumerate(names[1:]):
-        gains = [(row, compare(analysis, family, name, names[0]))
-                 for row, family in enumerate(shown) if {names[0], name} <= set(family.members)]  # fmt: skip
+        gains = [
+            (row, compare(analysis, family, name, names[0]))
+            for row, family in enumerate(shown)
+            if {names[0], name} <= set(family.members)
+        ]
         _points(axis, [(row, Estimate(*gain[:4])) for row, gain in gains], index, COLOURS[index % len(COLOURS)], name)
         axis.axvline(int(name.split()[0]) / int(names[0].split()[0]), color=FAINT, linestyle=":", linewidth=1)
     axis.set_yticks(range(len(shown)), [f"{family.held['accelerator']}, {family.scene}" for family in shown])
     axis.set_ylim(len(shown) - 0.5, -0.5)
     axis.set_xlabel(f"speed-up over {names[0]} (dotted: ideal)")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=max(len(names) - 1, 1))
-    return finished(figure, plots, "threads", f"Speed-up over {names[0]}",
-                    "One row per accelerator and scene: the speed-up with its interval; dotted lines are ideal.")  # fmt: skip
+    return finished(
+        figure,
+        plots,
+        "threads",
+        f"Speed-up over {names[0]}",
+        "One row per accelerator and scene: the speed-up with its interval; dotted lines are ideal.",
+    )
 
 
 def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> Plot | None:
@@ -164,14 +198,17 @@ def sampler_errors(analysis: Analysis, found: Sequence[Family], plots: Path) -> 
     for axis in grid[: len(chosen) : columns]:
         axis.set_ylabel(error_label(analysis.results.metric))
     handles = {
-        label: handle
-        for axis in grid[: len(chosen)]
-        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+        label: handle for axis in grid[: len(chosen)] for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=min(len(handles), 6))
     shader = " and ".join(dict.fromkeys(family.shader for family in chosen))
-    return finished(figure, plots, "samplers", f"Error over samples by sampler, {shader}",
-                    "One panel per scene: mean error over samples with its interval, one curve per sampler.")  # fmt: skip
+    return finished(
+        figure,
+        plots,
+        "samplers",
+        f"Error over samples by sampler, {shader}",
+        "One panel per scene: mean error over samples with its interval, one curve per sampler.",
+    )
 
 
 def _error_curve(analysis: Analysis, axis: Axes, family: Family, name: str, index: int) -> None:

@@ -24,33 +24,40 @@ FACTS = (
     ("light", "a sun, without shadows", "emitting shapes, points, suns and skies, with shadows"),
     ("surfaces", "a colour and a whole mirror on top of it", "diffuse, mirror, glass"),
     ("what is behind", "a picture fixed to the screen; mirrors show another", "one environment, seen and mirrored alike"),
-    ("numbers", "float32 in a fixed order, squares added in float64; frames of 8 bits, clipped",
-     "radiance in float32 or float64"),
-    ("threads", "any number in the port, eight in the original; the frame is the same",
-     "any number; the image is the same"),
-    ("progressive", "no: every frame is final; interlaced, a call draws every other row",
-     "yes: samples add up, with checkpoints between"),
+    (
+        "numbers",
+        "float32 in a fixed order, squares added in float64; frames of 8 bits, clipped",
+        "radiance in float32 or float64",
+    ),
+    ("threads", "any number in the port, eight in the original; the frame is the same", "any number; the image is the same"),
+    (
+        "progressive",
+        "no: every frame is final; interlaced, a call draws every other row",
+        "yes: samples add up, with checkpoints between",
+    ),
     ("interactive", "balls are dragged", "shapes and camera move"),
     ("rays of one's own", "which ball a pixel shows", "closest hits and visibility of any rays"),
-)  # fmt: skip
+)
 """Feature, the port, raybench: what engines/dahlquist and the other engines are written to do."""
 
 
 def section(analysis: Analysis) -> Section:
     table = Table(
-        "port_features", "What each can do", "Accelerators are those that were raced, and in brackets what else there is.",
-        [Column("feature", "Feature."), Column("port", "Dahlquist's ray tracer.", title="Dahlquist's ray tracer"),
-         Column("raybench", "raybench's engines.", title="raybench")],
-    )  # fmt: skip
+        "port_features",
+        "What each can do",
+        "Accelerators are those that were raced, and in brackets what else there is.",
+        [
+            Column("feature", "Feature."),
+            Column("port", "Dahlquist's ray tracer.", title="Dahlquist's ray tracer"),
+            Column("raybench", "raybench's engines.", title="raybench"),
+        ],
+    )
     names = [e for e in analysis.results.engines if any(c.done for c in _of(analysis.results, e))]
     sides = [PORT] if PORT in names else [], [name for name in names if name != PORT]
     asked = {
         "scenes": [_elsewhere(side) for side in sides],
         "accelerators": ["; ".join(_accelerators(analysis.results, name) for name in side) for side in sides],
-        "mirrors in mirrors": [
-            "three balls along a path, then the probe" if sides[0] else "",
-            _depth(analysis.results),
-        ],
+        "mirrors in mirrors": ["three balls along a path, then the probe" if sides[0] else "", _depth(analysis.results)],
     }
     table.rows += [{"feature": key, "port": port, "raybench": ours} for key, (port, ours) in asked.items()]
     table.rows += [{"feature": feature, "port": port, "raybench": ours} for feature, port, ours in FACTS]
@@ -86,8 +93,7 @@ def _accelerators(results: Results, engine: str) -> str:
 
 def _depth(results: Results) -> str:
     depths = {
-        (c.cells[0].get("shader") or {}).get("max_depth")
-        for c in results.contestants if c.done and c.settings.engine != PORT
-    }  # fmt: skip
+        (c.cells[0].get("shader") or {}).get("max_depth") for c in results.contestants if c.done and c.settings.engine != PORT
+    }
     known = sorted(depth for depth in depths if isinstance(depth, int))
     return f"as many as max_depth allows, here {listed([str(depth) for depth in known])}" if known else ""

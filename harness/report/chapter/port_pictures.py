@@ -87,9 +87,7 @@ def _truth(results: Results, contestants: Sequence[Contestant]) -> Truth | str:
     return Truth(levels, frame[..., 3] == dahlquist.SPHERE)
 
 
-def _differences(
-    results: Results, named: Sequence[tuple[str, Contestant]], truth: Truth
-) -> tuple[list[Difference], list[str]]:
+def _differences(results: Results, named: Sequence[tuple[str, Contestant]], truth: Truth) -> tuple[list[Difference], list[str]]:
     """From the smallest difference to the greatest, and the names without an image. Threads change no image."""
     found: list[Difference] = []
     without = []
@@ -119,22 +117,26 @@ def _last_image(results: Results, contestant: Contestant) -> Image | None:
 
 def _table(truth: Truth, found: Sequence[Difference]) -> Table:
     table = Table(
-        "port_images", "Difference from the port's image",
+        "port_images",
+        "Difference from the port's image",
         f"In levels of 255, by the worst channel of a pixel, over the {truth.balls.sum()} pixels "
         f"({100 * truth.balls.mean():.3g} %) of the port's frame that show balls: "
         "behind them the port shows a picture of its own where others see the sky.",
         [
             Column("name", "Engine and accelerator.", title="engine and accelerator"),
-            Column("median", "Median difference.", "number"), Column("mean", "Mean difference.", "number"),
+            Column("median", "Median difference.", "number"),
+            Column("mean", "Mean difference.", "number"),
             Column("high", "99 % of the pixels differ by less.", "number", "99 %"),
             Column("visible", f"Share of pixels that differ by more than {VISIBLE}.", "percent", f"above {VISIBLE}"),
         ],
-    )  # fmt: skip
+    )
     for one in found:
         numbers: dict[str, Any] = {
-            "median": float(np.median(one.levels)), "mean": float(one.levels.mean()),
-            "high": float(np.quantile(one.levels, 0.99)), "visible": float(np.mean(one.levels > VISIBLE)),
-        }  # fmt: skip
+            "median": float(np.median(one.levels)),
+            "mean": float(one.levels.mean()),
+            "high": float(np.quantile(one.levels, 0.99)),
+            "visible": float(np.mean(one.levels > VISIBLE)),
+        }
         table.rows += [{"name": name, **numbers} for name in one.names]
     return table
 
@@ -156,5 +158,10 @@ def _drawn(truth: Truth, found: Sequence[Difference], plots: Path) -> Plot | Non
         axis.set_title(title, fontsize=9)
         axis.set_axis_off()
     figure.colorbar(scale, ax=right, shrink=0.7, extend="max", label="levels of 255")
-    return figures.finished(figure, plots, "port_images", f"The port's frame beside the image of {other.names[0]}",
-                            "Two images of five mirroring balls, and by how many levels they differ.")  # fmt: skip
+    return figures.finished(
+        figure,
+        plots,
+        "port_images",
+        f"The port's frame beside the image of {other.names[0]}",
+        "Two images of five mirroring balls, and by how many levels they differ.",
+    )

@@ -32,10 +32,18 @@ BLOCK = re.compile(r"\{\{(table|figure|usual) ([^{}]+)\}\}")
 COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 NO_NUMBER = number_text(float("nan"))
 OPERATORS: Mapping[type, Callable[..., Any]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Gt: operator.gt,
-    ast.GtE: operator.ge, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Eq: operator.eq, ast.Not: operator.not_,
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Eq: operator.eq,
+    ast.Not: operator.not_,
     ast.USub: operator.neg,
-}  # fmt: skip
+}
 
 
 class Disagreement(ConfigError):

@@ -36,11 +36,23 @@ MOST_BYTES = 9_500_000
 """The report stays under 10 MB; pictures get what the rest leaves, at least a tenth of it and at most 6 MB."""
 SCRIPTS = ("table.js", "decode.js", "colours.js", "viewer.js")
 VERDICT_CLASSES = {
-    "faster": "good", "equivalent": "good", "slower": "bad", "different": "bad", "failed": "bad", "timeout": "bad",
-    "shallower": "bad", "same": "even", "unresolved": "even", "unknown": "even", "skipped": "even",
+    "faster": "good",
+    "equivalent": "good",
+    "slower": "bad",
+    "different": "bad",
+    "failed": "bad",
+    "timeout": "bad",
+    "shallower": "bad",
+    "same": "even",
+    "unresolved": "even",
+    "unknown": "even",
+    "skipped": "even",
     "done": "good",
-    "identical": "good", "pass": "good", "xfail": "even", "fail": "bad",
-}  # fmt: skip
+    "identical": "good",
+    "pass": "good",
+    "xfail": "even",
+    "fail": "bad",
+}
 
 
 def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> str:
@@ -52,18 +64,37 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
     results, found = analysis.results, calibration.calibrate(analysis, calibration.OF_REPORTS)
     references = _references(results)
     pictures = {"groups": [group.payload for group in groups], "maps": colour_maps()}
-    return _environment().get_template("report.html.j2").render(
-        title=_title(results.manifest, results.folder.name), question=_question(results.manifest),
-        matrix=matrix(analysis, found, references), engine_key=engine_key(analysis), verdicts=headlines(analysis),
-        tables={table.name: table for table in tables}, pair_verdicts=_pair_verdicts(analysis),
-        plot_sets=plot_sets(analysis, drawings), groups=groups, payload=_script_json(pictures), cells=cells,
-        machines=_machines(analysis), runs=results.runs, references=references, terms=TERMS,
-        manifest=json.dumps(results.manifest, indent=2, default=str), counts=_state_counts(analysis),
-        calibration=found, figures=calibration.figures(found), rests_on=calibration.rests_on(found),
-        metric=metric_title(results.metric), error_words=error_words(results.metric), evidence=evidence(analysis),
-        style=Markup(_asset("report.css")),
-        scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
-    )  # fmt: skip
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            title=_title(results.manifest, results.folder.name),
+            question=_question(results.manifest),
+            matrix=matrix(analysis, found, references),
+            engine_key=engine_key(analysis),
+            verdicts=headlines(analysis),
+            tables={table.name: table for table in tables},
+            pair_verdicts=_pair_verdicts(analysis),
+            plot_sets=plot_sets(analysis, drawings),
+            groups=groups,
+            payload=_script_json(pictures),
+            cells=cells,
+            machines=_machines(analysis),
+            runs=results.runs,
+            references=references,
+            terms=TERMS,
+            manifest=json.dumps(results.manifest, indent=2, default=str),
+            counts=_state_counts(analysis),
+            calibration=found,
+            figures=calibration.figures(found),
+            rests_on=calibration.rests_on(found),
+            metric=metric_title(results.metric),
+            error_words=error_words(results.metric),
+            evidence=evidence(analysis),
+            style=Markup(_asset("report.css")),
+            scripts=Markup("\n".join(_asset(name) for name in SCRIPTS)),
+        )
+    )
 
 
 def plot_sets(analysis: Analysis, drawings: Sequence[Drawing]) -> list[tuple[str, list[tuple[str, Drawing]]]]:
@@ -80,12 +111,22 @@ def plot_sets(analysis: Analysis, drawings: Sequence[Drawing]) -> list[tuple[str
 def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
     """The report of a comparison by rays as one document."""
     question = str(results.config.get("question") or "")
-    return _environment().get_template("trace.html.j2").render(
-        title=results.name, question=question, table=table,
-        plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
-        machine=machine_words("", results.machine), time=results.time, command=" ".join(results.command),
-        config=json.dumps(results.config, indent=2), style=Markup(_asset("report.css")), scripts=Markup(_asset("table.js")),
-    )  # fmt: skip
+    return (
+        _environment()
+        .get_template("trace.html.j2")
+        .render(
+            title=results.name,
+            question=question,
+            table=table,
+            plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
+            machine=machine_words("", results.machine),
+            time=results.time,
+            command=" ".join(results.command),
+            config=json.dumps(results.config, indent=2),
+            style=Markup(_asset("report.css")),
+            scripts=Markup(_asset("table.js")),
+        )
+    )
 
 
 def headlines(analysis: Analysis) -> list[dict[str, Any]]:
@@ -97,19 +138,26 @@ def headlines(analysis: Analysis) -> list[dict[str, Any]]:
 def _headline(panel: Panel, index: int, target: float) -> dict[str, Any]:
     """`winner` is None where several are not separated, or none reached it. `left_out` have a flag that disqualifies them."""
     line = {
-        "scene": panel.title, "target": f"{target:g}", "winner": None, "rivals": [], "out_of": len(panel.verdicts),
+        "scene": panel.title,
+        "target": f"{target:g}",
+        "winner": None,
+        "rivals": [],
+        "out_of": len(panel.verdicts),
         "reached": sum(verdict.warm[index].reached > 0 for verdict in panel.verdicts),
         "left_out": [f"{v.contestant.name} ({', '.join(v.warnings)})" for v in panel.verdicts if v.disqualified],
         "noisy": sum(NOISY in verdict.flags_of(index) for verdict in panel.verdicts if not verdict.disqualified),
-    }  # fmt: skip
+    }
     found = possible_winners(panel.verdicts, index)
     if len(found) != 1:
         return line | {"rivals": [verdict.contestant.name for verdict in found]}
     best = found[0]
     return line | {
-        "alone": line["out_of"] - len(line["left_out"]) == 1, "winner": best.contestant.name, "flags": best.warnings,
-        "time": _time_text(best.warm[index]), "cold": _time_text(best.cold[index]),
-    }  # fmt: skip
+        "alone": line["out_of"] - len(line["left_out"]) == 1,
+        "winner": best.contestant.name,
+        "flags": best.warnings,
+        "time": _time_text(best.warm[index]),
+        "cold": _time_text(best.cold[index]),
+    }
 
 
 def colour_maps() -> dict[str, list[list[int]]]:
@@ -125,16 +173,23 @@ def cell_table(analysis: Analysis) -> Table:
     """Every cell with its last checkpoint and the command that repeats it."""
     results = analysis.results
     table = Table(
-        "cells", "Every cell", "One row per cell; the command renders it again.",
-        [Column("state", "done, failed, timeout or skipped."), Column("scene", "Scene."),
-         Column("contestant", "Engine and the settings that vary."), Column("block", "Repeat.", "count"),
-         Column("seed", "Seed of the sampler.", "count"), Column("spp", "Samples per pixel at the end.", "count"),
-         Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
-         Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
-         Column("error", f"{metric_title(results.metric)} at the end, {error_words(results.metric)}.", "number"),
-         Column("note", "Message, what disturbed the timing, or that a program reported its own time."),
-         Column("command", "Repeats the cell.")],
-    )  # fmt: skip
+        "cells",
+        "Every cell",
+        "One row per cell; the command renders it again.",
+        [
+            Column("state", "done, failed, timeout or skipped."),
+            Column("scene", "Scene."),
+            Column("contestant", "Engine and the settings that vary."),
+            Column("block", "Repeat.", "count"),
+            Column("seed", "Seed of the sampler.", "count"),
+            Column("spp", "Samples per pixel at the end.", "count"),
+            Column("seconds", "Warm seconds at the end.", "number", "warm [s]"),
+            Column("cold", "Seconds with import, load, build and compilation.", "number", "cold [s]"),
+            Column("error", f"{metric_title(results.metric)} at the end, {error_words(results.metric)}.", "number"),
+            Column("note", "Message, what disturbed the timing, or that a program reported its own time."),
+            Column("command", "Repeats the cell."),
+        ],
+    )
     for contestant in results.contestants:
         for cell in contestant.cells:
             table.rows.append(_cell_row(analysis, contestant, cell))
@@ -145,14 +200,22 @@ def _cell_row(analysis: Analysis, contestant: Contestant, cell: Event) -> dict[s
     contended = (cell.get("machine") or {}).get("contended")
     notes = [cell.get("message"), contended and "contended", reports_its_time(cell) and "time reported by the program"]
     row = {
-        "state": cell["state"], "scene": contestant.settings.scene, "contestant": contestant.name,
-        "block": cell.get("block"), "seed": cell.get("seed"), "command": repeat_command(cell),
+        "state": cell["state"],
+        "scene": contestant.settings.scene,
+        "contestant": contestant.name,
+        "block": cell.get("block"),
+        "seed": cell.get("seed"),
+        "command": repeat_command(cell),
         "note": "; ".join(note for note in notes if note),
-    }  # fmt: skip
+    }
     if cell.get("points"):
         end = cell["points"][-1]
-        row |= {"spp": end["spp"], "seconds": end["seconds"], "cold": end["seconds"] + contestant.fixed_seconds(cell),
-                "error": point_error(end, analysis.results.metric)[0]}  # fmt: skip
+        row |= {
+            "spp": end["spp"],
+            "seconds": end["seconds"],
+            "cold": end["seconds"] + contestant.fixed_seconds(cell),
+            "error": point_error(end, analysis.results.metric)[0],
+        }
     return row
 
 
@@ -229,12 +292,17 @@ def _without_bare_groups(svg: str) -> str:
 
 
 def _environment() -> Environment:
-    environment = Environment(loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined,
-                              trim_blocks=True, lstrip_blocks=True)  # fmt: skip
+    environment = Environment(
+        loader=FunctionLoader(_asset), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     environment.globals |= {
-        "anchor": anchor, "breakable": breakable, "cell_text": cell_text, "shown_columns": shown_columns,
-        "sort_value": sort_value, "verdict_class": verdict_class,
-    }  # fmt: skip
+        "anchor": anchor,
+        "breakable": breakable,
+        "cell_text": cell_text,
+        "shown_columns": shown_columns,
+        "sort_value": sort_value,
+        "verdict_class": verdict_class,
+    }
     return environment
 
 

@@ -2,7 +2,7 @@
 
 TERMS = {
     "contestant": "An engine with its settings, on one scene. Its name has those settings that differ within the experiment: "
-                  "accelerator (how the hit of a ray is found: bvh, grid, brute force), sampler, precision and threads.",
+    "accelerator (how the hit of a ray is found: bvh, grid, brute force), sampler, precision and threads.",
     "target": "The error that a contestant has to reach. The time until then is compared.",
     "reference": "An image at many samples that stands for the truth; errors are differences from it.",
     "relMSE": "Mean of (A - R)² / (R² + ε) over pixels and channels, for an image A and the reference R.",
@@ -12,15 +12,15 @@ TERMS = {
     "cell": "One contestant on one scene under one seed.",
     "interval": "The range in square brackets: it covers the true value in 95 % of repetitions.",
     "fastest": "The only contestant that no test finds slower than another. Tests of a scene and target are corrected for "
-               "their number.",
+    "their number.",
     "not separated": "Several contestants may be the fastest; the data do not show which.",
     "ratio": "Time of one contestant over that of another to the same target, paired by block: above 1 the first named is "
-             "faster. Every contestant has one to its baseline.",
+    "faster. Every contestant has one to its baseline.",
     "no ratio": "The contestant is alone in its race, or its baseline, and no other reached the target; or it or its baseline "
-                "has a flag that disqualifies it. The cell says which.",
+    "has a flag that disqualifies it. The cell says which.",
     "baseline": "The contestant that another is compared with.",
     "noise floor": "How much two measurements of one configuration differ (A/A twins). Smaller differences are not called "
-                   "faster or slower.",
+    "faster or slower.",
     "A/A twin": "A second name under which one configuration of a scene is measured again.",
     "contended": "Of a timing: other work took the processor for more than 5 % of the time.",
     "calibration": "A test of the verdicts on synthetic contestants of known truth, which have the noise of this run.",
@@ -33,7 +33,7 @@ TERMS = {
     "slope": "Exponent by which the RMSE falls with the samples: -0.5 is that of Monte Carlo.",
     "Pareto front": "Checkpoints that no other one beats in both time and error.",
     "division": "Closed: the same estimator makes the same image. Open: any method that reaches the target without bias.",
-}  # fmt: skip
+}
 
 
 def anchor(term: str) -> str:

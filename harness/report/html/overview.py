@@ -73,8 +73,9 @@ def matrix(analysis: Analysis, calibration: Calibration, references: Sequence[Re
     for panel in panels(analysis) if targets else []:
         reference = reference_of(panel, references)
         cells = [_cell(analysis, panel, index, target, calibration, reference) for index, target in targets]
-        found.append(Row(panel.title, panel.stem, cells, small_plot(analysis, panel, palette),
-                         _quality(analysis, panel, reference)))  # fmt: skip
+        found.append(
+            Row(panel.title, panel.stem, cells, small_plot(analysis, panel, palette), _quality(analysis, panel, reference))
+        )
     return found
 
 
@@ -93,15 +94,17 @@ def reference_of(panel: Panel, references: Sequence[Reference]) -> Reference | N
 
 def _cell(
     analysis: Analysis, panel: Panel, index: int, target: float, calibration: Calibration, reference: Reference | None
-) -> Cell:  # fmt: skip
+) -> Cell:
     verdicts = panel.verdicts
     return Cell(
-        f"{target:g}", [_entry(verdict, verdicts, index) for verdict in possible_winners(verdicts, index)],
-        sum(verdict.warm[index].reached > 0 for verdict in verdicts), len(verdicts),
+        f"{target:g}",
+        [_entry(verdict, verdicts, index) for verdict in possible_winners(verdicts, index)],
+        sum(verdict.warm[index].reached > 0 for verdict in verdicts),
+        len(verdicts),
         sum(not verdict.disqualified for verdict in verdicts),
         [f"{v.contestant.name} ({', '.join(v.warnings)})" for v in verdicts if v.disqualified],
         Badge(floor_text(analysis, panel.scene, [index]), list(_remarks(analysis, panel, index, calibration, reference))),
-    )  # fmt: skip
+    )
 
 
 def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
@@ -114,7 +117,7 @@ def _entry(verdict: Verdict, verdicts: Sequence[Verdict], index: int) -> Entry:
 
 def _remarks(
     analysis: Analysis, panel: Panel, index: int, calibration: Calibration, reference: Reference | None
-) -> Iterator[str]:  # fmt: skip
+) -> Iterator[str]:
     """What weakens the verdict of a cell, a sentence each."""
     if _fewest_blocks(panel) < FEWEST_BLOCKS:
         yield f"fewer than {FEWEST_BLOCKS} blocks: no verdict is given"
@@ -187,22 +190,30 @@ def small_plot(analysis: Analysis, panel: Panel, palette: Palette) -> Markup:
     parts = []
     for tick in _ticks(x0, x1):
         x, words = x_of(math.log10(tick)), f"{tick:g}"
-        parts.append(f'<path class="grid" d="M{x:.1f} 4V{PLOT_HEIGHT - BOTTOM}"/>'
-                     f'<text x="{x:.1f}" y="{PLOT_HEIGHT - 5}" text-anchor="middle">{words}</text>')  # fmt: skip
+        parts.append(
+            f'<path class="grid" d="M{x:.1f} 4V{PLOT_HEIGHT - BOTTOM}"/>'
+            f'<text x="{x:.1f}" y="{PLOT_HEIGHT - 5}" text-anchor="middle">{words}</text>'
+        )
     for named, target in zip(analysis.results.targets, targets, strict=False):
         y = y_of(target)
-        parts.append(f'<path class="target" d="M{LEFT} {y:.1f}H{PLOT_WIDTH - 4}"/>'
-                     f'<text x="{LEFT - 3}" y="{y + 3:.1f}" text-anchor="end">{named:g}</text>')  # fmt: skip
+        parts.append(
+            f'<path class="target" d="M{LEFT} {y:.1f}H{PLOT_WIDTH - 4}"/>'
+            f'<text x="{LEFT - 3}" y="{y + 3:.1f}" text-anchor="end">{named:g}</text>'
+        )
     for verdict, x, error, low, high in curves:
         look, best = palette.look(verdict.contestant), any(verdict.possible_winner)
         around = path([*x, *x[::-1]], [*low, *high[::-1]])
         dashes = f' stroke-dasharray="{_dashes(look.line)}"' if look.line != "-" else ""
-        parts.append(f'<g><title>{escape(verdict.contestant.name)}</title>'
-                     f'<polygon points="{around}" fill="{look.colour}" opacity=".15"/>'
-                     f'<polyline points="{path(x, error)}" fill="none" stroke="{look.colour}" '
-                     f'stroke-width="{2.6 if best else 1}"{dashes}/></g>')  # fmt: skip
-    label = escape(f"{panel.title}: {metric_title(analysis.results.metric)} over warm seconds of {len(curves)} contestants, "
-                   f"logarithmic, {number_text(10**x0)} to {number_text(10**x1)} s. Horizontal lines: targets.")  # fmt: skip
+        parts.append(
+            f"<g><title>{escape(verdict.contestant.name)}</title>"
+            f'<polygon points="{around}" fill="{look.colour}" opacity=".15"/>'
+            f'<polyline points="{path(x, error)}" fill="none" stroke="{look.colour}" '
+            f'stroke-width="{2.6 if best else 1}"{dashes}/></g>'
+        )
+    label = escape(
+        f"{panel.title}: {metric_title(analysis.results.metric)} over warm seconds of {len(curves)} contestants, "
+        f"logarithmic, {number_text(10**x0)} to {number_text(10**x1)} s. Horizontal lines: targets."
+    )
     box = f'viewBox="0 0 {PLOT_WIDTH} {PLOT_HEIGHT}"'
     return Markup(f'<svg class="small" {box} role="img" aria-label="{label}">{"".join(parts)}</svg>')
 

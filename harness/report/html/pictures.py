@@ -110,7 +110,7 @@ def _equal_samples(pictured: list[list[Event]]) -> int:
 
 def _select(
     results: Results, panel: Panel, words: str, points: Mapping[int, Event | None], without: str, threads_alike: bool
-) -> Selection:  # fmt: skip
+) -> Selection:
     """Up to nine contestants: the best of every engine first, then by final error.
 
     Threads change no image at equal samples: of contestants that differ in them alone one is enough, where `threads_alike`.
@@ -184,14 +184,27 @@ def _group(results: Results, panel: Panel, found: Mapping[str, Selection], facto
         for verdict, point, image in selection.shown:
             if image.shape == shape and point["image"] not in places:
                 places[point["image"]] = len(pictures)
-                pictures.append({"name": verdict.contestant.name, "caption": point_words(results, point),
-                                 "data": packed(shrunk(image, factor))})  # fmt: skip
+                pictures.append(
+                    {
+                        "name": verdict.contestant.name,
+                        "caption": point_words(results, point),
+                        "data": packed(shrunk(image, factor)),
+                    }
+                )
             if image.shape == shape:
                 chosen.append(places[point["image"]])
         rules[rule] = {"words": selection.words, "pictures": chosen, "missing": selection.missing}
     height, width = shrunk(found["last"].shown[0].image, factor).shape[:2]
-    payload = {"title": panel.title, "width": width, "height": height, "factor": factor, "epsilon": results.epsilon,
-               "has_reference": reference is not None, "pictures": pictures, "rules": rules}  # fmt: skip
+    payload = {
+        "title": panel.title,
+        "width": width,
+        "height": height,
+        "factor": factor,
+        "epsilon": results.epsilon,
+        "has_reference": reference is not None,
+        "pictures": pictures,
+        "rules": rules,
+    }
     seconds, crops = _equal_time_crops(results, panel, reference)
     return PictureGroup(panel.title, payload, crops, seconds)
 
@@ -214,9 +227,7 @@ def packed(image: Image) -> str:
     return base64.b64encode(zlib.compress(planes.tobytes(), 9)).decode()
 
 
-def _at_equal_time(
-    results: Results, panel: Panel, most: float = MOST_CROPS
-) -> tuple[float, list[tuple[Verdict, Event]]]:  # fmt: skip
+def _at_equal_time(results: Results, panel: Panel, most: float = MOST_CROPS) -> tuple[float, list[tuple[Verdict, Event]]]:
     """(time, the last pictured checkpoint of each contestant's first block within it), by rising error."""
     cells = [(v, [p for p in v.contestant.done[0]["points"] if p.get("image")]) for v in panel.verdicts]
     cells = [(verdict, points) for verdict, points in cells if points]
@@ -225,8 +236,9 @@ def _at_equal_time(
     # The time of the contestant that ends first; later where another has no picture by then.
     first_end = min(points[-1]["seconds"] for _, points in cells)
     seconds = max(first_end, *(points[0]["seconds"] for _, points in cells))
-    taken = [(verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"]))
-             for verdict, points in cells]  # fmt: skip
+    taken = [
+        (verdict, max((p for p in points if p["seconds"] <= seconds), key=lambda p: p["seconds"])) for verdict, points in cells
+    ]
     taken.sort(key=lambda pair: point_error(pair[1], results.metric)[0])
     return seconds, taken[: int(min(most, len(taken)))]
 
@@ -240,8 +252,11 @@ def _equal_time_crops(results: Results, panel: Panel, reference: Reference | Non
         return math.nan, []
     guide = reference.mean if reference is not None else images[0][2]
     crops = [_crop(guide, guide, "reference", f"{reference.spp} spp")] if reference is not None else []
-    crops += [_crop(image, guide, verdict.contestant.name, point_words(results, point))
-              for verdict, point, image in images if image.shape == guide.shape]  # fmt: skip
+    crops += [
+        _crop(image, guide, verdict.contestant.name, point_words(results, point))
+        for verdict, point, image in images
+        if image.shape == guide.shape
+    ]
     return seconds, crops
 
 

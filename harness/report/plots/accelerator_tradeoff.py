@@ -33,15 +33,15 @@ def build_against_traverse(analysis: Analysis, palette: Palette) -> Figure | Non
             axis.plot(x[:, 0], y[:, 0], color=first.colour, linestyle=first.line, linewidth=first.width / 2, alpha=0.6)
             for contestant, across, up in zip(family, x, y, strict=True):
                 look = palette.look(contestant).line_style() | {"linestyle": "none", "markersize": 6.5}
-                axis.errorbar(across[0], up[0], xerr=_whisker(across), yerr=_whisker(up), elinewidth=0.8,
-                              label=contestant.name, **look)  # fmt: skip
+                axis.errorbar(
+                    across[0], up[0], xerr=_whisker(across), yerr=_whisker(up), elinewidth=0.8, label=contestant.name, **look
+                )
         log_scales(axis, y=True)
         axis.set_title(scene, fontsize=9)
         axis.set_xlabel("build [ms]")
     for axis in grid[::3]:
         axis.set_ylabel("time of a path [µs]")
-    named = {label: handle for axis in grid
-             for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    named = {label: handle for axis in grid for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     if len(named) <= MOST_CURVES:
         figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=3)
     else:

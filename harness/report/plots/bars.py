@@ -55,8 +55,14 @@ def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Pa
     colour = palette.colour(verdict.contestant.settings.engine)
     warm, cold = verdict.warm[index], verdict.cold[index]
     if not math.isfinite(warm.value):
-        axis.annotate(f"{warm.reached}/{warm.seeds} reached", (0.02, row), xycoords=("axes fraction", "data"),
-                      fontsize=7, va="center", color=FAINT)  # fmt: skip
+        axis.annotate(
+            f"{warm.reached}/{warm.seeds} reached",
+            (0.02, row),
+            xycoords=("axes fraction", "data"),
+            fontsize=7,
+            va="center",
+            color=FAINT,
+        )
         return
     axis.plot([warm.value, cold.value], [row, row], color=GRID, linewidth=3, zorder=1)
     for quality, filled in ((cold, False), (warm, True)):
@@ -65,8 +71,15 @@ def _quality_row(axis: Axes, row: int, verdict: Verdict, index: int, palette: Pa
         if quality.seeds >= FEWEST_BLOCKS and not warm.at_first:
             axis.plot([quality.low, quality.high], [row, row], color=colour, linewidth=1.2, zorder=2, solid_capstyle="butt")
     if warm.at_first:
-        axis.annotate(f"< ({warm.verdict()})", (cold.value, row), xytext=(5, 0), fontsize=6, textcoords="offset points",
-                      va="center", color=INK)  # fmt: skip
+        axis.annotate(
+            f"< ({warm.verdict()})",
+            (cold.value, row),
+            xytext=(5, 0),
+            fontsize=6,
+            textcoords="offset points",
+            va="center",
+            color=INK,
+        )
 
 
 def phase_bars(panel: Panel) -> Figure:
@@ -77,8 +90,17 @@ def phase_bars(panel: Panel) -> Figure:
     left = np.zeros(rows)
     for phase in PHASES:
         seconds = np.nan_to_num([verdict.phases[phase].value for verdict in panel.verdicts])
-        axis.barh(range(rows), seconds, left=left, color=PHASE_COLOURS[phase], hatch=PHASE_HATCHES[phase], label=phase,
-                  edgecolor="white", linewidth=0, height=0.72)  # fmt: skip
+        axis.barh(
+            range(rows),
+            seconds,
+            left=left,
+            color=PHASE_COLOURS[phase],
+            hatch=PHASE_HATCHES[phase],
+            label=phase,
+            edgecolor="white",
+            linewidth=0,
+            height=0.72,
+        )
         _phase_whiskers(axis, [verdict.phases[phase] for verdict in panel.verdicts], left)
         left += seconds
     axis.set_yticks(range(rows), [verdict.contestant.name for verdict in panel.verdicts])
@@ -133,5 +155,14 @@ def _speedup_curve(axis: Axes, family: list, palette: Palette) -> None:
     serial = "" if math.isnan(fit.value) else f" (serial {100 * fit.value:.1f} %)"
     values = np.array([row.speedup[:3] for row in rows])
     whiskers = np.nan_to_num(np.abs(values[:, 1:].T - values[:, 0]))
-    axis.errorbar([row.threads for row in rows], values[:, 0], yerr=whiskers, color=look.colour, linestyle=look.line,
-                  marker=look.marker, elinewidth=1, capsize=2, label=name + serial)  # fmt: skip
+    axis.errorbar(
+        [row.threads for row in rows],
+        values[:, 0],
+        yerr=whiskers,
+        color=look.colour,
+        linestyle=look.line,
+        marker=look.marker,
+        elinewidth=1,
+        capsize=2,
+        label=name + serial,
+    )

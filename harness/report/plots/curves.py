@@ -100,9 +100,16 @@ def pareto(analysis: Analysis, panel: Panel, palette: Palette) -> Figure | None:
         if not best:
             axis.plot(point.time[0], point.error[0], marker=look.marker, color=look.colour, alpha=0.25, markersize=3)
             continue
-        axis.errorbar(point.time[0], point.error[0], xerr=_whisker(point.time), yerr=_whisker(point.error),
-                      markersize=5, elinewidth=1, **look.line_style(),
-                      label=None if id(point.verdict) in named else point.verdict.contestant.name)  # fmt: skip
+        axis.errorbar(
+            point.time[0],
+            point.error[0],
+            xerr=_whisker(point.time),
+            yerr=_whisker(point.error),
+            markersize=5,
+            elinewidth=1,
+            **look.line_style(),
+            label=None if id(point.verdict) in named else point.verdict.contestant.name,
+        )
         named.add(id(point.verdict))
     _frame(axis, analysis.results, panel, min(point.error[0] for point in points))
     axis.set_xlabel(X_LABELS["seconds"])
@@ -165,8 +172,11 @@ def _pareto_points(results: Results, verdict: Verdict) -> list[_ParetoPoint]:
             error, se = point_error(point, results.metric)
             if error > NOISE_ERRORS * se and error > 0 and math.isfinite(error) and point["seconds"] > 0:
                 rows.setdefault(point["spp"], []).append((point["seconds"], error))
-    found = [_ParetoPoint(verdict, *(geometric_interval([pair[i] for pair in pairs]) for i in (0, 1)))
-             for pairs in rows.values() if len(pairs) >= FEWEST_BLOCKS]  # fmt: skip
+    found = [
+        _ParetoPoint(verdict, *(geometric_interval([pair[i] for pair in pairs]) for i in (0, 1)))
+        for pairs in rows.values()
+        if len(pairs) >= FEWEST_BLOCKS
+    ]
     return found
 
 
@@ -206,8 +216,9 @@ def _frame(axis: Axes, results: Results, panel: Panel, bottom: float) -> None:
     log_scales(axis, y=True)
     for named, target in zip(results.targets, error_targets(results), strict=True):
         axis.axhline(target, color=INK, linewidth=0.8, linestyle=(0, (2, 2)))
-        axis.annotate(f"{named:g}", (1.0, target), xycoords=("axes fraction", "data"), fontsize=7, ha="right",
-                      va="bottom", color=INK)  # fmt: skip
+        axis.annotate(
+            f"{named:g}", (1.0, target), xycoords=("axes fraction", "data"), fontsize=7, ha="right", va="bottom", color=INK
+        )
     floor = min([bottom, *error_targets(results)]) * 0.7
     noise = reference_noise(results, panel)
     if noise is not None and noise[0] > floor:

@@ -55,8 +55,12 @@ def panels(analysis: Analysis) -> list[Panel]:
         varying = [len(values) > 1 for values in map(set, zip(*keys, strict=True))]
         for key in sorted(keys, key=lambda key: key[3] != "closed"):
             scene, shader, size, division, machine = key
-            others = shader * varying[1], size * varying[2], "open division" * (division != "closed"), \
-                f"machine {machine}" * (len(machines) > 1)  # fmt: skip
+            others = (
+                shader * varying[1],
+                size * varying[2],
+                "open division" * (division != "closed"),
+                f"machine {machine}" * (len(machines) > 1),
+            )
             found.append(Panel(" ".join(filter(None, [scene, *others])), groups[key]))
     return found
 
@@ -64,8 +68,11 @@ def panels(analysis: Analysis) -> list[Panel]:
 def facets(verdicts: list[Verdict]) -> list[Facet]:
     """One facet if the curves are few; else one for each value of the first axis that splits them well. Divisions are split."""
     if len(divisions := sorted({v.contestant.settings.division for v in verdicts})) > 1:
-        return [Facet(f"{division} division {facet.title}".strip(), facet.verdicts) for division in divisions
-                for facet in facets([v for v in verdicts if v.contestant.settings.division == division])]  # fmt: skip
+        return [
+            Facet(f"{division} division {facet.title}".strip(), facet.verdicts)
+            for division in divisions
+            for facet in facets([v for v in verdicts if v.contestant.settings.division == division])
+        ]
     if len(verdicts) <= MOST_CURVES:
         return [Facet("", verdicts)]
     for axis in FACET_AXES:

@@ -9,16 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
-from harness.analysis.scaling import (
-    exponent,
-    families,
-    microseconds_a_path,
-    name_of,
-    passes,
-    path_seconds,
-    pixels,
-    primitives,
-)
+from harness.analysis.scaling import exponent, families, microseconds_a_path, name_of, passes, path_seconds, pixels, primitives
 from harness.report.plots.curves import finish_legend
 from harness.report.plots.panels import MOST_CURVES
 from harness.report.plots.style import Palette, log_scales, new_figure

@@ -21,14 +21,7 @@ from harness.report.plots.style import FAINT, INK, Sketch, engine_colours, log_s
 Finding = Mapping[str, Any]
 DISTANCES = {"t/distance": "distance", "t/offset": "offset of the scene", "t/radius": "radius of the sphere"}
 RATES = {"self/scale": "scale of the scene: self-hits", "leak/scale": "scale of the scene: light through a gap"}
-LINES: dict[str, Any] = {
-    "sphere": "-",
-    "triangle": "--",
-    "mesh": "--",
-    "gap 1e-03": "-",
-    "gap 1e-05": "--",
-    "gap 1e-07": ":",
-}
+LINES: dict[str, Any] = {"sphere": "-", "triangle": "--", "mesh": "--", "gap 1e-03": "-", "gap 1e-05": "--", "gap 1e-07": ":"}
 EPSILONS = {"float64": 2.0**-52, "float32": 2.0**-23}
 LOWEST = 2e-18
 """Where an error of exactly zero is drawn."""
@@ -47,15 +40,22 @@ class Series(NamedTuple):
 def sketches(findings: Sequence[Finding]) -> list[Sketch]:
     """The two figures, as far as there are findings for them."""
     return [
-        Sketch("stability-of-t", "Numerical stability: error of t",
-               "For each engine and precision the relative error of t: lines are medians, areas end at the worst hit; "
-               "crosses at the top mark where rays missed what they should hit. Horizontal lines: the "
-               "machine epsilons of float64 and float32.",
-               partial(_figure, findings, DISTANCES, _error_axis)),
-        Sketch("self-hits-and-leaks", "Numerical stability: self-hits and leaks",
-               "Share of samples that hit the surface they had left, and that saw light where there is none, over the "
-               "scale of the scene.", partial(_figure, findings, RATES, _rate_axis)),
-    ]  # fmt: skip
+        Sketch(
+            "stability-of-t",
+            "Numerical stability: error of t",
+            "For each engine and precision the relative error of t: lines are medians, areas end at the worst hit; "
+            "crosses at the top mark where rays missed what they should hit. Horizontal lines: the "
+            "machine epsilons of float64 and float32.",
+            partial(_figure, findings, DISTANCES, _error_axis),
+        ),
+        Sketch(
+            "self-hits-and-leaks",
+            "Numerical stability: self-hits and leaks",
+            "Share of samples that hit the surface they had left, and that saw light where there is none, over the "
+            "scale of the scene.",
+            partial(_figure, findings, RATES, _rate_axis),
+        ),
+    ]
 
 
 def series(findings: Sequence[Finding], case: str) -> list[Series]:
@@ -73,9 +73,7 @@ def series(findings: Sequence[Finding], case: str) -> list[Series]:
     return found
 
 
-def _figure(
-    findings: Sequence[Finding], cases: Mapping[str, str], draw: Callable[[Axes, Series, str], None]
-) -> Figure | None:
+def _figure(findings: Sequence[Finding], cases: Mapping[str, str], draw: Callable[[Axes, Series, str], None]) -> Figure | None:
     """A row an engine, a column a case."""
     curves = {case: series(findings, case) for case in cases}
     curves = {case: found for case, found in curves.items() if found}
@@ -106,8 +104,13 @@ def _figure(
 def _style(curve: Series, colour: str) -> dict[str, Any]:
     """Colour: engine. Line: what was hit. Hollow marker: float32, wider, so that it is seen behind the other."""
     single = curve.precision == "float32"
-    return {"color": colour, "linestyle": LINES.get(curve.kind, "-."), "marker": "o", "markersize": 6 if single else 3,
-            "markerfacecolor": "white" if single else colour}  # fmt: skip
+    return {
+        "color": colour,
+        "linestyle": LINES.get(curve.kind, "-."),
+        "marker": "o",
+        "markersize": 6 if single else 3,
+        "markerfacecolor": "white" if single else colour,
+    }
 
 
 def _error_axis(axis: Axes, curve: Series, colour: str) -> None:
@@ -115,8 +118,7 @@ def _error_axis(axis: Axes, curve: Series, colour: str) -> None:
     seen = np.isfinite(medians)
     axis.plot(curve.x[seen], medians[seen].clip(LOWEST), **_style(curve, colour))
     both = seen & np.isfinite(worst)
-    axis.fill_between(curve.x[both], medians[both].clip(LOWEST), worst[both].clip(LOWEST), color=colour, alpha=0.1,
-                      linewidth=0)  # fmt: skip
+    axis.fill_between(curve.x[both], medians[both].clip(LOWEST), worst[both].clip(LOWEST), color=colour, alpha=0.1, linewidth=0)
     missed = curve.x[~np.isfinite(worst)]
     axis.plot(missed, np.ones(len(missed)), "x", color=colour, markersize=5)
 
@@ -144,12 +146,24 @@ def _finish_rates(axis: Axes) -> None:
 
 def _legend(curves: Sequence[Series]) -> list[Line2D]:
     """What lines and markers mean, among those that are there."""
-    entries = [Line2D([], [], color=INK, linestyle=LINES.get(kind, "-."), label=kind)
-               for kind in dict.fromkeys(curve.kind for curve in curves)]  # fmt: skip
+    entries = [
+        Line2D([], [], color=INK, linestyle=LINES.get(kind, "-."), label=kind)
+        for kind in dict.fromkeys(curve.kind for curve in curves)
+    ]
     precisions = sorted({curve.precision for curve in curves}, reverse=True)
     if len(precisions) > 1:
-        entries += [Line2D([], [], color=INK, linestyle="none", marker="o", label=name,
-                           markerfacecolor="white" if name == "float32" else INK) for name in precisions]  # fmt: skip
+        entries += [
+            Line2D(
+                [],
+                [],
+                color=INK,
+                linestyle="none",
+                marker="o",
+                label=name,
+                markerfacecolor="white" if name == "float32" else INK,
+            )
+            for name in precisions
+        ]
     if any(math.isinf(float(finding["error"])) for curve in curves for finding in curve.findings):
         entries.append(Line2D([], [], color=INK, linestyle="none", marker="x", label="some rays miss"))
     return entries

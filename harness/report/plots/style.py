@@ -27,25 +27,52 @@ from harness.store.results import Contestant, Results, setting_text
 INK, FAINT, GRID = "#222222", "#777777", "#cccccc"
 """Colours that the report's dark mode replaces."""
 ENGINE_COLOURS = {
-    "numpy": "#009e73", "numba": "#d55e00", "embree": "#0072b2", "mitsuba": "#cc79a7", "embreex_batch": "#3d5a80",
-    "mitsuba_scalar": "#b5838d", "dahlquist": "#8c6d31",
-}  # fmt: skip
+    "numpy": "#009e73",
+    "numba": "#d55e00",
+    "embree": "#0072b2",
+    "mitsuba": "#cc79a7",
+    "embreex_batch": "#3d5a80",
+    "mitsuba_scalar": "#b5838d",
+    "dahlquist": "#8c6d31",
+}
 OTHER_COLOURS = ("#e69f00", "#56b4e9", "#7f3c8d", "#5b6c5d", "#a6192e")
 LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 STYLE: dict[str, Any] = {
-    "svg.hashsalt": "raybench", "svg.fonttype": "none", "pdf.fonttype": 42, "font.size": 9, "axes.titlesize": 10,
-    "axes.labelsize": 9, "legend.fontsize": 8, "xtick.labelsize": 8, "ytick.labelsize": 8, "legend.frameon": False,
-    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.5,
-    "axes.edgecolor": FAINT, "axes.labelcolor": INK, "text.color": INK, "xtick.color": INK, "ytick.color": INK,
-    "axes.axisbelow": True, "lines.linewidth": 1.4, "lines.markersize": 4.5, "savefig.dpi": 160,
-    "axes.titlelocation": "left", "axes.formatter.useoffset": False, "font.family": ["DejaVu Sans", "sans-serif"],
-}  # fmt: skip
+    "svg.hashsalt": "raybench",
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.labelsize": 9,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.5,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 4.5,
+    "savefig.dpi": 160,
+    "axes.titlelocation": "left",
+    "axes.formatter.useoffset": False,
+    "font.family": ["DejaVu Sans", "sans-serif"],
+}
 FORMATS = ("svg", "png", "pdf")
 NO_DATES: dict[str, dict[str, Any]] = {
-    "svg": {"Date": None, "Creator": "raybench"}, "png": {"Software": "raybench"},
+    "svg": {"Date": None, "Creator": "raybench"},
+    "png": {"Software": "raybench"},
     "pdf": {"CreationDate": None, "Creator": "raybench", "Producer": "raybench"},
-}  # fmt: skip
+}
 
 
 class Plot(NamedTuple):
@@ -77,8 +104,14 @@ class Look(NamedTuple):
 
     def line_style(self) -> dict[str, Any]:
         face = self.colour if self.filled else "white"
-        return {"color": self.colour, "linestyle": self.line, "marker": self.marker, "markerfacecolor": face,
-                "markeredgecolor": self.colour, "linewidth": self.width}  # fmt: skip
+        return {
+            "color": self.colour,
+            "linestyle": self.line,
+            "marker": self.marker,
+            "markerfacecolor": face,
+            "markeredgecolor": self.colour,
+            "linewidth": self.width,
+        }
 
 
 class Palette:
@@ -95,10 +128,12 @@ class Palette:
         """Engine: colour. Sampler: line. Accelerator: marker. float32: hollow marker. More threads: thicker line."""
         settings = contestant.settings
         return Look(
-            self.engines.get(settings.engine, FAINT), LINES[self.samplers.index(settings.sampler) % len(LINES)],
-            MARKERS[self.accelerators.index(settings.accelerator) % len(MARKERS)], settings.precision != "float32",
+            self.engines.get(settings.engine, FAINT),
+            LINES[self.samplers.index(settings.sampler) % len(LINES)],
+            MARKERS[self.accelerators.index(settings.accelerator) % len(MARKERS)],
+            settings.precision != "float32",
             min(1.1 + 0.6 * self.threads.index(settings.threads), 3.0),
-        )  # fmt: skip
+        )
 
     def colour(self, engine: str) -> str:
         return self.engines.get(engine, FAINT)
@@ -107,11 +142,12 @@ class Palette:
         """Legend entries for what looks mean, instead of one entry a curve: only what differs among the contestants."""
         entries: list[Line2D] = []
         kinds: list[tuple[str, dict[str, Any]]] = [
-            ("engine", {"linewidth": 2.5, "marker": "", "linestyle": "-"}), ("sampler", {"color": INK, "marker": ""}),
+            ("engine", {"linewidth": 2.5, "marker": "", "linestyle": "-"}),
+            ("sampler", {"color": INK, "marker": ""}),
             ("accelerator", {"color": INK, "linestyle": "none"}),
             ("threads", {"color": INK, "linestyle": "-", "marker": ""}),
             ("precision", {"color": INK, "linestyle": "none", "marker": "o"}),
-        ]  # fmt: skip
+        ]
         for axis, fixed in kinds:
             examples = {getattr(c.settings, axis): self.look(c) for c in reversed(contestants)}
             if len(examples) < 2:

@@ -34,12 +34,16 @@ def sketches(results: TraceResults) -> list[Sketch]:
     for scene, threads in dict.fromkeys((entry.scene, entry.threads) for entry in shown):
         own = [entry for entry in shown if (entry.scene, entry.threads) == (scene, threads)]
         title = f"{scene}, {threads} thread{'s' if threads > 1 else ''}: rays per second and errors"
-        found.append(Sketch(
-            file_stem("rays-against-errors", scene, f"{threads}t"), title,
-            "Points by million rays per second of wall time and the share of wrong answers, and of leaks, logarithmic, "
-            "with 95 % intervals. Hollow: no error was found; the point is the bound below which the share lies. Lower right "
-            "is better.", partial(_figure, own, list(dict.fromkeys(entry.engine for entry in results.entries))),
-        ))  # fmt: skip
+        found.append(
+            Sketch(
+                file_stem("rays-against-errors", scene, f"{threads}t"),
+                title,
+                "Points by million rays per second of wall time and the share of wrong answers, and of leaks, logarithmic, "
+                "with 95 % intervals. Hollow: no error was found; the point is the bound below which the share lies. Lower "
+                "right is better.",
+                partial(_figure, own, list(dict.fromkeys(entry.engine for entry in results.entries))),
+            )
+        )
     return found
 
 
@@ -54,9 +58,7 @@ def _figure(entries: Sequence[Entry], engines: Sequence[str]) -> Figure:
         for axis, kind in zip(axes, kinds, strict=True):
             for entry in entries:
                 if entry.rays == kind and share(entry).n:
-                    _point(
-                        axis, entry, share(entry), colours[entry.engine], MARKERS[variants.index(_variant(entry)) % 10]
-                    )
+                    _point(axis, entry, share(entry), colours[entry.engine], MARKERS[variants.index(_variant(entry)) % 10])
             log_scales(axis, y=True)
         axes[0].set_ylabel(name)
         axes[0].set_ylim(*_limits([share(entry) for entry in entries]))
@@ -80,8 +82,19 @@ def _point(axis: Axes, entry: Entry, share: Estimate, colour: str, marker: str) 
     wide = [[max(0.0, rate.value - rate.low)], [max(0.0, rate.high - rate.value)]] if rate.n > 1 else None
     none = share.value == 0
     tall = [[0.5 * place], [0.0]] if none else [[place - share.low], [share.high - place]]
-    axis.errorbar(rate.value, place, yerr=tall, xerr=wide, color=colour, marker=marker, linestyle="none", markersize=6,
-                  markerfacecolor="white" if none else colour, elinewidth=0.9, uplims=none)  # fmt: skip
+    axis.errorbar(
+        rate.value,
+        place,
+        yerr=tall,
+        xerr=wide,
+        color=colour,
+        marker=marker,
+        linestyle="none",
+        markersize=6,
+        markerfacecolor="white" if none else colour,
+        elinewidth=0.9,
+        uplims=none,
+    )
 
 
 def _variant(entry: Entry) -> str:
@@ -90,10 +103,10 @@ def _variant(entry: Entry) -> str:
 
 def _legend(entries: Sequence[Entry], variants: Sequence[str], colours: dict[str, str]) -> list[Any]:
     bare: dict[str, Any] = {"linestyle": "none"}
-    found = [Line2D([], [], marker="o", color=colours[name], label=name, **bare)
-             for name in dict.fromkeys(entry.engine for entry in entries)]  # fmt: skip
+    found = [
+        Line2D([], [], marker="o", color=colours[name], label=name, **bare)
+        for name in dict.fromkeys(entry.engine for entry in entries)
+    ]
     if len(variants) > 1:
-        found += [
-            Line2D([], [], marker=MARKERS[i % 10], color=INK, label=name, **bare) for i, name in enumerate(variants)
-        ]
+        found += [Line2D([], [], marker=MARKERS[i % 10], color=INK, label=name, **bare) for i, name in enumerate(variants)]
     return [*found, Line2D([], [], marker="o", color=FAINT, markerfacecolor="white", label="none found: bound", **bare)]

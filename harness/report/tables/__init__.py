@@ -14,9 +14,17 @@ from harness.store.atomic import write_text
 from harness.store.confined import inside
 
 __all__ = [
-    "TEXTS", "Column", "Table", "all_tables", "cell_text", "changes", "columns", "sort_value", "tidy_tables",
+    "TEXTS",
+    "Column",
+    "Table",
+    "all_tables",
+    "cell_text",
+    "changes",
+    "columns",
+    "sort_value",
+    "tidy_tables",
     "write_tables",
-]  # fmt: skip
+]
 
 TEXTS = {"csv": csv_text, "md": markdown_text, "tex": latex_text}
 

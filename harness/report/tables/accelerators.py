@@ -14,23 +14,40 @@ from harness.store.results import setting_text
 def accelerators(analysis: Analysis) -> Table:
     """One row a contestant that has a twin with another accelerator; empty where there is none."""
     table = Table(
-        "accelerators", "Accelerators: build against traverse",
+        "accelerators",
+        "Accelerators: build against traverse",
         "Contestants that differ in their accelerator alone, each beside the one that is built fastest. Geometric means "
         f"over seeds with 95 % intervals; ratios paired by block. {floors_text(analysis)}",
-        [SCENE, CONTESTANT, Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
-         Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
-         Column("against", "The accelerator that is built fastest, all else equal."),
-         Column("speedup", "Time of a path with that accelerator over the time with this one.", "estimate", "speed-up"),
-         Column("verdict", "faster, slower, same or unresolved."),
-         Column("break_even_spp", "Samples per pixel from which build and rendering together take less time with this one; "
-                "known where the verdict is faster or slower.", "break_even", "break-even [spp]")],
-    )  # fmt: skip
+        [
+            SCENE,
+            CONTESTANT,
+            Column("build_seconds", "Seconds of the build.", "estimate", "build [s]"),
+            Column("path_microseconds", "Warm time of a path: a sample of a pixel.", "estimate", "path [µs]"),
+            Column("against", "The accelerator that is built fastest, all else equal."),
+            Column("speedup", "Time of a path with that accelerator over the time with this one.", "estimate", "speed-up"),
+            Column("verdict", "faster, slower, same or unresolved."),
+            Column(
+                "break_even_spp",
+                "Samples per pixel from which build and rendering together take less time with this one; "
+                "known where the verdict is faster or slower.",
+                "break_even",
+                "break-even [spp]",
+            ),
+        ],
+    )
     for found in break_evens(analysis):
-        row = {"scene": found.contestant.settings.scene, "contestant": found.contestant.name,
-               "build_seconds": found.build_seconds, "path_microseconds": found.path_microseconds}  # fmt: skip
+        row = {
+            "scene": found.contestant.settings.scene,
+            "contestant": found.contestant.name,
+            "build_seconds": found.build_seconds,
+            "path_microseconds": found.path_microseconds,
+        }
         if found.against is not None and found.speedup is not None:
-            row |= {"against": setting_text("accelerator", found.against.settings.accelerator),
-                    "speedup": Estimate(*found.speedup[:4]), "verdict": found.speedup.verdict,
-                    "break_even_spp": found.break_even_spp}  # fmt: skip
+            row |= {
+                "against": setting_text("accelerator", found.against.settings.accelerator),
+                "speedup": Estimate(*found.speedup[:4]),
+                "verdict": found.speedup.verdict,
+                "break_even_spp": found.break_even_spp,
+            }
         table.rows.append(row)
     return table

@@ -16,15 +16,7 @@ from harness.analysis.equivalence import Replicates, common_spp, margins_of
 from harness.analysis.model import FLAGS, OF_THE_TIME
 from harness.analysis.races import margin
 from harness.metrics import metric_title
-from harness.statistics import (
-    Change,
-    Equivalence,
-    Estimate,
-    change_of_errors,
-    change_of_times,
-    equivalence,
-    judge_changes,
-)
+from harness.statistics import Change, Equivalence, Estimate, change_of_errors, change_of_times, equivalence, judge_changes
 from harness.statistics.equivalence import shared_alpha
 from harness.statistics.intervals import exp
 from harness.statistics.sessions import FEWEST_SESSIONS
@@ -87,19 +79,33 @@ def _table(before: Sequence[Results], after: Sequence[Results], same_within: flo
         limits = f"{100 * threshold:g} %"
     note = [f"{folders[0]} before, {folders[1]} after; ratios are after over before.", sessions_text(before, after)]
     return Table(
-        "changes", "What changed", " ".join([*note, *cautions(before, after)]),
-        [Column("scene", "Scene."), Column("contestant", "Engine and the settings that vary."),
-         Column("measure", "seconds per sample (warm), start-up seconds, error at the most samples that both sides have, or "
-                "image."),
-         Column("ratio", "After over before, with its 95 % interval.", "estimate"),
-         Column("sessions", "Number of sessions before and after."),
-         Column("verdict", "Times: faster, slower, same or unresolved, with a family-wise error rate of 5 % (Holm). slower or "
+        "changes",
+        "What changed",
+        " ".join([*note, *cautions(before, after)]),
+        [
+            Column("scene", "Scene."),
+            Column("contestant", "Engine and the settings that vary."),
+            Column(
+                "measure",
+                "seconds per sample (warm), start-up seconds, error at the most samples that both sides have, or image.",
+            ),
+            Column("ratio", "After over before, with its 95 % interval.", "estimate"),
+            Column("sessions", "Number of sessions before and after."),
+            Column(
+                "verdict",
+                "Times: faster, slower, same or unresolved, with a family-wise error rate of 5 % (Holm). slower or "
                 "drift, faster or drift: beyond the threshold, but not tested between sessions. Errors: better, worse, same "
                 "or unresolved. Images: flagged now, or identical, equivalent, different or unresolved. Else: failed, scene "
-                "changed, only before, only after."),
-         Column("regression", "Whether it failed, is flagged now, has another image, or is higher by more than "
-                f"{limits} with its whole interval.", "flag")],
-    )  # fmt: skip
+                "changed, only before, only after.",
+            ),
+            Column(
+                "regression",
+                "Whether it failed, is flagged now, has another image, or is higher by more than "
+                f"{limits} with its whole interval.",
+                "flag",
+            ),
+        ],
+    )
 
 
 def sessions_text(before: Sequence[Results], after: Sequence[Results]) -> str:
@@ -184,8 +190,13 @@ def _who(sessions: Sessions) -> dict[str, Any]:
 
 def _only_before(old: Sessions, key: Settings, after: Sequence[Results]) -> dict[str, Any]:
     """A row for what has no measurement after: it failed, or nobody asked for it."""
-    cells = [cell for results in after for c in results.contestants for cell in c.cells
-             if key in (matching(c.settings), matching(c.settings)._replace(machine=c.settings.machine))]  # fmt: skip
+    cells = [
+        cell
+        for results in after
+        for c in results.contestants
+        for cell in c.cells
+        if key in (matching(c.settings), matching(c.settings)._replace(machine=c.settings.machine))
+    ]
     failed = any(cell["state"] in ("failed", "timeout") for cell in cells)
     return {**_who(old), "verdict": "failed" if failed else "only before", "regression": failed}
 
@@ -201,7 +212,7 @@ def _compared(old: Sessions, new: Sessions) -> list[Compared]:
         Compared(old, "seconds per sample", change_of_times(times(old, False), times(new, False)), TIMES),
         Compared(old, "start-up seconds", change_of_times(times(old, True), times(new, True)), TIMES),
         Compared(old, "error", errors, ERRORS),
-    ]  # fmt: skip
+    ]
 
 
 def _row(each: Compared, verdict: str, limit: float) -> dict[str, Any]:
@@ -211,11 +222,13 @@ def _row(each: Compared, verdict: str, limit: float) -> dict[str, Any]:
     if not change.tested and (longer or shorter):
         verdict = f"{TIMES['rise' if longer else 'fall']} or drift"
     return {
-        **_who(each.old), "measure": each.measure, "sessions": "{} and {}".format(*change.sessions),
+        **_who(each.old),
+        "measure": each.measure,
+        "sessions": "{} and {}".format(*change.sessions),
         "ratio": Estimate(exp(change.mean), exp(low), exp(high), min(change.sessions)),
         "verdict": each.words.get(verdict, verdict),
         "regression": longer and (verdict == "rise" or not change.tested),
-    }  # fmt: skip
+    }
 
 
 def _errors(side: Sessions, old: Sessions, new: Sessions) -> dict[int, float]:
@@ -223,8 +236,13 @@ def _errors(side: Sessions, old: Sessions, new: Sessions) -> dict[int, float]:
     spp = common_spp(*(contestant for _, contestant in (*old, *new)))
     if len({results.metric for results, _ in (*old, *new)}) > 1:
         return {}
-    return {cell["seed"]: point_error(point, results.metric)[0] for results, contestant in side for cell in contestant.done
-            for point in cell["points"] if point["spp"] == spp}  # fmt: skip
+    return {
+        cell["seed"]: point_error(point, results.metric)[0]
+        for results, contestant in side
+        for cell in contestant.done
+        for point in cell["points"]
+        if point["spp"] == spp
+    }
 
 
 def _flags_of(side: Iterable[Results]) -> dict[int, set[str]]:
@@ -233,12 +251,12 @@ def _flags_of(side: Iterable[Results]) -> dict[int, set[str]]:
     return {id(verdict.contestant): set(verdict.flags) - OF_THE_TIME for verdict in verdicts}
 
 
-def _image_row(
-    old: Sessions, new: Sessions, flags: Sequence[Mapping[int, set[str]]], comparisons: int
-) -> dict[str, Any]:  # fmt: skip
+def _image_row(old: Sessions, new: Sessions, flags: Sequence[Mapping[int, set[str]]], comparisons: int) -> dict[str, Any]:
     """What is to be said of the images; empty where there are none and no flag is new."""
-    known, now = (set().union(*(found.get(id(contestant), ()) for _, contestant in side))
-                  for side, found in zip((old, new), flags, strict=True))  # fmt: skip
+    known, now = (
+        set().union(*(found.get(id(contestant), ()) for _, contestant in side))
+        for side, found in zip((old, new), flags, strict=True)
+    )
     image = {"measure": "image", "sessions": f"{len(old)} and {len(new)}"}
     if now - known:
         return {**image, "verdict": f"flagged: {', '.join(FLAGS[flag] for flag in sorted(now - known))}", "regression": True}

@@ -15,64 +15,104 @@ SCENE = Column("scene", "Scene that was rendered.")
 CONTESTANT = Column("contestant", "Engine and those settings that differ within this experiment.")
 BASELINE = Column("baseline", "Contestant that it is compared with: the most similar one of the baseline engine.")
 BOUNDS = [
-    Column("difference", "Relative difference of the image means: second over first (or contestant over baseline) minus 1; "
-           "95 % interval.", "estimate"),
+    Column(
+        "difference",
+        "Relative difference of the image means: second over first (or contestant over baseline) minus 1; 95 % interval.",
+        "estimate",
+    ),
     Column("image_bound", "Upper bound on the difference of the image means, in any channel.", "percent", "means at most"),
-    Column("tile_bound", "Upper bound on the difference of any tile of 16x16 pixels, in any channel.", "percent",
-           "tiles at most"),
+    Column(
+        "tile_bound", "Upper bound on the difference of any tile of 16x16 pixels, in any channel.", "percent", "tiles at most"
+    ),
     Column("worst_tile", "First pixel (x, y) of that tile.", title="worst tile"),
     Column("same_pixels", "Pixels that agree up to rounding, in the pair with the fewest.", "percent", "same pixels"),
-]  # fmt: skip
-VERDICTS = ("identical (up to rounding: the same random numbers, or none), equivalent (both bounds within the margins), "
-            "different (surely outside one of them), unresolved")  # fmt: skip
+]
+VERDICTS = (
+    "identical (up to rounding: the same random numbers, or none), equivalent (both bounds within the margins), "
+    "different (surely outside one of them), unresolved"
+)
 
 
 def bias_and_equivalence(analysis: Analysis) -> Table:
     """Bias against the reference, equivalence with the baseline."""
     table = Table(
-        "bias_and_equivalence", "Bias against the reference, equivalence with the baseline",
+        "bias_and_equivalence",
+        "Bias against the reference, equivalence with the baseline",
         f"Shares of the radiance: for a tile of its own, but at least of 0.1 of the image's mean. {_margins(analysis)}",
-        [SCENE, CONTESTANT, BASELINE,
-         Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
-         Column("bias_squared_se", "Its standard error.", "number"),
-         Column("bias_difference", "Relative difference of the means of image and reference, in the channel where it is "
-                "largest; flagged at 3 standard errors.", "percent", "bias of the mean"),
-         Column("bias_image_z", "That difference in standard errors.", "number"),
-         Column("bias_tile_difference", "The same of the 16x16 tile that is off by most standard errors; flagged at 4.5.",
-                "percent", "bias of a tile"),
-         Column("bias_tile_z", "That difference in standard errors.", "number"),
-         Column("bias", "Bias against the reference, or the most that the image mean and any tile can be off."),
-         *BOUNDS, Column("verdict", f"Against the baseline: {VERDICTS}.")],
-    )  # fmt: skip
+        [
+            SCENE,
+            CONTESTANT,
+            BASELINE,
+            Column("bias_squared", "mean((A-R1)(B-R2)/(R^2+eps)) over pairs of seeds.", "number"),
+            Column("bias_squared_se", "Its standard error.", "number"),
+            Column(
+                "bias_difference",
+                "Relative difference of the means of image and reference, in the channel where it is "
+                "largest; flagged at 3 standard errors.",
+                "percent",
+                "bias of the mean",
+            ),
+            Column("bias_image_z", "That difference in standard errors.", "number"),
+            Column(
+                "bias_tile_difference",
+                "The same of the 16x16 tile that is off by most standard errors; flagged at 4.5.",
+                "percent",
+                "bias of a tile",
+            ),
+            Column("bias_tile_z", "That difference in standard errors.", "number"),
+            Column("bias", "Bias against the reference, or the most that the image mean and any tile can be off."),
+            *BOUNDS,
+            Column("verdict", f"Against the baseline: {VERDICTS}."),
+        ],
+    )
     for verdict in analysis.verdicts:
         table.rows.append(_bias_row(verdict))
     return table
 
 
 def _bias_row(verdict: Verdict) -> dict[str, Any]:
-    row: dict[str, Any] = {**who(verdict), "baseline": verdict.baseline.name if verdict.baseline else None,
-                           "bias": bias_text(verdict), "verdict": equivalence_text(verdict)}  # fmt: skip
+    row: dict[str, Any] = {
+        **who(verdict),
+        "baseline": verdict.baseline.name if verdict.baseline else None,
+        "bias": bias_text(verdict),
+        "verdict": equivalence_text(verdict),
+    }
     bias = verdict.bias
     if bias is not None:
-        row |= {"bias_squared": bias.squared, "bias_squared_se": bias.se, "bias_image_z": bias.image_z,
-                "bias_difference": bias.difference, "bias_tile_z": bias.tile_z,
-                "bias_tile_difference": bias.tile_difference}  # fmt: skip
+        row |= {
+            "bias_squared": bias.squared,
+            "bias_squared_se": bias.se,
+            "bias_image_z": bias.image_z,
+            "bias_difference": bias.difference,
+            "bias_tile_z": bias.tile_z,
+            "bias_tile_difference": bias.tile_difference,
+        }
     return row | (_bounds(verdict.equivalence, 0) if verdict.equivalence is not None else {})
 
 
 def equivalence(analysis: Analysis) -> Table:
     """Every pair of engines on the same scene under the same settings."""
     table = Table(
-        "equivalence", "Pairs of engines",
+        "equivalence",
+        "Pairs of engines",
         "The most similar contestants of two engines with the same scene, shader, size and sampler, in pairs of one block. "
         f"{_margins(analysis)}",
-        [SCENE, Column("first", "One engine."), Column("second", "The other."),
-         Column("verdict", f"{VERDICTS}, or unknown where there are no images of two seeds."),
-         *BOUNDS, Column("rests_on", "Pairs of images, and their samples per pixel.")],
-    )  # fmt: skip
+        [
+            SCENE,
+            Column("first", "One engine."),
+            Column("second", "The other."),
+            Column("verdict", f"{VERDICTS}, or unknown where there are no images of two seeds."),
+            *BOUNDS,
+            Column("rests_on", "Pairs of images, and their samples per pixel."),
+        ],
+    )
     for pair in analysis.pairs:
-        row: dict[str, Any] = {"scene": pair.first.settings.scene, "first": pair.first.name,
-                               "second": pair.second.name, "verdict": pair.verdict}  # fmt: skip
+        row: dict[str, Any] = {
+            "scene": pair.first.settings.scene,
+            "first": pair.first.name,
+            "second": pair.second.name,
+            "verdict": pair.verdict,
+        }
         if pair.comparison is not None:
             row |= _bounds(pair.comparison.found, pair.comparison.replicates[0])
             row |= {"verdict": verdict_text(pair.comparison.found), "rests_on": rests_on(pair.comparison)}
@@ -82,8 +122,10 @@ def equivalence(analysis: Analysis) -> Table:
 
 def _margins(analysis: Analysis) -> str:
     image, tile = margins_of(analysis.results)
-    return (f"Equivalent: the image means differ by at most {100 * image:g} % and no tile of 16x16 pixels by more than "
-            f"{100 * tile:g} %.")  # fmt: skip
+    return (
+        f"Equivalent: the image means differ by at most {100 * image:g} % and no tile of 16x16 pixels by more than "
+        f"{100 * tile:g} %."
+    )
 
 
 def _bounds(found: Equivalence, images: int) -> dict[str, Any]:
@@ -105,16 +147,23 @@ def accuracy(analysis: Analysis) -> Table:
     from harness.verify.summary import worst_per_check
 
     table = Table(
-        "accuracy", "Accuracy",
+        "accuracy",
+        "Accuracy",
         "Cases of `raybench verify` that the config names. All passes of a case share one row, which has the result nearest "
         "to its tolerance and the number of results. Every failure has a row of its own.",
-        [Column("case", "Id of the case."), Column("description", "What the case checks."), Column("engine", "Engine."),
-         Column("precision", "The setting."), Column("parameter", "What was varied."),
-         Column("error", "The largest error.", "number"), Column("unit", "Unit of error and tolerance."),
-         Column("tolerance", "The largest error that passes, by the precision in which the engine traces.", "number"),
-         Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip."),
-         Column("stands_for", "Results that the row stands for.", "count")],
-    )  # fmt: skip
+        [
+            Column("case", "Id of the case."),
+            Column("description", "What the case checks."),
+            Column("engine", "Engine."),
+            Column("precision", "The setting."),
+            Column("parameter", "What was varied."),
+            Column("error", "The largest error.", "number"),
+            Column("unit", "Unit of error and tolerance."),
+            Column("tolerance", "The largest error that passes, by the precision in which the engine traces.", "number"),
+            Column("outcome", "pass, fail, xfail (no tolerance in this precision) or skip."),
+            Column("stands_for", "Results that the row stands for.", "count"),
+        ],
+    )
     results = [CheckResult.model_validate(each) for each in analysis.results.check_results]
     for result, others, _ in worst_per_check(results):
         row = {column.name: getattr(result, column.name) for column in table.columns[:-1]}

@@ -7,11 +7,7 @@ from typing import Any
 
 from harness.analysis.columns import Column, Table
 
-INFINITE_AND_ZERO = {
-    "estimate": ("not reached", "0"),
-    "ratio": ("baseline never", "never"),
-    "break_even": ("never", "at once"),
-}
+INFINITE_AND_ZERO = {"estimate": ("not reached", "0"), "ratio": ("baseline never", "never"), "break_even": ("never", "at once")}
 """Kinds with an interval: the words for infinity and for zero."""
 ROUNDING = 1e-9
 """A share below this says nothing but that numbers were rounded: texts give it as a bound."""
@@ -37,9 +33,15 @@ def latex_text(table: Table) -> str:
     """A booktabs tabular in a table float; needs \\usepackage{booktabs}."""
     shape = "".join("l" if column.kind == "text" else "r" for column in table.columns)
     head = " & ".join(latex_escape(column.heading) for column in table.columns)
-    lines = ["\\begin{table}", f"\\caption{{{latex_escape(table.title)}. {latex_escape(table.note)}}}",
-             f"\\label{{tab:{table.name.replace('_', '-')}}}", f"\\begin{{tabular}}{{{shape}}}", "\\toprule",
-             f"{head} \\\\", "\\midrule"]  # fmt: skip
+    lines = [
+        "\\begin{table}",
+        f"\\caption{{{latex_escape(table.title)}. {latex_escape(table.note)}}}",
+        f"\\label{{tab:{table.name.replace('_', '-')}}}",
+        f"\\begin{{tabular}}{{{shape}}}",
+        "\\toprule",
+        f"{head} \\\\",
+        "\\midrule",
+    ]
     for row in table.rows:
         cells = [latex_escape(cell_text(column, row.get(column.name))) for column in table.columns]
         lines.append(" & ".join(cells) + " \\\\")
@@ -105,9 +107,25 @@ def sort_value(value: Any) -> float | str:
 
 def latex_escape(text: str) -> str:
     """Plain text for LaTeX."""
-    table = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
-             "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "∞": r"$\infty$",
-             "≤": r"$\le$", "ε": r"$\varepsilon$", "×": r"$\times$", "<": r"\textless{}", ">": r"\textgreater{}"}  # fmt: skip
+    table = {
+        "\\": r"\textbackslash{}",
+        "&": r"\&",
+        "%": r"\%",
+        "$": r"\$",
+        "#": r"\#",
+        "_": r"\_",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "–": "--",
+        "∞": r"$\infty$",
+        "≤": r"$\le$",
+        "ε": r"$\varepsilon$",
+        "×": r"$\times$",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+    }
     return "".join(table.get(letter, letter) for letter in text)
 
 

@@ -11,17 +11,30 @@ from harness.report.tables.equivalence import CONTESTANT
 def scaling(analysis: Analysis) -> Table:
     """One row a family of contestants and cost; empty where no family has three sizes."""
     table = Table(
-        "scaling", "How cost scales",
+        "scaling",
+        "How cost scales",
         "Exponents k of cost ~ size^k: 0 is constant, 1 proportional. A path is one sample of one pixel, so k = 0 over pixels "
         "and samples means that the whole cost is proportional to them. Slopes of each block, averaged, with a 95 % interval.",
-        [CONTESTANT, Column("cost", "Which cost: warm seconds of a path, or seconds of the build."),
-         Column("over", "What grows."), Column("smallest", "The smallest size.", "count"),
-         Column("largest", "The largest size.", "count"),
-         Column("exponent", "Over all sizes, by least squares.", "estimate"),
-         Column("exponent_last", "Between the two largest.", "estimate", "at the end")],
-    )  # fmt: skip
+        [
+            CONTESTANT,
+            Column("cost", "Which cost: warm seconds of a path, or seconds of the build."),
+            Column("over", "What grows."),
+            Column("smallest", "The smallest size.", "count"),
+            Column("largest", "The largest size.", "count"),
+            Column("exponent", "Over all sizes, by least squares.", "estimate"),
+            Column("exponent_last", "Between the two largest.", "estimate", "at the end"),
+        ],
+    )
     for found in scaling_exponents(analysis):
-        table.rows.append({"contestant": found.contestant.name, "cost": found.cost, "over": found.over,
-                           "smallest": found.smallest, "largest": found.largest, "exponent": found.whole,
-                           "exponent_last": found.last})  # fmt: skip
+        table.rows.append(
+            {
+                "contestant": found.contestant.name,
+                "cost": found.cost,
+                "over": found.over,
+                "smallest": found.smallest,
+                "largest": found.largest,
+                "exponent": found.whole,
+                "exponent_last": found.last,
+            }
+        )
     return table

@@ -44,27 +44,41 @@ def time_to_quality(analysis: Analysis) -> Table:
     """One row a contestant and target."""
     results = analysis.results
     table = Table(
-        "time_to_quality", "Time to quality",
+        "time_to_quality",
+        "Time to quality",
         f"Geometric mean over seeds with Student's 95 % interval; targets are in {metric_title(results.metric)}, errors "
         f"{error_words(results.metric)}. Nothing is extrapolated: >, < are bounds. Where there is no speed-up, the "
         "column of the baseline says why; beside a baseline a dash means that one of the two did not reach the target. "
         f"{evidence(analysis)}",
-        [SCENE, CONTESTANT, *_division(analysis),
-         Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
-         Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
-         Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
-         Column("reached", "Seeds that reached the target; ≤ means that some had reached it at their first checkpoint."),
-         Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
-         Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
-         Column("baseline", "Contestant that it is compared with, and in brackets the factors in which the two differ; or why "
-                "there is none."),
-         Column("bias", "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
-                "gives the most that it can be."),
-         Column("equivalence", "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
-                title="image"),
-         Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
-         Column("warnings", "Flags: what to check before relying on the row.")],
-    )  # fmt: skip
+        [
+            SCENE,
+            CONTESTANT,
+            *_division(analysis),
+            Column("target", f"Quality to reach, in {metric_title(results.metric)}.", "exact"),
+            Column("warm_seconds", "Seconds of rendering alone until the target.", "estimate", "warm [s]"),
+            Column("cold_seconds", "The same with import, scene load, build and compilation.", "estimate", "cold [s]"),
+            Column("reached", "Seeds that reached the target; ≤ means that some had reached it at their first checkpoint."),
+            Column("speedup", "Warm time of the baseline over this one, paired by block; 95 % interval.", "ratio", "speed-up"),
+            Column("speedup_verdict", "faster, slower, same or unresolved.", title="verdict"),
+            Column(
+                "baseline",
+                "Contestant that it is compared with, and in brackets the factors in which the two differ; or why "
+                "there is none.",
+            ),
+            Column(
+                "bias",
+                "Bias against the reference of the pixels, the image mean or a tile, as a share of the radiance; < "
+                "gives the most that it can be.",
+            ),
+            Column(
+                "equivalence",
+                "Whether its image equals the baseline's: identical, equivalent, different or unresolved.",
+                title="image",
+            ),
+            Column("failed_cells", "Cells that failed or ran out of time.", "count", "failed"),
+            Column("warnings", "Flags: what to check before relying on the row."),
+        ],
+    )
     found = frames.verdicts(analysis).frame
     seeds = found.reached.astype("string") + "/" + found.seeds.astype("string")
     found["reached"] = seeds.where(found.at_first == 0, seeds + " ≤")
@@ -72,12 +86,13 @@ def time_to_quality(analysis: Analysis) -> Table:
     found["baseline"] = (found.baseline + " (" + found.factor + ")").where(found.no_ratio == "", found.no_ratio)
     found["warnings"] = [
         "; ".join(FLAGS[flag] for flag in flags.split() if flag not in IN_OTHER_COLUMNS) for flags in found["flags"]
-    ]  # fmt: skip
+    ]
     new = {f"{old}{end}": f"{name}{end}" for old, name in RENAMED.items() for end in ("", "_low", "_high")}
     words = pd.DataFrame(
         [(*who(verdict).values(), bias_text(verdict), equivalence_text(verdict)) for verdict in analysis.verdicts],
-        columns=["scene", "contestant", "bias", "equivalence"], dtype="string",
-    )  # fmt: skip
+        columns=["scene", "contestant", "bias", "equivalence"],
+        dtype="string",
+    )
     table.rows = rows_of(found.rename(columns=new).merge(words), table.columns)
     return table
 
@@ -91,30 +106,41 @@ def _division(analysis: Analysis) -> list[Column]:
 def speedups(analysis: Analysis) -> Table:
     """Against the contestant that each is compared with: throughput, then each target."""
     table = Table(
-        "speedups", "Speed-up",
+        "speedups",
+        "Speed-up",
         "Every contestant against its baseline: the one that the config's pairs name, else one that differs in a single "
         f"factor, else the baseline of the race. {_without_ratio(analysis)}A dash: one of the two did not reach the target in "
         "a block that both have. Geometric mean of paired block ratios with Student's 95 % interval, its variance moderated by "
         f"that of the scene; the family-wise error rate of a scene and target is 5 % (Holm). {evidence(analysis)}",
-        [SCENE, CONTESTANT, Column("baseline", "Contestant that it is compared with."),
-         Column("factor", "Factors in which the two differ."),
-         Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
-         Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
-         Column("pairs", "Blocks that both have.", "count"),
-         Column("noise_floor", "Difference from 1 that the near end of the interval must exceed, from the A/A twin."),
-         Column("verdict", "faster, slower, same or unresolved.")],
-    )  # fmt: skip
+        [
+            SCENE,
+            CONTESTANT,
+            Column("baseline", "Contestant that it is compared with."),
+            Column("factor", "Factors in which the two differ."),
+            Column("measure", "What is compared: seconds per sample, or warm seconds to a target."),
+            Column("speedup", "Baseline over contestant; above 1 the contestant is faster.", "ratio", "speed-up"),
+            Column("pairs", "Blocks that both have.", "count"),
+            Column("noise_floor", "Difference from 1 that the near end of the interval must exceed, from the A/A twin."),
+            Column("verdict", "faster, slower, same or unresolved."),
+        ],
+    )
     races = [(None, "seconds per sample"), *((i, f"time to {t:g}") for i, t in enumerate(analysis.results.targets))]
     for verdict in analysis.verdicts:
         for index, name in races:
             ratio = verdict.speedup if index is None else verdict.quality_speedups[index]
             if ratio is not None and verdict.against is not None:
-                table.rows.append({
-                    **who(verdict), "baseline": verdict.against.name, "factor": verdict.factors, "measure": name,
-                    "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks), "pairs": ratio.blocks,
-                    "verdict": ratio.verdict,
-                    "noise_floor": floor_text(analysis, verdict.contestant.settings.scene, [index]),
-                })  # fmt: skip
+                table.rows.append(
+                    {
+                        **who(verdict),
+                        "baseline": verdict.against.name,
+                        "factor": verdict.factors,
+                        "measure": name,
+                        "speedup": Estimate(ratio.ratio, ratio.low, ratio.high, ratio.blocks),
+                        "pairs": ratio.blocks,
+                        "verdict": ratio.verdict,
+                        "noise_floor": floor_text(analysis, verdict.contestant.settings.scene, [index]),
+                    }
+                )
     return table
 
 
@@ -135,37 +161,58 @@ def convergence(analysis: Analysis) -> Table:
     """Slopes, throughput and what was left at the end."""
     metric = analysis.results.metric
     table = Table(
-        "convergence", "Convergence and throughput",
+        "convergence",
+        "Convergence and throughput",
         "Slope of log RMSE over log samples, fitted over samples that the contestants of a scene share: -1/2 is Monte Carlo.",
-        [SCENE, CONTESTANT, Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
-         Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
-         Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
-         Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
-         Column("slope_verdict", "monte carlo (interval within -0.5 ± 0.05), steeper, shallower or unknown.", title="verdict"),
-         Column("samples_per_second", "Samples (paths) of the whole image per second, warm.", "estimate", "samples/s"),
-         Column("rays_per_second", "Rays per second, warm.", "estimate", "rays/s"),
-         Column("efficiency", "1 / (MSE x warm seconds).", "estimate")],
-    )  # fmt: skip
+        [
+            SCENE,
+            CONTESTANT,
+            Column("spp", "Samples per pixel at the last checkpoint.", "estimate"),
+            Column("error", f"{metric_title(metric)} at the last checkpoint, {error_words(metric)}.", "estimate"),
+            Column("slope", "d log RMSE / d log spp; 95 % interval over seeds.", "estimate"),
+            Column("slope_samples", "Samples per pixel over which it was fitted.", title="over samples"),
+            Column(
+                "slope_verdict", "monte carlo (interval within -0.5 ± 0.05), steeper, shallower or unknown.", title="verdict"
+            ),
+            Column("samples_per_second", "Samples (paths) of the whole image per second, warm.", "estimate", "samples/s"),
+            Column("rays_per_second", "Rays per second, warm.", "estimate", "rays/s"),
+            Column("efficiency", "1 / (MSE x warm seconds).", "estimate"),
+        ],
+    )
     for verdict in analysis.verdicts:
         slope = verdict.slope
-        table.rows.append({
-            **who(verdict), "spp": verdict.final_spp, "error": verdict.final_error,
-            "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds), "slope_verdict": slope.verdict,
-            "slope_samples": f"{slope.first} to {slope.last}" if slope.last else "",
-            "samples_per_second": verdict.samples_per_second, "rays_per_second": verdict.rays_per_second,
-            "efficiency": verdict.efficiency,
-        })  # fmt: skip
+        table.rows.append(
+            {
+                **who(verdict),
+                "spp": verdict.final_spp,
+                "error": verdict.final_error,
+                "slope": Estimate(slope.value, slope.low, slope.high, slope.seeds),
+                "slope_verdict": slope.verdict,
+                "slope_samples": f"{slope.first} to {slope.last}" if slope.last else "",
+                "samples_per_second": verdict.samples_per_second,
+                "rays_per_second": verdict.rays_per_second,
+                "efficiency": verdict.efficiency,
+            }
+        )
     return table
 
 
 def phases(analysis: Analysis) -> Table:
     """Mean seconds of each phase."""
-    meanings = {"import": "importing the engine", "load": "loading the scene", "build": "building the accelerator",
-                "compile": "compiling", "render": "rendering, all checkpoints"}  # fmt: skip
-    columns = [Column(f"{phase}_seconds", f"Seconds of {meanings[phase]}.", "estimate",
-                      f"{phase} [s]") for phase in PHASES]  # fmt: skip
-    table = Table("phases", "Phases", "Where the time of a cold start goes; geometric means over seeds, 95 % intervals.",
-                  [SCENE, CONTESTANT, *columns])  # fmt: skip
+    meanings = {
+        "import": "importing the engine",
+        "load": "loading the scene",
+        "build": "building the accelerator",
+        "compile": "compiling",
+        "render": "rendering, all checkpoints",
+    }
+    columns = [Column(f"{phase}_seconds", f"Seconds of {meanings[phase]}.", "estimate", f"{phase} [s]") for phase in PHASES]
+    table = Table(
+        "phases",
+        "Phases",
+        "Where the time of a cold start goes; geometric means over seeds, 95 % intervals.",
+        [SCENE, CONTESTANT, *columns],
+    )
     for verdict in analysis.verdicts:
         table.rows.append(who(verdict) | {f"{phase}_seconds": verdict.phases[phase] for phase in PHASES})
     return table
@@ -174,32 +221,49 @@ def phases(analysis: Analysis) -> Table:
 def threads(analysis: Analysis) -> Table:
     """Families of contestants that differ in their thread count alone."""
     table = Table(
-        "threads", "Speed-up over threads",
+        "threads",
+        "Speed-up over threads",
         "Warm seconds per sample, paired by block; serial fraction from Amdahl's law, one fit per block. 95 % intervals.",
-        [SCENE, CONTESTANT, Column("threads", "Threads.", "count"),
-         Column("speedup", "Against the fewest threads.", "estimate", "speed-up"),
-         Column("efficiency", "Speed-up over threads; 1 is ideal.", "estimate"),
-         Column("serial_fraction", "Share of the time that more threads do not shorten.", "estimate")],
-    )  # fmt: skip
+        [
+            SCENE,
+            CONTESTANT,
+            Column("threads", "Threads.", "count"),
+            Column("speedup", "Against the fewest threads.", "estimate", "speed-up"),
+            Column("efficiency", "Speed-up over threads; 1 is ideal.", "estimate"),
+            Column("serial_fraction", "Share of the time that more threads do not shorten.", "estimate"),
+        ],
+    )
     for family in thread_families(analysis.results):
         seconds = {contestant.settings.threads: seconds_per_sample(contestant) for contestant in family}
         fit = amdahl_fit(seconds)
         for row, contestant in zip(parallel_speedups(seconds), family, strict=True):
-            table.rows.append({
-                "scene": contestant.settings.scene, "contestant": contestant.name, "threads": row.threads,
-                "speedup": row.speedup, "efficiency": row.efficiency, "serial_fraction": fit,
-            })  # fmt: skip
+            table.rows.append(
+                {
+                    "scene": contestant.settings.scene,
+                    "contestant": contestant.name,
+                    "threads": row.threads,
+                    "speedup": row.speedup,
+                    "efficiency": row.efficiency,
+                    "serial_fraction": fit,
+                }
+            )
     return table
 
 
 def failures(analysis: Analysis) -> Table:
     """What did not run, and why."""
     table = Table(
-        "failures", "Failures, timeouts and skips", "Cells that gave no complete measurement, with the reason.",
-        [SCENE, CONTESTANT, Column("state", "failed, timeout or skipped."),
-         Column("cells", "How many seeds of the contestant it concerns.", "count"),
-         Column("message", "The reason, as the engine or the harness gave it.")],
-    )  # fmt: skip
+        "failures",
+        "Failures, timeouts and skips",
+        "Cells that gave no complete measurement, with the reason.",
+        [
+            SCENE,
+            CONTESTANT,
+            Column("state", "failed, timeout or skipped."),
+            Column("cells", "How many seeds of the contestant it concerns.", "count"),
+            Column("message", "The reason, as the engine or the harness gave it."),
+        ],
+    )
     found = frames.by_contestant(frames.cells(analysis.results).frame, analysis.results)
     failed = found[found.state != "done"].fillna({"message": ""})
     cases = failed.groupby(["scene", "contestant", "state", "message"], sort=False)

@@ -74,8 +74,8 @@ class CellResult:
 
 
 def measure_cell(
-    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, most_bytes: int | None, code: Path, share: float,
-) -> CellResult:  # fmt: skip
+    engine: str, request: dict[str, Any], timeout: float, allow_imports: bool, most_bytes: int | None, code: Path, share: float
+) -> CellResult:
     """Measures a cell on the machine that runs this.
 
     Without a limit of memory, `most_bytes`, it gets that `share` of the machine's which its place has.
@@ -171,11 +171,19 @@ class Cluster:
         parts = [list(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         self._replicates = [
             self.client.submit(
-                render_replicates, engine, _there(request), part, self._allow_imports, self._most_bytes, self._code,
-                resources={RESOURCE: 1}, retries=MOST_LOSSES, pure=False,
+                render_replicates,
+                engine,
+                _there(request),
+                part,
+                self._allow_imports,
+                self._most_bytes,
+                self._code,
+                resources={RESOURCE: 1},
+                retries=MOST_LOSSES,
+                pure=False,
             )
             for part in parts
-        ]  # fmt: skip
+        ]
         for future in self._replicates:
             while not future.done():
                 self.present()
@@ -196,10 +204,19 @@ class Cluster:
     def submit(self, cell: Cell, request: Mapping[str, Any], address: str | None, share: float) -> Future:
         """Gives a cell to a machine, or with that share of it to any."""
         return self.client.submit(
-            measure_cell, cell.engine, _there(request), cell.budget.timeout_seconds, self._allow_imports,
-            self._most_bytes, self._code, share, workers=[address] if address else None, resources={RESOURCE: share},
-            pure=False, retries=MOST_LOSSES,
-        )  # fmt: skip
+            measure_cell,
+            cell.engine,
+            _there(request),
+            cell.budget.timeout_seconds,
+            self._allow_imports,
+            self._most_bytes,
+            self._code,
+            share,
+            workers=[address] if address else None,
+            resources={RESOURCE: share},
+            pure=False,
+            retries=MOST_LOSSES,
+        )
 
     def as_completed(self, futures: Sequence[Future]) -> as_completed:
         """The futures as they finish. Raises `TimeoutError` when it is time to look at the machines again."""
@@ -221,7 +238,7 @@ def connected(address: str) -> Client:
     except ImportError as error:
         raise ConfigError(f"--cluster needs the package distributed: {install_extra('cluster')}") from error
     if "://" not in address and not re.search(":[0-9]+$", address):  # Dask's client raises once more when it is deleted
-        raise ConfigError(f"--cluster {address}: the address of a scheduler is wanted, as tcp://host:8786")
+        raise ConfigError(f"--cluster {address}: the address of a scheduler is expected, as tcp://host:8786")
     try:
         return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -314,9 +331,7 @@ class Blocks:
         if self.timed:
             used = {task.address for task in self.tasks.values()}
             busy = {info["host"] for address, info in self.machines.items() if address in used}
-            places = list(
-                {i["host"]: address for address, i in self.machines.items() if i["host"] not in busy}.values()
-            )
+            places = list({i["host"]: address for address, i in self.machines.items() if i["host"] not in busy}.values())
         else:
             places = [None] * (sum(info["nthreads"] for info in self.machines.values()) - len(self.tasks))
         if self.recorder.stopped:

@@ -39,8 +39,9 @@ def _floor(cells: int, z: float = 0.0) -> Mesh:
     return mesh(np.stack([x.ravel(), y.ravel(), np.full(x.size, z)], -1), np.concatenate(faces))
 
 
-@SECTION.case("B1", "Rays in faces and along edges of boxes hit the shapes in them, with components of 0, -0 and 1e-40.",
-              "Ize 2013")  # fmt: skip
+@SECTION.case(
+    "B1", "Rays in faces and along edges of boxes hit the shapes in them, with components of 0, -0 and 1e-40.", "Ize 2013"
+)
 def in_faces(subject: Subject) -> Iterator[Measurement]:
     cells = 16
     inner = np.arange(1, cells) / cells
@@ -88,15 +89,17 @@ def _hard_scenes(subject: Subject) -> Iterator[tuple[str, list[Shape]]]:
     line = 0.05 * rng.normal(size=(n, 3, 3)) + np.linspace(0, 1, n)[:, None, None] * (1.0, 0.0, 0.0)
     yield "1 triangle", [UNIT_UP]
     yield "2 overlapping", [*pair]
-    yield "a point and a line beside one", [_triangles(np.full((1, 3, 3), 0.25)),
-                                            _triangles(np.arange(3.0)[None, :, None] * np.ones(3)), UNIT_UP]  # fmt: skip
+    yield (
+        "a point and a line beside one",
+        [_triangles(np.full((1, 3, 3), 0.25)), _triangles(np.arange(3.0)[None, :, None] * np.ones(3)), UNIT_UP],
+    )
     yield "random", [triangle_soup(n, 0.2)]
     yield "small beside huge", [mesh(1e-3 * triangle_soup(20, 1.0).vertices + 0.5, triangle_soup(20, 1.0).faces), big]
     yield "equal centroids", [_triangles(same - same.mean(axis=1, keepdims=True))]
     yield "on a line", [_triangles(line)]
     yield "duplicates", [_triangles(np.tile(same[:1] * 0.4, (10 * n if subject.accelerator != "none" else n, 1, 1)))]
     yield "flat", [_floor(12)]
-    yield "all kinds", [sphere_mesh(8, (0.5, 0.5, 0.5), 0.3), FLOOR, sphere((0.2, 0.8, 0.1), 0.25), sphere((1, 1, 1), 0.5)]
+    yield ("all kinds", [sphere_mesh(8, (0.5, 0.5, 0.5), 0.3), FLOOR, sphere((0.2, 0.8, 0.1), 0.25), sphere((1, 1, 1), 0.5)])
 
 
 UNIT_UP = Triangle((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0)
@@ -125,8 +128,9 @@ def _differences(ours: Hits, theirs: Hits) -> Array:
     return (ours.t != theirs.t) | (ours.shape != theirs.shape) | (ours.primitive != theirs.primitive)
 
 
-@SECTION.case("A1", "Every accelerator gives the same hits, with t equal bit for bit, on scenes that are hard for trees.",
-              "raybench")  # fmt: skip
+@SECTION.case(
+    "A1", "Every accelerator gives the same hits, with t equal bit for bit, on scenes that are hard for trees.", "raybench"
+)
 def same_hits(subject: Subject) -> Iterator[Measurement]:
     """Compares with the engine's first accelerator; where there is no other, `occluded` with `trace`."""
     first = accelerator_names(subject.engine)[0]
@@ -145,8 +149,7 @@ def _cast_meshes(subject: Subject, shapes: list[Shape]) -> list[Shape]:
     return [mesh(subject.cast(shape.vertices), shape.faces) if isinstance(shape, Mesh) else shape for shape in shapes]
 
 
-@SECTION.case("A2", "Rays along the walls and through the corners of grid cells hit, and every traversal ends.",
-              "raybench")  # fmt: skip
+@SECTION.case("A2", "Rays along the walls and through the corners of grid cells hit, and every traversal ends.", "raybench")
 def cell_walls(subject: Subject) -> Iterator[Measurement]:
     layers = [_floor(8, float(z)) for z in (-1.0, -0.5, 0.0)]
     rng, n = np.random.default_rng(22), subject.count(4000)
@@ -157,8 +160,7 @@ def cell_walls(subject: Subject) -> Iterator[Measurement]:
         yield measurement((np.abs(hits.t / away - 1) > 16 * subject.eps) | (hits.shape != 2), f"from {away:g}")
 
 
-@SECTION.case("A7", "Hits do not depend on the options of an accelerator, such as a grid of one cell.",
-              "raybench")  # fmt: skip
+@SECTION.case("A7", "Hits do not depend on the options of an accelerator, such as a grid of one cell.", "raybench")
 def any_resolution(subject: Subject) -> Iterator[Measurement]:
     """Compares with the engine's first accelerator, for the extreme values of all numeric options."""
     first, n = accelerator_names(subject.engine)[0], subject.count(1600)
@@ -202,9 +204,7 @@ def geometric(subject: Subject) -> Iterator[Measurement]:
     sizes = 2.0 ** -np.arange(0, 60 if subject.tracing == "float64" else 30)
     corners = sizes[:, None, None] * np.array([[1.0, 0, 0], [1.0, 0.5, 0], [1.0, 0, 0.5]])
     aim = sizes[:, None] * (1.0, 0.125, 0.125)
-    hits = subject.trace(
-        [_triangles(corners)], aim + sizes[:, None] * (0.25, 0, 0), np.tile([-1.0, 0, 0], (len(aim), 1))
-    )
+    hits = subject.trace([_triangles(corners)], aim + sizes[:, None] * (0.25, 0, 0), np.tile([-1.0, 0, 0], (len(aim), 1)))
     yield measurement((hits.primitive != np.arange(len(aim))) | (np.abs(hits.t / (0.25 * sizes) - 1) > 64 * subject.eps))
 
 

@@ -52,8 +52,10 @@ def window(subject: Subject) -> Iterator[Measurement]:
 @SECTION.case("cam.shift", "The principal point shifts the image, and a mirror exchanges left and right.", "docs/transport.md")
 def shifted(subject: Subject) -> Iterator[Measurement]:
     half = DISTANCE * math.tan(math.radians(30))
-    cameras = {"perspective": Perspective(EYE, TARGET, UP, 60.0, "y", (24, 16)),
-               "orthographic": Orthographic(EYE, TARGET, UP, 2 * half, (24, 16))}  # fmt: skip
+    cameras = {
+        "perspective": Perspective(EYE, TARGET, UP, 60.0, "y", (24, 16)),
+        "orthographic": Orthographic(EYE, TARGET, UP, 2 * half, (24, 16)),
+    }
     for name, camera in cameras.items():
         for point in ((0.25, 0.0), (-0.125, 0.1875)):
             for mirror in (False, True):
@@ -67,8 +69,14 @@ def clipped(subject: Subject) -> Iterator[Measurement]:
     squares = [quad([(-9, -9, z), (9, -9, z), (9, 9, z), (-9, 9, z)], k) for k, z in enumerate((1.0, 0.0))]
     materials = [material(emission=0.25), material(emission=1.0)]
     for camera in (Perspective(EYE, TARGET, UP, 100.0, "y", (8, 8)), Orthographic(EYE, TARGET, UP, 4.0, (8, 8))):
-        for clip, truth in (((0.5, 2.01), 0.25), ((1.99, 9.0), 0.25), ((2.01, 3.01), 1.0), ((0.1, 1.99), 0.0),
-                            ((2.01, 2.99), 0.0), ((3.01, math.inf), 0.0)):  # fmt: skip
+        for clip, truth in (
+            ((0.5, 2.01), 0.25),
+            ((1.99, 9.0), 0.25),
+            ((2.01, 3.01), 1.0),
+            ((0.1, 1.99), 0.0),
+            ((2.01, 2.99), 0.0),
+            ((3.01, math.inf), 0.0),
+        ):
             given = replace(camera, clip=clip)
             seen = subject.image(squares, materials, [], given, path_tracer(1), sampler="constant")
             yield measurement(seen != truth, f"{type(camera).__name__}, {clip}")
@@ -78,8 +86,11 @@ def _lens(radius: float, focus: float, resolution: tuple[int, int], fov: float) 
     return ThinLens(EYE, TARGET, UP, fov, "y", resolution, radius, focus)
 
 
-@SECTION.case("lens", "A thin lens is sharp at its focus distance, and elsewhere has the circle of confusion of its aperture.",
-              "Kolb, Mitchell and Hanrahan 1995")  # fmt: skip
+@SECTION.case(
+    "lens",
+    "A thin lens is sharp at its focus distance, and elsewhere has the circle of confusion of its aperture.",
+    "Kolb, Mitchell and Hanrahan 1995",
+)
 def lens(subject: Subject) -> Iterator[Measurement]:
     """An edge in the focal plane leaves no pixel grey. Elsewhere the share of a bright half plane is a segment of the disk."""
     half = quad([(0, -9, 0), (9, -9, 0), (9, 9, 0), (0, 9, 0)], 0)

@@ -69,4 +69,3 @@ def irradiance(p0: tuple[float, ...], p1: tuple[float, ...], radius: float) -> f
     distance = np.linalg.norm(points, axis=-1)
     cosines = np.maximum(points[..., 1] / distance, 0) * np.maximum(-(points * normal).sum(axis=-1) / distance, 0)
     return float((cosines / distance**2).mean() * 2 * math.pi * radius * length)
-

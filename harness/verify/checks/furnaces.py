@@ -27,7 +27,7 @@ from harness.verify.scenes import (
     point_view,
     sphere,
     sphere_mesh,
-)  # fmt: skip
+)
 from harness.verify.subject import Subject
 
 SECTION = Section("light")
@@ -36,9 +36,7 @@ CORNER = {"eye": (0.2, 0.1, 0.3), "target": (0.9, -0.2, 0.1)}
 
 @SECTION.case("px", "Every pixel of an image is rendered, at any image size.", "MobileRT, which omits two thirds of 30 x 30")
 def sizes(subject: Subject) -> Iterator[Measurement]:
-    for width, height in subject.subset(
-        ((40, 40), (30, 30), (1, 1), (257, 3), (100, 100), (15, 7), (3, 131), (64, 33)), 4
-    ):
+    for width, height in subject.subset(((40, 40), (30, 30), (1, 1), (257, 3), (100, 100), (15, 7), (3, 131), (64, 33)), 4):
         view = replace(FRONT_CAMERA, resolution=(width, height))
         seen = subject.image([], [], [WHITE_SKY], view, path_tracer(1, "bsdf"))
         yield measurement((seen != 1) | (seen.shape != (height, width)), f"{width} x {height}")
@@ -46,8 +44,16 @@ def sizes(subject: Subject) -> Iterator[Measurement]:
 
 @SECTION.case("a", "A closed furnace has the radiance E (1 - rho^D) / (1 - rho), whatever its shape.", "raybench")
 def furnace(subject: Subject) -> Iterator[Measurement]:
-    parameters = ((0.5, 0.5, 1), (0.5, 0.5, 2), (0.5, 0.5, 5), (2.0, 0.8, 3), (0.3, 0.9, 20),
-                  (7.0, 0.05, 4), (0.01, 0.99, 100), (1.0, 0.37, 9))  # fmt: skip
+    parameters = (
+        (0.5, 0.5, 1),
+        (0.5, 0.5, 2),
+        (0.5, 0.5, 5),
+        (2.0, 0.8, 3),
+        (0.3, 0.9, 20),
+        (7.0, 0.05, 4),
+        (0.01, 0.99, 100),
+        (1.0, 0.37, 9),
+    )
     for name, hollow in (("box", box()), ("mesh", sphere_mesh(8)), ("sphere", sphere())):
         for emission, rho, depth in subject.subset(parameters, 5):
             walls = material(kd=rho, emission=emission, two_sided=True)
@@ -95,8 +101,10 @@ def convex(subject: Subject) -> Iterator[Measurement]:
     view = point_view((0.5, 3.0, 2.0), ORIGIN, 8)
     for rho in (0.3, 0.7, 1.0):
         for direct in STRATEGIES:
-            seen = [subject.image([body], [material(kd=rho)], [WHITE_SKY], view, path_tracer(2, direct))
-                    for body in (sphere(), box(), sphere_mesh(8))]  # fmt: skip
+            seen = [
+                subject.image([body], [material(kd=rho)], [WHITE_SKY], view, path_tracer(2, direct))
+                for body in (sphere(), box(), sphere_mesh(8))
+            ]
             yield measurement(np.concatenate(seen).ravel() - rho, f"rho {rho}, {direct}")
 
 

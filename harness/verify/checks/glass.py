@@ -24,7 +24,7 @@ from harness.verify.scenes import (
     sphere,
     sphere_mesh,
     whitted,
-)  # fmt: skip
+)
 from harness.verify.subject import Subject
 
 SECTION = Section("glass")
@@ -80,9 +80,10 @@ def index_one(subject: Subject) -> Iterator[Measurement]:
     rng = np.random.default_rng(1)
     sky = EnvironmentLight((1.0, 0.8, 0.6), rng.random((8, 16, 3)))
     held: list[tuple[str, list[Shape]]] = [
-        ("sphere and box", [sphere(), box((-2, -2, -4), (2, 2, -2))]), ("mesh", [sphere_mesh(6, (0.4, 0.1, 0.0), 1.2)]),
+        ("sphere and box", [sphere(), box((-2, -2, -4), (2, 2, -2))]),
+        ("mesh", [sphere_mesh(6, (0.4, 0.1, 0.0), 1.2)]),
         ("nested", [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)]),
-    ]  # fmt: skip
+    ]
     for name, shapes in subject.subset(held, 1):
         for shader in (whitted(), path_tracer(8)):
             seen, bare = (subject.image(these, [glass(1.0)], [sky], FRONT_CAMERA, shader, seed=3) for these in (shapes, []))
@@ -109,8 +110,12 @@ def inside_glass(subject: Subject) -> Iterator[Measurement]:
 
 @SECTION.case("b", "Lossless glass of any shape is invisible in a uniform environment.", "raybench")
 def vanishing(subject: Subject) -> Iterator[Measurement]:
-    scenes: dict[str, list[Shape]] = {"sphere": [sphere()], "box": [box()], "mesh": [sphere_mesh(8)],
-              "nested": [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)]}  # fmt: skip
+    scenes: dict[str, list[Shape]] = {
+        "sphere": [sphere()],
+        "box": [box()],
+        "mesh": [sphere_mesh(8)],
+        "nested": [sphere((0, 0, 0), 1.5), sphere((0.3, 0.2, 0.0), 0.7)],
+    }
     for name, shapes in scenes.items():
         for ior in subject.subset(IORS, 2):
             yield measurement(subject.image(shapes, [glass(ior)], [WHITE_SKY], FRONT_CAMERA, LONG, 4) - 1, f"{name}, ior {ior}")
@@ -165,13 +170,15 @@ def corridor(subject: Subject) -> Iterator[Measurement]:
             view = point_view(ORIGIN, (math.sin(angle), 0.0, math.cos(angle)))
             truth = reflectance ** math.floor((height * math.tan(angle) + 1) / 2)
             for shader in (whitted(32), path_tracer(32)):
-                seen = subject.image([*walls, end], [material(ks=reflectance), material(emission=1)], [], view, shader,
-                                     **PIXEL_CENTRE)  # fmt: skip
+                seen = subject.image(
+                    [*walls, end], [material(ks=reflectance), material(emission=1)], [], view, shader, **PIXEL_CENTRE
+                )
                 yield measurement(seen - truth, f"{degrees} degrees, k {reflectance}, {shader['name']}")
 
 
-@SECTION.case("l", "A slab of glass shifts a ray by t sin(i) (1 - cos(i) / sqrt(n^2 - sin^2 i)) and transmits (1 - R)^2.",
-              "Snell")  # fmt: skip
+@SECTION.case(
+    "l", "A slab of glass shifts a ray by t sin(i) (1 - cos(i) / sqrt(n^2 - sin^2 i)) and transmits (1 - R)^2.", "Snell"
+)
 def slab(subject: Subject) -> Iterator[Measurement]:
     """A small light is where the shifted ray must arrive; its depth excludes internal reflections."""
     for ior, thick in subject.subset([(ior, thick) for thick in (0.5, 0.02, 3.0) for ior in IORS], 3):

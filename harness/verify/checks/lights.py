@@ -29,7 +29,7 @@ from harness.verify.scenes import (
     sphere,
     square,
     whitted,
-)  # fmt: skip
+)
 from harness.verify.subject import Subject
 
 SECTION = Section("light")
@@ -49,8 +49,9 @@ POLYGONS: list[tuple[str, Mesh, float, float]] = [
 """(name, light, x of the point, albedo); z is x below a corner, elsewhere 0."""
 
 
-@SECTION.case("e", "The irradiance of a polygon light obeys Lambert's formula, also when clipped by the horizon.",
-              "Lambert 1760")  # fmt: skip
+@SECTION.case(
+    "e", "The irradiance of a polygon light obeys Lambert's formula, also when clipped by the horizon.", "Lambert 1760"
+)
 def polygons(subject: Subject) -> Iterator[Measurement]:
     for name, emitter, x, rho in subject.subset(POLYGONS, 2):
         z = x if name == "below a corner" else 0.0
@@ -62,11 +63,18 @@ def polygons(subject: Subject) -> Iterator[Measurement]:
             yield z_score(subject, seen, truth, f"{name}, {direct}")
 
 
-@SECTION.case("f", "The irradiance of a sphere light has its closed form, above the horizon and across it.",
-              "Snyder 1996")  # fmt: skip
+@SECTION.case("f", "The irradiance of a sphere light has its closed form, above the horizon and across it.", "Snyder 1996")
 def sphere_lights(subject: Subject) -> Iterator[Measurement]:
-    parameters = ((1.0, 2.0, 90), (0.5, 3.0, 45), (1.0, 2.0, 0), (1.0, 2.0, 75), (1.0, 1.3, 60), (1.0, 1.02, 20),
-                  (0.2, 0.5, 85), (3.0, 4.0, 100))  # fmt: skip
+    parameters = (
+        (1.0, 2.0, 90),
+        (0.5, 3.0, 45),
+        (1.0, 2.0, 0),
+        (1.0, 2.0, 75),
+        (1.0, 1.3, 60),
+        (1.0, 1.02, 20),
+        (0.2, 0.5, 85),
+        (3.0, 4.0, 100),
+    )
     for radius, distance, degrees in subject.subset(parameters, 2):
         beta = math.radians(degrees)
         emitter = sphere((distance * math.sin(beta), distance * math.cos(beta), 0.0), radius, 1)
@@ -83,12 +91,17 @@ def many_lights(subject: Subject) -> Iterator[Measurement]:
     materials = [material(kd=0.8), material(emission=1.0)]
     emitter, bulb, point = square(1.0, 0.4, 1, down=True, center=0.8), sphere((-1.5, 1.5, 0.0), 0.5, 1), (0.0, 2.0, 1.0)
     beams = [PointLight(point, grey(0.7)), DirectionalLight((0.0, -0.8, 0.6), grey(0.2))]
-    received = [forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)),
-                forms.sphere(0.5, math.hypot(1.5, 1.5), math.pi / 4), 0.7 * 2.0 / 5**1.5, 0.2 * 0.8]  # fmt: skip
+    received = [
+        forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)),
+        forms.sphere(0.5, math.hypot(1.5, 1.5), math.pi / 4),
+        0.7 * 2.0 / 5**1.5,
+        0.2 * 0.8,
+    ]
     kept: list[tuple[str, list[Shape], list[Any], Sequence[int]]] = [
-        ("four", [emitter, bulb], beams, (0, 1, 2, 3)), ("areas", [emitter, bulb], [], (0, 1)),
+        ("four", [emitter, bulb], beams, (0, 1, 2, 3)),
+        ("areas", [emitter, bulb], [], (0, 1)),
         ("one of each", [emitter], beams[:1], (0, 2)),
-    ]  # fmt: skip
+    ]
     for name, shapes, lights, which in subject.subset(kept, 1):
         truth = 0.8 / math.pi * sum(received[k] for k in which)
         for direct in STRATEGIES:
@@ -97,14 +110,18 @@ def many_lights(subject: Subject) -> Iterator[Measurement]:
             yield z_score(subject, seen, truth, f"{name}, {direct}")
 
 
-@SECTION.case("pick", "However one light of several is chosen, the mean is the sum of their irradiances.",
-              "Shirley et al. 1996")  # fmt: skip
+@SECTION.case(
+    "pick", "However one light of several is chosen, the mean is the sum of their irradiances.", "Shirley et al. 1996"
+)
 def light_choice(subject: Subject) -> Iterator[Measurement]:
     yield from _unequal_lights(subject, [("power", 1), ("bvh", 1)])
 
 
-@SECTION.case("resample", "However many candidates a light sample is picked from, the mean is the sum of the irradiances.",
-              "Talbot et al. 2005")  # fmt: skip
+@SECTION.case(
+    "resample",
+    "However many candidates a light sample is picked from, the mean is the sum of the irradiances.",
+    "Talbot et al. 2005",
+)
 def light_candidates(subject: Subject) -> Iterator[Measurement]:
     yield from _unequal_lights(subject, [("uniform", 3), ("bvh", 8)])
 
@@ -114,11 +131,18 @@ def _unequal_lights(subject: Subject, rules: Sequence[tuple[str, int]]) -> Itera
     of `light_sampler` and `light_candidates`."""
     materials = [material(kd=0.8), material(emission=1.0), material(emission=6.0)]
     emitter, bulb = square(1.0, 0.4, 1, down=True, center=0.8), sphere((-0.6, 0.5, 0.2), 0.1, 2)
-    beams = [PointLight((0.0, 2.0, 1.0), grey(0.7)), DirectionalLight((0.0, -0.8, 0.6), grey(0.05)),
-             SpotLight((1.0, 1.0, 0.0), (1.0, 0.0, 0.0), grey(3), 40.0, 30.0)]  # fmt: skip
+    beams = [
+        PointLight((0.0, 2.0, 1.0), grey(0.7)),
+        DirectionalLight((0.0, -0.8, 0.6), grey(0.05)),
+        SpotLight((1.0, 1.0, 0.0), (1.0, 0.0, 0.0), grey(3), 40.0, 30.0),
+    ]
     away = math.sqrt(0.65)
-    received = [forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)), 6 * forms.sphere(0.1, away, math.acos(0.5 / away)),
-                0.7 * 2.0 / 5**1.5, 0.05 * 0.8]  # fmt: skip
+    received = [
+        forms.polygon(emitter.vertices, (0.0, 1.0, 0.0)),
+        6 * forms.sphere(0.1, away, math.acos(0.5 / away)),
+        0.7 * 2.0 / 5**1.5,
+        0.05 * 0.8,
+    ]
     truth = 0.8 / math.pi * sum(received)
     for choice, candidates in rules:
         rule = choice if candidates == 1 else f"{choice}, {candidates} candidates"
@@ -159,13 +183,39 @@ def _wall(height: float) -> Mesh:
 @SECTION.case("h", "The mean irradiance of a receiver is the form factor, for squares and discs.", "Howell's catalogue")
 def form_factors(subject: Subject) -> Iterator[Measurement]:
     """`share`: the part of the image that the receiver fills."""
-    facing = [(f"squares at {gap}", [square(0.0), square(gap, 0.5, 1, down=True)], gap, 1.0,
-               forms.parallel_rectangles(1 / gap, 1 / gap), 1.0) for gap in (1.0, 0.5, 2.0)]  # fmt: skip
-    edge = [(f"squares with a common edge, height {height}", [square(0.0), _wall(height)], 1.0, 1.0,
-             forms.perpendicular_rectangles(height, 1.0), 1.0) for height in (1.0, 0.4, 2.5)]  # fmt: skip
-    discs = [(f"coaxial discs {a} and {b} at {gap}", [_disc(0.0, a, 0, False), _disc(gap, b, 1, True)], gap, 2 * a,
-              forms.coaxial_discs(a / gap, b / gap), math.pi / 4)
-             for a, b, gap in ((1.0, 1.0, 1.0), (0.5, 2.0, 1.5), (1.0, 0.3, 0.7))]  # fmt: skip
+    facing = [
+        (
+            f"squares at {gap}",
+            [square(0.0), square(gap, 0.5, 1, down=True)],
+            gap,
+            1.0,
+            forms.parallel_rectangles(1 / gap, 1 / gap),
+            1.0,
+        )
+        for gap in (1.0, 0.5, 2.0)
+    ]
+    edge = [
+        (
+            f"squares with a common edge, height {height}",
+            [square(0.0), _wall(height)],
+            1.0,
+            1.0,
+            forms.perpendicular_rectangles(height, 1.0),
+            1.0,
+        )
+        for height in (1.0, 0.4, 2.5)
+    ]
+    discs = [
+        (
+            f"coaxial discs {a} and {b} at {gap}",
+            [_disc(0.0, a, 0, False), _disc(gap, b, 1, True)],
+            gap,
+            2 * a,
+            forms.coaxial_discs(a / gap, b / gap),
+            math.pi / 4,
+        )
+        for a, b, gap in ((1.0, 1.0, 1.0), (0.5, 2.0, 1.5), (1.0, 0.3, 0.7))
+    ]
     for name, shapes, gap, height, factor, share in [
         *subject.subset(facing, 1),
         *subject.subset(edge, 1),
@@ -206,8 +256,10 @@ def spot_lights(subject: Subject) -> Iterator[Measurement]:
         angle = toward_point + math.radians(degrees)
         light = SpotLight((0.0, h, 0.0), (math.sin(angle), -math.cos(angle), 0.0), grey(2), cutoff, beam_width)
         truth = 0.5 / math.pi * share * 2 * h / math.hypot(h, x) ** 3
-        seen = [subject.image([FLOOR], [material(kd=0.5)], [light], view, shader, **PIXEL_CENTRE)[0, 0]
-                for shader in (whitted(), path_tracer(2))]  # fmt: skip
+        seen = [
+            subject.image([FLOOR], [material(kd=0.5)], [light], view, shader, **PIXEL_CENTRE)[0, 0]
+            for shader in (whitted(), path_tracer(2))
+        ]
         yield measurement(np.array(seen) - truth, f"{degrees} degrees off the axis")
 
 
@@ -224,9 +276,7 @@ def disk_lights(subject: Subject) -> Iterator[Measurement]:
 
 @SECTION.case("m", "The shadow of a sphere under a point light ends at h tan(asin(r / (h - c))).", "raybench")
 def shadow(subject: Subject) -> Iterator[Measurement]:
-    for r, c, h in subject.subset(
-        ((0.5, 1.0, 3.0), (0.2, 0.5, 1.0), (1.0, 1.5, 4.0), (0.01, 0.7, 0.9), (5.0, 20.0, 50.0)), 3
-    ):
+    for r, c, h in subject.subset(((0.5, 1.0, 3.0), (0.2, 0.5, 1.0), (1.0, 1.5, 4.0), (0.01, 0.7, 0.9), (5.0, 20.0, 50.0)), 3):
         edge = h * math.tan(math.asin(r / (h - c)))
         wrong = []
         for side, lit in ((1 - 1e-4, False), (1 + 1e-4, True)):

@@ -69,8 +69,11 @@ def white_mixtures(subject: Subject) -> Iterator[Measurement]:
             yield z_score(subject, seen, 1.0, f"{name}, {direct}")
 
 
-@SECTION.case("energy", "A surface reflects and transmits the shares given by its weights, and never more than it receives.",
-              "Veach 1997, 4.5 and 5.3")  # fmt: skip
+@SECTION.case(
+    "energy",
+    "A surface reflects and transmits the shares given by its weights, and never more than it receives.",
+    "Veach 1997, 4.5 and 5.3",
+)
 def energy(subject: Subject) -> Iterator[Measurement]:
     """Under a white environment with a black plane behind the surface (R), then without it (R + T / eta^2)."""
     for name, given in ABSORBING.items():
@@ -109,8 +112,10 @@ def metals(subject: Subject) -> Iterator[Measurement]:
     for degrees in ANGLES:
         view = toward(degrees, False)
         truth = forms.conductor(eta, k, cosine_of(view))
-        errors += [subject.image([FLOOR], [smooth], [WHITE_SKY], view, shader, **PIXEL_CENTRE)[0, 0] - truth
-                   for shader in (whitted(2), path_tracer(2))]  # fmt: skip
+        errors += [
+            subject.image([FLOOR], [smooth], [WHITE_SKY], view, shader, **PIXEL_CENTRE)[0, 0] - truth
+            for shader in (whitted(2), path_tracer(2))
+        ]
     yield measurement(errors, "smooth")
     errors = []
     for light, eye in (((30, 10), (30, 190)), ((60, 200), (20, 50)), ((10, 0), (70, 100))):
@@ -149,9 +154,7 @@ def _scattered(subject: Subject, given: Material, light: np.ndarray, eye: np.nda
     return float(subject.image([FLOOR], [given], [sun], view, path_tracer(2), **PIXEL_CENTRE)[0, 0]) / -y
 
 
-@SECTION.case(
-    "recip.glass", "Transmission is reciprocal: L / n^2 is the same in both directions (Stokes).", "Stokes 1849"
-)
+@SECTION.case("recip.glass", "Transmission is reciprocal: L / n^2 is the same in both directions (Stokes).", "Stokes 1849")
 def stokes(subject: Subject) -> Iterator[Measurement]:
     """A light below seen from above, and one above seen from below, at angles that correspond by Snell's law."""
     for name in ("glass", "diamond", "pane"):

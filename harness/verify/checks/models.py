@@ -92,8 +92,9 @@ def panel(x: float, index: int) -> Mesh:
     return Mesh(corners, faces, np.full(2, index, np.int32), uvs=uvs)
 
 
-def _image(subject: Subject, name: str, wo: Array, lights: list[Light], shader: Any, side: int = 1, spp: int = 1,
-           **settings: Any) -> Array:  # fmt: skip
+def _image(
+    subject: Subject, name: str, wo: Array, lights: list[Light], shader: Any, side: int = 1, spp: int = 1, **settings: Any
+) -> Array:
     """The panel of this material as it is seen from wo, in world axes."""
     names = list(ALL)
     for row in (names, [name]):
@@ -148,8 +149,11 @@ VIEWS = ((0, 0), (35, 20), (60, 200), (120, 300))
 SUNS = ((5, 90), (40, 160), (65, 10), (140, 60), (160, 250))
 
 
-@SECTION.case("mod", "Every model scatters a directional light as its closed form has it, on both sides.",
-              "Walter et al. 2007, Burley 2015")  # fmt: skip
+@SECTION.case(
+    "mod",
+    "Every model scatters a directional light as its closed form has it, on both sides.",
+    "Walter et al. 2007, Burley 2015",
+)
 def values(subject: Subject) -> Iterator[Measurement]:
     for name in _accepted(subject, MODELS, _sun(direction(0, 0))):
         errors = []
@@ -173,8 +177,10 @@ def reciprocity(subject: Subject) -> Iterator[Measurement]:
         errors = []
         for a, b in (*pairs, through) if glass else pairs:
             i, o = direction(*a), direction(*b)
-            there, back = (_image(subject, name, y, _sun(x), path_tracer(2), 1, sampler="constant")[0, 0] / abs(x[1])
-                           for x, y in ((i, o), (o, i)))  # fmt: skip
+            there, back = (
+                _image(subject, name, y, _sun(x), path_tracer(2), 1, sampler="constant")[0, 0] / abs(x[1])
+                for x, y in ((i, o), (o, i))
+            )
             errors.append(there - back * (leaf.ior**2 if glass and b[0] > 90 else 1.0))
         yield measurement(errors, name)
 
@@ -212,8 +218,9 @@ def looked_up(texels: Array, d: Array, poles: bool = False) -> Array:
     return (1 - fy) * rows[0] + fy * rows[1]
 
 
-@SECTION.case("mod.sky", "Under an uneven sky every strategy has the mean that quadrature of the closed form gives.",
-              "raybench")  # fmt: skip
+@SECTION.case(
+    "mod.sky", "Under an uneven sky every strategy has the mean that quadrature of the closed form gives.", "raybench"
+)
 def under_sky(subject: Subject) -> Iterator[Measurement]:
     """Wrong densities, weights or samples of a model change the mean of `bsdf` or of `mis`."""
     sky = uneven_sky()
@@ -235,8 +242,16 @@ def under_sky(subject: Subject) -> Iterator[Measurement]:
 @SECTION.case("mod.white", "In a white surrounding matt masks, blends, bumps and lossless models have their share.", "raybench")
 def white(subject: Subject) -> Iterator[Measurement]:
     """A mask lets pass what it does not hold; a blend has the mean of its parts."""
-    shares = {"mask": 1.0, "masks in masks": 1.0, "blend": 0.3, "mask of a blend": 1.0, "bump of constant height": 1.0,
-              "sides": 1.0, "clear glass": 0.0, "pane": 0.0}  # fmt: skip
+    shares = {
+        "mask": 1.0,
+        "masks in masks": 1.0,
+        "blend": 0.3,
+        "mask of a blend": 1.0,
+        "bump of constant height": 1.0,
+        "sides": 1.0,
+        "clear glass": 0.0,
+        "pane": 0.0,
+    }
     for name in _accepted(subject, shares, [WHITE]):
         wo = direction(40, 30)
         once = float(scattering.fresnel(wo[1], 1.5))
@@ -270,8 +285,11 @@ def _leak() -> float:
     return float((radiance * np.sin(height) * 2 * np.cos(height) * weights).sum() * edge / 2)
 
 
-@SECTION.case("mod.tilt", "Bumps and normal maps turn the normal: Lambert's cosine, shadowed by the tilt.",
-              "Estevez, Lecocq and Stein 2019")  # fmt: skip
+@SECTION.case(
+    "mod.tilt",
+    "Bumps and normal maps turn the normal: Lambert's cosine, shadowed by the tilt.",
+    "Estevez, Lecocq and Stein 2019",
+)
 def tilts(subject: Subject) -> Iterator[Measurement]:
     """A bump of constant height and a flat map change nothing. From behind, maps keep their y and bumps rise to the viewer."""
 
@@ -279,10 +297,12 @@ def tilts(subject: Subject) -> Iterator[Measurement]:
         return scattering.unit(2 * np.array(texel) - 1)
 
     tilted = {
-        "bump of constant height": np.array([0.0, 0.0, 1.0]), "flat normal map": np.array([0.0, 0.0, 1.0]),
-        "sloping bump": scattering.unit(np.array([-0.4, 0.2, 1.0])), "normal map": normal(NORMAL),
+        "bump of constant height": np.array([0.0, 0.0, 1.0]),
+        "flat normal map": np.array([0.0, 0.0, 1.0]),
+        "sloping bump": scattering.unit(np.array([-0.4, 0.2, 1.0])),
+        "normal map": normal(NORMAL),
         "bump on a normal map": normal(STEEP),
-    }  # fmt: skip
+    }
     for name in _accepted(subject, tilted, _sun(direction(0, 0))):
         errors = []
         for view in ((10, 0), (25, 220), (160, 40)):

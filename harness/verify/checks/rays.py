@@ -18,14 +18,23 @@ SECTION = Section("rays", each_accelerator=True)
 SHAPES = (Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0), 0), sphere(), box((2, -1, -1), (3, 1, 1)))
 NAN, INF = np.nan, np.inf
 BAD = [
-    ((NAN, 0, 5), (0, 0, -1), INF), ((0, INF, 5), (0, 0, -1), INF), ((0, 0, 5), (0, 0, 0), INF),
-    ((0, 0, 5), (0, NAN, -1), INF), ((0, 0, 5), (0, 0, -INF), INF), ((0, 0, 5), (0, 0, -1), NAN),
-    ((0, 0, 5), (0, 0, -1), -1.0), ((0, 0, 5), (0, 0, -1), 0.0), ((0, 0, 5), (0, 0, -1), -INF),
-]  # fmt: skip
+    ((NAN, 0, 5), (0, 0, -1), INF),
+    ((0, INF, 5), (0, 0, -1), INF),
+    ((0, 0, 5), (0, 0, 0), INF),
+    ((0, 0, 5), (0, NAN, -1), INF),
+    ((0, 0, 5), (0, 0, -INF), INF),
+    ((0, 0, 5), (0, 0, -1), NAN),
+    ((0, 0, 5), (0, 0, -1), -1.0),
+    ((0, 0, 5), (0, 0, -1), 0.0),
+    ((0, 0, 5), (0, 0, -1), -INF),
+]
 
 
-@SECTION.case("R1", "Rays that are not finite, have direction zero or end before they start miss, and change no other ray.",
-              "engines.interface")  # fmt: skip
+@SECTION.case(
+    "R1",
+    "Rays that are not finite, have direction zero or end before they start miss, and change no other ray.",
+    "engines.interface",
+)
 def nonsense(subject: Subject) -> Iterator[Measurement]:
     origins, directions, reach = (np.array(column, float) for column in zip(*BAD, strict=True))
     good = [(0.0, 0.0, 5.0)], [(0.0, 0.0, -1.0)]
@@ -73,10 +82,14 @@ def open_interval(subject: Subject) -> Iterator[Measurement]:
 def nothing(subject: Subject) -> Iterator[Measurement]:
     none = np.zeros((0, 3))
     full, empty = subject.tracer(*SHAPES), subject.tracer()
-    yield measurement([
-        full.trace(none, none).t.shape != (0,), full.occluded(none, none).shape != (0,),
-        not np.isinf(empty.trace([(0, 0, 0)], [(0, 0, 1)]).t).all(), empty.occluded([(0, 0, 0)], [(0, 0, 1)]).any(),
-    ])  # fmt: skip
+    yield measurement(
+        [
+            full.trace(none, none).t.shape != (0,),
+            full.occluded(none, none).shape != (0,),
+            not np.isinf(empty.trace([(0, 0, 0)], [(0, 0, 1)]).t).all(),
+            empty.occluded([(0, 0, 0)], [(0, 0, 1)]).any(),
+        ]
+    )
 
 
 @SECTION.case("R5", "NaN among the rays does not make tracing more than 2.5 times slower.", "raybench", full_only=True)

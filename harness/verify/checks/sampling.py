@@ -45,8 +45,12 @@ def _smooth() -> Integrands:
     distance = np.einsum("ijkl,k,l->ij", np.sqrt(1 + x * x + y * y), weights / 2, weights / 2)
     wall = Plane(ORIGIN, (0.0, 0.0, 1.0), 0)
     slopes = {"random": -0.5, "stratified": -1.0, "halton": -0.9, "sobol": -1.6}
-    return Integrands(scene([wall], [material(kd=1)], camera=view), {"name": "depth_map", "max_point": farthest},
-                      1 - distance / (1.1 * 3.0), slopes)  # fmt: skip
+    return Integrands(
+        scene([wall], [material(kd=1)], camera=view),
+        {"name": "depth_map", "max_point": farthest},
+        1 - distance / (1.1 * 3.0),
+        slopes,
+    )
 
 
 def _edges(subject: Subject) -> Integrands:
@@ -62,10 +66,7 @@ def _edges(subject: Subject) -> Integrands:
     view = Orthographic((0.0, 0.0, 5.0), ORIGIN, (0.0, 1.0, 0.0), float(SIDE), (SIDE, SIDE))
     slopes = {"random": -0.5, "stratified": -0.72, "halton": -0.72, "sobol": -0.72}
     return Integrands(
-        scene([mesh(vertices, faces.reshape(-1, 3))], [material(kd=1)], camera=view),
-        "albedo",
-        heights.mean(axis=0),
-        slopes,
+        scene([mesh(vertices, faces.reshape(-1, 3))], [material(kd=1)], camera=view), "albedo", heights.mean(axis=0), slopes
     )
 
 
@@ -86,9 +87,7 @@ def _chosen(sampler: str, spp: int) -> Any:
     return {"name": sampler, "strata": spp} if sampler == "stratified" else sampler
 
 
-@SECTION.case(
-    "q.slope", "For a smooth integrand the error falls at the rate of the sampler.", "Owen 1997"
-)
+@SECTION.case("q.slope", "For a smooth integrand the error falls at the rate of the sampler.", "Owen 1997")
 def smooth_slopes(subject: Subject) -> Iterator[Measurement]:
     yield from _slopes(subject, _smooth())
 
@@ -106,8 +105,9 @@ def _slopes(subject: Subject, given: Integrands) -> Iterator[Measurement]:
         squares = np.array([(seen - given.truth) ** 2 for seen in _images(subject, given, sampler, counts)])
         slope, error = slope_of(counts, squares.reshape(len(counts), -1))
         excess = abs(slope - expected) if sampler == "random" else max(slope - expected, 0.0)
-        yield measurement(max(excess - 2.95 * error, 0.0), sampler,
-                       note=f"slope {slope:.3f} +- {2.95 * error:.3f}, expected {expected}")  # fmt: skip
+        yield measurement(
+            max(excess - 2.95 * error, 0.0), sampler, note=f"slope {slope:.3f} +- {2.95 * error:.3f}, expected {expected}"
+        )
 
 
 def _images(subject: Subject, given: Integrands, sampler: str, counts: Sequence[int]) -> Iterator[Array]:

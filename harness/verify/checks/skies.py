@@ -31,9 +31,13 @@ def _sky(texels: Array, rotation: Array, rows: str = "cells") -> EnvironmentLigh
 def seen(subject: Subject) -> Iterator[Measurement]:
     """Six views of 90 degrees show every direction."""
     views: tuple[tuple[Triple, Triple], ...] = (
-        ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-        ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)), ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)), ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0)),
-    )  # fmt: skip
+        ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+        ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+        ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+        ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
+        ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0)),
+    )
     places = 2 * (np.arange(17) + 0.5) / 17 - 1
     for name, rotation in (("as it is", UNTURNED), ("turned", TURNED), ("mirrored", MIRRORED)):
         for rows in ("cells", "poles"):

@@ -27,7 +27,7 @@ from harness.verify.scenes import (
     sphere_mesh,
     square,
     triangle,
-)  # fmt: skip
+)
 from harness.verify.subject import Subject
 
 SECTION = Section("spawned rays")
@@ -67,8 +67,11 @@ def acne(subject: Subject) -> Iterator[Measurement]:
     for name, body in (("sphere", sphere()), ("box", box()), ("mesh", sphere_mesh(10))):
         for scale, far in ((1e-4, 0.0), (1.0, 0.0), (1.0, 1e4), (1e4, 0.0), (1e6, 1e6)):
             center = np.array([far, -far, 0.5 * far])
-            held = (sphere(subject.cast(center), scale) if name == "sphere"
-                    else mesh(subject.cast(center + scale * body.vertices), body.faces))  # type: ignore[union-attr]  # fmt: skip
+            held = (
+                sphere(subject.cast(center), scale)
+                if name == "sphere"
+                else mesh(subject.cast(center + scale * body.vertices), body.faces)
+            )  # type: ignore[union-attr]
             camera = view(center + scale * np.array([3.0, 2.0, 4.0]), center, 25.0, side)
             wrong = [self_intersecting(subject, [held], camera, direct) for direct in ("light", "bsdf")]
             yield measurement(np.concatenate(wrong), f"{name}, scale {scale:.0e}, offset {far:.0e}")

@@ -15,8 +15,9 @@ SECTION = Section("spheres", each_accelerator=True)
 SOURCE = "Haines, Günther and Akenine-Möller 2019 (Ray Tracing Gems, 7)"
 
 
-def _against(subject: Subject, center: Array, radius: float, origins: Array, directions: Array, parameter: str,
-             far: bool = False) -> Measurement:  # fmt: skip
+def _against(
+    subject: Subject, center: Array, radius: float, origins: Array, directions: Array, parameter: str, far: bool = False
+) -> Measurement:
     """Relative errors of t, compared with the nearer root or (`far`) the farther one."""
     hits = subject.trace([sphere(center, radius)], origins, directions)
     exact = oracle.sphere_roots(center, radius, origins, directions)[int(far)]
@@ -66,7 +67,7 @@ def inside(subject: Subject) -> Iterator[Measurement]:
 @SECTION.case("S5", "Rays from the surface inwards hit the far side; rays outwards miss.", "raybench")
 def from_the_surface(subject: Subject) -> Iterator[Measurement]:
     rng, n = np.random.default_rng(5), subject.count(800)
-    origins, directions = subject.cast(normalize(rng.normal(size=(n, 3)))), subject.cast(normalize(rng.normal(size=(n, 3))))
+    origins, directions = (subject.cast(normalize(rng.normal(size=(n, 3)))), subject.cast(normalize(rng.normal(size=(n, 3)))))
     cosines = (origins * directions).sum(axis=1)
     directions = np.where(cosines[:, None] > 0, -directions, directions)
     kept = np.abs(cosines) > 1e-2
@@ -112,10 +113,13 @@ def far_scene(subject: Subject) -> Iterator[Measurement]:
 
 @SECTION.case("S10", "Of two overlapping spheres, a ray that is almost tangent hits the nearer one.", "Embree issue 676")
 def overlapping(subject: Subject) -> Iterator[Measurement]:
-    spheres = [sphere(subject.cast(center), 9.0) for center in (
-        (9.66870880, -16.3965702, 3.93995930), (10.0441875, -9.69345284, 3.94893074))]  # fmt: skip
+    spheres = [
+        sphere(subject.cast(center), 9.0)
+        for center in ((9.66870880, -16.3965702, 3.93995930), (10.0441875, -9.69345284, 3.94893074))
+    ]
     hits = subject.trace(
-        spheres, subject.cast([(14.8001127, -9.01768494, 3.47012758)]),
+        spheres,
+        subject.cast([(14.8001127, -9.01768494, 3.47012758)]),
         subject.cast([(-0.989340246, -0.0190101117, -0.144376263)]),
-    )  # fmt: skip
+    )
     yield measurement(np.where(hits.shape == 0, np.abs(hits.t - 10.2983), np.inf))

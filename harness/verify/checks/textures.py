@@ -77,8 +77,9 @@ def looked_up(texture: ImageTexture, u: float, v: float) -> float:
     return sum(w * at(left + k % 2, top + k // 2) for k, w in enumerate(weights))
 
 
-@SECTION.case("tex", "An image shows its texels by filter, wrap and transform; a checkerboard its squares.",
-              "docs/transport.md")  # fmt: skip
+@SECTION.case(
+    "tex", "An image shows its texels by filter, wrap and transform; a checkerboard its squares.", "docs/transport.md"
+)
 def textured(subject: Subject) -> Iterator[Measurement]:
     """A panel with (u, v) from 0 to 1; v = 0 is its lower edge in the picture, and the upper row of the texture."""
     x, up = _window(0.5)

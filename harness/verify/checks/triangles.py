@@ -22,7 +22,7 @@ from harness.verify.scenes import (
     sphere_mesh,
     square,
     triangle,
-)  # fmt: skip
+)
 from harness.verify.subject import Subject
 
 SECTION = Section("triangles", each_accelerator=True)
@@ -192,17 +192,16 @@ def scales(subject: Subject) -> Iterator[Measurement]:
         origins = subject.cast(inner * size)
         hits = subject.trace([box((-size,) * 3, (size,) * 3)], origins, directions)
         with np.errstate(invalid="ignore"):
-            outside = (
-                np.abs(np.abs(origins + hits.t[:, None] * directions).max(axis=1) - size) > 64 * subject.eps * size
-            )
+            outside = np.abs(np.abs(origins + hits.t[:, None] * directions).max(axis=1) - size) > 64 * subject.eps * size
         yield measurement(outside | np.isinf(hits.t), f"scale {scale:.0e}")
 
 
 @SECTION.case("T17", "t is exact on each step of a staircase.", "raybench")
 def stairs(subject: Subject) -> Iterator[Measurement]:
     n = 64
-    steps = [[(-1.0, k / n, k / n), (1.0, k / n, k / n), (1.0, (k + 1) / n, k / n), (-1.0, (k + 1) / n, k / n)]
-             for k in range(n)]  # fmt: skip
+    steps = [
+        [(-1.0, k / n, k / n), (1.0, k / n, k / n), (1.0, (k + 1) / n, k / n), (-1.0, (k + 1) / n, k / n)] for k in range(n)
+    ]
     faces = [face for k in range(0, 4 * n, 4) for face in ((k, k + 1, k + 2), (k, k + 2, k + 3))]
     y = subject.cast((np.arange(1000) + 0.5) / 1000)
     origins = np.stack([np.full(1000, 0.125), y, np.full(1000, 2.0)], -1)
@@ -228,8 +227,7 @@ def false_hits(subject: Subject) -> Iterator[Measurement]:
     n = subject.count(400)
     corners, origins, directions = _thin_triangles(subject, n)
     shapes = [triangle(corners[i]) for i in range(n)]
-    found = np.array([subject.trace([s], o[None], d[None]).t[0]
-                      for s, o, d in zip(shapes, origins, directions, strict=True)])  # fmt: skip
+    found = np.array([subject.trace([s], o[None], d[None]).t[0] for s, o, d in zip(shapes, origins, directions, strict=True)])
     exact = oracle.triangle(corners[:, 0], corners[:, 1], corners[:, 2], origins, directions)
     t, u, v = (np.asarray(part, np.float64) for part in exact)
     missed = (np.minimum(np.minimum(u, v), 1 - u - v) < -1e-9) | (t <= 0)

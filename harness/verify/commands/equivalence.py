@@ -53,9 +53,7 @@ def compare(options: EquivalenceOptions) -> int:
     if options.replicates < 2:
         raise ConfigError(f"--replicates {options.replicates}: two or more are needed")
     if not (0 < options.margins.image <= 1 and 0 < options.margins.tile <= 1):
-        raise ConfigError(
-            f"--margin {options.margins.image:g} --tile-margin {options.margins.tile:g}: must be in (0, 1]"
-        )
+        raise ConfigError(f"--margin {options.margins.image:g} --tile-margin {options.margins.tile:g}: must be in (0, 1]")
     allow_here(options.allow_imports)
     for name in options.engines:
         require_imports(name, options.allow_imports)
@@ -75,8 +73,7 @@ def compare(options: EquivalenceOptions) -> int:
     pairs = list(combinations(range(len(options.engines)), 2))
     alpha = shared_alpha(len(pairs))
     rows = [
-        (options.engines[a], options.engines[b], equivalence(images[a], images[b], options.margins, alpha))
-        for a, b in pairs
+        (options.engines[a], options.engines[b], equivalence(images[a], images[b], options.margins, alpha)) for a, b in pairs
     ]
     _show(scene, options, rows)
     return int(any(found.verdict == "different" for _, _, found in rows))
@@ -85,8 +82,15 @@ def compare(options: EquivalenceOptions) -> int:
 def settings_of(options: EquivalenceOptions) -> dict[str, Any]:
     """The settings of every image, as a worker process reads them."""
     width, height = options.size
-    return {"width": width, "height": height, "shader": {"name": options.shader}, "sampler": {"name": "random"},
-            "accelerator": {"name": "auto"}, "precision": None, "threads": 1}  # fmt: skip
+    return {
+        "width": width,
+        "height": height,
+        "shader": {"name": options.shader},
+        "sampler": {"name": "random"},
+        "accelerator": {"name": "auto"},
+        "precision": None,
+        "threads": 1,
+    }
 
 
 def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, replicates: int) -> NDArray[np.float64]:
@@ -102,7 +106,7 @@ def _images(pool: Pool, engine: str, request: Mapping[str, Any], first: int, rep
     except WorkerFailed as error:
         raise RendererFailed(f"{engine}: {error}") from error
     if bad:
-        raise RendererFailed(f"{engine}: {bad} samples of its images are NaN or infinite: finite radiance is wanted")
+        raise RendererFailed(f"{engine}: {bad} samples of its images are NaN or infinite: finite radiance is expected")
     images = np.stack(found)
     if not np.isfinite(images).all():
         raise RendererFailed(f"{engine}: its images are not finite")
@@ -115,8 +119,15 @@ def _show(scene: Scene, options: EquivalenceOptions, rows: Sequence[tuple[str, s
     table = Table(*names, box=None, header_style="dim", pad_edge=False)
     for first, second, found in rows:
         shares = [f"{100 * share:+.3f} %" for share in (found.difference, found.low, found.high)]
-        table.add_row(first, second, shares[0], f"{shares[1]} to {shares[2]}", bound(found.image_bound),
-                      bound(found.tile_bound), f"[{COLOURS[found.verdict]}]{found.verdict}[/]")  # fmt: skip
+        table.add_row(
+            first,
+            second,
+            shares[0],
+            f"{shares[1]} to {shares[2]}",
+            bound(found.image_bound),
+            bound(found.tile_bound),
+            f"[{COLOURS[found.verdict]}]{found.verdict}[/]",
+        )
     stdout.print(table)
     for first, second, found in rows:
         stdout.print(f"{first} and {second} {describe(found)}.", markup=False, soft_wrap=True)

@@ -46,8 +46,20 @@ COLUMNS = [
     Column("source", "Where the case comes from."),
     Column("note", "Further observations, or the reason of a skip or failure."),
 ]
-SHORT = ("case", "engine", "tracing", "accelerator", "parameter", "error", "unit", "tolerance", "outcome", "median_ulp",
-         "p999_ulp", "worst_ulp")  # fmt: skip
+SHORT = (
+    "case",
+    "engine",
+    "tracing",
+    "accelerator",
+    "parameter",
+    "error",
+    "unit",
+    "tolerance",
+    "outcome",
+    "median_ulp",
+    "p999_ulp",
+    "worst_ulp",
+)
 WIDEST, NARROW = 120, 100
 COLOURS = {PASS: "green", XFAIL: "yellow", FAIL: "bold red", SKIP: "dim"}
 
@@ -94,8 +106,16 @@ def show(results: Sequence[CheckResult], console: Console) -> None:
 
 def _printed(engine: str, results: Sequence[CheckResult], wide: bool) -> Printed:
     """Errors in ulp have a column where the terminal is wide and a case of the engine measures them."""
-    printed = Printed(title=engine, title_justify="left", title_style="bold", box=None, header_style="dim",
-                      pad_edge=False, collapse_padding=True, padding=(0, 2, 0, 0))  # fmt: skip
+    printed = Printed(
+        title=engine,
+        title_justify="left",
+        title_style="bold",
+        box=None,
+        header_style="dim",
+        pad_edge=False,
+        collapse_padding=True,
+        padding=(0, 2, 0, 0),
+    )
     with_ulps = wide and any(not math.isnan(result.worst_ulp) for result in results)
     printed.add_column("case", no_wrap=True)
     printed.add_column("description", min_width=24, max_width=58)
@@ -143,17 +163,27 @@ def page(results: Sequence[CheckResult], quick: bool, plots: Sequence[Plot] = ()
         sections.setdefault(result.section, {}).setdefault(result.case, []).append(result)
     engines = sorted({(r.engine, r.version, r.precision, r.tracing) for r in results})
     matrix = {
-        (section, *engine): Counter(r.outcome for r in results if (r.section, r.engine, r.version, r.precision, r.tracing)
-                                    == (section, *engine))
-        for section in sections for engine in engines
-    }  # fmt: skip
+        (section, *engine): Counter(
+            r.outcome for r in results if (r.section, r.engine, r.version, r.precision, r.tracing) == (section, *engine)
+        )
+        for section in sections
+        for engine in engines
+    }
     return environment.get_template("verify.html.j2").render(
-        sections=sections, engines=engines, matrix=matrix, counts=counts(results), quick=quick, tolerances=TOLERANCES,
-        outcomes=OUTCOMES, number=number_text, tolerance_text=tolerance_text, accelerator_text=accelerator_text,
+        sections=sections,
+        engines=engines,
+        matrix=matrix,
+        counts=counts(results),
+        quick=quick,
+        tolerances=TOLERANCES,
+        outcomes=OUTCOMES,
+        number=number_text,
+        tolerance_text=tolerance_text,
+        accelerator_text=accelerator_text,
         isnan=math.isnan,
         plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
         worst=lambda rows: [row.result for row in worst_per_check(rows)],
         has_ulps=lambda rows: any(not math.isnan(result.worst_ulp) for result in rows),
         failures=[r for r in results if r.outcome == FAIL],
         expected_failures=[row for row in worst_per_check(results) if row.result.outcome == XFAIL],
-    )  # fmt: skip
+    )

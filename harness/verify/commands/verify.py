@@ -99,8 +99,11 @@ def _engines(options: VerifyOptions, stderr: Console) -> list[EngineInfo]:
     installed = registry.engine_names()
     others = [name for name in installed if name not in DEFAULT_ENGINES]
     if not options.engines and others:
-        stderr.print(f"Engines: {', '.join(DEFAULT_ENGINES)}. Also installed: {', '.join(others)} "
-                     "(--engine NAME, or --engine all).", markup=False, soft_wrap=True)  # fmt: skip
+        stderr.print(
+            f"Engines: {', '.join(DEFAULT_ENGINES)}. Also installed: {', '.join(others)} (--engine NAME, or --engine all).",
+            markup=False,
+            soft_wrap=True,
+        )
     names = dict.fromkeys([*(installed if ALL in options.engines else []), *named]) or DEFAULT_ENGINES
     engines = describe_engines(list(names))
     for engine in engines:
@@ -117,8 +120,10 @@ def _run(jobs: Sequence[Job], processes: int, stderr: Console, done: dict[int, F
         for finished in run_jobs(jobs, processes):
             done[finished.number] = finished
             counted = counts(finished.results)
-            line = (f"verify [{len(done)}/{len(jobs)}] {finished.job.description}: "
-                    f"{counts_text(counted)}, {duration(finished.seconds)}")  # fmt: skip
+            line = (
+                f"verify [{len(done)}/{len(jobs)}] {finished.job.description}: "
+                f"{counts_text(counted)}, {duration(finished.seconds)}"
+            )
             status.update(line)
             if not stderr.is_terminal or counted[FAIL]:
                 stderr.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -28,8 +28,9 @@ class Renderer:
     def change(self, scene, shapes):
         self.scene, self.film = scene, Film(*self.settings.size(scene))
         if shapes is not None:
-            flat = [(s.vertices[s.faces], s.materials) if isinstance(s, Mesh) else ([(s.a, s.b, s.c)], [s.material])
-                    for s in shapes]  # fmt: skip
+            flat = [
+                (s.vertices[s.faces], s.materials) if isinstance(s, Mesh) else ([(s.a, s.b, s.c)], [s.material]) for s in shapes
+            ]
             self.faces = np.concatenate([np.zeros((0, 3, 3)), *(corners for corners, _ in flat)])
             self.ids = np.array([(i, k) for i, (f, _) in enumerate(flat) for k in range(len(f))], int).reshape(-1, 2)
             shown = [scene.materials[index] for _, given in flat for index in given]

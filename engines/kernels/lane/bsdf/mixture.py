@@ -13,13 +13,7 @@ from typing import Any, NamedTuple
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
-from engines.kernels.lane.bsdf.interface import (
-    ALL,
-    SPECULAR_REFLECTION,
-    BSDFSample,
-    LaneBSDF,
-    Spectrum,
-)
+from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum
 from engines.kernels.lane.fresnel import reflect, refract
 from engines.kernels.lane.sampling import cosine_direction, cosine_pdf
 from engines.kernels.lane.vector import Vec3, dot, largest, select3, total
@@ -80,9 +74,19 @@ def _make(diffuse: bool, reflection: bool, transmission: bool) -> LaneBSDF:
         f = select(weighted, glass.reflectance, one)
         g = select(weighted, one - glass.reflectance, one)
         return Lobes(
-            kd, ks, kt, f, g, total(kd), total(ks * f), total(kt * g),
-            reflect(si.direction, si.normal), glass.direction, not glass.total, glass.scale,
-        )  # fmt: skip
+            kd,
+            ks,
+            kt,
+            f,
+            g,
+            total(kd),
+            total(ks * f),
+            total(kt * g),
+            reflect(si.direction, si.normal),
+            glass.direction,
+            not glass.total,
+            glass.scale,
+        )
 
     @inline
     def evaluate(parameters, si, wi):

@@ -16,14 +16,7 @@ import numpy as np
 from engines.kernels.compile.jit import inline
 from engines.kernels.compile.values import const, select
 from engines.kernels.features import SceneFeatures
-from engines.kernels.lane.bsdf.interface import (
-    ALL,
-    SPECULAR_REFLECTION,
-    BSDFSample,
-    LaneBSDF,
-    Spectrum,
-    delta,
-)
+from engines.kernels.lane.bsdf.interface import ALL, SPECULAR_REFLECTION, BSDFSample, LaneBSDF, Spectrum, delta
 from engines.kernels.lane.frame import frame_at, to_local, to_world
 from engines.kernels.lane.fresnel import fresnel_dielectric, reflect
 from engines.kernels.lane.microfacet import Distribution, half_vector

@@ -145,9 +145,21 @@ def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
     @inline
     def surface_of(parameters, si):
         r, g, b, roughness, anisotropic, metallic, eta, spec_tint, sheen, sheen_tint, coat, gloss, flatness, trans = (
-            parameters[0], parameters[1], parameters[2], parameters[3], parameters[4], parameters[5], parameters[6],
-            parameters[7], parameters[8], parameters[9], parameters[10], parameters[11], parameters[12], parameters[13],
-        )  # fmt: skip
+            parameters[0],
+            parameters[1],
+            parameters[2],
+            parameters[3],
+            parameters[4],
+            parameters[5],
+            parameters[6],
+            parameters[7],
+            parameters[8],
+            parameters[9],
+            parameters[10],
+            parameters[11],
+            parameters[12],
+            parameters[13],
+        )
         zero, one, least = const(0.0, r), const(1.0, r), const(0.001, r)
         aspect = np.sqrt(one - const(0.9, r) * anisotropic)
         ax, ay = roughness * roughness / aspect, roughness * roughness * aspect
@@ -165,10 +177,24 @@ def _make_surface_of(transmission: bool, clearcoat: bool) -> Any:
         coat_roughness = _lerp(const(0.1, r), least, gloss)
         coat = coat * const(0.25, r) if clearcoat else zero
         return _Surface(
-            Vec3(r, g, b), tint, roughness, metallic, eta, e, spec_tint, sheen, sheen_tint, coat,
-            coat_roughness * coat_roughness, flatness, (one - metallic) * (one - trans), (one - metallic) * trans,
-            ax, ay, front,
-        )  # fmt: skip
+            Vec3(r, g, b),
+            tint,
+            roughness,
+            metallic,
+            eta,
+            e,
+            spec_tint,
+            sheen,
+            sheen_tint,
+            coat,
+            coat_roughness * coat_roughness,
+            flatness,
+            (one - metallic) * (one - trans),
+            (one - metallic) * trans,
+            ax,
+            ay,
+            front,
+        )
 
     return surface_of
 

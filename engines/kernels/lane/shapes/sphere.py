@@ -46,9 +46,7 @@ def intersection(o, d, center, radius, real):
     normal = to_real(out, real)
     zero = real(0)
     tangent = Vec3(-normal.y, normal.x, zero)
-    return ShapeIntersection(
-        real(t), real(radius), zero, zero, to_real(center + out * radius, real), normal, normal, tangent
-    )
+    return ShapeIntersection(real(t), real(radius), zero, zero, to_real(center + out * radius, real), normal, normal, tangent)
 
 
 @inline

@@ -32,12 +32,18 @@ def ray_frame(d):
     inverse = one / select(along_x, d.x, select(along_y, d.y, d.z))
     sx, sy, sz = -d.x * inverse, -d.y * inverse, -d.z * inverse
     return Frame(
-        Vec3(select(along_x, sy, select(along_y, zero, one)), select(along_x, one, select(along_y, sz, zero)),
-             select(along_x, zero, select(along_y, one, sx))),
-        Vec3(select(along_x, sz, select(along_y, one, zero)), select(along_x, zero, select(along_y, sx, one)),
-             select(along_x, one, select(along_y, zero, sy))),
+        Vec3(
+            select(along_x, sy, select(along_y, zero, one)),
+            select(along_x, one, select(along_y, sz, zero)),
+            select(along_x, zero, select(along_y, one, sx)),
+        ),
+        Vec3(
+            select(along_x, sz, select(along_y, one, zero)),
+            select(along_x, zero, select(along_y, sx, one)),
+            select(along_x, one, select(along_y, zero, sy)),
+        ),
         Vec3(select(along_x, inverse, zero), select(along_y, inverse, zero), select(along_x | along_y, zero, inverse)),
-    )  # fmt: skip
+    )
 
 
 @inline
