@@ -70,8 +70,8 @@ def acne(subject: Subject) -> Iterator[Measurement]:
             held = (
                 sphere(subject.cast(center), scale)
                 if name == "sphere"
-                else mesh(subject.cast(center + scale * body.vertices), body.faces)
-            )  # type: ignore[union-attr]
+                else mesh(subject.cast(center + scale * body.vertices), body.faces)  # type: ignore[union-attr]
+            )
             camera = view(center + scale * np.array([3.0, 2.0, 4.0]), center, 25.0, side)
             wrong = [self_intersecting(subject, [held], camera, direct) for direct in ("light", "bsdf")]
             yield measurement(np.concatenate(wrong), f"{name}, scale {scale:.0e}, offset {far:.0e}")
