@@ -41,35 +41,35 @@ def made(tmp_path):
 
 def test_an_engine_of_another_lineage_that_makes_the_same_image_certifies(made):
     _, found = made("Apart", spp=8192)
-    assert found["verdict"] == "equivalent" and found["image_bound"] < 0.005 and found["tile_bound"] < 0.05
-    assert found["difference"] != 0, "it draws other random numbers"
-    assert (found["lineage"], found["reference_lineage"]) == ("apart", "steady") and certificates.certifies(found)
+    assert found.verdict == "equivalent" and found.image_bound < 0.005 and found.tile_bound < 0.05
+    assert found.difference != 0, "it draws other random numbers"
+    assert (found.lineage, found.reference_lineage) == ("apart", "steady") and certificates.certifies(found)
     said = certificates.words(found)
     assert said.startswith("certified by fake_engines:Apart (12x8, 8192 spp): image means differ by at most 0.")
 
 
 def test_one_that_draws_the_same_numbers_needs_few(made):
     _, found = made("Other", spp=64)
-    assert found["verdict"] == "identical" and found["image_bound"] < 1e-12 and certificates.certifies(found)
+    assert found.verdict == "identical" and found.image_bound < 1e-12 and certificates.certifies(found)
 
 
 def test_a_brighter_engine_does_not(made):
     _, found = made("Brighter")
-    assert found["verdict"] == "different" and not certificates.certifies(found)
-    assert found["difference"] == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
+    assert found.verdict == "different" and not certificates.certifies(found)
+    assert found.difference == pytest.approx(fake_engines.Brighter.factor - 1, abs=0.004)
     assert "REFUTED" in certificates.words(found)
 
 
 def test_few_samples_are_unresolved(made):
     _, found = made("Apart", spp=8)
-    assert found["verdict"] == "unresolved" and not certificates.certifies(found)
+    assert found.verdict == "unresolved" and not certificates.certifies(found)
     said = certificates.words(found)
     assert said.startswith("uncertified: ") and "more samples are needed" in said
 
 
 def test_an_engine_that_cannot_says_why(made):
     _, found = made("Picky", spp=8)
-    assert found["verdict"] == "impossible" and certificates.words(found) == "uncertified: it never feels like it"
+    assert found.verdict == "impossible" and certificates.words(found) == "uncertified: it never feels like it"
 
 
 def test_one_with_bad_samples_makes_no_certificate(made):
@@ -82,7 +82,7 @@ def test_certifying_changes_no_id_and_a_certificate_is_found_again(made, tmp_pat
     (plain,) = planner.make(config.load(sweeping.write(tmp_path)), True).references.values()
     assert plain.reference_id == wanted.reference_id and plain.certifier is None
     again = certificates.existing(wanted, tmp_path / "refs")
-    assert again is not None and again["certificate_id"] == found["certificate_id"]
+    assert again is not None and again.certificate_id == found.certificate_id
     certificates.path_of(wanted, tmp_path / "refs").write_text("{")
     with pytest.raises(ConfigError, match="remove it to make it anew"):
         certificates.existing(wanted, tmp_path / "refs")
@@ -159,8 +159,8 @@ def test_a_run_records_it_once_and_the_report_says_it_first(tmp_path):
     path, out = sweeping.write(tmp_path, certified_by(fake("Brighter"))), tmp_path / "results" / "small"
     _, listener = sweeping.run(path, out, ["repeats=1"])
     sweeping.run(path, out, ["repeats=1"])
-    (event,) = [e for e in store.read_events(out) if e["event"] == "certificate"]
-    assert event["verdict"] == "different" and "machine" not in event
+    (event,) = [e for e in store.read_events(out) if e.event == "certificate"]
+    assert event.verdict == "different" and not hasattr(event, "machine")
     assert any("REFUTED" in note for note in listener.notes)
     text = write_derived(out).read_text()
     said = "The reference of ball is in doubt. REFUTED: fake_engines:Brighter"
@@ -223,7 +223,7 @@ def test_a_certificate_takes_as_many_pairs_of_images_as_time_allowed(tmp_path, m
     counts, rng = iter((5, 3)), np.random.default_rng(1)
     monkeypatch.setattr(certificates, "_images", lambda *given: list(rng.uniform(size=(next(counts), 8, 12, 3))))
     event = certificates.make(wanted, tmp_path, None, lambda done, count: None)
-    assert event["spp"] == 3 * wanted.certifier.spp and event["verdict"] in ("equivalent", "unresolved", "different")
+    assert event.spp == 3 * wanted.certifier.spp and event.verdict in ("equivalent", "unresolved", "different")
 
 
 @pytest.mark.parametrize(
