@@ -174,11 +174,10 @@ def test_a_reference_without_a_certificate_is_uncertified_in_the_first_lines(tmp
     assert "uncertified: no engine of another lineage has made its image" in text
 
 
-def test_certificates_of_old_and_of_ones_own_lineage_certify_nothing():
-    old = {"verdict": "equivalent", "engine": "numba", "difference": 0.0, "low": 0.0, "high": 0.0}
-    assert not certificates.certifies(old) and "older rule" in certificates.words(old)
-    bounds = {"image_bound": 0.001, "tile_bound": 0.01, "spp": 8}
-    own = {**old, **bounds, "lineage": "raybench-kernels", "reference_lineage": "raybench-kernels"}
+def test_a_certificate_of_the_references_own_lineage_certifies_nothing(made):
+    _, found = made("Apart", spp=8192)
+    assert certificates.certifies(found)
+    own = found.replaced(lineage=found.reference_lineage)
     assert not certificates.certifies(own) and "own lineage" in certificates.words(own)
 
 
@@ -209,10 +208,9 @@ def test_a_stored_reference_with_bad_samples_is_refused(made, tmp_path):
     wanted, _ = made("Other", spp=8)
     folder = wanted.folder(tmp_path / "refs")
     meta = store.reference_files.meta_of(folder)
-    with np.load(folder / meta["file"]) as parts:
-        np.savez(folder / meta["file"], **{**parts, "bad_samples": np.array(2)})
-    meta["sha256"] = store.reference_files.checksum(folder / meta["file"])
-    store.write_json(folder / "reference.json", meta)
+    with np.load(folder / meta.file) as parts:
+        np.savez(folder / meta.file, **{**parts, "bad_samples": np.array(2)})
+    store.reference_files.write_meta(folder, meta.replaced(sha256=store.reference_files.checksum(folder / meta.file)))
     with pytest.raises(ConfigError, match="2 of this reference's samples are NaN or infinite"):
         store.reference_files.read(folder, wanted.reference_id, wanted.scene_hash)
 

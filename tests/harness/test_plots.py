@@ -176,7 +176,7 @@ def test_a_point_below_three_standard_errors_is_no_part_of_the_line(analysis):
     contestant = dataclasses.replace(verdict.contestant, cells=tuple(map(unsure, verdict.contestant.done)))
     verdict = dataclasses.replace(verdict, contestant=contestant)
     assert band(analysis.results, verdict, "spp").noisy[-1]
-    panel = panel._replace(verdicts=[verdict, *others])
+    panel = dataclasses.replace(panel, verdicts=[verdict, *others])
     assert error_curves(analysis, panel, Palette(analysis.results), "spp") is not None
 
 

@@ -120,9 +120,9 @@ def test_a_stale_reference_is_refused(made, tmp_path):
 def test_a_damaged_reference_is_refused_with_what_to_do(made, tmp_path):
     wanted, meta, _ = made(8)
     folder = wanted.folder(tmp_path / "refs")
-    data = bytearray((folder / meta["file"]).read_bytes())
+    data = bytearray((folder / meta.file).read_bytes())
     data[len(data) // 2] ^= 1
-    (folder / meta["file"]).write_bytes(data)
+    (folder / meta.file).write_bytes(data)
     with pytest.raises(ConfigError, match=f"its checksum is not the recorded one: remove {folder}"):
         read(wanted, tmp_path / "refs")
     (folder / "reference.json").write_text("{")
