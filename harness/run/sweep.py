@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness import store
+from harness.analysis.certificates import certificate_text, certifies
 from harness.analysis.targets import automatic_targets
 from harness.hashing import digest
 from harness.measure import machine
@@ -257,8 +258,8 @@ class Sweep:
         said = [e["certificate_id"] for e in self.recorder.history if e["event"] == "certificate"]
         if found["certificate_id"] not in said:
             self.recorder.append({key: value for key, value in found.items() if key != "machine"})
-            if not certificates.certifies(found):
-                self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
+            if not certifies(found):
+                self.listener.note(f"reference of {wanted.describe()}: {certificate_text(found)}")
 
     # --- verify jobs ------------------------------------------------------------------------------------------------
 

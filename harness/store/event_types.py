@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from harness.check_results import CheckResult
 from harness.store import confined
-from harness.verify.check_result import CheckResult
 
 
 def _path(text: str) -> str:

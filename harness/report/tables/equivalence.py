@@ -9,6 +9,7 @@ from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
 from harness.analysis.equivalence import bound, margins_of, rests_on
 from harness.analysis.model import bias_sizes
+from harness.check_results import CheckResult, worst_per_check
 from harness.statistics import Equivalence, Estimate
 
 SCENE = Column("scene", "Scene that was rendered.")
@@ -143,9 +144,6 @@ def verdict_text(found: Equivalence) -> str:
 
 def accuracy(analysis: Analysis) -> Table:
     """Results of the accuracy suite, where the config has `verify`: the worst of each check, and every failure."""
-    from harness.verify.suite import CheckResult
-    from harness.verify.summary import worst_per_check
-
     table = Table(
         "accuracy",
         "Accuracy",
