@@ -18,7 +18,7 @@ from harness.report.plots.curves import error_curves, pareto, shows_slopes, targ
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives, shows_exponents
 from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, formats, save
-from harness.verify.check_result import CheckResult
+from harness.check_results import CheckResult
 
 OF_A_PANEL = {
     "error-over-time": "error over warm time",
