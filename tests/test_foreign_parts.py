@@ -16,7 +16,7 @@ from engines.external.scenes import FORMATS
 from engines.kernels.resolve import known
 from engines.kernels.stages.camera import RAYS
 from engines.scene import Camera, CustomCamera, Diffuse, Mask, Material, Sides, save_scene
-from engines.scene.bsdf import is_opaque
+from engines.scene.bsdf_tree import is_opaque
 from tests.plain_scene import plain_scene
 
 ENGINES = ("numpy", "numba", "embree", "embreex_batch", "mitsuba", "mitsuba_scalar", "luxcore", "cycles")

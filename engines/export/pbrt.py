@@ -24,7 +24,7 @@ from engines.mitsuba.lights import LIGHTS
 from engines.mitsuba.nodes import facing
 from engines.mitsuba.shapes import SHAPES, extent
 from engines.mitsuba.textures import largest
-from engines.scene.support import foreign, model_of
+from engines.scene.support import foreign
 
 PLANE_EXTENTS = 1e3
 KNOWN: frozenset[type] = frozenset(
@@ -55,7 +55,7 @@ def _lacks(scene: model.Scene) -> str | None:
     if lacks := camera_lacks(scene.camera) or _view_lacks(scene.camera):
         return f"pbrt does not support {lacks}"
     for material in scene.materials:
-        if lacks := material_lacks(material) or _bsdf_lacks(model_of(material)):
+        if lacks := material_lacks(material) or _bsdf_lacks(material.as_bsdf):
             return f"material {material.name!r}: pbrt does not support {lacks}"
     return next(filter(None, map(_light_lacks, scene.lights)), None)
 
@@ -137,7 +137,7 @@ def _light(light: model.Light) -> Iterator[str]:
 
 
 def _material(name: str, material: model.Material) -> Iterator[str]:
-    bsdf = model_of(material)
+    bsdf = material.as_bsdf
     if isinstance(bsdf, model.Conductor):
         yield _named(name, "conductor", f"{_rgb('eta', bsdf.eta)} {_rgb('k', bsdf.k)} {_roughness(bsdf.alpha)}")
     elif isinstance(bsdf, model.Dielectric):

@@ -28,7 +28,7 @@ from engines.scene import (
     Sides,
     ThinDielectric,
 )
-from engines.scene.support import members, model_of
+from engines.scene.bsdf_tree import members
 
 
 def painted(scene: Scene) -> tuple[Scene, float]:
@@ -36,7 +36,7 @@ def painted(scene: Scene) -> tuple[Scene, float]:
 
     Shapes are not identified by `shape_index` of the scalar variant: its values were wrong for all shapes of one scene.
     """
-    shown = [_shown(model_of(material), material) for material in scene.materials]
+    shown = [_shown(material.as_bsdf, material) for material in scene.materials]
     scale = max([1.0, *(largest(part.reflectance) for bsdf in shown for part in members(bsdf) if isinstance(part, Diffuse))])
     materials = tuple(
         Material(material.name, bsdf=_divided(bsdf, scale)) for material, bsdf in zip(scene.materials, shown, strict=True)
@@ -47,7 +47,7 @@ def painted(scene: Scene) -> tuple[Scene, float]:
 def albedo_lacks(scene: Scene) -> str | None:
     """One sentence on what Mitsuba cannot show of the scene, or None."""
     for material in scene.materials:
-        of_textures = (is_texture(color) for part in members(model_of(material)) for color in _colors(part))
+        of_textures = (is_texture(color) for part in members(material.as_bsdf) for color in _colors(part))
         if material.emits and any(of_textures):
             return f"material {material.name!r}: Mitsuba's albedo has no emission where a texture is black"
     return None

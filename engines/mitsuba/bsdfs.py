@@ -8,7 +8,6 @@ normal maps of what transmits tilt the front, there and here; opaque models besi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from typing import Any
 
 from engines.mitsuba.nodes import Node, rgb
@@ -32,25 +31,11 @@ from engines.scene import (
     Sides,
     ThinDielectric,
 )
-from engines.scene.bsdf import leaves
-from engines.scene.support import members, model_of
+from engines.scene.bsdf_tree import is_opaque, leaves, members, own_textures, uses_uvs
 
 WRAPPERS = (Mask, Blend, Bump, NormalMap, Sides)
 TILTS = (Bump, NormalMap)
 DARK = Diffuse(BLACK)
-
-
-def transmits(bsdf: Bsdf) -> bool:
-    """Whether anything reaches the other side."""
-    return any(map(_transmits, members(bsdf)))
-
-
-def _transmits(part: Bsdf) -> bool:
-    if isinstance(part, Mixture):
-        return largest(part.kt) > 0.0
-    if isinstance(part, Principled):
-        return largest(part.spec_trans) > 0.0
-    return isinstance(part, (Dielectric, ThinDielectric, Null, Mask))
 
 
 # ---- what is lacking -------------------------------------------------------------------------------------------------
@@ -58,7 +43,7 @@ def _transmits(part: Bsdf) -> bool:
 
 def material_lacks(material: Material) -> str | None:
     """What Mitsuba does not support of a material, or None."""
-    bsdf = model_of(material)
+    bsdf = material.as_bsdf
     found = next(filter(None, map(_lacks, members(bsdf))), None)
     if found is None and material.emits and material.two_sided:
         found = _two_surfaces_lack(bsdf)
@@ -73,7 +58,7 @@ def _lacks(part: Bsdf) -> str | None:
         return _mixture_lacks(part)
     if isinstance(part, Dielectric) and rough(part.alpha) and part.ior == 1.0:
         return "a rough dielectric of index 1"
-    if isinstance(part, Sides) and any(side is not None and transmits(side) for side in (part.front, part.back)):
+    if isinstance(part, Sides) and not all(side is None or is_opaque(side) for side in (part.front, part.back)):
         return "sides that transmit"
     return _tilt_lacks(part) if isinstance(part, TILTS) else None
 
@@ -106,9 +91,9 @@ def _two_surfaces_lack(bsdf: Bsdf) -> str | None:
     """What emits on both sides is two surfaces there."""
     if isinstance(bsdf, Mixture) and largest(bsdf.kt) > 0.0:
         return "glass that emits on both sides"
-    if transmits(bsdf) or any(isinstance(part, (Mask, Null)) for part in members(bsdf)):
+    if not is_opaque(bsdf):
         return "transmission through a surface that emits on both sides"
-    if directed(bsdf) or any(isinstance(part, Sides) for part in members(bsdf)):
+    if uses_uvs(bsdf) or any(isinstance(part, Sides) for part in members(bsdf)):
         return "textures, anisotropy and sides of a surface that emits on both"
     return None
 
@@ -117,30 +102,11 @@ def out_of_range(part: Bsdf) -> bool:
     """Whether a texture leaves [0, 1], to which raybench holds it, and Mitsuba does not."""
     if isinstance(part, TILTS):
         return False
-    return any(least(texture) < 0.0 or largest(texture) > 1.0 for texture in _textures(part))
-
-
-def _textures(part: Bsdf) -> list[Any]:
-    return [value for field in fields(part) for value in _each(getattr(part, field.name)) if is_texture(value)]
-
-
-def _each(value: Any) -> tuple[Any, ...]:
-    return value if isinstance(value, tuple) else (value,)
-
-
-def directed(bsdf: Bsdf) -> bool:
-    """Whether its frame or its texture coordinates matter."""
-    return any(_textures(part) or anisotropic(part) for part in members(bsdf))
-
-
-def anisotropic(part: Bsdf) -> bool:
-    if isinstance(part, Principled):
-        return largest(part.anisotropic) > 0.0
-    return isinstance(part, (Conductor, Dielectric)) and part.alpha[0] != part.alpha[1]
+    return any(least(texture) < 0.0 or largest(texture) > 1.0 for texture in own_textures(part))
 
 
 def rough(alpha: Any) -> bool:
-    return any(is_texture(value) or value > 0.0 for value in _each(alpha))
+    return any(is_texture(value) or value > 0.0 for value in alpha)
 
 
 # ---- wrappers --------------------------------------------------------------------------------------------------------
@@ -148,7 +114,7 @@ def rough(alpha: Any) -> bool:
 
 def bsdf_node(bsdf: Bsdf, textures: Textures) -> Node:
     """The BSDF of a material that `material_lacks` nothing."""
-    if not transmits(bsdf):
+    if is_opaque(bsdf):
         front, back = _seen(bsdf, "front"), _seen(bsdf, "back")
         if any(isinstance(part, Sides) for part in members(bsdf)):
             return _of_two_sides(front, back, textures)
@@ -175,7 +141,7 @@ def _outwards(bsdf: Any) -> Any:
 
 def _is_mixed(blend: Blend) -> bool:
     """Whether light passes one of its models and another one is opaque."""
-    return len({transmits(leaf) for leaf in leaves(blend)}) == 2
+    return len({is_opaque(leaf) for leaf in leaves(blend) if leaf is not None}) == 2
 
 
 def _tilted(like: Any, of: Bsdf) -> Bsdf:

@@ -16,7 +16,7 @@ from engines.mitsuba.nodes import Node, Placing
 from engines.mitsuba.shapes import SHAPES, Part, emission_lacks, parts, planes_lack
 from engines.mitsuba.textures import TEXTURES, Textures
 from engines.scene import Scene
-from engines.scene.support import foreign, model_of
+from engines.scene.support import foreign
 
 __all__ = ["KNOWN", "Description", "described", "scene_lacks"]
 
@@ -32,7 +32,7 @@ class Description:
 def described(scene: Scene, placing: Placing, robust: bool = True) -> Description:
     """Materials, shapes and lights; the caller adds the sensor and the integrator. `scene_lacks` must have agreed."""
     textures = Textures(placing)
-    materials = {f"material_{index}": bsdf_node(model_of(material), textures) for index, material in enumerate(scene.materials)}
+    materials = {f"material_{index}": bsdf_node(material.as_bsdf, textures) for index, material in enumerate(scene.materials)}
     found = tuple(parts(scene, placing, textures))
     nodes: Node = {"type": "scene", "embree_use_robust_intersections": robust, **textures.nodes, **materials}
     for index, part in enumerate(found):

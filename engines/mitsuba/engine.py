@@ -19,7 +19,7 @@ from engines.mitsuba.nodes import Placing
 from engines.mitsuba.patterns import LARGEST, USUAL, full_pattern
 from engines.mitsuba.textures import Textures
 from engines.scene import Camera, Mask, Null, Principled, Scene, ThinLens
-from engines.scene.support import members, model_of, tilts_null_lobes
+from engines.scene.bsdf_tree import members, tilts_null_lobes
 
 _OPTIONS = {"robust": Option(True, "Embree's watertight traversal (embree_use_robust_intersections)", one_of(True, False))}
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": _OPTIONS, "embree": _OPTIONS}
@@ -176,13 +176,13 @@ def shader_lacks(scene: Scene, shader: str) -> str | None:
     if shader not in ("whitted", "no_shadows"):
         return None
     for material in scene.materials:
-        if any(isinstance(part, (Mask, Null, Principled)) for part in members(model_of(material))):
+        if any(isinstance(part, (Mask, Null, Principled)) for part in members(material.as_bsdf)):
             return f"material {material.name!r}: in Mitsuba {shader} has no masks, no null and no principled BSDFs"
     return None
 
 
 def _null_lobes_lack(scene: Scene) -> str | None:
-    tilted = (material.name for material in scene.materials if tilts_null_lobes(material))
+    tilted = (material.name for material in scene.materials if tilts_null_lobes(material.as_bsdf))
     said = "with transparent_shadows Mitsuba's light samples do not pass what lies inside of bump and normal maps"
     return next((f"material {name!r}: {said}" for name in tilted), None)
 
@@ -190,7 +190,7 @@ def _null_lobes_lack(scene: Scene) -> str | None:
 def _blends_lack(scene: Scene) -> str | None:
     nothing = Textures(Placing(lambda *_: "", lambda *_: {}))
     for material in scene.materials:
-        node = bsdf_node(model_of(material), nothing)
+        node = bsdf_node(material.as_bsdf, nothing)
         if blends.exact(node) != node:
             return (
                 f"material {material.name!r}: Mitsuba's blends of smooth and specular lobes are biased, and the exact one "

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.mitsuba.bsdfs import anisotropic, directed
 from engines.mitsuba.nodes import Array, Node, Placing, facing
 from engines.mitsuba.textures import Textures
 from engines.scene import BLACK, Cylinder, Disk, Material, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
-from engines.scene.support import members, model_of
+from engines.scene.bsdf_tree import anisotropic, members, uses_uvs
 from engines.scene.textures import IDENTITY
 
 PLANE_EXTENTS = 1e4
@@ -59,7 +58,7 @@ def extent(scene: Scene) -> float:
 def planes_lack(scene: Scene) -> str | None:
     """One sentence on what Mitsuba does not support of the scene's planes, which are disks there, or None."""
     for shape in scene.shapes:
-        if isinstance(shape, Plane) and directed(bsdf := model_of(material := scene.materials[shape.material])):
+        if isinstance(shape, Plane) and uses_uvs(bsdf := (material := scene.materials[shape.material]).as_bsdf):
             turned = next((type(part).__name__.lower() for part in members(bsdf) if anisotropic(part)), None)
             what = "textures" if turned is None else f"an anisotropic {turned}"
             return f"material {material.name!r}: Mitsuba does not support {what} on a plane"

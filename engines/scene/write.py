@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from engines.errors import ConfigError
 from engines.image import decoded_srgb, write_channels, write_image
-from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides, is_opaque
+from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.bsdf_tree import is_opaque
 from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
 from engines.scene.formats.ply import ply_bytes
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from engines.errors import suggestion
 from engines.scene.bsdf import MAX_PARTS, Blend, Bsdf, Bump, Mask, NormalMap, Sides
+from engines.scene.bsdf_tree import transmits
 from engines.scene.metals import METALS
 from engines.scene.mitsuba_xml.colors import INDEX, color
 from engines.scene.mitsuba_xml.context import Importer
@@ -28,7 +29,6 @@ from engines.scene.models import (
     ThinDielectric,
     principled_eta,
 )
-from engines.scene.support import transmits
 from engines.scene.textures import Color, Number
 from engines.scene.triple import BLACK, WHITE, Triple
 

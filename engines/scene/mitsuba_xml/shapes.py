@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import Bsdf, Conductor, Dielectric, Diffuse, Principled, Sides, is_textured
+from engines.scene.bsdf import Bsdf, Diffuse, Sides
+from engines.scene.bsdf_tree import anisotropic, is_textured, leaves
 from engines.scene.geometry import unit_rows, with_face_normals
 from engines.scene.mesh import Mesh, faceted
 from engines.scene.mitsuba_xml import tessellate
@@ -21,7 +22,7 @@ from engines.scene.mitsuba_xml.properties import Plugin
 from engines.scene.mitsuba_xml.tessellate import Triangles
 from engines.scene.mitsuba_xml.transforms import Matrix, cofactors, mirrored, placed, similarity
 from engines.scene.shapes import PART, Cylinder, Disk, Shape, Sphere
-from engines.scene.textures import Checkerboard, Color, ImageTexture, Texture
+from engines.scene.textures import Color, Texture
 from engines.scene.triple import BLACK, Triple
 
 UNTURNED = 1e-6
@@ -42,7 +43,7 @@ class Look:
 
     @property
     def looks_at_uv(self) -> bool:
-        return isinstance(self.radiance, Texture) or looks_at_uv(self.bsdf)
+        return isinstance(self.radiance, Texture) or is_textured(self.bsdf)
 
 
 def shape(importer: Importer, plugin: Plugin) -> Shape:
@@ -77,32 +78,6 @@ def _look(importer: Importer, plugin: Plugin) -> Look:
         return Look(None, radiance, "emitter")
     importer.one_sided["shapes without a BSDF"] = None
     return Look(Sides(Diffuse(), None), BLACK, "default")
-
-
-# ---- what materials ask of shapes ------------------------------------------------------------------------------------
-
-
-def looks_at_uv(found: Bsdf | None) -> bool:
-    """Whether a BSDF depends on where a texture coordinate of 0 lies, or on anything but the direction in which u grows."""
-    if found is None:
-        return False
-    values = [getattr(found, item.name) for item in fields(found)]
-    if any(isinstance(value, ImageTexture | Checkerboard) for value in values):
-        return True
-    inner = [value for value in values if isinstance(value, Bsdf)]
-    pairs = [part for value in values if isinstance(value, tuple) for part in value]
-    return any(isinstance(part, ImageTexture | Checkerboard) for part in pairs) or any(map(looks_at_uv, inner))
-
-
-def anisotropic(found: Bsdf | None) -> bool:
-    """Whether a BSDF depends on the direction in which u grows."""
-    if found is None:
-        return False
-    if isinstance(found, Conductor | Dielectric):
-        return found.alpha[0] is not found.alpha[1] and found.alpha[0] != found.alpha[1]
-    if isinstance(found, Principled):
-        return found.anisotropic != 0.0
-    return any(anisotropic(value) for item in fields(found) if isinstance(value := getattr(found, item.name), Bsdf))
 
 
 # ---- triangles -------------------------------------------------------------------------------------------------------
@@ -208,7 +183,7 @@ def _sphere(importer: Importer, plugin: Plugin, look: Look) -> Shape:
         stretched = similarity(plugin.transform()[:3, :3]) is None
         shown = ", where Mitsuba 3 shows a sphere" if stretched else ""
         importer.notes.add(f"an ellipsoid is made of triangles{shown}", plugin.element)
-    elif turned_round and (look.looks_at_uv or anisotropic(look.bsdf)):
+    elif turned_round and (look.looks_at_uv or any(map(anisotropic, leaves(look.bsdf)))):
         importer.notes.add("a sphere that is turned and has a texture, or a direction, is made of triangles", plugin.element)
     elif inside_out and look.emits:
         importer.notes.add("a sphere that emits inwards is made of triangles", plugin.element)
