@@ -18,12 +18,13 @@ import numpy as np
 import engines.scene as model
 from engines.errors import Unsupported
 from engines.export.files import Beside, numbers
-from engines.mitsuba.bsdfs import material_lacks, rough
+from engines.mitsuba.bsdfs import material_lacks
 from engines.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.mitsuba.lights import LIGHTS
 from engines.mitsuba.nodes import facing
 from engines.mitsuba.shapes import SHAPES, extent
 from engines.mitsuba.textures import largest
+from engines.scene.leaf_fields import is_rough
 from engines.scene.support import foreign
 
 PLANE_EXTENTS = 1e3
@@ -79,7 +80,7 @@ def _light_lacks(light: model.Light) -> str | None:
 def _bsdf_lacks(bsdf: model.Bsdf) -> str | None:
     if isinstance(bsdf, model.Conductor) and bsdf.reflectance != model.WHITE:
         return "a conductor whose reflectance is scaled"
-    if isinstance(bsdf, (model.Conductor, model.Dielectric)) and rough(bsdf.alpha):
+    if isinstance(bsdf, (model.Conductor, model.Dielectric)) and is_rough(bsdf):
         if bsdf.alpha[0] != bsdf.alpha[1]:
             return f"the tangents of an anisotropic {type(bsdf).__name__.lower()}"
         if bsdf.distribution != "ggx":

@@ -11,28 +11,12 @@ from collections.abc import Callable
 from typing import Any
 
 from engines.mitsuba.nodes import Node, rgb
-from engines.mitsuba.textures import Textures, is_texture, largest, least, scaled
-from engines.scene import (
-    BLACK,
-    Blend,
-    Bsdf,
-    Bump,
-    Checkerboard,
-    Conductor,
-    Dielectric,
-    Diffuse,
-    Mask,
-    Material,
-    Mixture,
-    NormalMap,
-    Null,
-    Plastic,
-    Principled,
-    Sides,
-    ThinDielectric,
-)
+from engines.mitsuba.textures import Textures, largest, least, scaled
+from engines.scene import BLACK, Blend, Bsdf, Bump, Checkerboard, Dielectric, Diffuse, Mask, Material, Mixture, NormalMap, Sides
 from engines.scene.bsdf_tree import is_opaque, leaves, members, own_textures, uses_uvs
+from engines.scene.leaf_fields import LEAF_PLUGINS, Kind, LeafField, is_rough
 
+MODELS = (Mixture, *LEAF_PLUGINS)
 WRAPPERS = (Mask, Blend, Bump, NormalMap, Sides)
 TILTS = (Bump, NormalMap)
 DARK = Diffuse(BLACK)
@@ -56,7 +40,7 @@ def _lacks(part: Bsdf) -> str | None:
         return "textures that leave the range in which raybench holds them"
     if isinstance(part, Mixture):
         return _mixture_lacks(part)
-    if isinstance(part, Dielectric) and rough(part.alpha) and part.ior == 1.0:
+    if isinstance(part, Dielectric) and is_rough(part) and part.ior == 1.0:
         return "a rough dielectric of index 1"
     if isinstance(part, Sides) and not all(side is None or is_opaque(side) for side in (part.front, part.back)):
         return "sides that transmit"
@@ -103,10 +87,6 @@ def out_of_range(part: Bsdf) -> bool:
     if isinstance(part, TILTS):
         return False
     return any(least(texture) < 0.0 or largest(texture) > 1.0 for texture in own_textures(part))
-
-
-def rough(alpha: Any) -> bool:
-    return any(is_texture(value) or value > 0.0 for value in alpha)
 
 
 # ---- wrappers --------------------------------------------------------------------------------------------------------
@@ -179,7 +159,7 @@ def _one_sided(bsdf: Bsdf, textures: Textures) -> Node:
         return _blend(bsdf, textures, _one_sided)
     if isinstance(bsdf, TILTS):
         return _tilt(bsdf, textures, _one_sided)
-    return MODELS[type(bsdf)](bsdf, textures)
+    return _mixture(bsdf, textures) if isinstance(bsdf, Mixture) else _leaf(bsdf, textures)
 
 
 def _tilt(bsdf: Bump | NormalMap, textures: Textures, inner: Callable[[Bsdf, Textures], Node]) -> Node:
@@ -195,102 +175,45 @@ def _tilt(bsdf: Bump | NormalMap, textures: Textures, inner: Callable[[Bsdf, Tex
 def _mixture(part: Mixture, textures: Textures) -> Node:
     diffuse, mirror = largest(part.kd), largest(part.ks)
     if largest(part.kt) > 0.0:
-        return {
-            "type": "dielectric",
-            "int_ior": part.ior,
-            "ext_ior": 1.0,
-            "specular_reflectance": textures.color(part.ks),
-            "specular_transmittance": textures.color(part.kt),
-        }
+        return _leaf(Dielectric(part.ior, reflectance=part.ks, transmittance=part.kt), textures)
     if mirror == 0.0:
-        return _diffuse(Diffuse(part.kd), textures)
+        return _leaf(Diffuse(part.kd), textures)
     if diffuse == 0.0:
         return _mirror(part.ks, textures)
     weight = mirror / (diffuse + mirror)
     kd, ks = (scaled(lobe, 1.0 / share) for lobe, share in ((part.kd, 1.0 - weight), (part.ks, weight)))
-    lobes = {"bsdf_0": _diffuse(Diffuse(kd), textures), "bsdf_1": _mirror(ks, textures)}
+    lobes = {"bsdf_0": _leaf(Diffuse(kd), textures), "bsdf_1": _mirror(ks, textures)}
     return {"type": "blendbsdf", "weight": weight, **lobes}
-
-
-def _diffuse(part: Diffuse, textures: Textures) -> Node:
-    return {"type": "diffuse", "reflectance": textures.color(part.reflectance)}
 
 
 def _mirror(reflectance: Any, textures: Textures) -> Node:
     return {"type": "conductor", "material": "none", "specular_reflectance": textures.color(reflectance)}
 
 
-def _conductor(part: Conductor, textures: Textures) -> Node:
-    node: Node = {"type": "conductor", "eta": rgb(part.eta), "k": rgb(part.k)}
-    node["specular_reflectance"] = textures.color(part.reflectance)
-    return node if not rough(part.alpha) else {**node, "type": "roughconductor", **_facets(part, textures)}
+def _leaf(part: Bsdf, textures: Textures) -> Node:
+    plugin = LEAF_PLUGINS[type(part)]
+    kind = plugin.plugin_of(part)
+    node: Node = {"type": kind}
+    for item in plugin.fields_of(kind):
+        node |= _parameters(item, getattr(part, item.name), textures)
+    return node
 
 
-def _facets(part: Conductor | Dielectric, textures: Textures) -> Node:
-    alpha_u, alpha_v = map(textures.number, part.alpha)
-    return {"distribution": part.distribution, "alpha_u": alpha_u, "alpha_v": alpha_v}
-
-
-def _dielectric(part: Dielectric, textures: Textures) -> Node:
-    node = {"type": "dielectric", **_interface(part, textures)}
-    return node if not rough(part.alpha) else {**node, "type": "roughdielectric", **_facets(part, textures)}
-
-
-def _interface(part: Dielectric | ThinDielectric, textures: Textures) -> Node:
-    return {
-        "int_ior": float(part.ior),
-        "ext_ior": 1.0,
-        "specular_reflectance": textures.color(part.reflectance),
-        "specular_transmittance": textures.color(part.transmittance),
-    }
-
-
-def _thin_dielectric(part: ThinDielectric, textures: Textures) -> Node:
-    return {"type": "thindielectric", **_interface(part, textures)}
-
-
-def _plastic(part: Plastic, textures: Textures) -> Node:
-    node: Node = {
-        "type": "plastic",
-        "diffuse_reflectance": textures.color(part.diffuse),
-        "int_ior": float(part.ior),
-        "ext_ior": 1.0,
-        "nonlinear": part.nonlinear,
-        "specular_reflectance": textures.color(part.reflectance),
-    }
-    if part.alpha == 0.0:
-        return node
-    return {**node, "type": "roughplastic", "alpha": float(part.alpha), "distribution": part.distribution}
-
-
-def _principled(part: Principled, textures: Textures) -> Node:
-    names = (
-        "roughness",
-        "anisotropic",
-        "metallic",
-        "spec_tint",
-        "sheen",
-        "sheen_tint",
-        "clearcoat",
-        "clearcoat_gloss",
-        "flatness",
-        "spec_trans",
-    )
-    numbers = {name: textures.number(getattr(part, name)) for name in names}
-    return {"type": "principled", "base_color": textures.color(part.base_color), "eta": float(part.eta), **numbers}
-
-
-def _null(part: Null, textures: Textures) -> Node:
-    return {"type": "null"}
-
-
-MODELS: dict[type, Callable[[Any, Textures], Node]] = {
-    Mixture: _mixture,
-    Diffuse: _diffuse,
-    Conductor: _conductor,
-    Dielectric: _dielectric,
-    ThinDielectric: _thin_dielectric,
-    Plastic: _plastic,
-    Principled: _principled,
-    Null: _null,
-}
+def _parameters(item: LeafField, value: Any, textures: Textures) -> Node:
+    """What a field is in Mitsuba's terms."""
+    match item.kind:
+        case Kind.COLOR:
+            return {item.parameter: textures.color(value)}
+        case Kind.NUMBER:
+            return {item.parameter: textures.number(value)}
+        case Kind.SPECTRUM:
+            return {item.parameter: rgb(value)}
+        case Kind.IOR:
+            return {item.parameter: float(value), "ext_ior": 1.0}
+        case Kind.ROUGHNESSES:
+            alpha_u, alpha_v = map(textures.number, value)
+            return {"alpha_u": alpha_u, "alpha_v": alpha_v}
+        case Kind.ETA | Kind.ROUGHNESS:
+            return {item.parameter: float(value)}
+        case Kind.FLAG | Kind.DISTRIBUTION:
+            return {item.parameter: value}
