@@ -11,10 +11,10 @@ import pytest
 
 import engines
 from engines.errors import ConfigError, RaybenchError, Unsupported
-from engines.export import export
-from engines.external.scenes import FORMATS
 from engines.kernels.resolve import known
 from engines.kernels.stages.camera import RAYS
+from engines.peers.export import export
+from engines.peers.external.scenes import FORMATS
 from engines.scene import Camera, CustomCamera, Diffuse, Mask, Material, Sides, save_scene
 from engines.scene.bsdf_tree import is_opaque
 from tests.plain_scene import plain_scene

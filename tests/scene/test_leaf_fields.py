@@ -6,9 +6,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from engines.mitsuba.bsdfs import bsdf_node, material_lacks
-from engines.mitsuba.nodes import Placing
-from engines.mitsuba.textures import Textures
+from engines.peers.mitsuba.bsdfs import bsdf_node, material_lacks
+from engines.peers.mitsuba.nodes import Placing
+from engines.peers.mitsuba.textures import Textures
 from engines.scene import Checkerboard, Conductor, CustomBSDF, Dielectric, Material, Mixture, Plastic, Principled
 from engines.scene.leaf_fields import LEAF_PLUGINS, is_rough
 from engines.scene.mitsuba_xml.bsdfs import BSDFS, REFUSED

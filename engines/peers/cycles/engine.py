@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from engines.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.interface import Settings
+from engines.peers.adapters import MEANS_ALONE, AdapterEngine, version_with
 from engines.peers.cycles.geometry import spheres_lack
 from engines.peers.cycles.nodes import placed, texels
 from engines.peers.cycles.renderer import Renderer

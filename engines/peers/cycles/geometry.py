@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import FlatMesh, extent, flat_meshes, tangents
+from engines.peers.adapters import FlatMesh, extent, flat_meshes, tangents
 from engines.scene import Disk, Plane, Scene, Sphere, SphereSet
 from engines.scene.bsdf_tree import is_opaque
 from engines.scene.geometry import face_normals
