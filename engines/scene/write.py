@@ -18,7 +18,7 @@ from engines.image import decoded_srgb, write_channels, write_image
 from engines.scene.bsdf import Blend, Bsdf, Bump, Mask, NormalMap, Sides
 from engines.scene.bsdf_tree import is_opaque
 from engines.scene.cameras import Camera, Orthographic, Perspective, PerspectiveArctan, ThinLens
-from engines.scene.formats.ply import ply_bytes
+from engines.scene.formats.ply import write_ply
 from engines.scene.leaf_fields import LEAF_PLUGINS
 from engines.scene.lights import DirectionalLight, EnvironmentLight, Light, PointLight, SpotLight
 from engines.scene.materials import Material
@@ -188,7 +188,7 @@ class _Writer:
         used, place = np.unique(mesh.materials, return_inverse=True)
         path = self.path(MESHES, mesh.name, ".ply")
         several = place.astype(np.int32) if len(used) > 1 else None
-        (self.root / path).write_bytes(ply_bytes(mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several))
+        write_ply(self.root / path, mesh.vertices, mesh.faces, mesh.normals, mesh.uvs, several, exact=True)
         material = [names[index] for index in used]
         smooth = {} if mesh.normals is None else {"smooth": True}
         return {"mesh": {"file": path, **smooth}, "material": material if several is not None else material[0]}

@@ -8,7 +8,7 @@ import pytest
 import engines
 from engines import Settings
 from engines.peers.export import export
-from engines.peers.mitsuba.nodes import facing
+from engines.scene.frames import facing
 from engines.scene.metals import METALS
 from tests.mitsuba.peer import mi
 from tests.needs import marks_of, needs

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.image import write_image
-from engines.peers.mitsuba.ply import write_ply
+from engines.scene.formats.ply import write_ply
 
 Array = NDArray[Any]
 

@@ -21,9 +21,9 @@ from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.bsdfs import material_lacks
 from engines.peers.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.peers.mitsuba.lights import LIGHTS
-from engines.peers.mitsuba.nodes import facing
 from engines.peers.mitsuba.shapes import SHAPES, extent
 from engines.peers.mitsuba.textures import largest
+from engines.scene.frames import facing
 from engines.scene.leaf_fields import is_rough
 from engines.scene.support import foreign
 

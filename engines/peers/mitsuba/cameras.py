@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from engines.peers.mitsuba.nodes import Node, look_at
+from engines.peers.mitsuba.nodes import Node
 from engines.scene import Camera, Orthographic, Perspective, ThinLens
+from engines.scene.frames import look_at
 
 NEAR, FAR = 1e-4, 1e7
 """The clipping planes of a camera without its own, in extents of the scene: nothing is meant to be cut off."""

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from engines.peers.mitsuba.nodes import Array, Node, Placing, facing, rgb
+from engines.peers.mitsuba.nodes import Array, Node, Placing, rgb
 from engines.scene import DirectionalLight, EnvironmentLight, Light, PointLight, Scene, SpotLight
+from engines.scene.frames import facing
 
 
 def lights_lack(scene: Scene) -> str | None:

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engines.peers.mitsuba.nodes import Array, Node, Placing, facing
+from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.textures import Textures
 from engines.scene import BLACK, Cylinder, Disk, Material, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
 from engines.scene.bsdf_tree import anisotropic, members, uses_uvs
+from engines.scene.frames import facing
 from engines.scene.textures import IDENTITY
 
 PLANE_EXTENTS = 1e4

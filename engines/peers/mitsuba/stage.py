@@ -15,9 +15,9 @@ from engines.peers.mitsuba.description import Description, described
 from engines.peers.mitsuba.library import LLVM, activate
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.patterns import USUAL
-from engines.peers.mitsuba.ply import write_ply
 from engines.peers.mitsuba.shapes import Part, extent
 from engines.scene import Plane, Scene
+from engines.scene.formats.ply import write_ply
 from engines.temporary import TemporaryFolder
 
 

@@ -1,4 +1,4 @@
-"""Round shapes as triangles, and the triangles of Mitsuba's flat ones, with its texture coordinates."""
+"""Round shapes as triangles, and the triangles of Mitsuba's flat ones, with its texture coordinates. All are in local space."""
 
 from __future__ import annotations
 
@@ -6,12 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-SEGMENTS = 192
-"""Around a round shape; a chord lies 1.3e-4 radii within the circle."""
-RINGS = 96
-"""From pole to pole of a sphere."""
-DISK_RINGS = 16
 
 
 class Triangles(NamedTuple):
@@ -57,27 +51,27 @@ def _boxes(frames: list[tuple[tuple[int, int, int], tuple[int, int, int], tuple[
     return Triangles(np.array(vertices), np.array(faces, np.int32), np.array(uvs, np.float64), None)
 
 
-def sphere() -> Triangles:
-    """The unit sphere, smooth: u around +z, v from +z to -z."""
-    u, v = _grid(SEGMENTS, RINGS)
+def sphere(segments: int, rings: int) -> Triangles:
+    """The unit sphere, smooth: u around +z in `segments`, v from +z to -z in `rings`."""
+    u, v = _grid(segments, rings)
     phi, theta = 2.0 * np.pi * u, np.pi * v
     points = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
-    return Triangles(points, _grid_faces(SEGMENTS, RINGS, True, True)[:, ::-1].copy(), np.stack([u, v], axis=1), points.copy())
+    return Triangles(points, _grid_faces(segments, rings, True, True)[:, ::-1].copy(), np.stack([u, v], axis=1), points.copy())
 
 
-def disk() -> Triangles:
-    """The unit disk in the plane z = 0, towards +z: u from its center, v around it."""
-    v, u = _grid(SEGMENTS, DISK_RINGS)
+def disk(segments: int, rings: int = 1) -> Triangles:
+    """The unit disk in the plane z = 0, towards +z: u from its center in `rings`, v around it in `segments`."""
+    v, u = _grid(segments, rings)
     points = np.stack([u * np.cos(2.0 * np.pi * v), u * np.sin(2.0 * np.pi * v), np.zeros_like(u)], axis=1)
-    return Triangles(points, _grid_faces(SEGMENTS, DISK_RINGS, True)[:, ::-1].copy(), np.stack([u, v], axis=1), None)
+    return Triangles(points, _grid_faces(segments, rings, True)[:, ::-1].copy(), np.stack([u, v], axis=1), None)
 
 
-def cylinder() -> Triangles:
-    """The side of the cylinder of radius 1 from z = 0 to z = 1, smooth: u around +z, v along it."""
-    u, v = _grid(SEGMENTS, 1)
+def cylinder(segments: int) -> Triangles:
+    """The side of the cylinder of radius 1 from z = 0 to z = 1, smooth: u around +z in `segments`, v along it."""
+    u, v = _grid(segments, 1)
     outwards = np.stack([np.cos(2.0 * np.pi * u), np.sin(2.0 * np.pi * u), np.zeros_like(u)], axis=1)
     points = outwards + np.stack([np.zeros_like(v), np.zeros_like(v), v], axis=1)
-    return Triangles(points, _grid_faces(SEGMENTS, 1), np.stack([u, v], axis=1), outwards)
+    return Triangles(points, _grid_faces(segments, 1), np.stack([u, v], axis=1), outwards)
 
 
 def _grid(columns: int, rows: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
