@@ -100,9 +100,9 @@ ALLOWED: dict[str, set[str]] = {
         *(*_BASE, "engines.image", "engines.schema", "engines.temporary"),
         *("engines.peers.adapters", "engines.peers.export"),
     },
-    "engines.peers.export": {*_BASE, "engines.image", "engines.peers.mitsuba"},
+    "engines.peers.export": {*_BASE, "engines.image", "engines.peers.adapters", "engines.peers.mitsuba"},
     "engines.peers.luxcore": {*_BASE, "engines.peers.adapters"},
-    "engines.peers.mitsuba": {*_BASE, "engines.temporary"},
+    "engines.peers.mitsuba": {*_BASE, "engines.peers.adapters", "engines.temporary"},
     "engines.peers.open3d": _BASE,
     **{f"engines.{name}": {f"engines.peers.{name}"} for name in MOVED},
     "engines": {
