@@ -11,7 +11,7 @@ LAYERS = (
     ("harness.console",),
     ("harness.view",),
     ("harness.report",),
-    ("harness.run",),
+    ("harness.run", "harness.verify.worker"),
     ("harness.analysis",),
     ("harness.plan",),
     ("harness.store",),

@@ -6,19 +6,20 @@ from datetime import UTC, datetime
 from time import monotonic
 from typing import Any
 
+from harness.measure.messages import Job
 from harness.measure.pool import Pool, WorkerFailed, WorkerTimeout
 from harness.plan.verify_jobs import VerifyJob
+
+RUNS = "harness.verify.worker:run"
+"""What the worker is to do; the name alone, for what verifies is a room above."""
 
 
 def make(each: VerifyJob, pool: Pool, env_id: str) -> dict[str, Any]:
     """The event of a verify job that was run, has failed or was killed at its timeout."""
     began, state, message, found = monotonic(), "done", "", []
     try:
-        worker = pool.worker(each.engine)
-        deadline = monotonic() + each.timeout_seconds
-        worker.ask({"do": "verify", **{key: each.spec[key] for key in ("case", "precision", "accelerator", "quick")}})
-        found = worker.receive(deadline, "verified")["results"]
-        worker.receive(deadline, "end")
+        asked = {key: each.spec[key] for key in ("case", "precision", "accelerator", "quick")}
+        found = list(pool.run(each.engine, Job(RUNS, asked), each.timeout_seconds))
     except WorkerFailed as error:
         state, message = "failed", str(error)
     except WorkerTimeout:
