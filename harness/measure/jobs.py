@@ -16,7 +16,7 @@ from engines.scene import load_scene
 from harness.config.settings import engine_settings
 from harness.measure import clock, films, tracing
 from harness.measure.contention import Disturbance
-from harness.measure.messages import End, Parent, Point, Prepared, Traced, Unwritten
+from harness.measure.messages import End, Go, Parent, Point, Prepared, Traced, Unwritten
 from harness.measure.schedule import Schedule
 
 TIMED_HERE = ("build_seconds", "compile_seconds")
@@ -112,4 +112,4 @@ def hand_over(parent: Parent, engine: Any, film: Any, request: Mapping[str, Any]
         parent.send(Unwritten(str(error)))
         os._exit(0)
     parent.send(Point(spp=spp, overshoots=overshoots, **measured))
-    parent.receive()
+    parent.receive(Go)

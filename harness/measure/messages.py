@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from engines.processes import Channel, Closed, records
 from engines.processes.records import Count, Counts, Fields, Flag, Integer, Items, Numbers, Seconds, SecondsOrNone, Text, Window
@@ -12,6 +12,7 @@ MOST_BYTES = 1 << 24
 """Of one message."""
 MOST_CHARACTERS = 2000
 """Of a text that an engine's process sends for people to read."""
+T = TypeVar("T")
 
 
 class Job(NamedTuple):
@@ -119,9 +120,9 @@ class Parent:
     def send(self, answer: Answer) -> None:
         self._channel.send(records.encoded(answer))
 
-    def receive(self) -> Job | Go:
-        """The next request."""
+    def receive(self, expected: type[T]) -> T:
+        """The next request, of this type."""
         try:
-            return records.decoded(self._channel.receive().data, (Job, Go))
+            return records.decoded(self._channel.receive().data, [expected])
         except Closed:
             os._exit(0)

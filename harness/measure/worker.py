@@ -62,8 +62,8 @@ def main(descriptors: Sequence[int], arguments: Sequence[str]) -> None:
     gc.freeze()
     parent.send(messages.Imported(seconds, version, code, forks))
     while forks:
-        parent.send(messages.Idle(in_child(engine, parent.receive(), parent)))
-    serve(engine, parent.receive(), parent)
+        parent.send(messages.Idle(in_child(engine, parent.receive(messages.Job), parent)))
+    serve(engine, parent.receive(messages.Job), parent)
     parent.send(messages.Idle(0))
 
 
