@@ -23,10 +23,11 @@ from engines import registry
 from engines.errors import RaybenchError
 from engines.imports import users_folders
 from engines.processes import BadMessage, Channel, Closed, Process, pickled
+from harness.check_results import CheckResult
 from harness.processes import python_path
 from harness.verify.case import Case
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.suite import CASES, CheckResult, failure, run_case
+from harness.verify.suite import CASES, failure, run_case
 from harness.verify.tolerances import tracing_precision
 
 T = TypeVar("T")
