@@ -142,7 +142,7 @@ def workers() -> Iterator[None]:
         assert options["start_new_session"] and dies_with_it == "1"
         (descriptor,) = pass_fds
         with socket.socket(fileno=os.dup(descriptor)) as theirs:
-            return Forked(_worker, [target, theirs, *arguments], None, env, stderr=stderr.name, new_session=True)
+            return Forked(_worker, [target, theirs, *arguments], None, env, stderr.name, stderr.name, new_session=True)
 
     stands_in = SimpleNamespace(Popen=start, DEVNULL=subprocess.DEVNULL, TimeoutExpired=subprocess.TimeoutExpired)
     with mock.patch.object(process, "subprocess", stands_in):
