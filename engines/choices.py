@@ -49,6 +49,22 @@ class Choice:
         shown = {key: value for key, value in self.options.items() if OMITTED.get((self.name, key), self) != value}
         return {"name": self.name, **shown}
 
+    @classmethod
+    def of(cls, described: Mapping[str, Any]) -> Choice:
+        """The choice that `describe` has described."""
+        return cls(described["name"], {key: value for key, value in described.items() if key != "name"})
+
+    def __str__(self) -> str:
+        """As tables, legends and messages print it: `bvh(leaf=4)`, options by name."""
+        options = ", ".join(f"{key}={value}" for key, value in sorted(self.options.items()))
+        return f"{self.name}({options})" if options else self.name
+
+    def __lt__(self, other: Choice) -> bool:
+        return str(self) < str(other)
+
+    def __hash__(self) -> int:
+        return hash((self.name, *sorted(self.options)))  # values may be lists
+
 
 class OpenOptions(dict[str, Option]):
     """Options of which some are listed, with defaults; all other names take a number, true, false, a line of text or null."""
@@ -162,7 +178,7 @@ def own_samplers(engine: object) -> list[str]:
     return list(getattr(engine, "samplers", dict)())
 
 
-def shaders_and_samplers(engine: object) -> list[dict[str, str]]:
+def shaders_and_samplers(engine: object) -> list[dict[str, Any]]:
     """Every shader with every sampler, as keys of `Settings`; those that most engines have come first.
 
     For single rays neither matters: the first pair that the engine accepts will do.
