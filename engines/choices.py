@@ -43,6 +43,21 @@ class Choice:
     options: Mapping[str, Any] = field(default_factory=dict)
     plugin: Any = None
 
+    @classmethod
+    def of(cls, plain: Mapping[str, Any]) -> Choice:
+        """The choice that `describe` made `plain` data of."""
+        name, options = plain["name"], {key: value for key, value in plain.items() if key != "name"}
+        return cls(name, {**{key: value for (of, key), value in OMITTED.items() if of == name}, **options})
+
+    def __hash__(self) -> int:
+        """Of the name alone, as options may hold lists."""
+        return hash(self.name)
+
+    def __str__(self) -> str:
+        """The choice as people read it: path_tracer(max_depth=6)."""
+        options = ", ".join(f"{key}={value}" for key, value in sorted(self.describe().items()) if key != "name")
+        return f"{self.name}({options})" if options else self.name
+
     def describe(self) -> dict[str, Any]:
         """The choice as plain data, the form that configs and results use; `OMITTED` options only where they matter."""
         shown = {key: value for key, value in self.options.items() if OMITTED.get((self.name, key), self) != value}

@@ -20,7 +20,7 @@ LAYERS = (
     ("harness.verify", "harness.trace"),
     ("harness.statistics",),
     ("harness.metrics",),
-    ("harness.source_hashes", "harness.hashing", "harness.processes"),
+    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.settings"),
 )
 """The floors of the harness, the top one first: a module imports from its own floor and from those below."""
 
