@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from harness.config.validators import is_number
+from harness.config.kinds import is_number
 
 MOST_BYTES = 1 << 24
 """Of one message."""

@@ -91,8 +91,8 @@ def imported(request: dict[str, Any], pipes: Pipes) -> tuple[Any, bool]:
         pipes.send(did="failed", message=one_line(error))
         os._exit(0)
     import engines  # noqa: F401 (so that children find it)
-    import harness.config.settings
-    import harness.measure.clock  # noqa: F401
+    import harness.measure.clock
+    import harness.settings  # noqa: F401
 
     apart = getattr(engine, "own_process", False)  # that process is one cell's, as a fork would be
     forks = hasattr(os, "fork") and sys.platform == "linux" and threads_now() == 1 and not apart
@@ -237,10 +237,10 @@ def loaded(request: dict[str, Any]) -> tuple[Any, float]:
 
 def settings_of(request: dict[str, Any], seed: int, sampler: Any = None) -> Any:
     """The request's settings, with another sampler where one is given."""
-    from harness.config.settings import engine_settings
+    from harness.settings import CellSettings, engine_settings
 
     settings = request["settings"] if sampler is None else {**request["settings"], "sampler": sampler}
-    return engine_settings(settings, seed, request["allow_imports"])
+    return engine_settings(CellSettings.of(settings), seed, request["allow_imports"])
 
 
 def hand_over(pipes: Pipes, engine: Any, film: Any, request: dict[str, Any], spp: int, **message: Any) -> None:

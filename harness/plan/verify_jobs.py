@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from engines.errors import ConfigError, suggestion
 from harness.hashing import digest
 from harness.source_hashes import engine_code
 from harness.store.events import latest_verify_jobs
@@ -37,13 +38,20 @@ class VerifyJob:
         return " ".join(str(self.spec[key]) for key in ("engine", "precision", "accelerator", "case"))
 
 
-def planned(config: VerifyConfig | None, engines: Mapping[str, Engine]) -> tuple[VerifyJob, ...]:
-    """Every case in every precision that an engine has; none for an engine that renders nothing here: its cells say why."""
+def planned(config: VerifyConfig | None, engines: Mapping[str, Engine], source: str = "") -> tuple[VerifyJob, ...]:
+    """Every case in every precision that an engine has; none for an engine that renders nothing here: its cells say why.
+
+    Raises `ConfigError`, which names the file `source`, for a case that does not exist.
+    """
     if config is None:
         return ()
     from harness.verify.subject import Skipped, accelerator_names, precisions
-    from harness.verify.suite import select_cases
+    from harness.verify.suite import case_names, select_cases
 
+    for index, name in enumerate(config.cases):
+        if name not in (known := case_names()):
+            near = suggestion(name, known)
+            raise ConfigError(f"{source} verify.cases[{index}] = {name!r}: unknown case or section: {near}")
     found: list[VerifyJob] = []
     for name, engine in engines.items():
         with suppress(Skipped):

@@ -5,13 +5,13 @@ import re
 from pathlib import Path
 
 import pytest
+from harness.config.trace import is_trace
 from jsonschema import Draft202012Validator
 
 from engines.errors import ConfigError
 from engines.schema.yaml_file import parse_yaml
 from harness import config
 from harness.config import experiment_schema, paths
-from harness.config.trace import is_trace
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 

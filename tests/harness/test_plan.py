@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import pytest
+from harness.config.trace import is_trace
 
 from engines.errors import ConfigError, RaybenchError
 from engines.external import Engine as Program
@@ -14,7 +15,6 @@ from engines.interface import FullPattern
 from engines.mitsuba import Engine as MitsubaEngine
 from harness import config
 from harness.config.paths import shipped
-from harness.config.trace import is_trace
 from harness.hashing import canonical_json, digest
 from harness.plan import planner, state
 from tests import needs

@@ -6,13 +6,13 @@ import shutil
 import jsonschema
 import numpy as np
 import pytest
+from harness.config.trace import is_trace, load_trace, trace_of, trace_schema
 
 from engines.errors import ConfigError
 from engines.scene import load_scene
 from engines.schema.yaml_file import parse_yaml
 from harness.analysis.tracing import trace_table
 from harness.config import paths
-from harness.config.trace import is_trace, load_trace, trace_of, trace_schema
 from harness.run.trace import run
 from harness.trace.rays import hard_rays, make_rays
 from harness.trace.records import read_trace
