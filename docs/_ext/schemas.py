@@ -2,12 +2,12 @@
 
 import json
 
-from harness.config.trace import trace_schema
 from markdown import code, plain, table
 
 from engines.scene import scene_schema
 from harness.config import experiment_schema
 from harness.config.settings import SETTINGS
+from harness.trace.experiment import trace_schema
 
 INSTEAD = "Instead of the keys above. "
 LARGE = 2**31

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from engines.choices import Choice
 from harness.analysis.equivalence import similarity
 from harness.config.experiment import PREFERRED_BASELINES
 from harness.store.results import Contestant, Results
@@ -29,8 +30,7 @@ class Baseline(NamedTuple):
 def engine_order(results: Results) -> list[str]:
     """Engines that were measured, the baseline first: the config's, numpy, numba, embree, others by name."""
     engines = sorted({c.settings.engine for c in results.contestants if c.done})
-    wished = (results.manifest.get("config") or {}).get("baseline")
-    return list(dict.fromkeys(name for name in (wished, *PREFERRED_BASELINES, *engines) if name in engines))
+    return list(dict.fromkeys(name for name in (results.config.baseline, *PREFERRED_BASELINES, *engines) if name in engines))
 
 
 def nearest_of_engine(contestant: Contestant, group: Iterable[Contestant], engine: str) -> Contestant | None:
@@ -44,8 +44,7 @@ def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant |
     config writes them, of every axis."""
     order = engine_order(results)
     racing = [c for c in group if not c.settings.label]
-    written = (results.manifest.get("config") or {}).get("combinations") or []
-    axes = {key: [one.get(key) for one in written if isinstance(one, Mapping)] for key in FACTORS if key != "engine"}
+    axes = {key: [getattr(each, key) for each in results.config.combinations] for key in FACTORS if key != "engine"}
 
     def place(one: Contestant) -> tuple[int, ...]:
         cell = one.cells[0]
@@ -55,12 +54,12 @@ def race_baseline(group: Iterable[Contestant], results: Results) -> Contestant |
 
 
 def _first(value: Any, written: Sequence[Any]) -> int:
-    """The place of the first written value that a setting matches. A written mapping matches a choice that has these options
-    among others, and a written nothing every value."""
+    """The place of the first written value that a setting matches. A written choice matches one that has its options among
+    others, and a written nothing every value."""
 
     def stands_for(one: Any) -> bool:
-        if isinstance(one, Mapping) and isinstance(value, Mapping):
-            return all(value.get(key) == option for key, option in one.items())
+        if isinstance(one, Choice) and isinstance(value, Mapping):
+            return one.describe().items() <= value.items()
         return one is None or one == value
 
     return next((place for place, one in enumerate(written) if stands_for(one)), len(written))
@@ -113,23 +112,17 @@ def factors(one: Contestant, other: Contestant, group: Iterable[Contestant]) -> 
 
 def _named(contestant: Contestant, racing: Sequence[Contestant], results: Results) -> Contestant | None:
     """The nearest of those that the config's first pair of this contestant names."""
-    pairs = (results.manifest.get("config") or {}).get("pairs") or []
-    for pair in pairs if isinstance(pairs, list) else []:
-        wanted: Mapping[str, Any] = pair if isinstance(pair, Mapping) else {}
-        found = [c for c in racing if _matches(wanted.get("baseline"), c)]
-        if found and _matches(wanted.get("contestant"), contestant):
+    for pair in results.config.pairs:
+        found = [c for c in racing if _matches(pair.baseline.chosen, c)]
+        if found and _matches(pair.contestant.chosen, contestant):
             return max(found, key=lambda c: similarity(contestant, c))
     return None
 
 
-def _matches(wanted: Any, contestant: Contestant) -> bool:
+def _matches(side: Mapping[str, Any], contestant: Contestant) -> bool:
     """Whether a contestant has the settings of one side of a pair; choices are named without their options."""
     settings = contestant.settings._asdict()
-    return (
-        isinstance(wanted, Mapping)
-        and bool(wanted)
-        and all(_name(str(settings.get(key))) == _name(str(value)) for key, value in wanted.items())
-    )
+    return all(_name(str(settings.get(key))) == str(value) for key, value in side.items())
 
 
 def _name(choice: str) -> str:

@@ -102,9 +102,8 @@ def shared_spp(*contestants: Contestant, pictured: bool = False) -> set[int]:
 
 
 def margins_of(results: Results) -> Margins:
-    """The margins of the config; the defaults where it has none."""
-    given = (results.manifest.get("config") or {}).get("equivalence") or {}
-    return Margins(**{name: float(given[name]) for name in Margins._fields if given.get(name) is not None})
+    """The margins of the config."""
+    return results.config.equivalence.margins
 
 
 def compared(first: Contestant, second: Contestant, images: Replicates, alpha: float) -> Comparison | None:

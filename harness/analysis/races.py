@@ -16,7 +16,6 @@ from harness.analysis.model import Analysis, Verdict, raced_together, seconds_pe
 from harness.metrics import as_error
 from harness.statistics import Bound, Race, Reading, crossing_seconds, noise_floor, race, twin_distance
 from harness.statistics.convergence import NOISE_ERRORS
-from harness.statistics.ratios import MARGIN
 from harness.store.results import Contestant, Results
 
 Logs = NDArray[np.float64]
@@ -189,9 +188,8 @@ def race_of(
 
 
 def margin(results: Results) -> float:
-    """The config's `same_within`, else 5 %."""
-    value = (results.manifest.get("config") or {}).get("same_within")
-    return float(value) if isinstance(value, (int, float)) and 0 < value < 1 else MARGIN
+    """The config's `same_within`."""
+    return results.config.same_within
 
 
 def clock_steps(low: Logs) -> Logs:

@@ -115,9 +115,9 @@ def load(given: str | Path | ConfigFile, overrides: Iterable[str] = ()) -> Exper
 def recorded(data: Any, where: str) -> Experiment:
     """The experiment of which `normalised` made `data`, perhaps on another machine: what it names is not looked up.
 
-    Raises `ConfigError`, whose message begins with `where`.
+    Raises `ConfigError` about the key `config` of the file `where`.
     """
-    return parse(locate(data, where, ConfigError), RECORDED, "experiment", where)
+    return parse(locate({"config": data}, where, ConfigError).value["config"], RECORDED, "", where)
 
 
 def parse(root: Located, context: Any, stem: str = "experiment", source: str = "") -> Experiment:

@@ -16,7 +16,7 @@ from engines.schema.kinds import BOOLEAN, Kind
 from engines.schema.yaml_file import Located
 from harness.config.keys import Section, key, written
 from harness.config.kinds import DURATION, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
-from harness.config.settings import SETTINGS
+from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
 
 AUTOMATIC = "auto"
@@ -109,33 +109,30 @@ class Pair:
     )
 
 
-_ENGINE: Any = SETTINGS["engine"].kind
-
-
 @dataclass(frozen=True, slots=True)
 class _Certifier:
     """An engine, `auto`, or null."""
 
     def read(self, node: Located, context: Any = None) -> str | None:
-        return AUTOMATIC if node.value == AUTOMATIC else OrNull(_ENGINE).read(node, context)
+        return AUTOMATIC if node.value == AUTOMATIC else OrNull(ENGINE).read(node, context)
 
     def write(self, value: str | None) -> Any:
-        return AUTOMATIC if value == AUTOMATIC else OrNull(_ENGINE).write(value)
+        return AUTOMATIC if value == AUTOMATIC else OrNull(ENGINE).write(value)
 
     def schema(self) -> Schema:
-        return {"anyOf": [{"const": AUTOMATIC}, *OrNull(_ENGINE).schema()["anyOf"]]}
+        return {"anyOf": [{"const": AUTOMATIC}, *OrNull(ENGINE).schema()["anyOf"]]}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceConfig:
     """How the reference is made: the mean of independent images."""
 
-    engine: str = key(_ENGINE, "Engine that renders it.", "embree")
+    engine: str = key(ENGINE, "Engine that renders it.", "embree")
     spp: int = key(integer(2, 2**31), "Samples per pixel in all.", 8192)
     seed: int = key(SEED, "Seed of the first of its images; no cell may have one of its seeds.", 9000)
-    sampler: Choice = key(SETTINGS["sampler"].kind, "Sampler, as for cells.", "sobol")
-    accelerator: Choice = key(SETTINGS["accelerator"].kind, "Accelerator, as for cells.", "auto")
-    precision: str | None = key(SETTINGS["precision"].kind, "Precision, as for cells.", None)
+    sampler: Choice = key(SAMPLER, "Sampler, as for cells.", "sobol")
+    accelerator: Choice = key(ACCELERATOR, "Accelerator, as for cells.", "auto")
+    precision: str | None = key(PRECISION, "Precision, as for cells.", None)
     threads: int = key(integer(0, 1024), "Threads; 0 is every core. They change no pixel.", 0)
     certify: str | None = key(
         _Certifier(),
@@ -144,7 +141,7 @@ class ReferenceConfig:
         AUTOMATIC,
     )
     shader: Choice | None = key(
-        OrNull(SETTINGS["shader"].kind),
+        OrNull(SHADER),
         "Shader of one reference that contestants of all shaders race towards; null: each "
         "shader has its own reference, and its own race.",
         None,

@@ -237,6 +237,12 @@ class Budget:
     )
 
 
+BUDGET = Section(Budget)
+ENGINE = EngineKind()
+SHADER = ChoiceKind("shader", choices.SHADERS)
+SAMPLER = ChoiceKind("sampler", choices.SAMPLERS)
+ACCELERATOR = ChoiceKind("accelerator")
+PRECISION = OrNull(one_of("float64", "float32"))
 DIVISIONS = ("closed", "open")
 
 
@@ -249,18 +255,14 @@ class Combination:
         "Name of a scene in scenes/, path of a scene file beside the experiment, or a Mitsuba file with parameters.",
         None,
     )
-    engine: str = key(EngineKind(), "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None)
-    shader: Choice = key(
-        ChoiceKind("shader", choices.SHADERS), "Name of a shader, or {name: ..., option: value}.", "path_tracer"
-    )
-    sampler: Choice = key(ChoiceKind("sampler", choices.SAMPLERS), "Name of a sampler, or {name: ..., option: value}.", "sobol")
+    engine: str = key(ENGINE, "Name of an engine (see `raybench list`), module:attribute, or file of a renderer.", None)
+    shader: Choice = key(SHADER, "Name of a shader, or {name: ..., option: value}.", "path_tracer")
+    sampler: Choice = key(SAMPLER, "Name of a sampler, or {name: ..., option: value}.", "sobol")
     accelerator: Choice = key(
-        ChoiceKind("accelerator"), "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto"
+        ACCELERATOR, "Name of an accelerator, or {name: ..., option: value}; auto lets the engine choose.", "auto"
     )
     precision: str | None = key(
-        OrNull(one_of("float64", "float32")),
-        "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else.",
-        None,
+        PRECISION, "Precision of the arithmetic; null is float64, or float32 for an engine that has nothing else.", None
     )
     threads: int = key(integer(1, 1024), "Threads of the engine.", 1)
     resolution: tuple[int, int] | None = key(
@@ -272,9 +274,9 @@ class Combination:
         "image is not biased against the reference.",
         "closed",
     )
-    budget: Budget = key(Section(Budget), default={})
+    budget: Budget = key(BUDGET, default={})
 
 
 SETTINGS: dict[str, Key] = keys_of(Combination)
-SETTINGS["budget"] = replace(SETTINGS["budget"], kind=Changes(Section(Budget)))
+SETTINGS["budget"] = replace(SETTINGS["budget"], kind=Changes(BUDGET))
 """The keys of a cell. At the top level of a file a default stands for one left out; budgets are merged."""

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import json
 import random
-import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from engines import choices, memory
+from engines import memory
 from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError, UnknownName, suggestion
 from engines.film import BYTES_A_PIXEL as FILM_BYTES
@@ -30,21 +29,19 @@ from harness.config.settings import Combination, SceneFile
 from harness.hashing import digest
 from harness.measure.machine import usable_cores
 from harness.measure.schedule import Schedule
-from harness.plan import certifiers
+from harness.plan import answers, certifiers
 from harness.plan.cells import Cell, Plan, flow
 from harness.plan.names import names_of
 from harness.plan.patterns import full_patterns
 from harness.plan.references import Certifier, PlannedReference
 from harness.plan.verify_jobs import planned
 from harness.processes import allow_here
-from harness.settings import CellSettings, completed, engine_settings, plugin_or_choice, require_commands, require_imports
+from harness.settings import CellSettings, completed, require_commands, require_imports
 from harness.source_hashes import engine_code, environment_of, plugin_codes
 
 BYTES_A_PIXEL = 2 * FILM_BYTES + 4 * 3 * 8
 """Of a cell: a film where it is rendered and one here, and the reference's mean, halves and variance."""
 AA_LABEL = "A/A"
-REPRODUCIBLE = ("seeds_matter", "a_split_render_is_the_same")
-"""Claims of `engines.conformance` that make an image a function of seed and samples."""
 
 
 def make(
@@ -130,7 +127,7 @@ class _Known:
         for name in filter(None, [*names, experiment.reference.engine, named]):
             require_imports(name, allow_imports)
             require_commands(name, allow_commands)
-            _accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
+            answers.accelerators(self.engines.setdefault(name, engine_of(name)))  # raises: it cannot list them
         self.names = names_of(self.engines)
         self.candidates: dict[str, Engine | None] = {}
         self._codes: dict[str, str] = {}
@@ -164,49 +161,14 @@ class _Known:
         """The accelerator with its options, and why the engine has none such. Unknown to all engines is an error."""
         if ":" in given.name:
             return completed("accelerator", given, self.allow_imports), None
-        if _resolves(self.engines[name], given):
-            return _resolved(self.engines[name], given), None
-        if any(_resolves(other, given) for other in self.engines.values()):
+        if answers.resolves(self.engines[name], given):
+            return answers.resolved(self.engines[name], given), None
+        if any(answers.resolves(other, given) for other in self.engines.values()):
             return given, f"the engine {name} has no accelerator {flow(given)}"
         for other in self.engines.values():
-            if given.name in _accelerators(other):
-                _resolved(other, given)  # raises: it knows the name, but not the options
-        raise UnknownName("accelerator", given.name, {a for e in self.engines.values() for a in _accelerators(e)})
-
-
-def _accelerators(engine: Engine) -> Mapping[str, Any]:
-    try:
-        found: Any = engine.accelerators()
-    except RaybenchError:
-        raise
-    except (Exception, SystemExit) as error:
-        message = f"engine {engine.name}: accelerators failed: {type(error).__name__}: {error}"
-        raise ConfigError(message) from error
-    if not isinstance(found, Mapping) or not all(isinstance(options, Mapping) for options in found.values()):
-        raise ConfigError(
-            f"engine {engine.name}: accelerators returned {found!r}: a mapping from names to mappings of options is expected"
-        )
-    return {"auto": {}, **found}
-
-
-def _resolved(engine: Engine, given: Choice) -> Choice:
-    return choices.resolve("accelerator", given, _accelerators(engine))
-
-
-def _resolves(engine: Engine, given: Choice) -> bool:
-    try:
-        _resolved(engine, given)
-    except RaybenchError:
-        return False
-    return True
-
-
-def _precision(engine: Engine, scene: Scene, settings: CellSettings, allow_imports: bool) -> str:
-    """The precision where the config has none: float64, the same for all engines, but for one that has float32 alone."""
-    double = replace(settings, precision="float64")
-    single = replace(settings, precision="float32")
-    able = _why_not(engine, scene, double, allow_imports) is None
-    return "float64" if able or _why_not(engine, scene, single, allow_imports) else "float32"
+            if given.name in answers.accelerators(other):
+                answers.resolved(other, given)  # raises: it knows the name, but not the options
+        raise UnknownName("accelerator", given.name, {a for e in self.engines.values() for a in answers.accelerators(e)})
 
 
 def _configured(experiment: Experiment, combination: Combination, known: _Known) -> tuple[Cell, PlannedReference | None]:
@@ -226,8 +188,8 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
         height=int(height),
     )
     if combination.precision is None and not lacking:
-        settings = replace(settings, precision=_precision(engine, scene, settings, known.allow_imports))
-    skip = lacking or _why_not(engine, scene, settings, known.allow_imports)
+        settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
+    skip = lacking or answers.why_not(engine, scene, settings, known.allow_imports)
     wanted, unreferenced = _reference(experiment, file, scene, settings, known)
     skip = skip or unreferenced
     budget, plain = combination.budget, settings.describe()
@@ -266,12 +228,12 @@ def _configured(experiment: Experiment, combination: Combination, known: _Known)
         reference_id=wanted.reference_id if wanted and not skip else None,
         skip=skip,
         primitives=primitive_count(scene),
-        smooth_sampler=_is_smooth(engine, settings.sampler, known.allow_imports),
-        reproducible=_is_reproducible(engine),
+        smooth_sampler=answers.is_smooth(engine, settings.sampler, known.allow_imports),
+        reproducible=answers.is_reproducible(engine),
         patterns=patterns or (),
         division=combination.division,
         raced=experiment.reference.shader,
-        auto_accelerator="" if skip else _auto_accelerator(engine, scene, settings, known.allow_imports),
+        auto_accelerator="" if skip else answers.auto_accelerator(engine, scene, settings, known.allow_imports),
     )
     return cell, None if skip else wanted
 
@@ -280,57 +242,6 @@ def primitive_count(scene: Scene) -> int:
     """Triangles, spheres and planes: what a tree is built over."""
     parts = (getattr(shape, "faces", getattr(shape, "radii", None)) for shape in scene.shapes)
     return sum(1 if part is None else len(part) for part in parts)
-
-
-def _is_smooth(engine: Engine, sampler: Choice, allow_imports: bool) -> bool:
-    """Whether the error falls smoothly with every sample: as the plugin says, the engine, or the sampler's name."""
-    if ":" in sampler.name:
-        made = plugin_or_choice("sampler", sampler, allow_imports)
-        return getattr(getattr(made, "plugin", made), "smooth", False) is True
-    return sampler.name in getattr(engine, "smooth_samplers", choices.SMOOTH_SAMPLERS)
-
-
-def _is_reproducible(engine: Engine) -> bool:
-    """Whether the engine promises that seed and samples decide an image."""
-    broken: Any = getattr(engine, "not_promised", {})
-    return isinstance(broken, Mapping) and not any(claim in broken for claim in REPRODUCIBLE)
-
-
-def _auto_accelerator(engine: Engine, scene: Scene, settings: CellSettings, allow_imports: bool) -> str:
-    """What the engine says of its choice where the accelerator is `auto`; empty where it says nothing, or fails at it."""
-    says = getattr(engine, "auto_accelerator", None)
-    if settings.accelerator.name != "auto" or not callable(says):
-        return ""
-    try:
-        return str(says(scene, engine_settings(settings, 0, allow_imports)))
-    except (Exception, SystemExit) as error:
-        message = f"engine {engine.name}: auto_accelerator failed: {type(error).__name__}: {error}"
-        warnings.warn(message, stacklevel=2)
-        return ""
-
-
-def _why_not(engine: Engine, scene: Scene, settings: CellSettings, allow_imports: bool) -> str | None:
-    """The engine's answer. One that fails at it, or answers something else, is tried: the cell will show."""
-    plain = engine_settings(settings, 0, allow_imports)
-    if scene.native is not None and scene.native.refusal and not getattr(engine, "takes_native", False):
-        return scene.native.refusal
-    try:
-        answer: Any = engine.why_not(scene, plain)
-    except UnknownName as unknown:
-        if unknown.kind in ("sampler", "shader"):  # an engine's own, which the configuration was right to name
-            return f"the engine {engine.name} has no {unknown.kind} {unknown.found}"
-        raise
-    except RaybenchError:
-        raise
-    except (Exception, SystemExit) as error:
-        warnings.warn(f"engine {engine.name}: why_not failed: {type(error).__name__}: {error}: it is tried", stacklevel=2)
-        return None
-    if answer is not None and not isinstance(answer, str):
-        warnings.warn(
-            f"engine {engine.name}: why_not answered {answer!r}: None or a sentence is expected: it is tried", stacklevel=2
-        )
-        return None
-    return answer
 
 
 def _reference(
@@ -345,11 +256,11 @@ def _reference(
         threads=1,
         sampler=given.sampler,
         shader=completed("shader", given.shader or settings.shader, known.allow_imports),
-        accelerator=_resolved(engine, given.accelerator),
+        accelerator=answers.resolved(engine, given.accelerator),
     )
     if given.precision is None:
-        settings = replace(settings, precision=_precision(engine, scene, settings, known.allow_imports))
-    why_not = _why_not(engine, scene, settings, known.allow_imports)
+        settings = replace(settings, precision=answers.precision(engine, scene, settings, known.allow_imports))
+    why_not = answers.why_not(engine, scene, settings, known.allow_imports)
     if why_not:
         return None, f"no reference by {given.engine}: {why_not}"
     each, count = given.replicates
@@ -400,12 +311,12 @@ def _as_certifier(name: str, scene: Scene, wanted: PlannedReference, known: _Kno
     lineage = lineage_of(engine)
     share = certifiers.share(lineage, wanted.spec["width"], wanted.spec["height"], wanted.spp)
     given = certifiers.smaller(wanted.settings, share.factor)
-    given = replace(given, accelerator=_resolved(engine, Choice("auto")))
+    given = replace(given, accelerator=answers.resolved(engine, Choice("auto")))
     why_not: str | None = None
     for sampler in (given.sampler, *certifiers.samplers(share.spp)):
         given = replace(given, sampler=sampler)
-        given = replace(given, precision=_precision(engine, scene, given, known.allow_imports))
-        why_not = _why_not(engine, scene, given, known.allow_imports)
+        given = replace(given, precision=answers.precision(engine, scene, given, known.allow_imports))
+        why_not = answers.why_not(engine, scene, given, known.allow_imports)
         if why_not is None:
             break
     return Certifier(name, lineage, f"{engine.version}+{known.code(name)[:8]}", given, share.spp, share.factor, why_not)

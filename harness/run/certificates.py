@@ -25,6 +25,7 @@ from harness.measure.pool import WorkerFailed
 from harness.plan.certifiers import smaller
 from harness.plan.references import REPLICATES, PlannedReference
 from harness.run.references import Images, Report, held, replicates
+from harness.settings import CellSettings
 from harness.statistics import equivalence
 from harness.statistics.equivalence import Array
 from harness.store import read_json, validation, write_json
@@ -115,7 +116,7 @@ def _made(wanted: PlannedReference, root: Path, pool: Images, report: Report) ->
 def _images(
     wanted: PlannedReference,
     engine: str,
-    settings: Mapping[str, Any],
+    settings: CellSettings,
     spp: int,
     count: int,
     pool: Images,

@@ -269,7 +269,7 @@ class CellRecord:
             said["mean_spp"] = float(film.counts.mean())
         self.points.append({**answer, **said, "image": None})
         if self.cell.patterns:
-            self.points[-1]["sampler"] = dict(self.cell.sampler(answer["spp"]))
+            self.points[-1]["sampler"] = self.cell.sampler(answer["spp"]).describe()
         self._last_film = film
         self.counters["bad_samples"] = float(film.bad_samples)
         if bad := films.bad_pixels(image):

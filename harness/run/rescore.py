@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
 from engines.image import read_image
-from engines.schema.yaml_file import parse_yaml
+from engines.schema.yaml_file import locate
 from harness import config, metrics, store
 from harness.analysis.targets import automatic_targets
-from harness.config import Quality
+from harness.config import Experiment, Quality
 from harness.hashing import digest
 
 
@@ -26,7 +25,10 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
     1e-6 of itself.
     """
     manifest = store.read_manifest(folder)
-    quality = _quality(manifest, overrides)
+    if not manifest.get("config"):
+        raise ConfigError(f"{store.MANIFEST} config: is missing: it is not known what was to be measured")
+    experiment = store.config_of(manifest)
+    quality = _quality(experiment, overrides)
     history = store.read_events(folder)
     with store.Events(folder) as events:
         cells, scored, without = _scored(folder, history, quality)
@@ -34,18 +36,15 @@ def rescore(folder: Path, overrides: Sequence[str] = (), command: Sequence[str] 
             events.append(cell)
         if overrides:
             latest = {**store.latest_cells(history), **{cell["cell_id"]: cell for cell in cells}}
-            _record(manifest, quality, events, latest, command)
+            manifest["config"] = replace(experiment, quality=quality).normalised()
+            _record(manifest, quality.name != experiment.quality.name, quality, events, latest, command)
             store.write_json(folder / store.MANIFEST, manifest)
     return scored, without
 
 
-def _quality(manifest: Mapping[str, Any], overrides: Sequence[str]) -> Quality:
-    """The quality that the folder's config, with overrides applied."""
-    given = (manifest.get("config") or {}).get("quality")
-    if given is None:
-        raise ConfigError(f"{store.MANIFEST} config.quality: is missing: it is not known what was to be measured")
-    text = json.dumps({"quality": given})
-    root = parse_yaml(text, store.MANIFEST, ConfigError)
+def _quality(experiment: Experiment, overrides: Sequence[str]) -> Quality:
+    """The quality of the folder's config, with overrides applied."""
+    root = locate({"quality": experiment.normalised()["quality"]}, store.MANIFEST, ConfigError)
     for override in overrides:
         root = config.override(root, override)
     return config.read_quality(root)
@@ -81,16 +80,15 @@ def _scored(folder: Path, history: Sequence[dict[str, Any]], quality: Quality) -
 
 
 def _record(
-    manifest: dict[str, Any],
+    manifest: Mapping[str, Any],
+    changed: bool,
     quality: Quality,
     events: store.Events,
     latest: Mapping[str, Mapping[str, Any]],
     command: Sequence[str],
 ) -> None:
-    """The new quality in manifest and events, with its targets; `auto` ones of another metric are resolved now."""
+    """The new quality as events, with its targets; `auto` ones of a metric that has `changed` are resolved now."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    changed = quality.name != _quality(manifest, ()).name
-    manifest["config"]["quality"] = {**asdict(quality), "targets": list(quality.targets or []) or "auto"}
     events.append(
         {
             "event": "run",

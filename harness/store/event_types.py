@@ -23,7 +23,8 @@ def _path(text: str) -> str:
 
 def _metric(text: str) -> str:
     if text.startswith("relmse_e"):
-        Quality(metric="relmse", epsilon=float(text.removeprefix("relmse_e")))
+        if not 0.0 < float(text.removeprefix("relmse_e")) <= 1e6:
+            raise ValueError("an epsilon in (0, 1e6] is expected")
     elif text not in ("mse", "mape", "smape", "psnr", "ssim", "flip"):
         raise ValueError("the name of a metric is expected, such as relmse_e0.01")
     return text
@@ -345,38 +346,11 @@ Event = Annotated[
 ]
 
 
-class Quality(Record):
-    metric: Literal["relmse", "mse", "mape", "smape", "psnr", "ssim", "flip"] = "relmse"
-    epsilon: Annotated[float, Field(gt=0, le=1e6)] = 0.01
-    targets: list[Target | Literal["auto"]] | Literal["auto"] = "auto"
-
-
-class Scene(Record):
-    name: str = ""
-
-
-class Combination(Record):
-    scene: Scene | str | None = None
-
-
-class Margins(Record):
-    image: Annotated[float, Field(gt=0, le=1)] = 0.005
-    tile: Annotated[float, Field(gt=0, le=1)] = 0.05
-
-
-class Config(Record):
-    name: str | None = None
-    baseline: str | None = None
-    quality: Quality | None = None
-    equivalence: Margins | None = None
-    combinations: list[Combination] | None = None
-
-
 class Manifest(Record):
     raybench_results: int
     name: str | None = None
     config_name: str | None = None
-    config: Config | None = None
+    config: dict[str, Any] = {}
     cell_ids: list[Id] = []
     verify_job_ids: list[Id] | None = None
     warnings: list[str] = []

@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from engines.errors import ConfigError
 from engines.input_files import unreadable
+from harness.config.experiment import EXPERIMENT, SCHEMA_VERSION, Experiment, recorded
 from harness.store import confined, locks, validation
 from harness.store.events import COMPRESSED, EVENTS, MANIFEST, events_file
 from harness.store.json_files import read_json
@@ -32,6 +33,14 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: {unreadable(error)}: is this a results folder?") from error
     validation.manifest(found, str(path))
     return found
+
+
+def config_of(manifest: Mapping[str, Any], where: str = MANIFEST) -> Experiment:
+    """The experiment of a manifest, whose name in messages is `where`; one without cells or name where the manifest has none.
+
+    Raises `ConfigError` where that is no experiment.
+    """
+    return recorded(manifest.get("config") or {EXPERIMENT: SCHEMA_VERSION, "include": []}, where)
 
 
 def image_path(cell_id: str, spp: int, attempt: int = 1) -> str:

@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from harness.config import Experiment
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
 from harness.store import reference_files
 from harness.store.events import check_results, events_file, last_event, latest_cells, read_events
-from harness.store.folder import image_file, read_manifest
+from harness.store.folder import config_of, image_file, read_manifest
 
 PHASES = ("import", "load", "build", "compile", "render")
 AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division", "machine")
@@ -76,7 +77,8 @@ class Contestant:
 
 @dataclass
 class Results:
-    """All that is known of a run. `metric` is the quality metric's column; `targets` its goals, hardest last.
+    """All that is known of a run. `config` is the manifest's experiment, `metric` the quality metric's column, `targets` its
+    goals, hardest last.
 
     `environments` are the events that hold the preimages of environment ids, `certificates` those of reference ids,
     `check_results` those of verify jobs, `archived_verdicts` what was concluded from images that an archive lacks,
@@ -85,6 +87,7 @@ class Results:
 
     folder: Path
     manifest: Mapping[str, Any]
+    config: Experiment
     cells: list[Event]
     references: dict[str, Event]
     metric: str
@@ -110,9 +113,8 @@ class Results:
     @property
     def epsilon(self) -> float:
         """The epsilon of relMSE (radiance squared): that of the metric's name, else of the config."""
-        quality = (self.manifest.get("config") or {}).get("quality") or {}
-        named = self.metric.partition("_e")[2] if self.metric.startswith("relmse_e") else quality.get("epsilon", 0.01)
-        return float(named)
+        named = self.metric.startswith("relmse_e")
+        return float(self.metric.partition("_e")[2]) if named else self.config.quality.epsilon
 
     @property
     def relative_metric(self) -> str:
@@ -164,19 +166,19 @@ def load_results(folder: str | Path) -> Results:
 def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event]) -> Results:
     """Arranges events; cells that a changed config no longer asks for (outdated) are left out."""
     targets = (of_kind(events, "targets") or [{}])[-1]
-    quality = (manifest.get("config") or {}).get("quality") or {}
-    metric = targets.get("metric") or _metric_of(quality)
-    goals = targets.get("targets", quality.get("targets"))
-    numbers = [float(t) for t in goals if t != "auto"] if isinstance(goals, (list, tuple)) else []
+    config = config_of(manifest)
+    metric = targets.get("metric") or config.quality.name
+    goals = targets.get("targets", config.quality.targets or [])
     references = {event["reference_id"]: event for event in of_kind(events, "reference")}
     cells: list[Event] = [cell for cell in latest_cells(events).values() if cell["state"] != "outdated"]
     results = Results(
         folder,
         manifest,
+        config,
         cells,
         references,
         metric,
-        sorted(numbers, reverse=not higher_is_better(metric)),
+        sorted(map(float, goals), reverse=not higher_is_better(metric)),
         of_kind(events, "run"),
         {event["env_id"]: event for event in of_kind(events, "environment")},
         {event["reference_id"]: event for event in of_kind(events, "certificate")},
@@ -184,15 +186,8 @@ def results_of(folder: Path, manifest: Mapping[str, Any], events: Sequence[Event
         last_event(events, "archived_verdicts"),
         last_event(events, "calibration"),
     )
-    results.contestants = _contestants(results.cells, _config_scenes(manifest))
+    results.contestants = _contestants(results.cells, list(dict.fromkeys(each.scene.name for each in config.combinations)))
     return results
-
-
-def _config_scenes(manifest: Mapping[str, Any]) -> list[str]:
-    """Scenes in the order of the config; none where the manifest does not say."""
-    combinations = (manifest.get("config") or {}).get("combinations") or []
-    scenes = [combination.get("scene") for combination in combinations]
-    return list(dict.fromkeys(str(scene["name"]) for scene in scenes if isinstance(scene, Mapping) and "name" in scene))
 
 
 def of_kind(events: Sequence[Event], kind: str) -> list[Event]:
@@ -246,10 +241,6 @@ def read_image(path: Path) -> np.ndarray | None:
         return np.asarray(read(path), np.float64)
     except (RaybenchError, OSError):
         return None
-
-
-def _metric_of(quality: Mapping[str, Any]) -> str:
-    return metric_name(quality.get("metric", "relmse"), float(quality.get("epsilon", 0.01)))
 
 
 def setting_text(axis: str, value: Any) -> str:

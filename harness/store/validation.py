@@ -14,9 +14,10 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from engines.errors import ConfigError
+from harness.config import recorded
 from harness.store.event_types import Event, Manifest, ReferenceMeta
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """Of manifest, events and references together: the manifest's `raybench_results`."""
 MAX_DEPTH = 64
 LARGEST_INTEGER = 2**63
@@ -36,6 +37,8 @@ def manifest(data: Any, where: str) -> None:
     """Raises `ConfigError` if this is no manifest, or one of another version of the format."""
     version(data, where)
     _check(Manifest, data, where)
+    if data.get("config"):
+        recorded(data["config"], where)
     for index, source in enumerate(data.get("merged", [])):
         manifest({"raybench_results": FORMAT_VERSION, **source}, f"{where} merged[{index}]")
 

@@ -15,7 +15,7 @@ from engines.schema.yaml_file import Located, locate
 from harness.config.files import ConfigFile, read_file, top_level
 from harness.config.keys import by_field, key, keys_of, written
 from harness.config.kinds import DURATION, LINE, NAME, RECORDED, SEED, ListOf, OrNull, Value, integer, number, one_of, version
-from harness.config.settings import ChoiceKind, EngineKind, SceneFile, SceneKind
+from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SceneFile, SceneKind
 from harness.trace.rays import KINDS
 
 TRACE = "raybench_trace"
@@ -66,15 +66,11 @@ class TraceExperiment:
     rays: tuple[str, ...] = key(
         _OneOrMore(one_of(*KINDS)), "Sets of rays; shadow is answered by occluded, the others by trace.", [*KINDS]
     )
-    engine: tuple[str, ...] = key(_OneOrMore(EngineKind()), "Engines, as in experiments.", [*ENGINES])
+    engine: tuple[str, ...] = key(_OneOrMore(ENGINE), "Engines, as in experiments.", [*ENGINES])
     accelerator: tuple[Choice, ...] = key(
-        _OneOrMore(ChoiceKind("accelerator")),
-        "Accelerators, as in experiments; an engine that lacks one is left out there.",
-        ["auto"],
+        _OneOrMore(ACCELERATOR), "Accelerators, as in experiments; an engine that lacks one is left out there.", ["auto"]
     )
-    precision: tuple[str | None, ...] = key(
-        _OneOrMore(OrNull(one_of("float64", "float32"))), "Precisions; null is the engine's own.", [None]
-    )
+    precision: tuple[str | None, ...] = key(_OneOrMore(PRECISION), "Precisions; null is the engine's own.", [None])
     threads: tuple[int, ...] = key(_OneOrMore(integer(1, 1024)), "Threads of the engines.", [1])
     count: int = key(integer(16, 10**8), "Rays per set.", 200_000)
     batch: int | None = key(OrNull(integer(1, 10**8)), "Rays per call; by default all in one.", None)
@@ -137,9 +133,9 @@ def trace_of(options: Mapping[str, Any]) -> TraceExperiment:
 def recorded_trace(data: Any, where: str) -> TraceExperiment:
     """The comparison of which `normalised` made `data`, perhaps on another machine: what it names is not looked up.
 
-    Raises `ConfigError`, whose message begins with `where`.
+    Raises `ConfigError` about the key `config` of the file `where`.
     """
-    return _parsed(locate(data, where, ConfigError), RECORDED, "trace")
+    return _parsed(locate({"config": data}, where, ConfigError).value["config"], RECORDED, "")
 
 
 def _parsed(root: Located, context: Any, stem: str) -> TraceExperiment:

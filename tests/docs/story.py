@@ -91,11 +91,11 @@ def run(line: str) -> tuple[int, str]:
 def read(block: Block, here: str) -> None:
     """Loads the scene, experiment or renderer's file of a yaml block."""
     import yaml
-    from harness.config.trace import load_trace
 
     import engines
     from engines.external.description import read as read_renderer
     from harness import config
+    from harness.trace.experiment import load_trace
 
     given = yaml.safe_load(block.body)
     base = {("scene",): SCENE, ("experiment",): EXPERIMENT}.get(block.words, {})

@@ -190,11 +190,12 @@ def troubles(block, size):
 
 def manifest():
     return {
-        "raybench_results": 2,
+        "raybench_results": 3,
         "config": {
             "raybench_experiment": 1,
             "name": "synthetic",
             "resolution": [48, 36],
+            "include": [],
             "repeats": 5,
             "equivalence": {"image": 0.02, "tile": 0.5},
             "quality": {"metric": "relmse", "epsilon": 0.01, "targets": TARGETS},

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.analysis.frames import ResultFrames
 from harness.report.html.assembly import headlines
@@ -55,7 +56,7 @@ def contestant(
 
 def results(tmp_path, *contestants, config=None):
     events = [{"event": "targets", "metric": "relmse_e0.01", "targets": TARGETS}, *(c for made in contestants for c in made)]
-    return results_of(tmp_path, {"config": config or {}}, events)
+    return results_of(tmp_path, {"config": {"raybench_experiment": 1, "include": [], **(config or {})}}, events)
 
 
 def verdicts(found, target=0.01, scene="hall"):
@@ -110,8 +111,9 @@ def test_what_differs_from_all_others_in_several_factors_is_compared_with_the_ra
 def test_two_samplers_of_one_engine_are_compared_with_the_one_that_is_written_first(tmp_path):
     made = contestant(0.01, sampler="halton"), contestant(0.02, sampler="sobol"), twins()
     for first, second in (("halton", "sobol"), ("sobol", "halton")):
-        written = [{"engine": "numba", "sampler": {"name": name}, "precision": None} for name in (first, second, "random")]
-        found = verdicts(results(tmp_path, *made, config={"combinations": written}))
+        same = {"scene": "cornell_box", "engine": "numba"}
+        written = [{**same, "sampler": {"name": name}} for name in (first, second, "random")]
+        found = verdicts(results(tmp_path, *made, config={"include": written}))
         other, root = found.loc[f"numba {second}"], found.loc[f"numba {first}"]
         assert (other.baseline, other.factor) == (f"numba {first}", "sampler") and other.verdict in ("faster", "slower")
         assert other.ratio == pytest.approx(2.0 if first == "sobol" else 0.5, rel=0.05)
@@ -132,9 +134,10 @@ def test_an_accelerator_that_both_engines_have_is_a_factor_of_its_own(tmp_path):
     assert found.loc["numba grid"].factor == "accelerator"
 
 
-def test_what_a_config_may_say_of_pairs_does_not_stop_a_reader(tmp_path):
-    for pairs in (3, [3], [{}], [{"contestant": {}, "baseline": 2}], [{"contestant": {"engine": "numba"}}]):
-        assert len(verdicts(results(tmp_path, twins(), config={"pairs": pairs, "same_within": "x"}))) == 2
+@pytest.mark.parametrize("pairs", [3, [3], [{}], [{"contestant": {}, "baseline": 2}], [{"contestant": {"engine": "numba"}}]])
+def test_pairs_that_are_none_are_refused_with_their_place(tmp_path, pairs):
+    with pytest.raises(ConfigError, match=r"^manifest.json config\.pairs"):
+        results(tmp_path, twins(), config={"pairs": pairs})
 
 
 def test_auto_of_two_engines_is_one_setting_whatever_its_options(tmp_path):

@@ -207,10 +207,10 @@ def _refusal(folder):
 @pytest.mark.parametrize(
     ("version", "words"),
     [
-        (1, "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"),
-        (3, "results of format 3, and this raybench reads 2: a newer raybench wrote it"),
-        (None, "'raybench_results: 2' is expected"),
-        ("2", "'raybench_results: 2' is expected"),
+        (1, "results of format 1, and this raybench reads 3: an older raybench wrote it: measure again"),
+        (4, "results of format 4, and this raybench reads 3: a newer raybench wrote it"),
+        (None, "'raybench_results: 3' is expected"),
+        ("2", "'raybench_results: 3' is expected"),
         (True, "is expected"),
     ],
 )
@@ -232,7 +232,7 @@ def test_a_folder_of_the_first_format_ends_in_one_line(theirs, verb):
     with (theirs / store.EVENTS).open("a") as file:
         file.write('{"event": "conclusions", "bias": []}\n')
     done = sweeping.raybench(verb, theirs)
-    said = "results of format 1, and this raybench reads 2: an older raybench wrote it: measure again"
+    said = "results of format 1, and this raybench reads 3: an older raybench wrote it: measure again"
     assert (done.returncode, done.stderr) == (2, f"raybench: {theirs / store.MANIFEST}: {said}\n")
 
 
@@ -264,7 +264,7 @@ def test_what_a_run_writes_is_what_is_read(tmp_path):
     text = sweeping.EXPERIMENT.replace("'fake_engines:Other'", "'fake_engines:Broken', 'fake_engines:Picky'")
     sweeping.run(sweeping.write(tmp_path, text.replace("images: none", "images: all")), tmp_path / "out")
     states = {event.get("state") for event in store.read_events(tmp_path / "out")}
-    assert {"done", "failed", "skipped"} <= states and store.read_manifest(tmp_path / "out")["raybench_results"] == 2
+    assert {"done", "failed", "skipped"} <= states and store.read_manifest(tmp_path / "out")["raybench_results"] == 3
 
 
 @pytest.mark.parametrize("folder", ["baseline", "dissertation"])

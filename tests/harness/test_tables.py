@@ -5,6 +5,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -115,7 +116,7 @@ def test_a_quality_that_rises_is_reached_from_below(folder, analysis):
 
 def test_the_config_may_name_the_baseline(folder):
     results = load_results(folder)
-    results.manifest["config"]["baseline"] = "embree"
+    results = replace(results, config=replace(results.config, baseline="embree"))
     assert baseline_engine_of(results) == "embree"
 
 

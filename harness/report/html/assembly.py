@@ -68,8 +68,8 @@ def report_html(analysis: Analysis, tables: list[Table], plots: list[Plot]) -> s
         _environment()
         .get_template("report.html.j2")
         .render(
-            title=_title(results.manifest, results.folder.name),
-            question=_question(results.manifest),
+            title=results.config.name or results.folder.name,
+            question=results.config.question or "Which contestant reaches a given error first?",
             matrix=matrix(analysis, found, references),
             engine_key=engine_key(analysis),
             verdicts=headlines(analysis),
@@ -110,13 +110,12 @@ def plot_sets(analysis: Analysis, drawings: Sequence[Drawing]) -> list[tuple[str
 
 def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
     """The report of a comparison by rays as one document."""
-    question = str(results.config.get("question") or "")
     return (
         _environment()
         .get_template("trace.html.j2")
         .render(
             title=results.name,
-            question=question,
+            question=results.experiment.question or "",
             table=table,
             plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
             machine=machine_words("", results.machine),
@@ -332,20 +331,11 @@ def _script_json(value: Any) -> Markup:
     return Markup(text)
 
 
-def _question(manifest: Mapping[str, Any]) -> str:
-    """What the experiment asks, by its config."""
-    return str((manifest.get("config") or {}).get("question") or "Which contestant reaches a given error first?")
-
-
 def _pair_verdicts(analysis: Analysis) -> list[tuple[str, int]]:
     """(verdict, how many pairs of engines have it), the worst first."""
     order = ("different", "unresolved", "unknown", "equivalent", "identical")
     counts = Counter(pair.verdict for pair in analysis.pairs)
     return [(verdict, counts[verdict]) for verdict in order if counts[verdict]]
-
-
-def _title(manifest: Mapping[str, Any], fallback: str) -> str:
-    return str((manifest.get("config") or {}).get("name") or fallback)
 
 
 def _references(results: Results) -> list[dict[str, Any]]:
