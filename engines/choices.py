@@ -43,25 +43,27 @@ class Choice:
     options: Mapping[str, Any] = field(default_factory=dict)
     plugin: Any = None
 
-    @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> Choice:
-        """The choice that `describe` made `plain` data of."""
-        name, options = plain["name"], {key: value for key, value in plain.items() if key != "name"}
-        return cls(name, {**{key: value for (of, key), value in OMITTED.items() if of == name}, **options})
-
-    def __hash__(self) -> int:
-        """Of the name alone, as options may hold lists."""
-        return hash(self.name)
-
-    def __str__(self) -> str:
-        """The choice as people read it: path_tracer(max_depth=6)."""
-        options = ", ".join(f"{key}={value}" for key, value in sorted(self.describe().items()) if key != "name")
-        return f"{self.name}({options})" if options else self.name
-
     def describe(self) -> dict[str, Any]:
         """The choice as plain data, the form that configs and results use; `OMITTED` options only where they matter."""
         shown = {key: value for key, value in self.options.items() if OMITTED.get((self.name, key), self) != value}
         return {"name": self.name, **shown}
+
+    @classmethod
+    def of(cls, described: Mapping[str, Any]) -> Choice:
+        """The choice that `describe` has described."""
+        name, options = described["name"], {key: value for key, value in described.items() if key != "name"}
+        return cls(name, {**{key: value for (of, key), value in OMITTED.items() if of == name}, **options})
+
+    def __str__(self) -> str:
+        """As tables, legends and messages print it: `bvh(leaf=4)`, options by name, those of `OMITTED` where they matter."""
+        options = ", ".join(f"{key}={value}" for key, value in sorted(self.describe().items()) if key != "name")
+        return f"{self.name}({options})" if options else self.name
+
+    def __lt__(self, other: Choice) -> bool:
+        return str(self) < str(other)
+
+    def __hash__(self) -> int:
+        return hash((self.name, *sorted(self.options)))  # values may be lists
 
 
 class OpenOptions(dict[str, Option]):

@@ -42,10 +42,13 @@ class CellSettings:
         given = {key: plain[key] for key in cls.__dataclass_fields__}
         return cls(**{**given, **{kind: Choice.of(given[kind]) for kind in CHOICES}})
 
+    def fields(self) -> dict[str, Any]:
+        """The settings by their names."""
+        return {key: getattr(self, key) for key in self.__dataclass_fields__}
+
     def describe(self) -> dict[str, Any]:
         """Plain data, as specs, requests and events hold it."""
-        plain = {key: getattr(self, key) for key in self.__dataclass_fields__}
-        return {**plain, **{kind: plain[kind].describe() for kind in CHOICES}}
+        return {**self.fields(), **{kind: getattr(self, kind).describe() for kind in CHOICES}}
 
 
 def engine_settings(settings: CellSettings, seed: int, allow_imports: bool) -> Settings:

@@ -115,7 +115,7 @@ ONLY_IN = {
 }
 
 LONG_FILES: dict[str, str] = {}
-"""Files above 400 lines, each with the reason why it is one."""
+"""Files above 600 lines, each with the reason why it is one."""
 
 
 def modules() -> dict[str, Path]:
@@ -305,11 +305,11 @@ def test_every_module_says_what_lives_in_it():
     assert [name for name, path in MODULES.items() if not ast.get_docstring(ast.parse(path.read_text()))] == []
 
 
-def test_no_file_is_longer_than_400_lines_without_a_reason():
+def test_no_file_is_longer_than_600_lines_without_a_reason():
     long = {
         str(path.relative_to(ROOT))
         for path in [*MODULES.values(), *ROOT.glob("tests/**/*.py")]
-        if len(path.read_text().splitlines()) > 400
+        if len(path.read_text().splitlines()) > 600
     }
     assert long == set(LONG_FILES)
 

@@ -17,6 +17,7 @@ from engines.errors import ConfigError, suggestion
 from harness.hashing import digest
 from harness.source_hashes import engine_code
 from harness.store.events import latest_verify_jobs
+from harness.store.records import AnyEvent
 
 if TYPE_CHECKING:
     from engines.interface import Engine
@@ -79,9 +80,7 @@ def _job(config: VerifyConfig, name: str, engine: Engine, precision: str, accele
     return VerifyJob(digest(preimage), name, preimage, config.timeout_seconds)
 
 
-def todo(wanted: Iterable[VerifyJob], events: Iterable[Mapping[str, Any]], retry: bool) -> list[VerifyJob]:
+def todo(wanted: Iterable[VerifyJob], events: Iterable[AnyEvent], retry: bool) -> list[VerifyJob]:
     """The jobs without a result; with `retry` those that failed, too."""
     known = latest_verify_jobs(events)
-    return [
-        each for each in wanted if each.verify_job_id not in known or (retry and known[each.verify_job_id]["state"] != "done")
-    ]
+    return [each for each in wanted if each.verify_job_id not in known or (retry and known[each.verify_job_id].state != "done")]

@@ -90,8 +90,7 @@ class Contestant:
     def crossings(self) -> list[dict[str, Any]]:
         """When each target was reached, and whether the noise of the reference leaves that in doubt, as in reports."""
         metric, cell = self._recorder.metric, self.cell
-        kind = {"smooth_sampler": cell.smooth_sampler, "reproducible": cell.reproducible}
-        curve, found = curve_of({"points": self._record.points, **kind}, metric), []
+        curve, found = curve_of(self._record.points, metric, cell.smooth_sampler, cell.reproducible), []
         for target in self._recorder.plan.experiment.quality.targets or ():
             crossing = crossing_seconds(curve, as_error(metric, target))
             reliable = crossing.noise <= 1 / CLEAR_ERRORS
@@ -106,4 +105,4 @@ class Contestant:
         machine = judged(self._disturbance.report(), self.cell.settings.threads)
         self._record_message(did="end", counters=counters, machine=machine)
         event = self._recorder.measured_as(self._record, ())
-        self._recorder.finish(self.cell, {**event, "wall_seconds": perf_counter() - self._start})
+        self._recorder.finish(self.cell, event.replaced(wall_seconds=perf_counter() - self._start))

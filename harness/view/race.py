@@ -19,6 +19,7 @@ from harness.plan import planner
 from harness.plan.cells import Cell, Plan
 from harness.run.sweep import Options, Sweep
 from harness.settings import CellSettings, engine_settings
+from harness.store import records
 from harness.store.results import brief_choice
 from harness.view import requests
 from harness.view.contestant import Contestant
@@ -44,7 +45,7 @@ class Listener:
 
     def cell(self, cell: Cell, number: int, total: int, seconds_left: float) -> None: ...
     def point(self, spp: int, seconds: float) -> None: ...
-    def finished(self, cell: Cell, event: Mapping[str, Any]) -> None: ...
+    def finished(self, cell: Cell, event: records.Cell) -> None: ...
     def verify_job(self, name: str, number: int, total: int) -> None: ...
 
 
@@ -114,7 +115,7 @@ class Race:
         """Renders the references that are missing. Raises `Stopped`, and `ConfigError` where an engine fails."""
         self.sweep.record_plan()
         self.sweep.make_references(self.replicates)
-        failed = [event["message"] for event in self.sweep.recorder.latest.values() if event["state"] == "failed"]
+        failed = [event.message for event in self.sweep.recorder.latest.values() if event.state == "failed"]
         if failed:
             raise ConfigError(failed[0])
 
@@ -167,11 +168,12 @@ def _names(cells: Sequence[Cell]) -> list[str]:
 
     def setting_text(cell: Cell, key: str) -> str:
         others = [other for other in cells if key != "accelerator" or other.engine == cell.engine]
-        values = [other.settings.describe()[key] for other in others]
-        own = cell.settings.describe()[key]
+        own, values = getattr(cell.settings, key), [getattr(other.settings, key) for other in others]
         if all(value == own for value in values):
             return ""
-        return brief_choice(own, values) if key in KINDS else f"{own}{' threads' if key == 'threads' else ''}"
+        if key in KINDS:
+            return brief_choice(own, values)
+        return f"{own}{' threads' if key == 'threads' else ''}"
 
     keys = (*KINDS, "precision", "threads")
     return [" ".join(filter(None, [cell.engine_name, *(setting_text(cell, key) for key in keys)])) for cell in cells]

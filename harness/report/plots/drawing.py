@@ -18,6 +18,7 @@ from harness.report.plots.curves import error_curves, pareto, shows_slopes, targ
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives, shows_exponents
 from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, formats, save
+from harness.verify.check_result import CheckResult
 
 OF_A_PANEL = {
     "error-over-time": "error over warm time",
@@ -55,7 +56,7 @@ def count_figures(analysis: Analysis) -> int:
     return len(_sketches(analysis))
 
 
-def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
+def draw_stability(findings: Sequence[CheckResult], target: Path) -> list[Plot]:
     """Draws the results of the suite, without any results folder."""
     return draw_sketches(stability.sketches(findings), target)
 

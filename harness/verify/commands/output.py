@@ -77,7 +77,7 @@ def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     from harness.report.plots import draw_stability
 
     folder.mkdir(parents=True, exist_ok=True)
-    plots = draw_stability([dict(result) for result in results], folder / "plots")
+    plots = draw_stability(results, folder / "plots")
     texts = {
         "json": json.dumps(document(results, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(results)),
