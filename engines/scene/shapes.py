@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.scene.bsdf import is_textured
+from engines.scene.bsdf_tree import is_textured
 from engines.scene.context import SceneReader
 from engines.scene.geometry import has_area
 from engines.scene.mesh import MESH, Mesh

@@ -15,6 +15,7 @@ from rich.table import Column, Table
 
 from engines.errors import ConfigError
 from harness import config, store
+from harness.analysis.certificates import certificate_text, refutes
 from harness.cli.results import require_results, write_derived
 from harness.config import ConfigFile, Experiment
 from harness.console import consoles
@@ -237,8 +238,8 @@ def _certified(wanted: Any, root: Path, pool: Any, stdout: Console, stderr: Cons
         name = f"{wanted.describe()}, certificate"
         with progress.Terminal(stderr) as terminal:
             found = certificates.make(wanted, root, pool, lambda i, n: terminal.reference(name, i, n))
-    stdout.print(f"{wanted.describe()}: {certificates.words(found)}", markup=False, soft_wrap=True)
-    return certificates.refutes(found)
+    stdout.print(f"{wanted.describe()}: {certificate_text(found)}", markup=False, soft_wrap=True)
+    return refutes(found)
 
 
 def status(folder: Path) -> None:

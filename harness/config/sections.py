@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from engines.choices import Choice
+from engines.errors import suggestion
 from engines.packages import install_extra
 from engines.registry import is_file, split
 from engines.schema.keys import Given, Schema
@@ -18,6 +19,7 @@ from harness.config.keys import Section, key, written
 from harness.config.kinds import DURATION, NAME, RECORDED, SEED, SIZE, ListOf, OrNull, integer, number, one_of
 from harness.config.settings import ACCELERATOR, ENGINE, PRECISION, SAMPLER, SHADER
 from harness.statistics.equivalence import DEFAULT_MARGINS, Margins
+from harness.suites import suite
 
 AUTOMATIC = "auto"
 """The certifier that `plan.certifiers` takes."""
@@ -252,6 +254,14 @@ class VerifyConfig:
     timeout_seconds: float = key(DURATION, "Wall time of a verify job.", "300s", name="timeout")
 
 
+def _verify(found: VerifyConfig, given: Given, context: Any) -> VerifyConfig:
+    """Refuses cases that the suite does not have."""
+    for child in given.at("cases").value if given.has("cases") and context is not RECORDED else ():
+        if child.value not in (names := suite().case_names()):
+            raise child.refuse(f"unknown case or section: {suggestion(child.value, names)}")
+    return found
+
+
 CHECKPOINTS = Section(Checkpoints, _checkpoints)
 LIMITS = Section(Limits)
 ORDER = Section(Order)
@@ -259,4 +269,4 @@ PAIR = Section(Pair)
 REFERENCE = Section(ReferenceConfig, _reference)
 QUALITY = Section(Quality, _quality)
 EQUIVALENCE = Section(EquivalenceConfig)
-VERIFY = Section(VerifyConfig)
+VERIFY = Section(VerifyConfig, _verify)

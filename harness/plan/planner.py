@@ -66,7 +66,7 @@ def make(
     _baseline_runs(experiment, {cell.engine_name for cell in cells})
     _pairs_exist(experiment, configurations)
     compared = dict.fromkeys(combination.engine for combination in experiment.combinations)
-    verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared}, experiment.source)
+    verify_jobs = planned(experiment.verify, {name: known.engines[name] for name in compared})
     return Plan(experiment, tuple(cells), references, (*experiment.warnings, *warned), verify_jobs)
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness import store
+from harness.analysis.certificates import certificate_text, certifies
 from harness.analysis.targets import automatic_targets
 from harness.hashing import digest
 from harness.measure import machine
@@ -248,8 +249,8 @@ class Sweep:
         said = [event.certificate_id for event in store.of_kind(self.recorder.history, records.Certificate)]
         if found.certificate_id not in said:
             self.recorder.append(found)
-            if not certificates.certifies(found):
-                self.listener.note(f"reference of {wanted.describe()}: {certificates.words(found)}")
+            if not certifies(found):
+                self.listener.note(f"reference of {wanted.describe()}: {certificate_text(found)}")
 
     # --- verify jobs ------------------------------------------------------------------------------------------------
 

@@ -20,10 +20,10 @@ from typing import Any, BinaryIO, TypeVar
 
 from engines.errors import ConfigError
 from engines.input_files import open_regular, unreadable
+from harness.check_results import CheckResult
 from harness.store import atomic, confined, validation
 from harness.store.json_files import read_json
 from harness.store.records import AnyEvent, Cell, Record, VerifyJob
-from harness.verify.check_result import CheckResult
 
 EVENTS, COMPRESSED, MANIFEST = "events.jsonl", "events.jsonl.gz", "manifest.json"
 LARGEST = 2**31

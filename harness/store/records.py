@@ -24,11 +24,11 @@ from pydantic import (
 )
 
 from engines.choices import Choice
+from harness.check_results import CheckResult
 from harness.statistics.bias import BiasEstimate
 from harness.statistics.calibration import BiasFigures, RaceFigures
 from harness.statistics.equivalence import Equivalence
 from harness.store import confined
-from harness.verify.check_result import CheckResult
 
 BROKEN = ("failed", "timeout")
 """States of a cell that had its chance and has no whole measurement."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from engines.choices import Choice
+from harness.check_results import CheckResult
 from harness.config import Experiment
 from harness.metrics import Reference, as_error, higher_is_better, metric_name
 from harness.statistics.convergence import Curve, curve
@@ -37,7 +38,6 @@ from harness.store.records import (
     Targets,
 )
 from harness.store.validation import FORMAT_VERSION
-from harness.verify.check_result import CheckResult
 
 PHASES = ("import", "load", "build", "compile", "render")
 AXES = ("engine", "accelerator", "shader", "sampler", "precision", "threads", "size", "label", "division", "machine")

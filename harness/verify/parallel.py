@@ -22,10 +22,11 @@ from typing import Any, NamedTuple
 
 from engines import registry
 from engines.errors import RaybenchError
+from harness.check_results import CheckResult
 from harness.processes import die_with_parent
 from harness.verify.case import Case
 from harness.verify.subject import Skipped, Subject, accelerator_names, precisions
-from harness.verify.suite import CASES, CheckResult, failure, run_case
+from harness.verify.suite import CASES, failure, run_case
 from harness.verify.tolerances import tracing_precision
 
 SPAWN = multiprocessing.get_context("spawn")

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any, get_args
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
 from engines.interface import Engine
+from harness.check_results import FAIL, PASS, SKIP, XFAIL, CheckResult, Outcome
+from harness.suites import Check
 from harness.verify.case import Case, Measurement
-from harness.verify.check_result import CheckResult, Outcome
 from harness.verify.checks import (
     accelerators,
     cameras,
@@ -53,8 +56,6 @@ SECTIONS = (
 CASES: tuple[Case, ...] = tuple(case for section in SECTIONS for case in section.cases)
 """Every case, in the order of the tables."""
 
-PASS, XFAIL, FAIL, SKIP = OUTCOMES = get_args(Outcome)
-
 
 def select_cases(names: Sequence[str]) -> list[Case]:
     """The cases of these ids and sections, in the order of the suite."""
@@ -64,6 +65,16 @@ def select_cases(names: Sequence[str]) -> list[Case]:
 def case_names() -> list[str]:
     """The names that `select_cases` knows: sections first, then ids."""
     return [*dict.fromkeys(case.section for case in CASES), *(case.id for case in CASES)]
+
+
+def checks(engine: Engine, names: Sequence[str]) -> Iterator[Check]:
+    """What a run whose config names these checks of the engine; see `harness.suites`."""
+    with suppress(Skipped):
+        for precision in precisions(engine):
+            for case in select_cases(names):
+                source = inspect.getsource(inspect.getmodule(case.check) or case.check)
+                for accelerator in accelerator_names(engine) if case.each_accelerator else ["auto"]:
+                    yield Check(case.id, precision, accelerator, source)
 
 
 def run_suite(engines: Sequence[Engine], quick: bool = False, cases: Sequence[Case] = CASES) -> Iterator[CheckResult]:

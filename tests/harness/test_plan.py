@@ -10,9 +10,9 @@ import pytest
 
 from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError
-from engines.external import Engine as Program
 from engines.interface import FullPattern
-from engines.mitsuba import Engine as MitsubaEngine
+from engines.peers.external import Engine as Program
+from engines.peers.mitsuba import Engine as MitsubaEngine
 from harness import config
 from harness.config import read_file
 from harness.config.paths import shipped

@@ -122,7 +122,7 @@ def test_what_has_no_exact_counterpart_is_declined(held, shader, words):
 
 
 def test_what_is_not_installed_is_named(monkeypatch):
-    monkeypatch.setattr("engines.adapters.engine.util.find_spec", lambda name: None)
+    monkeypatch.setattr("engines.peers.adapters.engine.util.find_spec", lambda name: None)
     monkeypatch.delitem(sys.modules, "bpy", raising=False)
     assert "docs/guides/cycles.md" in str(Engine().why_not(scene(), SETTINGS))
 

@@ -8,11 +8,11 @@ from typer.testing import CliRunner
 
 import engines
 from engines.errors import ConfigError, UnknownName
+from harness.check_results import FAIL
 from harness.cli import app
 from harness.verify import CASES, run_suite
 from harness.verify.commands import verify as command
 from harness.verify.parallel import describe_engines, make_jobs, run_jobs
-from harness.verify.suite import FAIL
 
 CHOSEN = [case for case in CASES if case.id in ("S4", "S6", "S10", "T6", "R4")]
 

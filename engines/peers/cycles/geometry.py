@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import FlatMesh, extent, flat_meshes, tangents
+from engines.peers.adapters import FlatMesh, extent, flat_meshes, tangents
 from engines.scene import Disk, Plane, Scene, Sphere, SphereSet
-from engines.scene.bsdf import is_opaque
+from engines.scene.bsdf_tree import is_opaque
 from engines.scene.geometry import face_normals
 from engines.scene.procedural.solids import tessellated_sphere
-from engines.scene.support import model_of
 
 Array = NDArray[np.float64]
 RINGS, GROWTH = 10, 4.0
@@ -94,7 +93,7 @@ def _are_points(scene: Scene, group: SphereGroup) -> bool:
     """Whether nobody can see the difference: rays leave a point unhindered, its light is not sampled."""
     material, eye = scene.materials[group.material], getattr(scene.camera, "eye", None)
     inside = eye is not None and bool((np.linalg.norm(group.centers - eye, axis=1) <= group.radii).any())
-    return not inside and not material.emits and is_opaque(model_of(material))
+    return not inside and not material.emits and is_opaque(material.as_bsdf)
 
 
 def tessellated(group: SphereGroup) -> tuple[Array, NDArray[np.int32], Array]:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engines.adapters import camera_frame, extent, flat_meshes, sphere_mesh, tangents
 from engines.interface import Settings
+from engines.peers.adapters import camera_frame, extent, flat_meshes, sphere_mesh, tangents
 from engines.peers.luxcore.materials import Properties, material_properties, texture_of
 from engines.scene import (
     Cylinder,

@@ -14,6 +14,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from harness.analysis import Analysis, calibration, reports_its_time
+from harness.analysis.certificates import certificate_text, certifies, refutes
 from harness.analysis.model import NOISY, possible_winners
 from harness.metrics import error_words, metric_title
 from harness.report.html.glossary import TERMS, anchor
@@ -324,12 +325,10 @@ def _pair_verdicts(analysis: Analysis) -> list[tuple[str, int]]:
 
 def _references(results: Results) -> list[JudgedReference]:
     """The references, each with what its certificate says and whether that is bad news."""
-    from harness.run.certificates import certifies, refutes, words
-
     found = []
     for reference_id, reference in results.references.items():
         certificate = results.certificates.get(reference_id)
-        said = words(certificate) if certificate else "uncertified: no engine of another lineage has made its image"
+        said = certificate_text(certificate) if certificate else "uncertified: no engine of another lineage has made its image"
         certified, refuted = (bool(certificate and judge(certificate)) for judge in (certifies, refutes))
         found.append(JudgedReference(reference, said, certified, refuted))
     return found

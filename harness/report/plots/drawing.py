@@ -11,6 +11,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
+from harness.check_results import CheckResult
 from harness.report.plots import stability
 from harness.report.plots.accelerator_tradeoff import build_against_traverse
 from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
@@ -18,7 +19,6 @@ from harness.report.plots.curves import error_curves, pareto, shows_slopes, targ
 from harness.report.plots.panels import Panel, panels
 from harness.report.plots.scaling import cost_over_pixels, cost_over_primitives, shows_exponents
 from harness.report.plots.style import STYLE, Palette, Plot, Sketch, file_stem, formats, save
-from harness.verify.check_result import CheckResult
 
 OF_A_PANEL = {
     "error-over-time": "error over warm time",

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
+from harness.check_results import CheckResult
 from harness.report.plots.style import FAINT, INK, Sketch, engine_colours, log_scales, new_figure
-from harness.verify.check_result import CheckResult
 
 DISTANCES = {"t/distance": "distance", "t/offset": "offset of the scene", "t/radius": "radius of the sphere"}
 RATES = {"self/scale": "scale of the scene: self-hits", "leak/scale": "scale of the scene: light through a gap"}

@@ -9,6 +9,7 @@ from harness.analysis import Analysis, Verdict
 from harness.analysis.columns import Column, Table
 from harness.analysis.equivalence import bound, margins_of, rests_on
 from harness.analysis.model import bias_sizes
+from harness.check_results import worst_per_check
 from harness.statistics import Equivalence, Estimate
 
 SCENE = Column("scene", "Scene that was rendered.")
@@ -136,8 +137,6 @@ def _bounds(found: Equivalence, images: int) -> dict[str, Any]:
 
 def accuracy(analysis: Analysis) -> Table:
     """Results of the accuracy suite, where the config has `verify`: the worst of each check, and every failure."""
-    from harness.verify.summary import worst_per_check
-
     table = Table(
         "accuracy",
         "Accuracy",
