@@ -5,13 +5,16 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 from jsonschema import Draft202012Validator
 
 from engines.choices import Choice
 from engines.errors import ConfigError
 from engines.schema.yaml_file import parse_yaml
 from harness import config
-from harness.config import experiment_schema, paths, read_file
+from harness.config import experiment_schema, paths, read_file, settings
+from harness.config.experiment import KEYS
+from harness.config.settings import SETTINGS
 from harness.trace.experiment import TRACE
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -256,6 +259,69 @@ def test_a_matrix_that_explodes_is_refused_before_it_is_built():
     many = "[" + ", ".join(str(i) for i in range(1, 1001)) + "]"
     with pytest.raises(ConfigError, match="combinations: at most 100000 are allowed"):
         parsed(HEAD + f"matrix: {{engine: [numba], threads: {many}}}\nzip: [{{precision: {['float32'] * 500}}}]\n")
+
+
+# --- the normalised file --------------------------------------------------------------------------------------------
+
+OTHER = """\
+raybench_experiment: 1
+name: 2024
+question: Which?
+matrix:
+  scene: [cornell_box, {file: scenes/lantern.xml, parameters: {reflectance: 0.5}}]
+  engine: [numba, 'mine:Engine', configs/renderers/raybench.yaml, {name: mitsuba, python: this}]
+shader: 'mine:shader'
+sampler: {name: multijitter, sample_count: 16}
+accelerator: {name: embree, quality: high}
+resolution: 64x48
+division: open
+budget: {max_time: 0.1ms, timeout: 1.5 h}
+limits: {memory: 1.5 GiB}
+timing: false
+aa_twin: true
+pairs: [{contestant: {engine: numba, threads: 1}, baseline: {sampler: multijitter}}]
+reference: {engine: numba, certify: null, shader: whitted}
+quality: {metric: psnr, targets: [20, 30.5]}
+equivalence: {tile: 0.1}
+verify: {cases: [stability], timeout: 90s}
+"""
+
+
+@pytest.mark.parametrize("text", [FULL, OTHER, HEAD + "engine: numba\n"], ids=["full", "other", "least"])
+def test_the_normalised_experiment_is_a_valid_file_of_the_same_experiment(text, validator, monkeypatch):
+    """From YAML, or as a manifest's config, it is read as the same again; on another machine nothing that it names is sought."""
+    monkeypatch.chdir(ROOT)
+    experiment = parsed(text)
+    said = experiment.normalised()
+    assert said == json.loads(json.dumps(said)) and list(validator.iter_errors(said)) == []
+    assert parsed(yaml.safe_dump(said)) == experiment and parsed(yaml.safe_dump(said)).normalised() == said
+    monkeypatch.setattr(paths, "find", None)
+    monkeypatch.setattr(settings, "known_names", list)
+    monkeypatch.setattr(settings, "interpreter", None)
+    assert config.recorded(said, "manifest.json").normalised() == said
+
+
+def test_every_key_of_a_file_is_in_the_normalised_one():
+    """But for those that make the combinations, which stand in `include`."""
+    made = {"matrix", "zip", "exclude", "extend"}
+    said, cell = parsed(OTHER).normalised(), parsed(FULL).normalised()["include"][-1]
+    assert set(said) | {"baseline"} == set(KEYS.keys) - made - set(SETTINGS)
+    assert set(cell) | {"precision"} == set(SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"quality": {"epsilon": 3e9}}, "manifest.json config.quality.epsilon = 3000000000.0: must be a number in (0, 1e+06]"),
+        ({"repeets": 1}, "manifest.json config.repeets: unknown key: did you mean 'repeats'?"),
+        ({"include": [{"engine": 3}]}, "manifest.json config.include[0].engine = 3: a name is expected"),
+        ({"combinations": []}, "manifest.json config.combinations: unknown key"),
+    ],
+)
+def test_a_config_in_a_manifest_is_refused_with_its_place(said, message):
+    with pytest.raises(ConfigError) as caught:
+        config.recorded({"raybench_experiment": 1, "include": [], **said}, "manifest.json")
+    assert str(caught.value).startswith(message)
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,14 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import pytest
+import yaml
 
 from engines.choices import Choice
 from engines.errors import ConfigError, RaybenchError
 from engines.interface import FullPattern
 from engines.peers.external import Engine as Program
 from engines.peers.mitsuba import Engine as MitsubaEngine
+from engines.schema.yaml_file import parse_yaml
 from harness import config
 from harness.config import read_file
 from harness.config.paths import shipped
@@ -305,6 +307,10 @@ def test_every_shipped_experiment_can_be_planned_and_says_its_question(name, mon
     assert experiment.name == name and experiment.question and text.startswith(f"# {experiment.question}")
     assert experiment.warnings == ()
     made = planner.make(experiment, allow_commands=True)
+    again = config.parse(parse_yaml(yaml.safe_dump(experiment.normalised()), "again.yaml", ConfigError), tmp_path)
+    assert again == experiment, "what a manifest holds is a valid file"
+    same = planner.make(again, allow_commands=True)
+    assert (same.cells, same.references.keys()) == (made.cells, made.references.keys())
     unsaid = [warning for warning in made.warnings if "dropped, as the expected image" not in warning]  # of XML scenes
     refused = {cell.skip for cell in made.cells if cell.skip}
     expected = ("bpy is not installed", "pyluxcore is not installed", needs.lacking("mitsuba-llvm") or "bpy is not installed")
