@@ -10,6 +10,8 @@ from engines.interface import Engine
 
 SUITE = "harness.verify.suite"
 """The module that is the suite; it is imported when a config has the key `verify`."""
+JOB = f"{SUITE}:job"
+"""What a measuring worker does for a case: see `harness.measure.worker`."""
 
 
 class Check(NamedTuple):

@@ -126,12 +126,13 @@ def parse(root: Located, context: Any, stem: str = "experiment", source: str = "
     top = top_level(root)
     if EXPERIMENT not in top.value:
         raise root.refuse(f"'{EXPERIMENT}: {SCHEMA_VERSION}' is expected: this is no experiment")
+    top, former = _without_policy(top)
     given = KEYS.read(top, context)
     combinations, warnings = expand(given)
     found = Experiment(
         **by_field(Experiment, given.values),
         combinations=tuple(combinations),
-        warnings=tuple(warnings),
+        warnings=(*former, *warnings),
         source=source,
         folder=Path() if context is RECORDED else context,
     )
@@ -143,6 +144,17 @@ def parse(root: Located, context: Any, stem: str = "experiment", source: str = "
         aa_twin=found.repeats >= 3 and found.timing if twin is None else twin,
         remeasure=found.remeasure if found.timing else 0,
     )
+
+
+def _without_policy(top: Located) -> tuple[Located, list[str]]:
+    """The file without `order.policy`, which former files may say, with a warning where it has its only value."""
+    order = top.value.get("order")
+    policy = order.value.get("policy") if order is not None and isinstance(order.value, dict) else None
+    if order is None or policy is None or policy.value != "blocks":
+        return top, []
+    seed = replace(order, value={key: node for key, node in order.value.items() if key != "policy"})
+    warning = f"{policy.where} is no longer needed: cells always run in blocks"
+    return replace(top, value={**top.value, "order": seed}), [warning]
 
 
 def read_quality(root: Located, context: Any = None) -> Quality:

@@ -16,6 +16,8 @@ from engines.errors import ConfigError
 from harness import metrics, store
 from harness.hashing import digest
 from harness.measure import films, machine
+from harness.measure.messages import End, Imported, Prepared
+from harness.measure.messages import Point as MeasuredPoint
 from harness.measure.pool import WorkerFailed, WorkerMessage, WorkerTimeout
 from harness.plan.cells import Cell, Plan
 from harness.plan.state import up_to_date
@@ -228,43 +230,44 @@ class CellRecord:
         """Collects the messages of a worker until its end; failures and timeouts are raised by `messages`."""
         reference = self.recorder.reference(str(self.cell.reference_id))
         for message, film in messages:
-            fields = {key: value for key, value in message.items() if key != "did"}
-            if message["did"] == "import":
-                self._imported(**fields)
-            elif message["did"] == "prepared":
-                self.phases.update(fields)
-            elif message["did"] == "point":
-                self._point(fields, film, reference)
-            elif message["did"] == "end":
-                self._ended(fields.get("counters", {}))
-                self.disturbance = fields.get("machine", {})
-                self.phases |= {key: fields[key] for key in ("warm_build_seconds",) if key in fields}
+            if isinstance(message, Imported):
+                self._imported(message)
+            elif isinstance(message, Prepared):
+                self.phases.update(message._asdict())
+            elif isinstance(message, MeasuredPoint):
+                self._point(message, film, reference)
+            else:
+                self._ended(message)
 
-    def _ended(self, counters: Mapping[str, float]) -> None:
-        bad = max(counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
-        self.counters = {**counters, **self.counters, "bad_samples": bad}
+    def _ended(self, end: End) -> None:
+        bad = max(end.counters.get("bad_samples", 0.0), self.counters.get("bad_samples", 0.0))
+        self.counters = {**end.counters, **self.counters, "bad_samples": bad}
+        self.disturbance = dict(end.machine)
+        if end.warm_build_seconds is not None:
+            self.phases["warm_build_seconds"] = end.warm_build_seconds
 
-    def _imported(self, seconds: float, version: str, code: str) -> None:
+    def _imported(self, found: Imported) -> None:
         planned = str(self.cell.spec["engine_version"])
-        if version != planned:
-            raise WorkerFailed(f"the engine is version {version} where it was to render, {planned} where it was planned")
+        if found.version != planned:
+            raise WorkerFailed(f"the engine is version {found.version} where it was to render, {planned} where it was planned")
         # Elsewhere native libraries of the same version may be other files.
-        if self.env_id == self.recorder.env_id and code != self.cell.spec["code"]["engine"]:
+        if self.env_id == self.recorder.env_id and found.code != self.cell.spec["code"]["engine"]:
             raise WorkerFailed("the engine's code has changed since the run began: run again")
-        self.phases["import_seconds"] = seconds
+        self.phases["import_seconds"] = found.seconds
 
-    def _point(self, answer: Mapping[str, Any], film: Any, reference: Any) -> None:
-        self.phases["render_seconds"] = answer["seconds"]
+    def _point(self, found: MeasuredPoint, film: Any, reference: Any) -> None:
+        self.phases["render_seconds"] = found.seconds
         image, quality = films.image_of(film), self.recorder.plan.experiment.quality
         scores = metrics.measure(image, reference, quality.epsilon, quality.metric)
         said = {"metrics": {key: float(value) for key, value in scores.items()}, "film_variance": films.claimed_variance(film)}
-        if answer.get("overshoots"):
+        if found.overshoots:
             said["mean_spp"] = float(film.counts.mean())
         if self.cell.patterns:
-            said["sampler"] = self.cell.sampler(answer["spp"])
+            said["sampler"] = self.cell.sampler(found.spp)
+        measured = {"spp": found.spp, "seconds": found.seconds, "rays": found.rays}
         try:
             place = f"cell.points[{len(self.points)}]."
-            self.points.append(validation.made(Point, {**answer, **said, "image": None}, UNUSABLE, place))
+            self.points.append(validation.made(Point, {**measured, **said, "image": None}, UNUSABLE, place))
         except ConfigError as error:
             raise WorkerFailed(str(error)) from error
         self._last_film = film
@@ -272,14 +275,14 @@ class CellRecord:
         if bad := films.bad_pixels(image):
             self._last_film = None
             raise WorkerFailed(
-                f"{bad} of {film.width * film.height} pixels of the engine's image at {answer['spp']} spp are not finite: "
+                f"{bad} of {film.width * film.height} pixels of the engine's image at {found.spp} spp are not finite: "
                 "finite radiance is expected"
             )
         images = self.recorder.plan.experiment.images
-        wanted = self.cell.block == 0 or answer["spp"] in SHARED_SPP
+        wanted = self.cell.block == 0 or found.spp in SHARED_SPP
         if images == "all" or (images == "some" and wanted and self.cell.label is None):
             self._keep(film)
-        self.recorder.listener.point(answer["spp"], answer["seconds"])
+        self.recorder.listener.point(found.spp, found.seconds)
 
     def keep_last_image(self) -> None:
         """Writes the image of the last checkpoint, if images are expected and it is not there yet."""

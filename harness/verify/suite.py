@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from engines.interface import Engine
 from harness.check_results import FAIL, PASS, SKIP, XFAIL, CheckResult, Outcome
+from harness.measure.messages import End, Parent, Results
 from harness.suites import Check
 from harness.verify.case import Case, Measurement
 from harness.verify.checks import (
@@ -98,6 +99,14 @@ def run_case(case: Case, subject: Subject) -> Iterator[CheckResult]:
         yield _result(case, subject, Measurement(np.zeros(0), note=str(reason)), SKIP, 0.0)
     except Exception as error:
         yield failure(case, subject, f"{type(error).__name__}: {error}", time.perf_counter() - since)
+
+
+def job(engine: Engine, request: Mapping[str, Any], parent: Parent) -> None:
+    """What a measuring worker does for a `Check`: sends the results of its case, each a `CheckResult` as plain data."""
+    case = next(case for case in CASES if case.id == request["case"])
+    subject = Subject(engine, request["precision"], request["accelerator"], request["quick"])
+    parent.send(Results([dict(result) for result in run_case(case, subject)]))
+    parent.send(End({}, {}))
 
 
 def failure(case: Case, subject: Subject, note: str, seconds: float = 0.0) -> CheckResult:

@@ -189,7 +189,7 @@ MISTAKES = {
     "exclude: [{engine: {ge: 2}}]": "a.yaml:4 exclude[0].engine: bounds are for numbers",
     "exclude: [{threads: {ge: two}}]": "a.yaml:4 exclude[0].threads.ge = 'two': must be a number in",
     "extend: [{set: {threads: 2}}]": "a.yaml:4 extend[0]: both 'where' and 'set' are expected",
-    "order: {policy: blocks}": "a.yaml:4 order.policy: unknown key: known: seed",
+    "order: {policy: abab}": "a.yaml:4 order.policy: unknown key: known: seed",
     "checkpoints: {ratio: 1}": "a.yaml:4 checkpoints.ratio = 1: must be a number in [1.01, 1024]",
     "checkpoints: {ratio: .inf}": "a.yaml:4 checkpoints.ratio = inf: must be a number in [1.01, 1024]",
     "quality: {metric: rmse}": "a.yaml:4 quality.metric = 'rmse': must be one of relmse, mse, mape, smape",
@@ -215,6 +215,12 @@ def test_a_mistake_is_told_with_file_line_key_and_what_is_wanted(mistake):
     with pytest.raises(ConfigError) as caught:
         parsed(HEAD + f"engine: numba\n{mistake}\n")
     assert str(caught.value).startswith(MISTAKES[mistake])
+
+
+def test_the_former_order_policy_is_a_warning_and_else_nothing():
+    experiment = parsed(f"{HEAD}engine: numba\norder: {{policy: blocks, seed: 5}}\n")
+    assert experiment == parsed(f"{HEAD}engine: numba\norder: {{seed: 5}}\n")
+    assert experiment.warnings == ("a.yaml:4 order.policy is no longer needed: cells always run in blocks",)
 
 
 @pytest.mark.parametrize(
@@ -289,7 +295,7 @@ verify: {cases: [stability], timeout: 90s}
 
 @pytest.mark.parametrize("text", [FULL, OTHER, HEAD + "engine: numba\n"], ids=["full", "other", "least"])
 def test_the_normalised_experiment_is_a_valid_file_of_the_same_experiment(text, validator, monkeypatch):
-    """From YAML, or as a manifest's config, it is read as the same again; on another machine nothing that it names is sought."""
+    """From YAML, or as a manifest's config, it is the same again; elsewhere nothing that it names is sought."""
     monkeypatch.chdir(ROOT)
     experiment = parsed(text)
     said = experiment.normalised()

@@ -5,9 +5,11 @@ stopping, updates, counters and the choice of settings come with them. See docs/
 """
 
 from engines.peers.adapters.engine import AdapterEngine, version_with
-from engines.peers.adapters.geometry import CameraFrame, FlatMesh, camera_frame, extent, flat_meshes, sphere_mesh, tangents
+from engines.peers.adapters.geometry import CameraFrame, FlatMesh, camera_frame, extent, flat_meshes
 from engines.peers.adapters.image_renderer import MEANS_ALONE, ImageRenderer
 from engines.peers.adapters.seeds import derive_seed
+from engines.peers.adapters.tessellation import sphere_mesh
+from engines.scene.frames import tangents
 
 __all__ = [
     "MEANS_ALONE",

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engines.interface import Settings
-from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, ThinLens, Triangle
+from engines.scene import BLACK, Mesh, Orthographic, Perspective, Plane, Scene, ThinLens
+from engines.scene.frames import look_at
 from engines.scene.geometry import face_normals, has_area, unit_rows
-from engines.scene.procedural.solids import tessellated_sphere
+from engines.scene.shapes import as_mesh
 
 Array = NDArray[np.float64]
 OWN_UVS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -43,19 +44,6 @@ def extent(scene: Scene) -> float:
     return float(max(1e-3, *reach))
 
 
-def tangents(normal: Array) -> tuple[Array, Array]:
-    """Unit vectors u, v with u x v = `normal`, a unit vector."""
-    u = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
-    u /= np.linalg.norm(u)
-    return u, np.cross(normal, u)
-
-
-def sphere_mesh(subdivisions: int) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices, which are the normals too, and 20 * 4^`subdivisions` faces of a unit sphere."""
-    made = tessellated_sphere(subdivisions, BLACK, 1.0)
-    return made.vertices, made.faces
-
-
 def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
     """All triangles and meshes of the scene, one mesh for each material (two where only some of it is smooth, or has uvs).
 
@@ -63,19 +51,19 @@ def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
     them. Other shapes are the caller's: an engine lists in `AdapterEngine.shapes` the kinds that it takes. With a `gap` every
     face that emits on both sides is two that emit on one, `gap` away from its place.
     """
-    groups: dict[tuple[int, bool, bool], list[_Piece]] = {}
+    groups: dict[tuple[int, bool, bool], list[Piece]] = {}
     for piece in _pieces(scene, gap):
         groups.setdefault((piece.material, piece.normals is not None, piece.uvs is not None), []).append(piece)
     found = []
-    for index, ((material, _, _), pieces) in enumerate(sorted(groups.items())):
-        first = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-        faces = [piece.faces + start for piece, start in zip(pieces, first[:-1], strict=True)]
-        normals, uvs = ([getattr(piece, name) for piece in pieces] for name in ("normals", "uvs"))
+    for index, ((material, _, _), parts) in enumerate(sorted(groups.items())):
+        first = np.cumsum([0, *(len(piece.vertices) for piece in parts)])
+        faces = [piece.faces + start for piece, start in zip(parts, first[:-1], strict=True)]
+        normals, uvs = ([getattr(piece, name) for piece in parts] for name in ("normals", "uvs"))
         found.append(
             FlatMesh(
                 f"mesh_{index}",
                 material,
-                np.concatenate([piece.vertices for piece in pieces]),
+                np.concatenate([piece.vertices for piece in parts]),
                 np.concatenate(faces).astype(np.int32),
                 None if normals[0] is None else np.concatenate(normals),
                 None if uvs[0] is None else np.concatenate(uvs),
@@ -84,50 +72,55 @@ def flat_meshes(scene: Scene, gap: float | None = None) -> list[FlatMesh]:
     return found
 
 
-class _Piece(NamedTuple):
+class Piece(NamedTuple):
+    """Faces of a mesh, of one material, as a mesh of their own; `primitives` are their numbers in the mesh."""
+
     material: int
+    primitives: NDArray[np.int64]
     vertices: Array
     faces: NDArray[np.int32]
     normals: Array | None
     uvs: Array | None
 
 
-def _pieces(scene: Scene, gap: float | None) -> Iterator[_Piece]:
-    """The faces of each shape, of one material at a time, with the vertices that they use."""
-    wanted = [material.uses_uvs for material in scene.materials]
-    for shape in scene.shapes:
-        if isinstance(shape, Triangle):
-            corners = np.array([shape.a, shape.b, shape.c])
-            mesh = Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([shape.material], np.int32))
-        elif isinstance(shape, Mesh):
-            mesh = shape
-        else:
-            continue
-        area = has_area(mesh.vertices, mesh.faces)
-        for material in np.unique(mesh.materials[area]).tolist():
-            faces = mesh.faces[area & (mesh.materials == material)]
-            if wanted[material] and mesh.uvs is None:
-                corners, order = faces.reshape(-1), np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
-                uvs = np.tile(OWN_UVS, (len(faces), 1))
-            else:
-                corners, order = np.unique(faces, return_inverse=True)
-                order = order.reshape(-1, 3).astype(np.int32)
-                uvs = mesh.uvs[corners] if wanted[material] and mesh.uvs is not None else None
-            normals = None if mesh.normals is None else mesh.normals[corners]
-            piece = _Piece(material, mesh.vertices[corners], order, normals, uvs)
-            two = gap is not None and scene.materials[material].emits and scene.materials[material].two_sided
-            yield from _two_sides(piece, gap or 0.0) if two else (piece,)
+def pieces(mesh: Mesh) -> Iterator[Piece]:
+    """The faces of each material, with the vertices that they use."""
+    for material in np.unique(mesh.materials).tolist():
+        chosen = np.flatnonzero(mesh.materials == material)
+        used, order = np.unique(mesh.faces[chosen], return_inverse=True)
+        normals, uvs = (None if each is None else each[used] for each in (mesh.normals, mesh.uvs))
+        yield Piece(material, chosen, mesh.vertices[used], order.reshape(-1, 3).astype(np.int32), normals, uvs)
 
 
-def _two_sides(piece: _Piece, gap: float) -> Iterator[_Piece]:
-    """The faces moved to their front, and turned around and moved to their back."""
+def unshared(piece: Piece) -> Piece:
+    """The faces with three vertices of their own each."""
     corners = piece.faces.reshape(-1)
-    normal = np.repeat(unit_rows(face_normals(piece.vertices, piece.faces)), 3, axis=0)
-    order = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     normals, uvs = (None if each is None else each[corners] for each in (piece.normals, piece.uvs))
-    yield _Piece(piece.material, piece.vertices[corners] + gap * normal, order, normals, uvs)
-    back = None if normals is None else -normals
-    yield _Piece(piece.material, piece.vertices[corners] - gap * normal, order[:, [0, 2, 1]], back, uvs)
+    order = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    return piece._replace(vertices=piece.vertices[corners], faces=order, normals=normals, uvs=uvs)
+
+
+def two_sides(piece: Piece, gap: float) -> tuple[Piece, Piece]:
+    """The faces moved by `gap` to their front, and turned around and moved to their back."""
+    apart = unshared(piece)
+    away = gap * np.repeat(unit_rows(face_normals(apart.vertices, apart.faces)), 3, axis=0)
+    normals = None if apart.normals is None else -apart.normals
+    back = apart._replace(vertices=apart.vertices - away, faces=apart.faces[:, [0, 2, 1]], normals=normals)
+    return apart._replace(vertices=apart.vertices + away), back
+
+
+def _pieces(scene: Scene, gap: float | None) -> Iterator[Piece]:
+    """The faces that have an area, with texture coordinates where their material looks at them."""
+    for mesh in filter(None, map(as_mesh, scene.shapes)):
+        area = has_area(mesh.vertices, mesh.faces)
+        for piece in pieces(replace(mesh, faces=mesh.faces[area], materials=mesh.materials[area])):
+            material = scene.materials[piece.material]
+            found = _with_uvs(piece) if material.uses_uvs else piece._replace(uvs=None)
+            yield from two_sides(found, gap) if gap is not None and material.emits and material.two_sided else (found,)
+
+
+def _with_uvs(piece: Piece) -> Piece:
+    return piece if piece.uvs is not None else unshared(piece)._replace(uvs=np.tile(OWN_UVS, (len(piece.faces), 1)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,9 +146,8 @@ def camera_frame(scene: Scene, settings: Settings) -> CameraFrame:
     camera = scene.camera
     assert isinstance(camera, (Perspective, ThinLens, Orthographic))
     width, height = settings.size(scene)
-    forward = _unit(np.subtract(camera.target, camera.eye))
-    right = _unit(np.cross(forward, camera.up))
-    up = np.cross(right, forward)
+    left, up, forward = look_at(camera.eye, camera.target, camera.up)[:3, :3].T
+    right = -left
     if isinstance(camera, Orthographic):
         half = np.array(camera.window(width / height)) / 2.0
         fov = np.zeros(2)
@@ -164,7 +156,7 @@ def camera_frame(scene: Scene, settings: Settings) -> CameraFrame:
         half = along * np.tan(np.radians(camera.fov) / 2.0)
         fov = 2.0 * np.degrees(np.arctan(half))
     middle = 2.0 * half * np.multiply(camera.principal_point, (-1.0, 1.0))
-    (left, bottom), (to_right, top) = (middle - half).tolist(), (middle + half).tolist()
+    (to_left, bottom), (to_right, top) = (middle - half).tolist(), (middle + half).tolist()
     return CameraFrame(
         np.array(camera.eye),
         -right if camera.mirror else right,
@@ -172,9 +164,5 @@ def camera_frame(scene: Scene, settings: Settings) -> CameraFrame:
         forward,
         float(fov[0]),
         float(fov[1]),
-        (left, to_right, bottom, top),
+        (to_left, to_right, bottom, top),
     )
-
-
-def _unit(vector: Array) -> Array:
-    return vector / np.linalg.norm(vector)

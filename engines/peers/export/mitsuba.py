@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from engines.errors import Unsupported
+from engines.peers.adapters.geometry import extent
 from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.cameras import sensor
 from engines.peers.mitsuba.description import described, scene_lacks
 from engines.peers.mitsuba.nodes import Placing
-from engines.peers.mitsuba.shapes import extent
 from engines.scene import Scene
 
 VERSION = "3.0.0"

@@ -17,14 +17,17 @@ import numpy as np
 
 import engines.scene as model
 from engines.errors import Unsupported
+from engines.peers.adapters.geometry import extent, pieces
+from engines.peers.adapters.tessellation import squares
 from engines.peers.export.files import Beside, numbers
 from engines.peers.mitsuba.bsdfs import material_lacks
 from engines.peers.mitsuba.cameras import CAMERAS, camera_lacks
 from engines.peers.mitsuba.lights import LIGHTS
-from engines.peers.mitsuba.shapes import SHAPES, extent
+from engines.peers.mitsuba.shapes import SHAPES
 from engines.peers.mitsuba.textures import largest
 from engines.scene.frames import facing
 from engines.scene.leaf_fields import is_rough
+from engines.scene.shapes import as_spheres
 from engines.scene.support import foreign
 
 PLANE_EXTENTS = 1e3
@@ -177,8 +180,9 @@ def _named(name: str, kind: str, parameters: str) -> str:
 
 def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[str]:
     if isinstance(shape, model.Plane):
-        corners, faces = _square(shape, extent(scene) * PLANE_EXTENTS)
-        body = f'Shape "trianglemesh" "point3 P" [ {numbers(corners.ravel())} ] "integer indices" [ {faces} ]'
+        corners, faces = squares(shape, extent(scene) * PLANE_EXTENTS)
+        indices = " ".join(map(str, faces.ravel()))
+        body = f'Shape "trianglemesh" "point3 P" [ {numbers(corners.ravel())} ] "integer indices" [ {indices} ]'
         yield from _dressed(scene, shape.material, [body])
     elif isinstance(shape, model.Disk):
         columns = numbers(facing(shape.center, shape.normal, 1.0).T.ravel())
@@ -196,16 +200,11 @@ def _shape(scene: model.Scene, shape: model.Shape, beside: Beside) -> Iterator[s
         body = f'Shape "trianglemesh" "point3 P" [ {corners} ] "integer indices" [ 0 1 2 ]'
         yield from _dressed(scene, shape.material, [body])
     elif isinstance(shape, model.Mesh):
-        for material in np.unique(shape.materials):
-            used, faces = np.unique(shape.faces[shape.materials == material], return_inverse=True)
-            normals = None if shape.normals is None else shape.normals[used]
-            file = beside.mesh(shape.name, shape.vertices[used], faces.reshape(-1, 3), normals)
-            yield from _dressed(scene, int(material), [f'Shape "plymesh" "string filename" [ "{file}" ]'])
-    else:
-        centers, radii = (
-            (shape.centers, shape.radii) if isinstance(shape, model.SphereSet) else ([shape.center], [shape.radius])
-        )
-        for center, radius in zip(centers, radii, strict=True):
+        for piece in pieces(shape):
+            file = beside.mesh(shape.name, piece.vertices, piece.faces, piece.normals)
+            yield from _dressed(scene, piece.material, [f'Shape "plymesh" "string filename" [ "{file}" ]'])
+    elif (spheres := as_spheres(shape)) is not None:
+        for center, radius in zip(spheres.centers, spheres.radii, strict=True):
             body = [f"Translate {numbers(center)}", f'Shape "sphere" "float radius" [ {float(radius)!r} ]']
             yield from _dressed(scene, shape.material, body)
 
@@ -219,14 +218,6 @@ def _dressed(scene: model.Scene, index: int, body: list[str]) -> Iterator[str]:
         yield f'  AreaLightSource "diffuse" {_rgb("L", material.mean_emission)} "bool twosided" [ {sides} ]'
     yield from (f"  {line}" for line in body)
     yield "AttributeEnd"
-
-
-def _square(plane: model.Plane, half: float) -> tuple[Any, str]:
-    normal = np.array(plane.normal)
-    tangent = np.cross(np.eye(3)[np.argmin(np.abs(normal))], normal)
-    tangent *= half / np.linalg.norm(tangent)
-    other = np.cross(normal, tangent)
-    return np.add(plane.point, [-tangent - other, tangent - other, tangent + other, other - tangent]), "0 1 2 0 2 3"
 
 
 def _rgb(name: str, values: Any) -> str:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from engines.peers.adapters.geometry import extent, pieces, two_sides
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.textures import Textures
-from engines.scene import BLACK, Cylinder, Disk, Material, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
+from engines.scene import Cylinder, Disk, Mesh, Plane, Scene, Shape, Sphere, SphereSet, Texture, Triangle
 from engines.scene.bsdf_tree import anisotropic, members, uses_uvs
 from engines.scene.frames import facing
+from engines.scene.shapes import as_mesh, as_spheres
 from engines.scene.textures import IDENTITY
 
 PLANE_EXTENTS = 1e4
@@ -37,23 +38,6 @@ class Part:
     material: int
     primitives: Array
     flipped: bool = False
-
-
-class Piece(NamedTuple):
-    """Faces of a mesh that are a mesh of their own."""
-
-    vertices: Array
-    faces: Array
-    normals: Array | None
-    uvs: Array | None
-
-
-def extent(scene: Scene) -> float:
-    """The largest coordinate of anything finite in the scene, the camera included; at least 1e-3."""
-    reach = [np.abs(box).max() for shape in scene.shapes if (box := shape.bounds()) is not None]
-    reach += [np.abs(shape.point).max() for shape in scene.shapes if isinstance(shape, Plane)]
-    reach += [np.abs(getattr(scene.camera, name, BLACK)).max() for name in ("eye", "target")]
-    return float(max(1e-3, *reach))
 
 
 def planes_lack(scene: Scene) -> str | None:
@@ -87,42 +71,18 @@ def parts(scene: Scene, placing: Placing, textures: Textures) -> Iterator[Part]:
     """Every shape of the scene, in one part for each of its materials and emitting sides."""
     size = extent(scene)
     for index, shape in enumerate(scene.shapes):
-        if not isinstance(shape, (Triangle, Mesh)):
+        mesh = as_mesh(shape)
+        if mesh is None:
             yield from _round_or_flat(scene, index, shape, size, textures)
             continue
-        pieces = _triangles(shape)
-        for material in np.unique(pieces.materials):
-            faces = np.flatnonzero(pieces.materials == material)
-            for piece, side in _sides(pieces, faces, scene.materials[material], GAP * size):
-                name = f"shape_{index}_{scene.materials[material].name}_{'back' if side < 0 else 'front'}"
-                node: Node = {"type": "ply", "filename": placing.mesh(name, *piece), "face_normals": piece.normals is None}
-                yield _finished(scene, node, Part(node, index, int(material), faces, side < 0), textures)
-
-
-def _triangles(shape: Triangle | Mesh) -> Mesh:
-    if isinstance(shape, Mesh):
-        return shape
-    corners = np.array([shape.a, shape.b, shape.c])
-    return Mesh(corners, np.array([[0, 1, 2]], np.int32), np.array([shape.material], np.int32))
-
-
-def _sides(mesh: Mesh, chosen: Array, material: Material, gap: float) -> Iterator[tuple[Piece, int]]:
-    """The chosen faces, and 1 for the front; -1 for a back with a surface of its own."""
-    faces = mesh.faces[chosen]
-    if not (material.emits and material.two_sided):
-        used, faces = np.unique(faces, return_inverse=True)
-        normals, uvs = (None if values is None else values[used] for values in (mesh.normals, mesh.uvs))
-        yield Piece(mesh.vertices[used], faces.reshape(-1, 3), normals, uvs), 1
-        return
-    corners = mesh.vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)[:, None, :]
-    order = np.arange(3 * len(faces)).reshape(-1, 3)
-    smooth = None if mesh.normals is None else mesh.normals[faces].reshape(-1, 3)
-    yield Piece((corners + gap * normal).reshape(-1, 3), order, smooth, None), 1
-    back = None if smooth is None else -smooth
-    yield Piece((corners - gap * normal).reshape(-1, 3), order[:, [0, 2, 1]], back, None), -1
+        for piece in pieces(mesh):
+            material = scene.materials[piece.material]
+            two = material.emits and material.two_sided
+            for each, side in zip(two_sides(piece._replace(uvs=None), GAP * size) if two else (piece,), (1, -1), strict=False):
+                name = f"shape_{index}_{material.name}_{'back' if side < 0 else 'front'}"
+                file = placing.mesh(name, each.vertices, each.faces, each.normals, each.uvs)
+                node: Node = {"type": "ply", "filename": file, "face_normals": each.normals is None}
+                yield _finished(scene, node, Part(node, index, each.material, each.primitives, side < 0), textures)
 
 
 def _round_or_flat(scene: Scene, index: int, shape: Shape, size: float, textures: Textures) -> Iterator[Part]:
@@ -147,11 +107,10 @@ def _nodes(shape: Plane | Disk | Cylinder | Sphere | SphereSet, side: int, gap: 
         length = float(np.linalg.norm(axis))
         yield {"type": "cylinder", "to_world": facing(shape.p0, axis / length, shape.radius + side * gap, length), **turned}
     else:
-        one = isinstance(shape, Sphere)
-        centers, radii = ([shape.center], [shape.radius]) if one else (shape.centers, shape.radii)
-        for center, radius in zip(centers, radii, strict=True):
-            place = [float(x) for x in center]
-            yield {"type": "sphere", "center": place, "radius": float(radius) + side * gap, **turned}
+        spheres = as_spheres(shape)
+        assert spheres is not None
+        for center, radius in zip(spheres.centers.tolist(), spheres.radii.tolist(), strict=True):
+            yield {"type": "sphere", "center": center, "radius": radius + side * gap, **turned}
 
 
 def _finished(scene: Scene, node: Node, part: Part, textures: Textures) -> Part:

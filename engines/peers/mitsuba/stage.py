@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from engines.interface import Settings
+from engines.peers.adapters.geometry import extent
 from engines.peers.mitsuba import blends, native
 from engines.peers.mitsuba.albedo import painted
 from engines.peers.mitsuba.cameras import sensor
@@ -15,7 +16,7 @@ from engines.peers.mitsuba.description import Description, described
 from engines.peers.mitsuba.library import LLVM, activate
 from engines.peers.mitsuba.nodes import Array, Node, Placing
 from engines.peers.mitsuba.patterns import USUAL
-from engines.peers.mitsuba.shapes import Part, extent
+from engines.peers.mitsuba.shapes import Part
 from engines.scene import Plane, Scene
 from engines.scene.formats.ply import write_ply
 from engines.temporary import TemporaryFolder

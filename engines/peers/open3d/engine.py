@@ -16,6 +16,7 @@ from engines.errors import Unsupported
 from engines.interface import Hits, Settings
 from engines.packages import install_extra
 from engines.scene import Mesh, Scene, Triangle
+from engines.scene.shapes import as_mesh
 from engines.scene.support import foreign
 
 ACCELERATORS: dict[str, dict[str, Option]] = {"auto": {}}
@@ -81,7 +82,9 @@ class Tracer:
         self._tensor, self._threads = open3d.core.Tensor, threads
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=threads)
         for shape in scene.shapes:
-            vertices, faces = _triangles(shape)
+            mesh = as_mesh(shape)
+            assert mesh is not None
+            vertices, faces = np.ascontiguousarray(mesh.vertices, np.float32), np.ascontiguousarray(mesh.faces, np.uint32)
             self._scene.add_triangles(self._tensor(vertices), self._tensor(faces))
         self._scene.cast_rays(self._tensor(np.ones((1, 6), np.float32)), nthreads=threads)  # the first query builds
         self._build_seconds = perf_counter() - start
@@ -121,12 +124,6 @@ class Tracer:
     def counters(self) -> Mapping[str, float]:
         """Seconds of the build. Open3D does not report the memory of its tree."""
         return {"build_seconds": self._build_seconds, "compile_seconds": 0.0, "accelerator_bytes": 0.0}
-
-
-def _triangles(shape: Any) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    if isinstance(shape, Triangle):
-        return np.array([shape.a, shape.b, shape.c], np.float32), np.array([[0, 1, 2]], np.uint32)
-    return np.ascontiguousarray(shape.vertices, np.float32), np.ascontiguousarray(shape.faces, np.uint32)
 
 
 def _rays(
