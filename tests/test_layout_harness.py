@@ -26,7 +26,8 @@ LAYERS = (
 
 
 PUBLIC = {
-    *("harness.check_results", "harness.console", "harness.metrics", "harness.processes", "harness.suites"),
+    *("harness.check_results", "harness.console", "harness.metrics", "harness.processes", "harness.settings"),
+    *("harness.suites",),
     *("harness.config", "harness.config.paths", "harness.config.settings"),
     *("harness.measure.clock", "harness.measure.contention", "harness.measure.machine", "harness.measure.messages"),
     *("harness.measure.pool", "harness.measure.schedule", "harness.trace.oracle"),
@@ -69,9 +70,12 @@ def beyond_public(name: str, source: str, is_package: bool = False) -> list[str]
     """One line for every import of `source`, as module `name` of a room, of what is neither its own nor public."""
     beyond = []
     for line, module, names in imports(name, source, is_package):
-        for target in sorted(targets(module, names)) if module.partition(".")[0] == "harness" else []:
-            if room_of(target) != room_of(name) and (target not in PUBLIC or any(each.startswith("_") for each in names)):
-                beyond.append(f"{name}:{line} imports {', '.join(names) or 'it'} of {target}, which is not public")
+        private = any(each.startswith("_") for each in names)
+        beyond += [
+            f"{name}:{line} imports {', '.join(names) or 'it'} of {target}, which is not public"
+            for target in (sorted(targets(module, names)) if module.partition(".")[0] == "harness" else [])
+            if room_of(target) != room_of(name) and (target not in PUBLIC or private)
+        ]
     return beyond
 
 
