@@ -16,11 +16,11 @@ LAYERS = (
     ("harness.plan",),
     ("harness.store",),
     ("harness.measure",),
-    ("harness.config",),
     ("harness.trace",),
+    ("harness.config",),
     ("harness.statistics",),
     ("harness.metrics", "harness.check_results", "harness.suites"),
-    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.console"),
+    ("harness.source_hashes", "harness.hashing", "harness.processes", "harness.settings", "harness.console"),
 )
 """The floors of the harness, the top one first: a module imports from its own floor and from those below."""
 

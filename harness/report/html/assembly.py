@@ -112,13 +112,12 @@ def plot_sets(analysis: Analysis, drawings: Sequence[Drawing]) -> list[tuple[str
 
 def trace_html(results: TraceResults, table: Table, plots: Sequence[Plot]) -> str:
     """The report of a comparison by rays as one document."""
-    question = str(results.config.get("question") or "")
     return (
         _environment()
         .get_template("trace.html.j2")
         .render(
             title=results.name,
-            question=question,
+            question=results.experiment.question or "",
             table=table,
             plots=[(plot, inline_svg(plot, index)) for index, plot in enumerate(plots)],
             machine=machine_words("", results.machine),
