@@ -12,7 +12,8 @@ from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
-from engines.scene import EnvironmentLight, Orthographic, PointLight, Scene, Texture
+from engines.peers.adapters.lacks import environments_lack, point_lights_lack
+from engines.scene import Orthographic, Scene, Texture
 from engines.scene.support import foreign, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
@@ -142,10 +143,8 @@ class AdapterEngine:
                 yield f"material {material.name!r}: {name} takes no emission from a texture"
             if material.emits and material.two_sided and not self.two_sided:
                 yield f"material {material.name!r}: {name} has no surfaces that emit on both sides"
-        if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
-            yield f"{name}'s point lights fall off with the square of the distance"
-        if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
-            yield f"the scene has several environments, of which {name} renders one"
+        yield point_lights_lack(scene, name)
+        yield environments_lack(scene, name)
 
 
 def _listed(values: Container[Any]) -> str:
