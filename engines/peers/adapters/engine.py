@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import replace
 from importlib import metadata, util
 from typing import Any
 
-from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
+from engines.choices import SAMPLERS, SHADERS, Choice, Option
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
@@ -96,13 +95,8 @@ class AdapterEngine:
 
     def resolved(self, settings: Settings) -> Settings:
         """The settings with every choice and the precision filled in. Raises `UnknownName` and `ConfigError`."""
-        return replace(
-            settings,
-            shader=resolve("shader", settings.shader, {**SHADERS, **self.own_shaders}),
-            sampler=resolve("sampler", settings.sampler, {**SAMPLERS, **self.own_samplers}),
-            accelerator=resolve("accelerator", settings.accelerator, self.accelerators()),
-            precision=settings.precision or self.precision,
-        )
+        shaders, samplers = {**SHADERS, **self.own_shaders}, {**SAMPLERS, **self.own_samplers}
+        return settings.resolved(self.accelerators(), self.precision, shaders, samplers)
 
     def _reason(self, scene: Scene, chosen: Settings) -> str | None:
         """Why not, by the first thing that is lacking; what has to be installed comes last."""
