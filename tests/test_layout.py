@@ -41,6 +41,11 @@ PUBLIC = {
     "engines.packages",
     "engines.peers.adapters",
     "engines.peers.export",
+    "engines.processes",
+    "engines.processes.channel",
+    "engines.processes.child",
+    "engines.processes.pickled",
+    "engines.processes.records",
     "engines.registry",
     "engines.scene",
     "engines.schema.keys",
@@ -66,6 +71,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.concurrency": set(),
     "engines.input_files": set(),
     "engines.packages": set(),
+    "engines.processes": set(),
     "engines.sobol_numbers": set(),
     "engines.source_files": set(),
     "engines.temporary": set(),
@@ -92,7 +98,7 @@ ALLOWED: dict[str, set[str]] = {
     "engines.embree": _JITTED,
     "engines.dahlquist": {*_BASE, "engines.image", *_KERNELS},
     "engines.embreex_batch": {*_BASE, "engines.numpy_reference"},
-    "engines.isolated": {*_BASE, "engines.imports", "engines.registry"},
+    "engines.isolated": {*_BASE, "engines.imports", "engines.processes", "engines.registry"},
     "engines.peers": set(),
     "engines.peers.adapters": _BASE,
     "engines.peers.cycles": {*_BASE, "engines.peers.adapters"},
@@ -124,7 +130,7 @@ ONLY_IN = {
 }
 
 LONG_FILES: dict[str, str] = {}
-"""Files above 400 lines, each with the reason why it is one."""
+"""Files above 600 lines, each with the reason why it is one."""
 
 
 def modules() -> dict[str, Path]:
@@ -303,6 +309,12 @@ def test_the_public_names_are_there():
     assert exported() - {"register_tone_mapper"} <= defined
 
 
+def test_dir_shows_the_public_names_and_nothing_else():
+    script = "import engines, harness, engines.image, harness.store; print(dir(engines), dir(harness))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == f"{sorted(exported())} ['open_results']"
+
+
 def test_the_top_level_is_the_fixed_one():
     listing = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -314,11 +326,11 @@ def test_every_module_says_what_lives_in_it():
     assert [name for name, path in MODULES.items() if not ast.get_docstring(ast.parse(path.read_text()))] == []
 
 
-def test_no_file_is_longer_than_400_lines_without_a_reason():
+def test_no_file_is_longer_than_600_lines_without_a_reason():
     long = {
         str(path.relative_to(ROOT))
         for path in [*MODULES.values(), *ROOT.glob("tests/**/*.py")]
-        if len(path.read_text().splitlines()) > 400
+        if len(path.read_text().splitlines()) > 600
     }
     assert long == set(LONG_FILES)
 

@@ -18,7 +18,7 @@ import engines
 from harness.report.plots import stability
 from harness.report.plots.style import STYLE
 from harness.store.results import load_results
-from harness.verify import oracle
+from harness.trace import oracle
 
 ROOT = Path(__file__).resolve().parents[2]
 TARGET = ROOT / "docs" / "pictures" / "hard_cases"

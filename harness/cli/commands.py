@@ -188,23 +188,15 @@ def report(
             help="Write a chapter into this folder instead: tables and figures, with a section for each results folder.",
         ),
     ] = None,
-    prose: Annotated[
-        Optional[Path],  # noqa: UP045
-        typer.Option(
-            metavar="FILE",
-            help="The chapter's text, in Markdown: its tables, figures and numbers are those of the results, "
-            "and a claim that they do not support is an error.",
-        ),
-    ] = None,
     references: References = None,
 ) -> None:
     """Write tables, plots and report.html of results folders again, without rendering; or a chapter about them."""
     from harness.cli import results
 
     if chapter is None:
-        results.report(folders or [], prose)
+        results.report(folders or [])
     else:
-        results.chapter(folders or [], chapter, prose)
+        results.chapter(folders or [], chapter)
 
 
 @command(RESULTS)

@@ -33,10 +33,8 @@ def write_derived(folder: Path) -> None:
     write(folder)
 
 
-def report(folders: Sequence[Path], prose: Path | None = None) -> None:
+def report(folders: Sequence[Path]) -> None:
     """Writes everything derived from results folders anew."""
-    if prose is not None:
-        raise ConfigError(f"--prose {prose}: is the text of a chapter: --chapter DIR is expected, too")
     if not folders:
         raise ConfigError("report: a results folder is missing")
     for folder in folders:
@@ -52,7 +50,7 @@ def report(folders: Sequence[Path], prose: Path | None = None) -> None:
         consoles()[0].print(f"Report: {folder / 'report.html'}", soft_wrap=True)
 
 
-def chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) -> None:
+def chapter(folders: Sequence[Path], target: Path) -> None:
     """Writes the chapter about results folders, in order."""
     from harness.report.chapter import write_chapter
 
@@ -62,13 +60,8 @@ def chapter(folders: Sequence[Path], target: Path, prose: Path | None = None) ->
         require_results(folder)
     if target.exists() and not target.is_dir():
         raise ConfigError(f"--chapter {target}: is a file; a folder is expected")
-    try:
-        for written in write_chapter(folders, target, prose):
-            consoles()[0].print(str(written), soft_wrap=True)
-    except ConfigError as error:
-        for problem in getattr(error, "problems", ())[1:]:
-            consoles()[1].print(problem, soft_wrap=True, markup=False, highlight=False)
-        raise
+    for written in write_chapter(folders, target):
+        consoles()[0].print(str(written), soft_wrap=True)
 
 
 def rescore(folder: Path, overrides: Sequence[str], command: Sequence[str]) -> None:
@@ -126,7 +119,7 @@ def calibrate(folder: Path) -> int:
         holds = "" if figure.holds is None else "holds" if figure.holds else "missed"
         table.add_row(figure.name, figure.value, figure.wanted, holds)
     console.print(table)
-    return 1 if found.missed else 0
+    return 1 if calibration.missed(found) else 0
 
 
 def compare(

@@ -10,9 +10,10 @@ import wrong_engines
 
 from engines.errors import RendererFailed
 from engines.film import Film
+from engines.processes import BadMessage
 from harness import store
 from harness.analysis import analyse, frames
-from harness.measure import films, pool, protocol
+from harness.measure import films, messages, pool
 from harness.report.tables.verdicts import time_to_quality
 from harness.store.results import load_results
 from tests.harness import sweeping
@@ -31,13 +32,13 @@ def swept(tmp_path_factory):
 
 
 def events(folder):
-    return {event["engine"]: event for event in store.latest_cells(store.read_events(folder)).values()}
+    return {event.engine: event for event in store.latest_cells(store.read_events(folder)).values()}
 
 
 def test_the_run_goes_to_its_end_and_says_so(swept):
     done, out = swept
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
-    states = [event["state"] for event in events(out).values()]
+    states = [event.state for event in events(out).values()]
     assert states.count("failed") == len(wrong_engines.WORDS) and states.count("done") == len(RIGHT)
     assert (out / "report.html").is_file()
 
@@ -45,12 +46,12 @@ def test_the_run_goes_to_its_end_and_says_so(swept):
 @pytest.mark.parametrize("name", wrong_engines.WORDS)
 def test_a_wrong_engine_fails_its_cell_and_the_reason_is_clear(swept, name):
     event = events(swept[1])[getattr(wrong_engines, name).name]
-    assert event["state"] == "failed" and wrong_engines.WORDS[name] in event["message"]
+    assert event.state == "failed" and wrong_engines.WORDS[name] in event.message
 
 
 def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swept):
     done, out = swept
-    assert {events(out)[name]["state"] for name in ("unsure", "talkative")} == {"done"}
+    assert {events(out)[name].state for name in ("unsure", "talkative")} == {"done"}
     said = " ".join(done.stderr.split())
     assert "unsure: why_not failed: ZeroDivisionError: no tree" in said
     assert "talkative: why_not answered True: None or a sentence is expected" in said
@@ -59,9 +60,9 @@ def test_an_engine_that_cannot_say_what_it_can_do_is_tried_and_that_is_said(swep
 def test_pixels_that_are_not_finite_are_counted_and_win_nothing(swept):
     _, out = swept
     found = events(out)
-    assert [point["metrics"]["nonfinite"] for point in found["late_infinity"]["points"]] == [0, 0, 0, 2]
+    assert [point.metrics["nonfinite"] for point in found["late_infinity"].points] == [0, 0, 0, 2]
     for name in ("not_a_number", "late_infinity", "too_bright"):
-        assert found[name]["points"][-1]["metrics"]["relmse_e0.01"] == math.inf
+        assert found[name].points[-1].metrics["relmse_e0.01"] == math.inf
     ranked = {contestant.settings.engine for contestant in load_results(out).contestants if contestant.done}
     assert ranked == {"steady", "unsure", "talkative"}
     report = (out / "report.html").read_text()
@@ -94,8 +95,8 @@ def test_samples_that_are_not_finite_are_flagged_in_every_table_though_no_pixel_
 
 
 def test_checkpoints_before_the_failure_are_kept(swept):
-    points = events(swept[1])["late_infinity"]["points"]
-    assert [(point["spp"], bool(point["image"])) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
+    points = events(swept[1])["late_infinity"].points
+    assert [(point.spp, bool(point.image)) for point in points] == [(1, True), (2, True), (4, True), (8, False)]
 
 
 @pytest.mark.parametrize(
@@ -120,29 +121,30 @@ def test_a_reference_by_a_wrong_engine_fails_and_the_run_goes_on(tmp_path, name,
         b"hello",
         b"[]",
         b"{}",
-        b'{"did": 3}',
-        b'{"did": ["end"]}',
-        b'{"did": "dance"}',
+        b'{"type": 3}',
+        b'{"type": ["end"]}',
+        b'{"type": "dance"}',
         b"\xff\xfe",
         b"[" * 5000,
-        b'{"did": "point", "spp": 1}',
-        b'{"did": "point", "spp": true, "seconds": 1}',
-        b'{"did": "point", "spp": 1, "seconds": Infinity}',
-        b'{"did": "point", "spp": 1, "seconds": -1}',
-        b'{"did": "point", "spp": 1, "seconds": 1, "rays": "many"}',
-        b'{"did": "prepared", "load_seconds": 1}',
-        b'{"did": "end", "counters": {"rays": NaN}}',
-        b'{"did": "end", "machine": 3}',
-        b'{"did": "failed", "message": 3}',
+        b'{"type": "point", "spp": 1}',
+        b'{"type": "point", "spp": true, "seconds": 1}',
+        b'{"type": "point", "spp": 1, "seconds": Infinity}',
+        b'{"type": "point", "spp": 1, "seconds": -1}',
+        b'{"type": "point", "spp": 1, "seconds": 1, "rays": "many"}',
+        b'{"type": "prepared", "load_seconds": 1}',
+        b'{"type": "end", "counters": {"rays": NaN}, "machine": {}}',
+        b'{"type": "end", "counters": {}, "machine": 3}',
+        b'{"type": "failed", "message": 3}',
+        b'{"type": "failed", "message": "no", "further": 1}',
     ],
 )
 def test_what_is_no_message_is_refused(line):
-    with pytest.raises(protocol.BadMessage):
-        protocol.parsed(line)
+    with pytest.raises(BadMessage):
+        messages.answer_of(line)
 
 
 def test_text_of_a_message_can_always_be_written():
-    message = protocol.parsed(b'{"did": "failed", "message": "caf\\udce9"}')
+    message = messages.answer_of(b'{"type": "failed", "message": "caf\\udce9"}')
     assert json.dumps(message, ensure_ascii=False).encode()
 
 
@@ -150,14 +152,15 @@ def test_a_request_after_one_that_was_left_finds_a_fresh_process(tmp_path):
     request = {"scene_path": "nowhere", "scene_hash": "", "spp": 1, "settings": {"width": 4, "height": 4}}
     with pool.Pool(True, tmp_path / "log") as workers:
         worker = workers.worker("fake_engines:Steady")
-        worker.ask({"do": "reference", **request, "seeds": [1], "allow_imports": True, "scratch": ""})
+        request |= {"seeds": [1], "allow_imports": True, "scratch": ""}
+        worker.ask(messages.Job("harness.measure.jobs:reference", request))
         assert workers.worker("fake_engines:Steady") is not worker and not worker.usable
 
 
 def test_numbers_too_large_for_arithmetic_are_no_message():
-    for line in (b'{"did": "point", "spp": 1, "seconds": 1%s}', b'{"did": "end", "counters": {"rays": 1%s}}'):
-        with pytest.raises(protocol.BadMessage, match="is expected") as refused:
-            protocol.parsed(line % (b"0" * 400))
+    for line in (b'{"type": "point", "spp": 1, "seconds": 1%s}', b'{"type": "end", "counters": {"rays": 1%s}, "machine": {}}'):
+        with pytest.raises(BadMessage, match="is expected") as refused:
+            messages.answer_of(line % (b"0" * 400))
         assert len(str(refused.value)) < 400
 
 

@@ -11,6 +11,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from harness.analysis import Analysis
+from harness.check_results import CheckResult
 from harness.report.plots import stability
 from harness.report.plots.accelerator_tradeoff import build_against_traverse
 from harness.report.plots.bars import phase_bars, quality_bars, thread_speedups
@@ -55,7 +56,7 @@ def count_figures(analysis: Analysis) -> int:
     return len(_sketches(analysis))
 
 
-def draw_stability(findings: Sequence[stability.Finding], target: Path) -> list[Plot]:
+def draw_stability(findings: Sequence[CheckResult], target: Path) -> list[Plot]:
     """Draws the results of the suite, without any results folder."""
     return draw_sketches(stability.sketches(findings), target)
 

@@ -1,6 +1,6 @@
 """Numerical stability: error of t over distance, scene offset and radius; self-hits and leaks over scale.
 
-Drawn from check results of the suite's section `stability` (plain mappings, as events and verify.json hold them).
+Drawn from check results of the suite's section `stability` (as events and verify.json hold them).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
+from harness.check_results import CheckResult
 from harness.report.plots.style import FAINT, INK, Sketch, engine_colours, log_scales, new_figure
 
-Finding = Mapping[str, Any]
 DISTANCES = {"t/distance": "distance", "t/offset": "offset of the scene", "t/radius": "radius of the sphere"}
 RATES = {"self/scale": "scale of the scene: self-hits", "leak/scale": "scale of the scene: light through a gap"}
 LINES: dict[str, Any] = {"sphere": "-", "triangle": "--", "mesh": "--", "gap 1e-03": "-", "gap 1e-05": "--", "gap 1e-07": ":"}
@@ -34,10 +34,10 @@ class Series(NamedTuple):
     precision: str
     kind: str
     x: np.ndarray
-    findings: list[Finding]
+    findings: list[CheckResult]
 
 
-def sketches(findings: Sequence[Finding]) -> list[Sketch]:
+def sketches(findings: Sequence[CheckResult]) -> list[Sketch]:
     """The two figures, as far as there are findings for them."""
     return [
         Sketch(
@@ -58,13 +58,13 @@ def sketches(findings: Sequence[Finding]) -> list[Sketch]:
     ]
 
 
-def series(findings: Sequence[Finding], case: str) -> list[Series]:
+def series(findings: Sequence[CheckResult], case: str) -> list[Series]:
     """The curves of a case: one an engine, precision and kind of shape."""
-    groups: dict[tuple[str, str, str], list[tuple[float, Finding]]] = {}
+    groups: dict[tuple[str, str, str], list[tuple[float, CheckResult]]] = {}
     for finding in findings:
-        if finding["case"] == case and finding["outcome"] != "skip" and "," in finding["parameter"]:
-            kind, _, rest = finding["parameter"].partition(", ")
-            key = (finding["engine"], finding["precision"], kind)
+        if finding.case == case and finding.outcome != "skip" and "," in finding.parameter:
+            kind, _, rest = finding.parameter.partition(", ")
+            key = (finding.engine, finding.precision, kind)
             groups.setdefault(key, []).append((float(rest.split()[-1]), finding))
     found = []
     for key, points in sorted(groups.items()):
@@ -73,7 +73,9 @@ def series(findings: Sequence[Finding], case: str) -> list[Series]:
     return found
 
 
-def _figure(findings: Sequence[Finding], cases: Mapping[str, str], draw: Callable[[Axes, Series, str], None]) -> Figure | None:
+def _figure(
+    findings: Sequence[CheckResult], cases: Mapping[str, str], draw: Callable[[Axes, Series, str], None]
+) -> Figure | None:
     """A row an engine, a column a case."""
     curves = {case: series(findings, case) for case in cases}
     curves = {case: found for case, found in curves.items() if found}
@@ -114,7 +116,7 @@ def _style(curve: Series, colour: str) -> dict[str, Any]:
 
 
 def _error_axis(axis: Axes, curve: Series, colour: str) -> None:
-    medians, worst = (np.array([float(f[key]) for f in curve.findings]) for key in ("median_error", "error"))
+    medians, worst = (np.array([getattr(f, key) for f in curve.findings]) for key in ("median_error", "error"))
     seen = np.isfinite(medians)
     axis.plot(curve.x[seen], medians[seen].clip(LOWEST), **_style(curve, colour))
     both = seen & np.isfinite(worst)
@@ -133,7 +135,7 @@ def _finish_errors(axis: Axes) -> None:
 
 
 def _rate_axis(axis: Axes, curve: Series, colour: str) -> None:
-    shares = np.array([float(f["error"]) / f["count"] if f["count"] else math.nan for f in curve.findings])
+    shares = np.array([f.error / f.count if f.count else math.nan for f in curve.findings])
     axis.plot(curve.x, shares, **_style(curve, colour))
 
 
@@ -164,6 +166,6 @@ def _legend(curves: Sequence[Series]) -> list[Line2D]:
             )
             for name in precisions
         ]
-    if any(math.isinf(float(finding["error"])) for curve in curves for finding in curve.findings):
+    if any(math.isinf(finding.error) for curve in curves for finding in curve.findings):
         entries.append(Line2D([], [], color=INK, linestyle="none", marker="x", label="some rays miss"))
     return entries

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from engines.choices import Choice
 from engines.errors import ConfigError
 from harness.store.atomic import replacing, write_text
 from harness.store.results import Contestant, Results, setting_text
@@ -119,7 +120,7 @@ class Palette:
 
     def __init__(self, results: Results) -> None:
         cells = [contestant.settings for contestant in results.contestants]
-        self.engines = engine_colours(str(cell.get("engine")) for cell in results.cells)
+        self.engines = engine_colours(cell.engine for cell in results.cells)
         self.samplers = sorted({settings.sampler for settings in cells})
         self.accelerators = sorted({settings.accelerator for settings in cells})
         self.threads = sorted({settings.threads for settings in cells})
@@ -164,10 +165,11 @@ class Palette:
         return entries
 
 
-def _short(value: str, among: Iterable[str]) -> str:
-    """A choice by its name alone, without its options, where no other has that name."""
-    name = value.partition("(")[0]
-    return name if [other.partition("(")[0] for other in among].count(name) == 1 else value
+def _short(value: Any, among: Iterable[Any]) -> Any:
+    """A choice by its name alone, without its options, where no other has that name; other values as they are."""
+    if not isinstance(value, Choice):
+        return value
+    return Choice(value.name) if [other.name for other in among].count(value.name) == 1 else value
 
 
 def engine_colours(names: Iterable[str]) -> dict[str, str]:

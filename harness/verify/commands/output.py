@@ -14,12 +14,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as Printed
 
+from harness.check_results import FAIL, OUTCOMES, PASS, SKIP, XFAIL, CheckResult, counts, counts_text, worst_per_check
 from harness.report.tables import Column, Table
 from harness.report.tables.model import csv_text, latex_text, number_text
 from harness.store.atomic import write_text
 from harness.verify.results_file import document
-from harness.verify.suite import FAIL, OUTCOMES, PASS, SKIP, XFAIL, CheckResult
-from harness.verify.summary import counts, counts_text, worst_per_check
 from harness.verify.tolerances import TOLERANCES
 
 if TYPE_CHECKING:
@@ -77,7 +76,7 @@ def write(results: Sequence[CheckResult], folder: Path, quick: bool) -> None:
     from harness.report.plots import draw_stability
 
     folder.mkdir(parents=True, exist_ok=True)
-    plots = draw_stability([dict(result) for result in results], folder / "plots")
+    plots = draw_stability(results, folder / "plots")
     texts = {
         "json": json.dumps(document(results, quick), indent=1, allow_nan=False) + "\n",
         "csv": csv_text(table(results)),

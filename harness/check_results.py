@@ -1,13 +1,49 @@
-"""Results in short: how many have which outcome, and the worst of each check."""
+"""Results of accuracy checks: one record, the same in memory, in verify.json and in the events of a results folder."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
-from harness.verify.suite import FAIL, OUTCOMES, PASS, SKIP, XFAIL, CheckResult
+from pydantic import BaseModel, ConfigDict, Field
+
+Outcome = Literal["pass", "xfail", "fail", "skip"]
+"""xfail: the precision has no tolerance for the case (an expected failure); skip: the engine's `why_not` refuses the scene."""
+PASS, XFAIL, FAIL, SKIP = OUTCOMES = get_args(Outcome)
+
+
+class CheckResult(BaseModel):
+    """One measurement of a case, for one engine, precision and accelerator.
+
+    `error`, `tolerance` and `median_error` are in `unit` (see `tolerances`); `tolerance` is NaN where there is none.
+    `median_ulp`, `p999_ulp` (the 99.9 % quantile) and `worst_ulp` are in ulp of the precision `tracing`, NaN for cases that
+    measure no distances. `count` rays, pixels or samples were measured in `seconds`, compilation included.
+    """
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    engine: str
+    version: str
+    precision: str
+    tracing: str
+    accelerator: str
+    section: str
+    case: str
+    description: str
+    source: str
+    parameter: str
+    count: Annotated[int, Field(ge=0, le=2**62)]
+    error: float
+    unit: str
+    tolerance: float
+    outcome: Outcome
+    median_ulp: float
+    p999_ulp: float
+    worst_ulp: float
+    seconds: float
+    note: str = ""
+    median_error: float = float("nan")
 
 
 def counts(results: Sequence[CheckResult]) -> Counter[str]:
