@@ -7,12 +7,13 @@ and fills a film. Shaders, samplers, accelerators and cameras are chosen by name
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.errors import ConfigError
 from engines.film import Film
 from engines.scene import Camera, Scene, Shape
@@ -55,6 +56,23 @@ class Settings:
         """(width, height) in pixels, from here or from the scene's camera."""
         width, height = scene.camera.resolution
         return int(self.width or width), int(self.height or height)
+
+    def resolved(
+        self,
+        accelerators: Mapping[str, Mapping[str, Option]],
+        precision: str,
+        shaders: Mapping[str, Mapping[str, Option]] = SHADERS,
+        samplers: Mapping[str, Mapping[str, Option]] = SAMPLERS,
+    ) -> Settings:
+        """The settings with a `Choice` of these tables for shader, sampler and accelerator, and with a precision: `precision`
+        where none is given. Raises `UnknownName` and `ConfigError`."""
+        return replace(
+            self,
+            shader=resolve("shader", self.shader, shaders),
+            sampler=resolve("sampler", self.sampler, samplers),
+            accelerator=resolve("accelerator", self.accelerator, accelerators),
+            precision=self.precision or precision,
+        )
 
 
 @dataclass(frozen=True, slots=True)

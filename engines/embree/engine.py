@@ -10,7 +10,7 @@ from engines.embree.library import QUALITIES, library
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import resolved, why_not
+from engines.kernels.resolve import why_not
 from engines.scene import Scene
 
 _OPTIONS = {
@@ -52,7 +52,7 @@ class Engine:
         return ACCELERATORS
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        chosen = resolved(settings, ACCELERATORS, "float32")
+        chosen = settings.resolved(ACCELERATORS, "float32")
         try:
             library()
         except Unsupported as error:
@@ -63,7 +63,7 @@ class Engine:
         lacking = self.why_not(scene, settings)
         if lacking:
             raise Unsupported(lacking)
-        chosen = resolved(settings, ACCELERATORS, "float32")
+        chosen = settings.resolved(ACCELERATORS, "float32")
         options = chosen.accelerator.options
         refine = chosen.precision == "float64" if options["refine"] == "auto" else options["refine"]
         return Renderer(scene, chosen, Accelerator(options, refine))

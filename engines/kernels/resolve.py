@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any, get_args
 
 import numpy as np
 
-from engines.choices import SAMPLERS, SHADERS, Option, resolve
 from engines.interface import Settings
 from engines.kernels.flatten.lights import ROWS, plugin_parameters
 from engines.kernels.flatten.materials import KINDS
@@ -35,17 +33,6 @@ def known() -> frozenset[type]:
     """The types of scenes that are rendered, as the registries have them now."""
     shapes = (Plane, Sphere, SphereSet, Triangle, Mesh, *ANALYTIC)
     return frozenset({*get_args(Camera), *shapes, *ROWS, *KINDS, *WRAPPERS, *get_args(Texture)})
-
-
-def resolved(settings: Settings, accelerators: Mapping[str, Mapping[str, Option]], precision: str) -> Settings:
-    """`settings` with every choice a `Choice` and a precision. Raises `UnknownName` and `ConfigError`."""
-    return replace(
-        settings,
-        shader=resolve("shader", settings.shader, SHADERS),
-        sampler=resolve("sampler", settings.sampler, SAMPLERS),
-        accelerator=resolve("accelerator", settings.accelerator, accelerators),
-        precision=settings.precision or precision,
-    )
 
 
 def _plugins(settings: Settings) -> dict[str, Any]:

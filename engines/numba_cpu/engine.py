@@ -9,7 +9,7 @@ from engines.choices import Option, number
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.kernels.renderer import Renderer
-from engines.kernels.resolve import resolved, why_not
+from engines.kernels.resolve import why_not
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none
 from engines.numba_cpu.accel.choice import choose
 from engines.scene import Scene
@@ -41,10 +41,10 @@ class Engine:
         return ACCELERATORS
 
     def why_not(self, scene: Scene, settings: Settings) -> str | None:
-        return why_not(scene, resolved(settings, ACCELERATORS, "float64"), self.name)
+        return why_not(scene, settings.resolved(ACCELERATORS, "float64"), self.name)
 
     def prepare(self, scene: Scene, settings: Settings) -> Renderer:
-        chosen = resolved(settings, ACCELERATORS, "float64")
+        chosen = settings.resolved(ACCELERATORS, "float64")
         lacking = why_not(scene, chosen, self.name)
         if lacking:
             raise Unsupported(lacking)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import replace
 from importlib import metadata, util
 from typing import Any
 
-from engines.choices import SAMPLERS, SHADERS, Choice, Option, resolve
+from engines.choices import SAMPLERS, SHADERS, Choice, Option
 from engines.errors import Unsupported
 from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
-from engines.scene import EnvironmentLight, Orthographic, PointLight, Scene, Texture
+from engines.peers.adapters.lacks import environments_lack, point_lights_lack
+from engines.scene import Orthographic, Scene, Texture
 from engines.scene.support import foreign, refusal_of
 
 CAMERA_KEYS = {"principal_point": (0.0, 0.0), "mirror": False, "clip": (0.0, float("inf"))}
@@ -95,13 +95,8 @@ class AdapterEngine:
 
     def resolved(self, settings: Settings) -> Settings:
         """The settings with every choice and the precision filled in. Raises `UnknownName` and `ConfigError`."""
-        return replace(
-            settings,
-            shader=resolve("shader", settings.shader, {**SHADERS, **self.own_shaders}),
-            sampler=resolve("sampler", settings.sampler, {**SAMPLERS, **self.own_samplers}),
-            accelerator=resolve("accelerator", settings.accelerator, self.accelerators()),
-            precision=settings.precision or self.precision,
-        )
+        shaders, samplers = {**SHADERS, **self.own_shaders}, {**SAMPLERS, **self.own_samplers}
+        return settings.resolved(self.accelerators(), self.precision, shaders, samplers)
 
     def _reason(self, scene: Scene, chosen: Settings) -> str | None:
         """Why not, by the first thing that is lacking; what has to be installed comes last."""
@@ -142,10 +137,8 @@ class AdapterEngine:
                 yield f"material {material.name!r}: {name} takes no emission from a texture"
             if material.emits and material.two_sided and not self.two_sided:
                 yield f"material {material.name!r}: {name} has no surfaces that emit on both sides"
-        if any(isinstance(light, PointLight) and not light.falloff for light in scene.lights):
-            yield f"{name}'s point lights fall off with the square of the distance"
-        if sum(isinstance(light, EnvironmentLight) for light in scene.lights) > 1:
-            yield f"the scene has several environments, of which {name} renders one"
+        yield point_lights_lack(scene, name)
+        yield environments_lack(scene, name)
 
 
 def _listed(values: Container[Any]) -> str:
