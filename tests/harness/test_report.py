@@ -14,7 +14,7 @@ import pytest
 from engines.errors import ConfigError
 from harness.analysis import analyse
 from harness.report import write_derived
-from harness.report.html.assembly import inline_svg, repeat_command, report_html
+from harness.report.html.assembly import inline_svg, report_html
 from harness.report.html.overview import ratio_of
 from harness.report.html.pictures import busiest, packed, shrunk
 from harness.report.plots import Plot
@@ -117,7 +117,7 @@ def test_pictures_decode_to_the_images(page, folder):
     group = payload["groups"][0]
     assert group["has_reference"] and (group["width"], group["height"], group["factor"]) == (64, 48, 1)
     results = load_results(folder)
-    reference = results.reference(results.contestants[0].cells[0]["reference_id"])
+    reference = results.reference(results.contestants[0].cells[0].reference_id)
     assert unpacked(group["pictures"][0]["data"], (48, 64, 3)) == pytest.approx(reference.mean, rel=5e-3)
     for rule in group["rules"].values():
         names = [group["pictures"][place]["name"] for place in rule["pictures"]]
@@ -210,12 +210,6 @@ def test_a_plot_keeps_its_text_and_gets_its_own_ids():
     svg = inline_svg(Plot("n", 'T "quoted"', "d", text), 3)
     assert 'id="p3-a"' in svg and "#p3-a" in svg and "0.00123" in svg and "1.23" in svg and "1.234" not in svg
     assert "var(--ink)" in svg and "&#34;quoted&#34;" in svg and svg.startswith("<svg")
-
-
-def test_a_command_is_made_where_none_was_stored():
-    shader = {"name": "whitted", "max_depth": 3}
-    command = repeat_command({"scene": "my scene", "engine": "numba", "shader": shader, "width": 8, "height": 6})
-    assert all(part in command for part in ("'my scene'", f"'{json.dumps(shader)}'", "--size 8x6"))
 
 
 # What may be missing
