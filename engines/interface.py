@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engines.choices import SAMPLERS, SHADERS, Option, resolve
-from engines.errors import ConfigError, Unsupported
+from engines.errors import ConfigError
 from engines.film import Film
 from engines.scene import Camera, Scene, Shape
 
@@ -71,23 +71,6 @@ class Settings:
         """(width, height) in pixels, from here or from the scene's camera."""
         width, height = scene.camera.resolution
         return int(self.width or width), int(self.height or height)
-
-    def resolved(
-        self,
-        accelerators: Mapping[str, Mapping[str, Option]],
-        precision: str,
-        shaders: Mapping[str, Mapping[str, Option]] = SHADERS,
-        samplers: Mapping[str, Mapping[str, Option]] = SAMPLERS,
-    ) -> Settings:
-        """The settings with a `Choice` of these tables for shader, sampler and accelerator, and with a precision: `precision`
-        where none is given. Raises `UnknownName` and `ConfigError`."""
-        return replace(
-            self,
-            shader=resolve("shader", self.shader, shaders),
-            sampler=resolve("sampler", self.sampler, samplers),
-            accelerator=resolve("accelerator", self.accelerator, accelerators),
-            precision=self.precision or precision,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,15 +180,6 @@ class Engine(Protocol):
     def accelerators(self) -> Mapping[str, Mapping[str, Any]]:
         """Known accelerator names, each with its options (name -> `engines.choices.Option`)."""
         ...
-
-
-def why_unsupported(supported: Callable[[Scene, Settings], Any], scene: Scene, settings: Settings) -> str | None:
-    """The answer of `Engine.why_not`, by a function that raises `Unsupported` where `prepare` does: its sentence, or None."""
-    try:
-        supported(scene, settings)
-    except Unsupported as error:
-        return str(error)
-    return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from engines.choices import Option, one_of
 from engines.embree.accelerator import Accelerator
 from engines.embree.library import QUALITIES, library
-from engines.interface import Settings, why_unsupported
+from engines.errors import why_unsupported
+from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import supported
 from engines.scene import Scene

@@ -8,8 +8,8 @@ from importlib import metadata
 import numpy as np
 
 from engines.choices import Choice, Option, one_of
-from engines.errors import Unsupported
-from engines.interface import Settings, why_unsupported
+from engines.errors import Unsupported, why_unsupported
+from engines.interface import Settings
 from engines.numpy_reference.accelerators.exhaustive import Exhaustive
 from engines.numpy_reference.accelerators.nearest import Part
 from engines.numpy_reference.accelerators.tracer import Tracer

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from engines.choices import Option, number
-from engines.interface import Settings, why_unsupported
+from engines.errors import why_unsupported
+from engines.interface import Settings
 from engines.kernels.renderer import Renderer
 from engines.kernels.resolve import supported
 from engines.numba_cpu.accel import area_hierarchy, bvh, grid, none

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from engines.choices import Choice, Option
-from engines.errors import Unsupported
-from engines.interface import Settings, why_unsupported
+from engines.errors import Unsupported, why_unsupported
+from engines.interface import Settings
 from engines.numpy_reference.renderer import Renderer, require_numpy
 from engines.scene import Scene
 from engines.scene.support import refusal_of

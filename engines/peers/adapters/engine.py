@@ -8,8 +8,8 @@ from importlib import metadata, util
 from typing import Any
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option
-from engines.errors import Unsupported
-from engines.interface import Settings, why_unsupported
+from engines.errors import Unsupported, why_unsupported
+from engines.interface import Settings
 from engines.peers.adapters.image_renderer import ImageRenderer
 from engines.peers.adapters.lacks import environments_lack, point_lights_lack
 from engines.scene import Orthographic, Scene, Texture

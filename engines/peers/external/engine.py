@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engines.choices import SAMPLERS, SHADERS, Choice, Option
-from engines.errors import RendererFailed, Unsupported
-from engines.interface import Settings, why_unsupported
+from engines.errors import RendererFailed, Unsupported, why_unsupported
+from engines.interface import Settings
 from engines.peers.adapters import MEANS_ALONE, ImageRenderer, derive_seed
 from engines.peers.external.description import UNITS, Description, read
 from engines.peers.external.pictures import read_picture

@@ -7,8 +7,8 @@ from typing import Any
 
 from engines.choices import SAMPLERS as KNOWN_SAMPLERS
 from engines.choices import SHADERS, Choice, OpenOptions, Option, integer, one_of
-from engines.errors import Unsupported
-from engines.interface import FullPattern, Renderer, Settings, why_unsupported
+from engines.errors import Unsupported, why_unsupported
+from engines.interface import FullPattern, Renderer, Settings
 from engines.peers.mitsuba import blends, library
 from engines.peers.mitsuba.albedo import albedo_lacks
 from engines.peers.mitsuba.bsdfs import bsdf_node
