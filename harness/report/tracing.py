@@ -15,8 +15,8 @@ from rich.table import Table as Printed
 from harness.analysis.columns import Table
 from harness.analysis.tracing import trace_table
 from harness.report.html.assembly import trace_html
-from harness.report.plots.drawing import draw_sketches
-from harness.report.plots.tracing import sketches
+from harness.report.plots import write_files
+from harness.report.plots.tracing import plots as plots_of
 from harness.report.tables import TEXTS
 from harness.report.tables.model import estimate_text, number_text
 from harness.statistics import Estimate
@@ -36,7 +36,8 @@ def write_derived(folder: Path) -> Path:
     table = trace_table(results)
     for suffix, text in TEXTS.items():
         write_text(folder / "tables" / f"{table.name}.{suffix}", text(table))
-    plots = draw_sketches(sketches(results), folder / "plots")
+    plots = plots_of(results)
+    write_files(plots, folder / "plots")
     path = folder / "report.html"
     write_text(path, trace_html(results, table, plots))
     return path

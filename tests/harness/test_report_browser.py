@@ -55,7 +55,7 @@ def test_engines_are_compared_once_in_numbers(page):
 
 
 def test_of_each_scene_one_plot_is_seen_and_every_other_can_be_chosen(page):
-    heights = "Array.from(document.querySelectorAll('.plot svg'), s => s.getBoundingClientRect().height)"
+    heights = "Array.from(document.querySelectorAll('.chart[data-plot]'), s => s.getBoundingClientRect().height)"
     sets = page.evaluate("document.querySelectorAll('.tabs').length")
     assert sum(height > 100 for height in page.evaluate(heights)) == sets == 3
     labels = page.evaluate("Array.from(document.querySelectorAll('.tabs > label'), l => l.htmlFor)")
